@@ -13,7 +13,6 @@ from modal.modes.mode_set import SCHEMA as MODES
 from modal.modes.mode_set import Choice
 from modal.tools.errors import InputError
 from modal.waves.signals import SCHEMA as SIGNALS
-from modal.waves.signals import read_signals
 
 KIND_OF = {form.SCHEMA: kind for kind, (form, _) in FORMATS.items()}
 """Kinds of product by their schema; modes are of several kinds, and so are signals."""
@@ -124,9 +123,6 @@ def _give_what_lies_beside(case: Case, given: set[Path]) -> None:
 
 
 def _give(case: Case, kind: str, path: Path) -> None:
-    if kind == "signals" and read_signals(path).producer == "linear":
-        case.notes.append(f"{path}: a linear wave, not read; its network's own is made anew")
-        return
     assert case.files is not None
     if kind in case.files:
         raise InputError(f"{case.files[kind]} and {path} are both {kind} of one packing; give one")

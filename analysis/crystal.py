@@ -29,7 +29,7 @@ from analysis.estimators.transfer import (
     network_gain,
     wall_velocity,
 )
-from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
+from analysis.estimators.travel_time import arrival_times, travelled
 from analysis.measuring import Measuring
 from analysis.quantities.passband import edge_wavelength
 from analysis.quantities.velocity import chain
@@ -186,8 +186,8 @@ def _by_rule(m: Measuring, record: Signals, origin: float) -> dict[str, float]:
     """What the paper's rules read of a record, whose source wall is at `origin`, m."""
     length, lattice = m.network.length, m.lattice
     found = {
-        "first_peak": first_peak_velocity(record, origin, length)[0],
-        "arrival": arrival_velocity(record, origin, length)[0],
+        "first_peak": travelled(record, origin, length)[0],
+        "arrival": travelled(record, origin, length, arrival_times)[0],
     }
     highest = REACH[True] * lattice.velocity / m.diameter
     curves = threshold_curves(*spectra(record.time, record.chain_displacement, highest))

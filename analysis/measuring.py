@@ -1,7 +1,8 @@
 """What quantities are measured from: a packing, its waves and spectra, each made when asked for.
 
 All settings follow from the packing, without units of their own: the pulse from V / D, lines of
-spectra from the highest frequency.
+spectra from the highest frequency. Spheres ten times smaller hear the same of a pulse ten times
+shorter.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cached_property, wraps
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -18,11 +19,8 @@ from analysis.estimators.coherent import PASSAGES
 from analysis.estimators.damped_transform import UNEVEN, layer_distance
 from analysis.estimators.effective_medium import of_contacts
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
-from analysis.estimators.other_source import as_of_pulse
-from analysis.estimators.own_wave import INTERVAL, affine_frequency, own_pulse, own_wave
 from analysis.estimators.settled import MARK, why_unsettled
-from analysis.estimators.source_motion import recorded_motion
-from analysis.estimators.spectral_line import line_width
+from analysis.estimators.source_motion import as_of_pulse, recorded_motion
 from analysis.estimators.travel_time import cut
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
 from modal.exchange.registry import read_remarked
@@ -31,32 +29,44 @@ from modal.packing.plausibility import CRYSTALLINE
 from modal.packing.sample import Sample
 from modal.packing.state import FORCES, profile, stress_tensor
 from modal.packing.summary import crystalline_shares
+from modal.solvers.spectrum import bound_of_spectrum
+from modal.system.operator import ContactOperator
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
 from modal.waves.source import Motion, Pulse
 
+FREQUENCY = 0.33
+"""Of the pulse, in V / D of the affine wave: 100 kHz in the crystal of glass at 100 kPa. A
+crystal's band ends at 0.45, a random packing's long before."""
+AMPLITUDE = 1e-6
+"""Of the pulse, mean diameters: 2.5 nm in the study."""
+INTERVAL = 0.4
+"""Between records, in D / V: two samples at 1.25 V / D, above all modes."""
+RECORD = 1.5 * PASSAGES
+"""Length of the record, in passages from wall to wall of the affine wave."""
+SLOWER = 0.5
+"""Least V_S over V_P for which an S-wave's record is long enough."""
+LINE = 0.005
+"""Width of a line of the structure factor and of the density of states, in parts of the highest
+frequency: 1 kHz in the study's packings under 100 kPa."""
 NARROW = 10.0
 """Diameters: a narrower packing guides its waves at low frequency already."""
 FEWEST = 50, 10
 """Times and particles of a record that is read."""
-Given = ParamSpec("Given")
-Found = TypeVar("Found")
+Found = TypeVar("Found", bound=Callable[..., Any])
 
 
-def once(
-    of: Callable[Concatenate[Measuring, Given], Found],
-) -> Callable[Concatenate[Measuring, Given], Found]:
+def once(of: Found) -> Found:
     """What a function finds of a packing, and of further names, is found once."""
 
     @wraps(of)
-    def found(m: Measuring, /, *given: Given.args, **named: Given.kwargs) -> Found:
-        key = (of, *given)
-        if key not in m.found:
-            m.found[key] = of(m, *given, **named)
-        return cast(Found, m.found[key])
+    def found(m: Measuring, *given: Any) -> Any:
+        if (of, *given) not in m.found:
+            m.found[of, *given] = of(m, *given)
+        return m.found[of, *given]
 
-    return cast(Any, found)
+    return cast(Found, found)
 
 
 class Measuring:
@@ -209,10 +219,48 @@ class Measuring:
         if self.recorded is None or self.recorded.producer != "linear":
             return self.recorded
         self.case.notes.append(
-            f"{self.case.path('signals')}: a linear wave, no run; its network's own is made anew, "
-            "with the same motion of the source"
+            f"{self.case.path('signals')}: a linear wave, shown as it is; what is measured "
+            "beside it is of the network's own, with the same motion of the source"
         )
         return None
+
+    @cached_property
+    def affine_passage(self) -> float:
+        """Time from wall to wall, s, of a wave that strains the packing evenly: none is faster."""
+        return self.network.length / of_contacts(self.network).velocity
+
+    @cached_property
+    def affine_frequency(self) -> float:
+        """V / D, Hz: V of that wave, D the mean diameter."""
+        return of_contacts(self.network).velocity / self.diameter
+
+    @property
+    def pulse(self) -> Pulse:
+        """The pulse of a packing that no run has one for."""
+        return Pulse(AMPLITUDE * self.diameter, FREQUENCY * self.affine_frequency)
+
+    def own_wave(
+        self,
+        motion: Motion | None = None,
+        direction: str = "z",
+        *,
+        interval: float | None = None,
+        particles: bool = True,
+    ) -> Signals:
+        """The linear wave of the packing's own pulse, or another motion, along `direction`.
+
+        P-waves are recorded on every particle, S-waves for longer, as they are slower. `interval`
+        between records, s, by default `INTERVAL`.
+        """
+        duration = RECORD * self.network.length / self.diameter / self.affine_frequency
+        return propagate(
+            self.network,
+            duration if direction == "z" else duration / SLOWER,
+            motion=self.pulse if motion is None else motion,
+            interval=interval or INTERVAL / self.affine_frequency,
+            particles=particles and direction == "z",
+            direction=direction,
+        ).signals
 
     @cached_property
     def linear(self) -> Signals:
@@ -222,15 +270,14 @@ class Measuring:
     def linear_wave(self, *, particles: bool) -> Signals:
         """That wave, of the source's `motion`; on every particle it takes twice the time."""
         self.require_walls()
-        interval = self.interval
-        return own_wave(self.network, self.motion, interval=interval, particles=particles)
+        return self.own_wave(self.motion, interval=self.interval, particles=particles)
 
     @cached_property
     def motion(self) -> Motion:
         """How the source wall moves: as recorded, else as given, else by the packing's pulse."""
         if self.recorded is not None:
             return recorded_motion(self.recorded)
-        return self.source or own_pulse(self.network)
+        return self.source or self.pulse
 
     @property
     def interval(self) -> float:
@@ -238,7 +285,7 @@ class Measuring:
 
         Or a little less: a whole number of the run's intervals, so that the two share their times.
         """
-        wanted = INTERVAL / affine_frequency(self.network)
+        wanted = INTERVAL / self.affine_frequency
         if self.recorded is None:
             return wanted
         own = float(self.recorded.time[1] - self.recorded.time[0])
@@ -255,14 +302,14 @@ class Measuring:
         """The same of a wall that slides, along x where it is not recorded."""
         self.require_walls()
         slid = next((record for record in self.records if record.direction != "z"), None)
-        return self._of_pulse(own_wave(self.network, self.source, "x") if slid is None else slid)
+        return self._of_pulse(self.own_wave(self.source, "x") if slid is None else slid)
 
     def _of_pulse(self, record: Signals) -> Signals:
         """A record as it would be of a pulse, which rules on amplitudes are made for."""
         motion = recorded_motion(record)
         if isinstance(motion, Pulse) and motion.cycles == 1:
             return record
-        return as_of_pulse(record, own_pulse(self.network))
+        return as_of_pulse(record, self.pulse)
 
     @cached_property
     def shear(self) -> dict[str, Signals]:
@@ -301,18 +348,13 @@ class Measuring:
 
     @property
     def shown(self) -> Signals:
-        """What YADE recorded, or the linear wave where it has not run."""
-        return self.yade or self.linear
+        """The P-wave that was recorded, or the linear wave where none was."""
+        return self.linear if self.recorded is None else self.recorded
 
     def record_of(self, frequency: float) -> Signals:
         """The run of a pulse of this frequency, Hz, where there is one; else what is shown."""
         kind = f"{frequency / 1e3:g}kHz.signals"
         return self.case.read(kind) or self.shown
-
-    @cached_property
-    def affine_passage(self) -> float:
-        """Time from wall to wall, s, of a wave that strains the packing evenly: none is faster."""
-        return self.network.length / of_contacts(self.network).velocity
 
     @once
     def cut(self, key: str) -> Signals:
@@ -331,8 +373,9 @@ class Measuring:
 
     @cached_property
     def line(self) -> float:
-        """Width of a line of spectra, Hz."""
-        return line_width(self.network)
+        """`LINE` of the highest frequency, Hz, to three digits: an iteration bounds it."""
+        top, _ = bound_of_spectrum(ContactOperator(self.network, mass_scaled=True))
+        return float(f"{LINE * np.sqrt(top) / (2 * np.pi):.3g}")
 
     @cached_property
     def moduli(self) -> ElasticModuli:

@@ -12,15 +12,12 @@ from typing import Any
 import numpy as np
 
 from analysis.case import Case
-from analysis.estimators.effective_medium import of_contacts
-from analysis.estimators.layer_lattice import is_fcc
-from analysis.estimators.spectral_line import line_width
 from analysis.estimators.structure_factor import structure_factor, write_structure
 from analysis.estimators.transfer import gain_settings
 from analysis.measuring import Measuring
 from modal.formats.provenance import Provenance, is_current
 from modal.modes.density import density_of_states, write_density
-from modal.packing.network import Network, write_network
+from modal.packing.network import write_network
 from modal.waves.response import frequency_response, write_response
 
 DENSITY_TOLERANCE = 1e-3
@@ -36,13 +33,13 @@ MADE: dict[str, tuple[Callable[..., Any], Callable[..., None]]] = {
 def kept_file(m: Measuring, kind: str) -> Any:
     """What a file of this kind holds, given, or kept in a folder; None without one.
 
-    One that lies in that folder and is stale is made again.
+    One that lies in that folder and is stale is made again; a crystal has the response alone.
     """
     case, folder = m.case, None if m.keep is None else Path(m.keep)
     elsewhere = folder is None or case.path(kind).parent.resolve() != folder.resolve()
     if case.has(kind) and elsewhere:
         return case.read(kind)
-    if folder is None:
+    if folder is None or (kind != "response" and m.crystal):
         return None
     folder.mkdir(parents=True, exist_ok=True)
     if case.files == {}:
@@ -54,41 +51,29 @@ def kept_file(m: Measuring, kind: str) -> Any:
         name, packing = case.name, case.packing_path
     of = "sample" if case.has("sample") else "network"
     own = Case(name, folder, {of: packing})
-    prepare(own, m.network, kind)
-    own.files = {of: packing, kind: own.path(kind)}
-    return own.read(kind) if own.path(kind).is_file() else None
-
-
-def prepare(case: Case, network: Network, kind: str) -> None:
-    """Make a file of a case, response, density or structure, where it is missing or stale.
-
-    A crystal has the first alone. Says of what is stale which setting or source has changed.
-    """
-    if kind != "response" and is_fcc(network):
-        return
-    settings = _settings(network, kind)
+    settings, path = _settings(m, kind), own.path(kind)
     noted = settings | ({"pre_stress": "none"} if kind == "response" else {})
-    command = f"python -m analysis measure {case.packing_path.name} --keep DIR"
-    made, path = Provenance(command, noted, case.packing), case.path(kind)
+    command = f"python -m analysis measure {packing.name} --keep DIR"
+    made = Provenance(command, noted, own.packing)
     if not is_current(path, made):
         make, write = MADE[kind]
-        write(path, make(network, **settings), case.packing[0].sha256, made)
+        write(path, make(m.network, **settings), own.packing[0].sha256, made)
+    own.files = {of: packing, kind: path}
+    return own.read(kind)
 
 
-def _settings(network: Network, kind: str) -> dict[str, Any]:
-    passage = network.length / of_contacts(network).velocity
+def _settings(m: Measuring, kind: str) -> dict[str, Any]:
     if kind == "response":
-        return gain_settings(network, passage)
+        return gain_settings(m.network, m.affine_passage)
     if kind == "density":
-        return {"resolution": line_width(network), "tolerance": DENSITY_TOLERANCE}
-    layers = int(network.length / (2 * float(network.radius.mean())))
-    highest = 1.5 * layers / (2 * passage)
-    settings = {"resolution": line_width(network), "highest": highest}
-    return settings | {"orders": standing_orders(layers)}
-
-
-def standing_orders(layers: int) -> np.ndarray:
-    """Every order at long waves, then steps of a tenth of kappa, to one order a layer."""
+        return {"resolution": m.line, "tolerance": DENSITY_TOLERANCE}
+    layers = int(m.network.length / m.diameter)
+    # Every order at long waves, then steps of a tenth of kappa, to one order a layer.
     orders = np.round(1.1 ** np.arange(0, np.log(layers) / np.log(1.1)))
     orders = np.union1d(np.arange(1, 31), orders)
-    return orders[orders <= layers].astype(int)
+    highest = 1.5 * layers / (2 * m.affine_passage)
+    return {
+        "resolution": m.line,
+        "highest": highest,
+        "orders": orders[orders <= layers].astype(int),
+    }

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from analysis.estimators.power_law import PowerLaw, power_law
+from analysis.estimators.fits import PowerLaw, power_law
 from analysis.measuring import Measuring, once
 from analysis.quantities import QUANTITIES, gain, spectrum
 from analysis.quantities.records import (

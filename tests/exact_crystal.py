@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
-from modal.theory.fcc import FccLattice
+from modal.packing.crystal import fcc
 from modal.waves.signals import Signals
+from modal.waves.source import Pulse
 
-CHAIN = LayerLattice.of_crystal(FccLattice(1e5))
+CHAIN = LayerLattice.of_network(fcc(cells=(1, 1, 200)))
 LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
 PASSAGE = LENGTH / CHAIN.velocity
 """Of the longest waves, s."""
@@ -16,7 +17,7 @@ PASSAGE = LENGTH / CHAIN.velocity
 
 def record(passages: float = 1.0, step: float = 4e-7, **settings: float) -> Signals:
     """The exact record of so many passages, every `step`, s."""
-    return lattice_signals(CHAIN, np.arange(0, passages * PASSAGE, step), **settings)
+    return lattice_signals(CHAIN, np.arange(0, passages * PASSAGE, step), Pulse(**settings))
 
 
 def moved(found: Signals, displacement: np.ndarray) -> Signals:

@@ -12,8 +12,23 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 
-from analysis.estimators.layer_lattice import driven_by_pulse
 from modal.theory.fcc import FccLattice
+
+
+def driven_by_pulse(time: np.ndarray, omega: np.ndarray, frequency: float) -> np.ndarray:
+    """Shape (nt, n), s^2: oscillators (n,) rad/s under one period of 1 - cos, at times (nt,) s.
+
+    An endless 1 - cos less the same one, a period later, each by Duhamel's integral from rest.
+    """
+    drive = 2 * np.pi * frequency
+
+    def endless(time: np.ndarray) -> np.ndarray:
+        t = np.maximum(time, 0.0)[:, None]
+        static = 2 * (np.sin(omega * t / 2) / omega) ** 2
+        beat = t * np.sinc((omega - drive) * t / (2 * np.pi))
+        return static - beat * np.sin((omega + drive) * t / 2) / (omega + drive)
+
+    return endless(np.asarray(time)) - endless(np.asarray(time) - 1 / frequency)
 
 
 @dataclass(frozen=True)

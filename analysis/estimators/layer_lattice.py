@@ -14,10 +14,9 @@ from scipy.linalg import eigh_tridiagonal
 
 from analysis.estimators.source_motion import recorded_motion
 from modal.packing.network import Network
-from modal.theory.fcc import FccLattice
 from modal.waves.oscillator import oscillation
-from modal.waves.signals import Signals, source_pulse
-from modal.waves.source import Motion
+from modal.waves.signals import Signals
+from modal.waves.source import Motion, Pulse
 
 FLAT = 1e-3
 """Of a radius: how far the centres of one layer of a crystal may be apart along z."""
@@ -63,21 +62,6 @@ class LayerLattice:
     wall_gap: float = 0.0
 
     @classmethod
-    def of_crystal(cls, crystal: FccLattice, layers: int = 200) -> LayerLattice:
-        """The layers of an FCC crystal between flat walls of its own material."""
-        material, radius = crystal.material, crystal.radius
-        wall = 2 * material.effective_young * np.sqrt(radius * crystal.wall_overlap)
-        return cls(
-            mass=crystal.mass,
-            stiffness=crystal.C,
-            wall_stiffness=float(wall),
-            distance=crystal.layer_distance,
-            layers=layers,
-            area=crystal.spacing**2,
-            wall_gap=radius - crystal.wall_overlap,
-        )
-
-    @classmethod
     def of_network(cls, network: Network) -> LayerLattice:
         """The lattice whose theory belongs to an FCC crystal (`is_fcc`) of equal layers."""
         z = np.sort(network.position[:, 2])
@@ -120,64 +104,27 @@ class LayerLattice:
         square, shape = eigh_tridiagonal(diagonal / self.mass, off / self.mass)
         return np.sqrt(np.maximum(square, 0)), shape
 
-    def displacement(self, time: np.ndarray, amplitude: float, frequency: float) -> np.ndarray:
-        """Exact displacement of each layer, (nt, n) m, for the wall's pulse (`source_pulse`).
-
-        The pulse is an endless A (1 - cos W t) minus the same one, a period later.
-        """
-        omega, shape = self.eigenmodes()
-        force = amplitude * self.wall_stiffness / self.mass * shape[0]
-        return (force * driven_by_pulse(time, omega, frequency)) @ shape.T
-
     def follows(self, motion: Motion, time: np.ndarray) -> np.ndarray:
-        """Exact displacement of each layer, (nt, n) m, for any motion of the wall."""
+        """Exact displacement of each layer, (nt, n) m, for a motion of the wall (Duhamel)."""
         omega, shape = self.eigenmodes()
         push = self.wall_stiffness / self.mass * shape[0]
         return (push * oscillation(motion, omega**2, time).T) @ shape.T
 
 
-def driven_by_pulse(time: np.ndarray, omega: np.ndarray, frequency: float) -> np.ndarray:
-    """Shape (nt, n), s^2: oscillators (n,) rad/s under one period of 1 - cos, at times (nt,) s."""
-    drive, time = 2 * np.pi * frequency, np.asarray(time)[:, None]
-    return _response(time, omega, drive) - _response(time - 1 / frequency, omega, drive)
-
-
-def _response(time: np.ndarray, omega: np.ndarray, drive: float) -> np.ndarray:
-    """Duhamel integral of q'' + omega^2 q = 1 - cos(drive t), at rest before t = 0; s^2."""
-    t = np.maximum(time, 0.0)
-    static = 2 * (np.sin(omega * t / 2) / omega) ** 2
-    beat = t * np.sinc((omega - drive) * t / (2 * np.pi))
-    return static - beat * np.sin((omega + drive) * t / 2) / (omega + drive)
+def exact_twin(signals: Signals, lattice: LayerLattice) -> Signals:
+    """The exact lattice at the very times and under the very motion of a recorded run."""
+    return lattice_signals(lattice, signals.time, recorded_motion(signals))
 
 
 def lattice_signals(
-    lattice: LayerLattice, time: np.ndarray, amplitude: float = 2.5e-9, frequency: float = 1e5
+    lattice: LayerLattice, time: np.ndarray, motion: Motion | None = None
 ) -> Signals:
-    """Signals of the exact lattice, as a run would have recorded them at `time` (nt,) s."""
-    u = lattice.displacement(time, amplitude, frequency)
-    source = source_pulse(time, amplitude, frequency)
-    return _recorded(lattice, time, u, source, amplitude, frequency)
+    """Signals of the exact lattice as a run would have recorded them at times (nt,), s.
 
-
-def exact_twin(signals: Signals, lattice: LayerLattice) -> Signals:
-    """The exact lattice at the very times and under the very motion of a recorded run."""
-    return exact_record(lattice, recorded_motion(signals), signals.time)
-
-
-def exact_record(lattice: LayerLattice, motion: Motion, time: np.ndarray) -> Signals:
-    """The exact lattice at times (nt,), s, under any motion of the source wall."""
+    `motion` is the source wall's, by default the study's pulse.
+    """
+    motion = motion or Pulse()
     u, source = lattice.follows(motion, time), motion.displacement(time)
-    return _recorded(lattice, time, u, source, motion.amplitude, motion.frequency)
-
-
-def _recorded(
-    lattice: LayerLattice,
-    time: np.ndarray,
-    u: np.ndarray,
-    source: np.ndarray,
-    amplitude: float,
-    frequency: float,
-) -> Signals:
     spring = lattice.wall_stiffness / lattice.area
     return Signals(
         time=np.asarray(time, float),
@@ -189,8 +136,8 @@ def _recorded(
         receiver_stress=spring * u[:, -1],
         producer="exact",
         case="",
-        amplitude=amplitude,
-        input_frequency=frequency,
+        amplitude=motion.amplitude,
+        input_frequency=motion.frequency,
         time_step=float(time[1] - time[0]),
         run_time=0.0,
         network_sha256="",

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimators.power_law import PowerLaw, power_law
+from analysis.estimators.fits import PowerLaw, power_law
 from analysis.estimators.structure_factor import StructureFactor
 
 AROUND = 0.7, 1.3

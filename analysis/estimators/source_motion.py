@@ -1,6 +1,14 @@
-"""How the source wall of a record has moved, by which a linear wave beside it is sent."""
+"""How the source wall of a record has moved, and the record as it would be, had it moved otherwise.
+
+The wave is linear in the motion. Under a window exp(-eta t), whose share at the record's end does
+not matter, the transforms of two records stand to each other as those of their motions. Where the
+recorded motion has next to nothing of a frequency, nothing of it is made up: the quotient is that
+of least squares, P S* / (|S|^2 + e^2), with e a small part of the largest |S|.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -15,6 +23,15 @@ DENSER = 10
 """Straight pieces that stand for the wall's path between two times of a record."""
 ORDER = 5
 """Of the curve through the recorded displacements: ten of them in a period leave 1e-5."""
+DECAY = 6.0
+"""eta T of the window: what wraps round is damped to e^-12, as the record is padded to 2 T."""
+FAINT = 1e-3
+"""e over the largest |S| below which a frequency is not sent."""
+MOVED = (
+    *(f"{name}_displacement" for name in ("chain", "layer", "particle", "source")),
+    *("source_stress", "receiver_stress"),
+)
+"""What of a record goes with the motion."""
 
 
 def recorded_motion(record: Signals) -> Motion:
@@ -51,3 +68,27 @@ def at_rest(record: Signals) -> float:
     d = record.source_displacement
     moving = np.flatnonzero(abs(d - d[-1]) > SAME * np.ptp(d))
     return float(record.time[min(moving[-1] + 1, len(d) - 1)]) if len(moving) else 0.0
+
+
+def as_of_pulse(record: Signals, pulse: Pulse) -> Signals:
+    """The record of another motion as the same wall would have given it for a pulse.
+
+    Amplitude and frequency become those of the pulse; the source's own displacement shows what of
+    it the motion has sent. Columns that the record has not stay absent.
+    """
+    time = record.time
+    count = 2 * len(time)
+    fade = np.exp(-DECAY * time / time[-1])
+
+    def transform(values: np.ndarray) -> np.ndarray:
+        return np.fft.rfft((values.T * fade).T, count, axis=0)
+
+    sent = transform(record.source_displacement)
+    ratio = transform(pulse.displacement(time)) * sent.conj()
+    ratio /= abs(sent) ** 2 + (FAINT * abs(sent).max()) ** 2
+    moved = {name: getattr(record, name) for name in MOVED}
+    for name, values in moved.items():
+        if values is not None:
+            back = np.fft.irfft((ratio * transform(values).T).T, count, axis=0)[: len(time)]
+            moved[name] = (back.T / fade).T
+    return replace(record, **moved, amplitude=pulse.amplitude, input_frequency=pulse.frequency)

@@ -1,18 +1,22 @@
-"""Dynamic structure factor: how much of a standing wave lies at each frequency.
+"""Dynamic structure factor: how much of a standing or a plane wave lies at each frequency.
 
 S_r(f) = sum_i <e_r|i>^2 delta(f - f_i), over all modes i of the packing, where e_r is the pattern
 sin(pi r z / L) of every force-bearing sphere, normalised in the mass. Its ridge over kappa_r is the
 dispersion relation of a random packing far beyond the modes that can be told by eye, and its width
-is the rate at which disorder scatters the wave. No mode is computed: S_r is the expansion of the
-delta function in Chebyshev polynomials of the operator (kernel polynomials: Weisse et al., Rev.
-Mod. Phys. 78, 275, 2006), in omega as in `modal.modes.density`. "granular-structure-factor",
-version 1.
+is the rate at which disorder scatters the wave. Of a periodic cell e is a plane wave exp(i k x)
+that fits into it, of equal displacement along k (longitudinal, S_L) or across (transverse, S_T, the
+mean over both directions across). Weights add up to 1, and their mean omega^2 is e's own.
+
+No mode is computed: S is the expansion of the delta function in Chebyshev polynomials of the
+operator (kernel polynomials: Weisse et al., Rev. Mod. Phys. 78, 275, 2006), in omega as in
+`modal.modes.density`. "granular-structure-factor", version 1.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +30,6 @@ from modal.system.operator import ContactOperator
 from modal.system.root_mass import RootMass
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
-from modal.waves.signals import DIRECTIONS
 
 SCHEMA = "granular-structure-factor"
 VERSION = 1
@@ -40,6 +43,7 @@ FORMAT = Product(
     },
     {"network_sha256": str, "resolution": float},
 )
+POLARISATIONS = ("L", "T")
 BLOCK = 8
 """Patterns that share one pass over the contacts: bounds the memory."""
 FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
@@ -84,23 +88,55 @@ class StructureFactor:
         return peak, width
 
 
-def standing_waves(network: Network, orders: np.ndarray, direction: str = "z") -> np.ndarray:
-    """Shape (6n, R): sin(pi r z / L) of force-bearing spheres, scaled by M^1/2, unit.
+def _patterns(network: Network, waves: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Shape (6n, d w): `waves` (n, w) of force-bearing spheres along each of `directions` (d, 3).
 
-    They move along `direction`: z for P-waves, x or y for S-waves.
+    Scaled by M^1/2.
     """
-    if direction not in DIRECTIONS:
-        raise InputError(f"direction {direction!r}: choose x, y or z")
     bearing = force_bearing(network)
     if not bearing.any():
         raise InputError("no particle has two contacts; such a packing carries no wave")
+    pattern = np.zeros((network.n_particles, 6, len(directions) * waves.shape[1]))
+    moving = (waves * bearing[:, None])[:, None, None] * directions.T[:, :, None]
+    pattern[:, :3] = moving.reshape(network.n_particles, 3, -1)
+    return RootMass.of(network).times(pattern.reshape(6 * network.n_particles, -1))
+
+
+def standing_waves(network: Network, orders: np.ndarray) -> np.ndarray:
+    """Shape (6n, R): sin(pi r z / L) along z of force-bearing spheres, scaled by M^1/2, unit."""
     depth = (network.position[:, 2] - network.wall_position[0]) / network.length
-    pattern = np.zeros((network.n_particles, 6, len(orders)))
-    pattern[:, DIRECTIONS.index(direction)] = (
-        np.sin(np.pi * depth[:, None] * orders) * bearing[:, None]
-    )
-    pattern = RootMass.of(network).times(pattern.reshape(-1, len(orders)))
+    pattern = _patterns(network, np.sin(np.pi * depth[:, None] * orders), np.eye(3)[2:])
     return pattern / np.linalg.norm(pattern, axis=0)
+
+
+def wave_vectors(network: Network, orders: np.ndarray) -> np.ndarray:
+    """Shape (R, 3), rad/m: those with `orders` (R, 3) periods along x, y and z of the cell."""
+    orders = np.asarray(orders)
+    if orders.ndim != 2 or orders.shape[1] != 3 or orders.dtype.kind != "i" or len(orders) == 0:
+        raise InputError("wave vectors: give three whole numbers of periods for each")
+    if walls := [axis for axis in np.flatnonzero(orders.any(axis=0))
+                 if not network.cell_periodic[axis]]:  # fmt: skip
+        raise InputError(
+            f"no plane wave goes along {'xyz'[walls[0]]}, where the packing is not periodic; take "
+            "standing waves (whole numbers r) between walls"
+        )
+    if not orders.any(axis=1).all():
+        raise InputError("wave vectors: 0 0 0 is no wave")
+    return 2 * np.pi * orders / np.where(network.cell_periodic, network.cell_size, 1.0)
+
+
+def plane_waves(network: Network, vector: np.ndarray, polarisation: str) -> np.ndarray:
+    """Shape (6n, 2) or (6n, 4): cosine and sine of one wave, scaled by M^1/2, squares adding to 1.
+
+    `vector` (3,), rad/m; of transverse waves both directions across it, with half the weight each.
+    """
+    if polarisation not in POLARISATIONS:
+        raise InputError(f"polarisation {polarisation!r}: choose one of {', '.join(POLARISATIONS)}")
+    frame = np.linalg.svd((vector / np.linalg.norm(vector))[None])[2]
+    phase = network.position @ vector
+    waves = np.column_stack([np.cos(phase), np.sin(phase)])
+    pattern = _patterns(network, waves, frame[:1] if polarisation == "L" else frame[1:])
+    return pattern / np.linalg.norm(pattern)
 
 
 def structure_factor(
@@ -108,38 +144,40 @@ def structure_factor(
     orders: np.ndarray,
     resolution: float = 1e3,
     highest: float | None = None,
-    direction: str = "z",
+    polarisation: str = "L",
 ) -> StructureFactor:
-    """S_r(f) of the standing waves r in `orders` (R,), to `highest` (Hz; default: the whole band).
+    """S of standing waves r in `orders` (R,), or of plane waves, `orders` (R, 3) periods in a cell.
 
-    The spheres move along `direction`: z for P-waves, x or y for S-waves.
-
-    About 1.2 f_max / resolution products with K for each r.
+    To `highest`, Hz (default: the whole band). Plane waves are longitudinal or transverse
+    (`POLARISATIONS`). About 1.2 f_max / resolution products with K for each r, twice as many for a
+    longitudinal plane wave, four times for a transverse one.
     """
-    orders = np.asarray(orders, int)
-    if not 0 < resolution < np.inf or len(orders) == 0 or orders.min() < 1:
+    orders = np.asarray(orders)
+    if not 0 < resolution < np.inf or len(orders) == 0 or (orders.ndim == 1 and orders.min() < 1):
         raise InputError("resolution must be a positive number of Hz, the orders 1 or more")
-    frequency, power = power_of_patterns(
-        network,
-        lambda part: standing_waves(network, orders[part], direction),
-        len(orders),
-        resolution,
-        highest,
-    )
-    return StructureFactor(frequency, orders, np.pi * orders / network.length, power, resolution)
+    if orders.ndim == 1:
+        blocks = [orders[first : first + BLOCK] for first in range(0, len(orders), BLOCK)]
+        waves, wavenumber = partial(standing_waves, network), np.pi * orders / network.length
+    else:
+        blocks = list(wave_vectors(network, orders))
+        waves = partial(plane_waves, network, polarisation=polarisation)
+        wavenumber = np.linalg.norm(blocks, axis=1)
+    frequency, power = _power(network, waves, blocks, resolution, highest)
+    power = power.reshape(len(orders), -1, len(frequency)).sum(axis=1)
+    return StructureFactor(frequency, orders, wavenumber, power, resolution)
 
 
-def power_of_patterns(
+def _power(
     network: Network,
-    patterns: Callable[[slice], np.ndarray],
-    number: int,
+    waves: Callable[[np.ndarray], np.ndarray],
+    blocks: Sequence[np.ndarray],
     resolution: float,
     highest: float | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frequency (nf,), Hz, and power (R, nf), 1/Hz, of a `number` R of patterns of motion.
+    """Frequency (nf,), Hz, and power (p, nf), 1/Hz, of the patterns that `waves` makes of blocks.
 
-    `patterns` gives some of them as unit vectors (6n, r), scaled by M^1/2; each row integrates to
-    1, or to 0 for a pattern of zeros.
+    These are unit vectors (6n, r), scaled by M^1/2, or parts of one; each row integrates to its
+    square.
     """
     operator = ContactOperator(network, mass_scaled=True)
     top, _ = bound_of_spectrum(operator)
@@ -148,16 +186,15 @@ def power_of_patterns(
     f_top = float(np.sqrt(top) / (2 * np.pi))
     # A line's standard deviation in omega / omega_max is pi over the orders, odd ones included.
     count = max(2, int(np.ceil(np.pi * FULL_WIDTH * f_top / resolution / 2)))
-    moments = np.empty((number, count))
-    for first in range(0, number, BLOCK):
-        part = slice(first, first + BLOCK)
-        label = f"structure {first // BLOCK + 1}/{-(-number // BLOCK)}"
-        moments[part] = _moments(operator, patterns(part), top, count, label)
+    moments = [
+        _moments(operator, waves(block), top, count, f"structure {k + 1}/{len(blocks)}")
+        for k, block in enumerate(blocks)
+    ]
     frequency = np.arange(resolution / 5, min(highest or f_top, 0.999 * f_top), resolution / 5)
     angle = np.arccos(frequency / f_top)
     wave = np.cos(2 * angle[:, None] * np.arange(count)) * _jackson(count)
     wave[:, 1:] *= 2
-    power = moments @ (wave * (2 / (np.pi * f_top * np.sin(angle)))[:, None]).T
+    power = np.concatenate(moments) @ (wave * (2 / (np.pi * f_top * np.sin(angle)))[:, None]).T
     return frequency, power
 
 

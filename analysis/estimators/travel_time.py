@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from analysis.estimators.fits import straight_line, summit
 from analysis.estimators.low_pass import columns_of
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
@@ -19,6 +21,8 @@ FAINT = 1e-3
 """Part of the chain's largest motion below which a particle has not been reached."""
 SURE = 0.2
 """Largest standard error of a velocity, relative: times beyond it are of no wave that passes."""
+LEVEL = 0.05
+"""Of a particle's largest motion, at which it counts as reached."""
 
 
 def outward(signals: Signals) -> np.ndarray:
@@ -46,32 +50,23 @@ def first_peak_times(signals: Signals) -> np.ndarray:
         top = (u[1:-1] > u[:-2]) & (u[1:-1] >= u[2:]) & (u[1:-1] > 0.5 * u.max())
         if top.any():
             k = int(np.argmax(top)) + 1
-            curvature = u[k - 1] - 2 * u[k] + u[k + 1]
-            times[n] = signals.time[k] + step * (u[k - 1] - u[k + 1]) / (2 * curvature)
+            times[n] = signals.time[k] + step * summit(*u[k - 1 : k + 2])
     return times
 
 
-def arrival_times(signals: Signals, level: float = 0.05) -> np.ndarray:
-    """Time (nc,) s at which each particle first exceeds `level` of its maximum, interpolated.
+def arrival_times(signals: Signals) -> np.ndarray:
+    """Time (nc,) s at which each particle first exceeds `LEVEL` of its maximum, interpolated.
 
     The maximum is that in the wall's own direction; NaN where it is not passed in the record.
     """
     times = np.full(signals.chain_displacement.shape[1], np.nan)
     for n, u in enumerate(outward(signals).T):
-        above = u > level * u.max()
+        above = u > LEVEL * u.max()
         k = int(np.argmax(above))
         if above.any() and k > 0 and np.argmax(u) < len(u) - 1:
-            part = (level * u.max() - u[k - 1]) / (u[k] - u[k - 1])
+            part = (LEVEL * u.max() - u[k - 1]) / (u[k] - u[k - 1])
             times[n] = signals.time[k - 1] + part * (signals.time[k] - signals.time[k - 1])
     return times
-
-
-def middle(distance: np.ndarray, length: float, part: tuple[float, float] = MIDDLE) -> np.ndarray:
-    """Shape (nc,) bool: the particles in the middle half of the sample.
-
-    `distance` (nc,) from the source wall and `length` from wall to wall, both m.
-    """
-    return (distance > part[0] * length) & (distance < part[1] * length)
 
 
 def travel_velocity(distance: np.ndarray, times: np.ndarray) -> tuple[float, float]:
@@ -80,35 +75,32 @@ def travel_velocity(distance: np.ndarray, times: np.ndarray) -> tuple[float, flo
     NaN where fewer than `LEAST` times are known, and where they do not rise with the distance by
     more than their scatter: then no wave goes from the source on.
     """
-    known = np.isfinite(times)
-    if known.sum() < LEAST:
+    if np.isfinite(times).sum() < LEAST:
         return np.nan, np.nan
-    (slope, _), spread = np.polyfit(distance[known], times[known], 1, cov=True)
+    (slope, _), spread = straight_line(distance, times)
     error = np.sqrt(spread[0, 0])
     if not error < SURE * slope:
         return np.nan, np.nan
     return float(1 / slope), float(error / slope**2)
 
 
-def first_peak_velocity(
-    record: Signals, source_wall: float, length: float, part: tuple[float, float] = MIDDLE
+def travelled(
+    record: Signals,
+    source_wall: float,
+    length: float,
+    times: Callable[[Signals], np.ndarray] = first_peak_times,
 ) -> tuple[float, float]:
-    """dL/dt, m/s, of the first peaks along the chain's middle half, and its standard error.
+    """dL/dt, m/s, of first peaks or arrivals along the chain's middle half, its standard error.
 
     The rule of Fig. 5. `source_wall` is the wall's z and `length` the sample's, m.
     """
     distance = record.chain_position - source_wall
-    inside = middle(distance, length, part)
-    return travel_velocity(distance[inside], first_peak_times(record)[inside])
+    inside = _middle(distance, length)
+    return travel_velocity(distance[inside], times(record)[inside])
 
 
-def arrival_velocity(
-    record: Signals, source_wall: float, length: float, level: float = 0.05
-) -> tuple[float, float]:
-    """The same of the times at which `level` of each particle's maximum is first exceeded."""
-    distance = record.chain_position - source_wall
-    inside = middle(distance, length)
-    return travel_velocity(distance[inside], arrival_times(record, level)[inside])
+def _middle(distance: np.ndarray, length: float) -> np.ndarray:
+    return (distance > MIDDLE[0] * length) & (distance < MIDDLE[1] * length)
 
 
 def cut(record: Signals, end: float) -> Signals:
@@ -118,14 +110,9 @@ def cut(record: Signals, end: float) -> Signals:
     give the same peaks only if they are equally long.
     """
     kept = slice(int(np.searchsorted(record.time, end * (1 + 1e-9), "right")))
-    every = record.particle_displacement
-    return replace(
-        record,
-        time=record.time[kept],
-        chain_displacement=record.chain_displacement[kept],
-        source_displacement=record.source_displacement[kept],
-        particle_displacement=None if every is None else every[kept],
-    )
+    names = "time", "chain_displacement", "source_displacement", "particle_displacement"
+    there = {name: found for name in names if (found := getattr(record, name)) is not None}
+    return replace(record, **{name: found[kept] for name, found in there.items()})
 
 
 def first_peaks_of_columns(record: Signals, network: Network) -> tuple[float, float]:
@@ -138,7 +125,7 @@ def first_peaks_of_columns(record: Signals, network: Network) -> tuple[float, fl
         return np.nan, np.nan
     bearing = np.flatnonzero(force_bearing(network))
     distance = network.position[bearing, 2] - network.wall_position[0]
-    inside = middle(distance, network.length)
+    inside = _middle(distance, network.length)
     bearing, distance = bearing[inside], distance[inside]
     moved = record.particle_displacement[:, bearing]
     times = first_peak_times(replace(record, chain_displacement=moved))

@@ -4,24 +4,32 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.estimators.power_law import straight_line
-from analysis.figures.groups import column, legend, mark, points, styles
+from analysis.estimators.fits import straight_line
+from analysis.figures.groups import (
+    AXES,
+    ISOSTATIC,
+    LOG,
+    column,
+    legend,
+    mark,
+    scatter,
+    styles,
+    with_curve,
+)
 from analysis.figures.picture import Panel, Picture
 from analysis.rows import Row, of_one_producer
 from modal.tools.errors import InputError
 
 SHOWN = 15
 """Maxima of the gain that are drawn."""
-ORDERS = "order of its frequency among the resonances"
-CONTACTS = "coordination_number_bearing"
-ISOSTATIC = 4
-"""Contacts of a sphere with friction below which a packing is floppy."""
+BEYOND = "contacts a force-bearing sphere, less 4"
+ON_CONTACTS = "contacts a force-bearing sphere"
 
 
 def isostaticity(rows: list[Row]) -> Picture:
     """Beyond the paper: three frequencies over the highest against contacts beyond isostaticity."""
     random, panels = [row for row in rows if not row.crystal], []
-    z, top = column(random, CONTACTS) - ISOSTATIC, column(random, "f_max_khz")
+    z, top = column(random, AXES[BEYOND]), column(random, "f_max_khz")
     along = np.array([0.0, np.nanmax([0.0, *z])])
     for name, title in (
         ("f_low_pass_2_linear_khz", "low-pass frequency, 2 %"),
@@ -29,18 +37,13 @@ def isostaticity(rows: list[Row]) -> Picture:
         ("ioffe_regel_khz", "Ioffe-Regel limit"),
     ):
         y = column(random, name) / top
-        known = np.isfinite(y) & np.isfinite(z)
-        panel = Panel("contacts a force-bearing sphere, less 4", "", title, legend="upper left")
-        if known.sum() > 2:
+        panel = Panel(BEYOND, "", title, legend="upper left")
+        if (np.isfinite(y) & np.isfinite(z)).sum() > 2:
             slope, offset = straight_line(z, y)[0]
             text = f"{slope:.3f} (z - {ISOSTATIC - offset / slope:.2f})"
             panel.line(along, slope * along + offset, text, color="k", lw=0.8)
-        for _, members, style in styles(random):
-            at = column(members, CONTACTS) - ISOSTATIC
-            points(panel, members, at, name, style, column(members, "f_max_khz"))
+        scatter(panel, random, name, over="f_max_khz")
         panels.append(panel)
-    if not any(series.y.size for panel in panels for series in panel.series):
-        raise InputError("no random packing has these frequencies; measure one")
     panels[0].ylabel, panels[2].legend = "frequency over the highest", "outside"
     legend(panels[2], random)
     return Picture(panels, columns=3, shape=(13, 3.8))
@@ -53,9 +56,10 @@ def gain_orders(rows: list[Row]) -> Picture:
     free and whose receiver end is held. Of the crystal these are known exactly; walls that give way
     make the order a little more than r - 1/2.
     """
-    left = Panel("number r of the maximum", ORDERS, "(a)", legend="upper left", ylim=(0, 17))
-    right = Panel("number r of the maximum", "order less (r - 1/2)", "(b)", ylim=(-0.35, 0.65))
-    right.legend = "outside"
+    axis = "number r of the maximum"
+    left = Panel(axis, "order of its frequency among the resonances", "(a)", ylim=(0, 17))
+    right = Panel(axis, "order less (r - 1/2)", "(b)", ylim=(-0.35, 0.65), legend="outside")
+    left.legend = "upper left"
     for _, members, style in styles(rows):
         for k, row in enumerate(members):
             at, expected = (values[:SHOWN] for values in row.curves["gain_orders"])
@@ -68,12 +72,12 @@ def gain_orders(rows: list[Row]) -> Picture:
                 text = "FCC, exact: source free"
                 right.line(number, exact - number + 0.5, text, color="k", lw=0.9)
     orders = np.arange(1, SHOWN + 1)
-    for panel, less in ((left, 0.0), (right, orders - 0.5)):
-        free, held = orders - 0.5 - less, orders - less
-        text = "" if panel is right else "both walls held: r"
-        panel.line(orders, held, text, color="k", ls=":")
-        text = "" if panel is right else "source free, receiver held: r - 1/2"
-        panel.line(orders, free, text, color="k", ls="--")
+    for held, text, ls in (
+        (0.0, "both walls held: r", ":"),
+        (0.5, "source free, receiver held: r - 1/2", "--"),
+    ):
+        left.line(orders, orders - held, text, color="k", ls=ls)
+        right.line(orders, 0 * orders + 0.5 - held, color="k", ls=ls)
     legend(right, rows)
     return Picture([left, right], columns=2, shape=(12, 4.4))
 
@@ -84,30 +88,22 @@ def scattering(rows: list[Row]) -> Picture:
     Frequencies are in units of V_P / D. Curves are of one stress, and end at the limit: beyond it
     the ridge's width is that of no wave.
     """
-    members = [row for row in rows if "ridge" in row.curves]
-    if not members:
-        raise InputError("no case has a structure factor; keep one: measure FILE --keep DIR")
+    members = with_curve(rows, "ridge", "structure factor")
     common = _common_stress(members)
-    title = f"{common / 1e3:g} kPa"
-    axis = "frequency, $f D / V_P$"
-    width = Panel(axis, "full width of the ridge over $f$", f"(a) {title}")
-    path = Panel(axis, "mean free path / D", f"(b) {title}", legend="outside")
-    for panel in (width, path):
-        panel.xscale = panel.yscale = "log"
+    axis, title = "frequency, $f D / V_P$", f"{common / 1e3:g} kPa"
+    width = Panel(axis, "full width of the ridge over $f$", f"(a) {title}", **LOG)
+    path = Panel(axis, "mean free path / D", f"(b) {title}", legend="outside", **LOG)
     limit = Panel("void ratio", "Ioffe-Regel frequency (kHz)", "(c)", yscale="log")
-    ratio = Panel("contacts a force-bearing sphere", "Ioffe-Regel over $f_{low-pass}$, 2 %", "(d)")
-    ratio.legend = "outside"
+    ratio = Panel(ON_CONTACTS, "Ioffe-Regel over $f_{low-pass}$, 2 %", "(d)", legend="outside")
     width.add("hline", [0], [1 / np.pi], None, r"$l = \lambda / 2$ (Ioffe-Regel)", color="k")
     for _, group, style in styles(members):
-        for row in group:
+        for row in (row for row in group if row.stress == common):
             f, w, free = row.curves["ridge"]
             look = style | {"marker": mark(row), "ms": 3, "lw": 0.8, "ls": "-"}
-            if row.stress == common:
-                width.line(f, w, **look)
-                path.line(f, free, **look)
-        points(limit, group, "void_ratio", "ioffe_regel_khz", style)
-        two = column(group, "f_low_pass_2_linear_khz")
-        points(ratio, group, CONTACTS, "ioffe_regel_khz", style, two)
+            width.line(f, w, **look)
+            path.line(f, free, **look)
+    scatter(limit, members, "ioffe_regel_khz")
+    scatter(ratio, members, "ioffe_regel_khz", over="f_low_pass_2_linear_khz")
     legend(path, members, stresses=False)
     legend(ratio, members, frictions=False)
     return Picture([width, path, limit, ratio], columns=2, shape=(12, 7))
@@ -118,12 +114,10 @@ def density_excess(rows: list[Row]) -> Picture:
     members = [row for row in rows if np.isfinite(row.value("excess_at_a_tenth"))]
     if not members:
         raise InputError("no case has a density of states; keep one: measure FILE --keep DIR")
-    height = Panel("", "$D f_{max}^3 / f^2$ at a tenth of $f_{max}$", yscale="log")
-    place = Panel("", "frequency of its maximum over $f_{max}$", legend="outside")
-    for _, group, style in styles(members):
-        points(height, group, CONTACTS, "excess_at_a_tenth", style)
-        points(place, group, CONTACTS, "excess_peak_khz", style, column(group, "f_max_khz"))
-    height.xlabel = place.xlabel = "contacts a force-bearing sphere"
+    height = Panel(ON_CONTACTS, "$D f_{max}^3 / f^2$ at a tenth of $f_{max}$", yscale="log")
+    place = Panel(ON_CONTACTS, "frequency of its maximum over $f_{max}$", legend="outside")
+    scatter(height, members, "excess_at_a_tenth")
+    scatter(place, members, "excess_peak_khz", over="f_max_khz")
     legend(place, members)
     curves = [row for row in members if "excess" in row.curves]
     panels = [_density(curves), height, place] if curves else [height, place]
@@ -132,16 +126,15 @@ def density_excess(rows: list[Row]) -> Picture:
 
 def _density(rows: list[Row]) -> Panel:
     """The density over f^2 itself, at one stress."""
-    common = _common_stress(rows)
-    panel = Panel("$f / f_{max}$", "$D f_{max}^3 / f^2$", f"{common / 1e3:g} kPa", ylim=(0.1, 2e3))
-    panel.xscale = panel.yscale = "log"
+    common, axis = _common_stress(rows), "$f / f_{max}$"
+    title = f"{common / 1e3:g} kPa"
+    panel = Panel(axis, "$D f_{max}^3 / f^2$", title, ylim=(0.1, 2e3), **LOG)
     for _, group, style in styles(rows):
-        for row in group:
+        for row in (row for row in group if row.stress == common):
             f, reduced = row.curves["excess"]
-            if row.stress == common:
-                every = np.unique(np.geomspace(1, len(f), 60).astype(int)) - 1
-                look = style | {"ls": "-", "lw": 0.9, "marker": mark(row), "markevery": 6}
-                panel.line(f[every], reduced[every], **look)
+            every = np.unique(np.geomspace(1, len(f), 60).astype(int)) - 1
+            look = style | {"ls": "-", "lw": 0.9, "marker": mark(row), "markevery": 6}
+            panel.line(f[every], reduced[every], **look)
     return panel
 
 
@@ -164,11 +157,9 @@ def low_pass_rules(rows: list[Row]) -> Picture:
         ("f_low_pass_2_linear_khz", "2 %, linear wave"),
         ("ioffe_regel_khz", "Ioffe-Regel"),
     ):
-        panel = Panel("contacts a force-bearing sphere", "over 2 %, one chain", text, yscale="log")
-        for _, members, style in styles(random):
-            points(panel, members, CONTACTS, name, style, column(members, base))
+        panel = Panel(ON_CONTACTS, "over 2 %, one chain", text, yscale="log", ylim=(0.5, 20))
+        scatter(panel, random, name, over=base)
         panel.add("hline", [0], [1.0], None, "", color="0.6", lw=0.8)
-        panel.ylim = (0.5, 20)
         panels.append(panel)
     panels[2].legend = panels[5].legend = "outside"
     legend(panels[2], random, stresses=False)

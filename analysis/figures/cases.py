@@ -6,13 +6,22 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimators.power_law import straight_to
-from analysis.figures.groups import STATED, column, legend, points, side_by_side, styles
+from analysis.estimators.fits import straight_to
+from analysis.figures.groups import (
+    AXES,
+    LOG,
+    THIN,
+    column,
+    legend,
+    points,
+    scatter,
+    styles,
+    with_curve,
+)
 from analysis.figures.picture import Panel, Picture, each
 from analysis.rows import Row, law_of, of_one_producer
-from modal.tools.errors import InputError
 
-THIN: dict[str, Any] = {"lw": 0.7, "ls": "-", "zorder": 1.5}
+STRESS = AXES["stress (kPa)"]
 
 
 def velocity_cases(rows: list[Row]) -> Picture:
@@ -20,16 +29,15 @@ def velocity_cases(rows: list[Row]) -> Picture:
     name, producer = of_one_producer(rows, "v_p_first_peaks_m_per_s")
     label = f"$V_P$, first peaks, {producer} (m/s)"
     left = Panel("void ratio", label, "(a)", yscale="log", legend="outside")
-    right = Panel("stress (kPa)", label, "(b)", xscale="log", yscale="log", legend="outside")
+    right = Panel("stress (kPa)", label, "(b)", legend="outside", **LOG)
     legend(left, rows, frictions=False)
     for level in sorted({row.stress for row in rows}):
         _trend(left, [row for row in rows if row.stress == level], name)
+    scatter(left, rows, name)
     for text, members, style in styles(rows):
-        points(left, members, "void_ratio", name, style)
-        law = law_of(members, "stress_pa", name)
-        at = column(members, "stress_kpa")
+        law, at = law_of(members, "stress_pa", name), column(members, STRESS)
         right.line(at, law.factor * (1e3 * at) ** law.exponent, color="0.5", **THIN)
-        points(right, members, "stress_kpa", name, style)
+        points(right, members, style, name)
         text += f": {law}" if np.isfinite(law.exponent) else ""
         right.line([np.nan], [np.nan], text, marker="o", **style)
     start, slope = np.nanmin([np.inf, *column(rows, name)]), np.array([1e4, 1e7])
@@ -56,28 +64,17 @@ def _trend(panel: Panel, rows: list[Row], name: str) -> None:
 
 def highest_frequency(rows: list[Row]) -> Picture:
     """Fig. 8: highest natural frequency over that of FCC at the same stress."""
-    panel = Panel("stress (kPa)", "$f_{max}$ over that of FCC", xscale="log", legend="outside")
     of_crystal = {row.stress: row.value("f_max_khz") for row in rows if row.crystal}
+    panel = Panel("stress (kPa)", "$f_{max}$ over that of FCC", xscale="log", legend="outside")
     if not of_crystal:
         panel.ylabel, panel.yscale = "$f_{max}$ (kHz)", "log"
-    groups = styles(rows)
-    for k, (_, members, style) in enumerate(groups):
-        at = side_by_side(column(members, "stress_kpa"), k, len(groups))
-        none = np.nan if of_crystal else 1.0
-        over = np.array([of_crystal.get(row.stress, none) for row in members])
-        panel.line(at, column(members, "f_max_khz") / over, color=style["color"], **THIN)
-        points(panel, members, at, "f_max_khz", style, over)
-        _stated(panel, members, at, "f_max_khz", over)
+
+    def over(row: Row) -> float:
+        return of_crystal.get(row.stress, np.nan if of_crystal else 1.0)
+
+    scatter(panel, rows, "f_max_khz", over=over, side_by_side=True, stated="f_max_khz")
     legend(panel, rows, stresses=False)
     return Picture([panel], shape=(8.6, 4))
-
-
-def _stated(panel: Panel, rows: list[Row], x, name: str, over=1.0) -> None:
-    """Stars at the numbers that a study states of some rows."""
-    for row, at, scale in zip(rows, x, np.broadcast_to(over, len(rows)), strict=True):
-        if said := row.stated.get(name):
-            first = all(series.label != "stated" for series in panel.series)
-            panel.line([at], [said[0] / scale], "stated" if first else "", **STATED)
 
 
 def low_pass_cases(rows: list[Row]) -> Picture:
@@ -85,17 +82,11 @@ def low_pass_cases(rows: list[Row]) -> Picture:
     name, producer = of_one_producer(rows, "f_low_pass_2_khz")
     label = f"$f_{{low-pass}}$, 2 %, {producer} (kHz)"
     left = Panel("void ratio", label, "(a)", yscale="log", legend="lower left")
-    right = Panel("stress (kPa)", label, "(b)", xscale="log", yscale="log", legend="outside")
-    groups = styles(rows)
-    for k, (_, members, style) in enumerate(groups):
-        at = side_by_side(column(members, "stress_kpa"), k, len(groups))
-        points(left, members, "void_ratio", name, style)
-        right.line(at, column(members, name), color=style["color"], **THIN)
-        points(right, members, at, name, style)
-        _stated(left, members, column(members, "void_ratio"), "f_low_pass_2_khz")
-        _stated(right, members, at, "f_low_pass_2_khz")
-    legend(left, rows, frictions=False)
-    legend(right, rows, stresses=False)
+    right = Panel("stress (kPa)", label, "(b)", legend="outside", **LOG)
+    for panel in (left, right):
+        beside = panel is right
+        scatter(panel, rows, name, side_by_side=beside, stated="f_low_pass_2_khz")
+        legend(panel, rows, frictions=beside, stresses=not beside)
     return Picture([left, right], columns=2, shape=(12, 4.2))
 
 
@@ -105,7 +96,7 @@ def velocity_low_pass(rows: list[Row]) -> Picture:
     name = of_one_producer(rows, "f_low_pass_2_khz")[0]
     panel = Panel(
         f"$V_P$, first peaks, {producer} (m/s)", f"$f_{{low-pass}}$, 2 %, {producer} (kHz)",
-        xscale="log", yscale="log", legend="outside",
+        legend="outside", **LOG,
     )  # fmt: skip
     random = [row for row in rows if not row.crystal]
     v, f = np.log(column(random, velocity)), np.log(column(random, name))
@@ -120,7 +111,7 @@ def velocity_low_pass(rows: list[Row]) -> Picture:
         law = law_of(members, velocity, name)
         text += f": slope {law.exponent:.2f}" if np.isfinite(law.exponent) else ""
         text += rf" $\pm$ {law.error:.1g}" if np.isfinite(law.error) else ""
-        points(panel, members, velocity, name, style)
+        points(panel, members, style, name, velocity)
         panel.line([np.nan], [np.nan], text, marker="o", **style)
     legend(panel, rows, frictions=False)
     return Picture([panel], shape=(8.6, 4.8))
@@ -129,38 +120,31 @@ def velocity_low_pass(rows: list[Row]) -> Picture:
 def wavelength_cases(rows: list[Row]) -> Picture:
     """Fig. 18: lambda_low-pass / D of random packings against void ratio, 2 % and 1 %."""
     panels = []
+    random = [row for row in rows if not row.crystal]
+    seen, width = [*column(random, "void_ratio"), 0.6], column(random, "width_over_d")
+    span = np.nanmin(seen) - 0.01, np.nanmax(seen) + 0.01
     for percent, letter in (("2", "(a)"), ("1", "(b)")):
-        name, producer = of_one_producer(rows, f"lambda_{percent}_over_d")
+        key = f"lambda_{percent}_over_d"
+        name, producer = of_one_producer(rows, key)
         panel = Panel("void ratio", rf"$\lambda_{{low-pass}}/D$, {percent} %, {producer}", letter)
-        panel.yscale = "log"
-        random = [row for row in rows if not row.crystal]
-        seen = [*column(random, "void_ratio"), 0.6]
-        span = np.nanmin(seen) - 0.01, np.nanmax(seen) + 0.01
-        said = [r.stated[k] for r in rows if (k := f"lambda_{percent}_over_d") in r.stated]
-        for low, high in said[:1]:
+        panel.yscale, panel.xlim, panel.legend = "log", span, "outside"
+        for low, high in [row.stated[key] for row in rows if key in row.stated][:1]:
             text, ends = f"stated: {low:g} to {high:g}", ([low] * 2, [high] * 2)
             panel.add("band", span, *ends, text, color="0.88", zorder=0)
         panel.add("hline", [0], [2**0.5], None, r"FCC, $\sqrt{2}$", color="0.5", ls=":")
-        width = column(random, "width_over_d")
         if np.isfinite(width).any():
             across = float(np.nanmedian(width))
             panel.add("hline", [0], [across], None, f"width, {across:.3g} D", color="k", lw=0.8)
-        for _, members, style in styles(random):
-            points(panel, members, "void_ratio", name, style)
-        panel.xlim = span
+        scatter(panel, random, name)
         panels.append(panel)
     legend(panels[0], rows, frictions=False)
     legend(panels[1], random, stresses=False)
-    panels[0].legend = panels[1].legend = "outside"
     return Picture(panels, columns=2, shape=(13, 4.2))
 
 
 def gain_cases(rows: list[Row]) -> Picture:
     """Fig. 19: gain factor of FCC and the lowest friction over stress; below, the resonances."""
-    known = [row for row in rows if "gain" in row.curves]
-    if not known:
-        raise InputError("no case has a gain factor; measure one")
-    groups = [members for _, members, _ in styles(known)][:2]
+    groups = [members for _, members, _ in styles(with_curve(rows, "gain", "gain factor"))][:2]
     panels = []
     for letter, members in zip(("(a)", "(b)"), groups, strict=False):
         title = f"{letter} {members[0].group}"
@@ -177,7 +161,7 @@ def gain_cases(rows: list[Row]) -> Picture:
             panel.line(f / row.curves["first"][0], height / 10**k, text, **look)
             panel.add("hline", [0], [10.0**-k], None, "", color="0.6", lw=0.6)
         panels.append(panel)
-    below = [gain([members[min(1, len(members) - 1)]]).panels[0] for members in groups]
+    below = gain([members[min(1, len(members) - 1)] for members in groups]).panels
     for letter, panel in zip(("(c)", "(d)"), below, strict=False):
         panel.title = f"{letter} {panel.title}"
     panels += below
@@ -199,10 +183,13 @@ def gain(row: Row) -> Panel:
     panel.xlim, panel.ylim = (0, top / 1e3), (0, 1.4 * float(height[keep].max()))
     panel.line(f[keep] / 1e3, height[keep], "gain", color="k")
     f_r = f_r[f_r < top] / 1e3
-    if len(f_r):
-        style = {"color": "#0060a8", "ls": ":", "lw": 1}
-        panel.add("vline", f_r, 0 * f_r, None, "resonances $f_r$, both walls held", **style)
-        middle = 0.5 * (np.append(0, f_r[:-1]) + f_r)
-        style = {"color": "#c05000", "ls": "--", "lw": 0.8}
-        panel.add("vline", middle, 0 * middle, None, "half way, source free of stress", **style)
+    middle = 0.5 * (np.append(0, f_r[:-1]) + f_r) if len(f_r) else f_r
+    held: dict[str, Any] = {"color": "#0060a8", "ls": ":", "lw": 1}
+    free: dict[str, Any] = {"color": "#c05000", "ls": "--", "lw": 0.8}
+    for at, text, style in (
+        (f_r, "resonances $f_r$, both walls held", held),
+        (middle, "half way, source free of stress", free),
+    ):
+        if len(at):
+            panel.add("vline", at, 0 * at, None, text, **style)
     return panel

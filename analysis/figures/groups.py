@@ -5,18 +5,41 @@ Colours grow lighter with friction, so that they are told apart in grey, too; cr
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from analysis.figures.picture import Panel
 from analysis.rows import Row, groups_of
+from modal.tools.errors import InputError
 
 SHADES = "#440154", "#463480", "#355f8d", "#25848e", "#22a884", "#5ec962", "#bddf26"
 """Of the frictions, lowest first."""
 STRESS_MARKS = {1e4: "o", 1e5: "s", 1e6: "^", 1e7: "D"}
 EDGE: dict[str, Any] = {"color": "k", "ls": "none", "mec": "k", "mew": 0.5, "ms": 5}
 STATED = EDGE | {"marker": "*", "ms": 11, "mfc": "none", "mew": 1.2}
+THIN: dict[str, Any] = {"lw": 0.7, "ls": "-", "zorder": 1.5}
+LOG = {"xscale": "log", "yscale": "log"}
+CONTACTS = "coordination_number_bearing"
+ISOSTATIC = 4
+"""Contacts of a sphere with friction below which a packing is floppy."""
+Number = str | Callable[[Row], float]
+"""Of a case: a column of its row, or what is made of several."""
+AXES: dict[str, Number] = {
+    "void ratio": "void_ratio",
+    "stress (kPa)": lambda row: row.stress / 1e3,
+    "contacts a force-bearing sphere": CONTACTS,
+    "contacts a force-bearing sphere, less 4": lambda row: row.value(CONTACTS) - ISOSTATIC,
+}
+"""What cases are drawn against, by its label."""
+
+
+def with_curve(rows: list[Row], name: str, what: str) -> list[Row]:
+    """The rows that have a curve; InputError, saying `what` they lack, where none has."""
+    if found := [row for row in rows if name in row.curves]:
+        return found
+    raise InputError(f"no case has a {what}; keep one: measure FILE --keep DIR")
 
 
 def mark(row: Row) -> str:
@@ -42,37 +65,54 @@ def styles(rows: list[Row]) -> list[tuple[str, list[Row], dict[str, Any]]]:
     return found
 
 
-def column(members: list[Row], name: str) -> np.ndarray:
-    """A number of each row, NaN where it is unknown; `stress_kpa` is that of the row."""
-    if name == "stress_kpa":
-        return np.array([row.stress for row in members]) / 1e3
-    return np.array([row.value(name) for row in members])
+def column(members: list[Row], number: Number) -> np.ndarray:
+    """A number of each row (n,), NaN where it is unknown."""
+    return np.array([row.value(number) if isinstance(number, str) else number(row)
+                     for row in members])  # fmt: skip
 
 
 def points(
-    panel: Panel, members: list[Row], x, y: str, style: dict[str, Any], over: Any = 1.0
+    panel: Panel,
+    members: list[Row],
+    style: dict[str, Any],
+    y: str,
+    x: Number = "",
+    over: Number = lambda row: 1.0,
+    moved: float = 0.0,
+    stated: str = "",
 ) -> None:
-    """A column of each row, `over` some numbers, with its error bars, against x: (n,), or a column.
+    """A column of each row, `over` another number, against x, by default that of the panel's label.
 
-    Each has the marker of its stress; cases that do not have the number are left out.
+    Each has the marker of its stress and its error bar; cases that do not have the number are left
+    out. With `moved`, a factor of x, they are joined by a line; `stated` is the number of a study
+    that stars are drawn at.
     """
-    at = column(members, x) if isinstance(x, str) else np.asarray(x)
-    value = column(members, y) / over
-    error = np.nan_to_num(np.array([row.spread(y) for row in members]) / over)
+    at, scale = column(members, x or AXES[panel.xlabel]), column(members, over)
+    value = column(members, y) / scale
+    error = np.nan_to_num(np.array([row.spread(y) for row in members]) / scale)
+    if moved:
+        at = at * moved
+        panel.line(at, value, color=style["color"], **THIN)
+    known = np.isfinite(value) & (error > 0)
     if (error > 0).any():
-        known = np.isfinite(value) & (error > 0)
-        panel.add(
-            "error",
-            at[known],
-            value[known],
-            error[known],
-            color="k",
-            lw=0.6,
-            capsize=1.5,
-            zorder=1.9,
-        )
+        look = {"color": "k", "lw": 0.6, "capsize": 1.5, "zorder": 1.9}
+        panel.add("error", at[known], value[known], error[known], **look)
     for k in np.flatnonzero(np.isfinite(at) & np.isfinite(value)):
         panel.line(at[k : k + 1], value[k : k + 1], marker=mark(members[k]), **style)
+    for row, place, one in zip(members, at, scale, strict=True):
+        if said := row.stated.get(stated):
+            first = all(series.label != "stated" for series in panel.series)
+            panel.line([place], [said[0] / one], "stated" if first else "", **STATED)
+
+
+def scatter(
+    panel: Panel, rows: list[Row], y: str, *, side_by_side: bool = False, **given: Any
+) -> None:
+    """The `points` of all groups; `side_by_side` a little apart on a logarithmic axis, joined."""
+    groups = styles(rows)
+    for k, (_, members, style) in enumerate(groups):
+        moved = 1.5 ** (k / max(1, len(groups) - 1) - 0.5) if side_by_side else 0.0
+        points(panel, members, style, y, moved=moved, **given)
 
 
 def legend(panel: Panel, rows: list[Row], frictions: bool = True, stresses: bool = True) -> None:
@@ -83,8 +123,3 @@ def legend(panel: Panel, rows: list[Row], frictions: bool = True, stresses: bool
     for marker, stress in shown.items() if stresses else []:
         text = f"{stress / 1e3:,.3g} kPa" if stress < 1e6 else f"{stress / 1e6:.3g} MPa"
         panel.line([np.nan], [np.nan], text, **EDGE | {"marker": marker, "mfc": "0.7"})
-
-
-def side_by_side(x: np.ndarray, k: int, count: int) -> np.ndarray:
-    """Places on a logarithmic axis, moved a little for the k-th of several groups at the same."""
-    return x * 1.5 ** (k / max(1, count - 1) - 0.5)

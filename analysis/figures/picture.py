@@ -13,7 +13,7 @@ import csv
 import io
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import wraps
 from pathlib import Path
 from typing import TypeVar
@@ -116,32 +116,22 @@ def each(of: Callable[[Of], Panel]) -> Callable[[list[Of]], Picture]:
 
 def merged(panels: list[Panel]) -> list[Panel]:
     """Panels of one title become one, with the series of all; limits cover all of theirs."""
-    found: dict[str, Panel] = {}
+    alike: dict[str, list[Panel]] = {}
     for panel in panels:
-        if panel.title not in found:
-            found[panel.title] = Panel(**{**vars(panel), "series": list(panel.series)})
-            continue
-        own = found[panel.title]
-        own.series += panel.series
-        own.xlim, own.ylim = _union(own.xlim, panel.xlim), _union(own.ylim, panel.ylim)
-    return list(found.values())
+        alike.setdefault(panel.title, []).append(panel)
+    return [
+        replace(share_limits(same)[0], series=[one for panel in same for one in panel.series])
+        for same in alike.values()
+    ]
 
 
 def share_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
-    """Give panels one common range along the axes named; those without a range keep their own."""
+    """Give panels one common range along the axes named."""
     for name in (f"{axis}lim" for axis in axes):
         limits = [getattr(p, name) for p in panels if getattr(p, name) is not None]
         for panel in panels if limits else []:
             setattr(panel, name, (min(low for low, _ in limits), max(high for _, high in limits)))
     return panels
-
-
-def _union(
-    one: tuple[float, float] | None, two: tuple[float, float] | None
-) -> tuple[float, float] | None:
-    if one is None or two is None:
-        return one or two
-    return min(one[0], two[0]), max(one[1], two[1])
 
 
 def write_picture(path: Path, picture: Picture) -> None:
@@ -150,8 +140,7 @@ def write_picture(path: Path, picture: Picture) -> None:
     head = {"columns": picture.columns, "shape": picture.shape}
     file.write("# " + json.dumps({"picture": head}) + "\n")
     for panel in picture.panels:
-        bare = Panel(**{**vars(panel), "series": []})
-        file.write("# " + json.dumps({"panel": asdict(bare)}) + "\n")
+        file.write("# " + json.dumps({"panel": asdict(replace(panel, series=[]))}) + "\n")
         for series in panel.series:
             facts = {"kind": series.kind, "label": series.label, "style": series.style}
             if series.kind == "map":

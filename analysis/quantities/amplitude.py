@@ -1,58 +1,101 @@
-"""When is linear right? What changes with the amplitude of a pulse (`measure(amplitudes=...)`)."""
+"""When is linear right? What changes with the amplitude of a pulse (`measure(amplitudes=...)`).
+
+Of the displacements u+ and u- of two waves whose source moves by +d(t) and by -d(t), the odd part
+(u+ - u-) / 2 is that of a linear wave but for terms of the third order of the amplitude, and the
+even part (u+ + u-) / 2, of the second order, has the harmonics, the drift, and what a packing not
+quite at rest does by itself. Slip and opening are of no order: they come where contacts are near.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
+from typing import Any
 
+import numpy as np
+
+import modal
 from analysis.estimators.coherent import PASSAGES
-from analysis.estimators.finite_amplitude import FiniteAmplitude, finite_amplitude
-from analysis.estimators.own_wave import affine_frequency, own_pulse
 from analysis.measuring import Measuring, once
 from analysis.quantities.registry import on_request
 from analysis.value import Value
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
+from modal.waves.source import Pulse
 
 OF_AMPLITUDE = {
-    "odd_part": ("odd", "change of the odd part of waves pushed both ways from the linear one"),
-    "even_part": ("even", "largest even part of waves pushed both ways over the odd one"),
-    "second_harmonic": ("harmonic", "twice the pulse's frequency over that, root mean squares"),
-    "slipping_share": ("slipping", "share of contacts that slide while a wave passes"),
-    "opening_share": ("opening", "share of contacts that open while a wave passes"),
-    "slip_loss": ("loss", "share of the source's work that slip dissipates"),
-    "slip_sharing": ("sharing", "number of contacts that share what slip dissipates"),
+    "odd_part": "change of the odd part of waves pushed both ways from the linear one",
+    "even_part": "largest even part of waves pushed both ways over the odd one",
+    "second_harmonic": "twice the pulse's frequency over that, root mean squares",
+    "slipping_share": "share of contacts that slide while a wave passes",
+    "opening_share": "share of contacts that open while a wave passes",
+    "slip_loss": "share of the source's work that slip dissipates",
+    "slip_sharing": "number of contacts that share what slip dissipates",
 }
-"""Name: a field of `FiniteAmplitude`, and what it is.
+"""Names, and what they are.
 
 Where nothing slides the odd part grows as the square of the amplitude, the even one and the second
-harmonic, of the chain, as the amplitude. Shares are of both waves together, the loss their mean.
+harmonic, root mean squares over the chain, as the amplitude. Shares are of both waves together, the
+loss their mean; contacts share it as many would that all dissipate alike, (sum e)^2 over sum e^2.
 """
-COUNTED = "slipping", "opening", "sharing"
+COUNTED = "slipping_share", "opening_share", "slip_sharing"
 """What has no error but the choice of the packing."""
 AMPLITUDE = tuple(OF_AMPLITUDE)
 
 
 @once
-def finite(m: Measuring) -> FiniteAmplitude:
-    """Waves of the sample that are pushed both ways by each of the amplitudes."""
+def finite(m: Measuring) -> dict[str, Floats]:
+    """Over amplitudes (na,) what waves of the sample do that are pushed both ways by each.
+
+    Pulses u = A (1 - cos 2 pi f t) with +A and with -A; and `error` (na,): of the time steps, and
+    of what the packing does without a wave.
+    """
+    if len(m.amplitudes) == 0:
+        raise InputError("it is measured of a sample over amplitudes, which were not given")
     if m.sample is None:
         raise InputError("waves of finite amplitude are those of a sample, with its friction")
-    motion = m.source or own_pulse(m.network)
-    rate = affine_frequency(m.network) * m.diameter / m.network.length
-    return finite_amplitude(m.sample, m.amplitudes, motion.frequency, PASSAGES / rate)
+    if not all(0 < size < np.inf for size in m.amplitudes):
+        raise InputError(f"amplitudes {list(m.amplitudes)}: give positive ones, in m")
+    frequency, rows = (m.source or m.pulse).frequency, []
+    duration = PASSAGES / (m.affine_frequency * m.diameter / m.network.length)
+    wave = partial(modal.propagate, m.sample, duration)
+    for size in m.amplitudes:
+        ahead = wave(nonlinear=True, motion=Pulse(size, frequency))
+        # All three in the same steps: their common error is none of the amplitude's.
+        step = ahead.signals.time_step
+        same: dict[str, Any] = {"motion": Pulse(-size, frequency), "time_step": step}
+        back = wave(nonlinear=True, **same)
+        linear = -wave(pre_stress="full", **same).signals.chain_displacement
+        u, v = ahead.signals.chain_displacement, back.signals.chain_displacement
+        odd, even = (u - v) / 2, (u + v) / 2
+        phase = np.exp(-2j * np.pi * frequency * ahead.signals.time)
+        rows.append(
+            (
+                abs(odd - linear).max() / abs(linear).max(),
+                abs(even).max() / abs(odd).max(),
+                np.linalg.norm(phase**2 @ even) / np.linalg.norm(phase @ odd),
+                np.mean((ahead.dissipated > 0) | (back.dissipated > 0)),
+                np.mean(ahead.opened | back.opened),
+                np.mean([one.energy[-1, 3] / abs(one.energy[-1, 0]) for one in (ahead, back)]),
+                np.mean([_sharing(one.signals.slip_energy) for one in (ahead, back)]),
+                np.hypot(ahead.error, ahead.noise),
+            )
+        )
+    return dict(zip((*AMPLITUDE, "error"), np.array(rows, float).T, strict=True))
 
 
-def _over_amplitudes(field: str) -> Callable[[Measuring], Value]:
-    def measured(packing: Measuring) -> Value:
-        if len(packing.amplitudes) == 0:
-            raise InputError("it is measured of a sample over amplitudes, which were not given")
-        values: Floats = getattr(finite(packing), field)
-        sizes = ", ".join(f"{size:.3g}" for size in packing.amplitudes)
-        error = 0 * values if field in COUNTED else finite(packing).error
-        return Value(values, "1", {"fit": error}, (f"at amplitudes of {sizes} m",))
-
-    return measured
+def _sharing(energy: Floats | None) -> float:
+    """How many contacts share what slip dissipated; none where nothing slid."""
+    if energy is None or not energy.any():
+        return 0.0
+    return float(energy.sum() ** 2 / (energy**2).sum())
 
 
-for _name, (_field, _definition) in OF_AMPLITUDE.items():
-    on_request(_name, "1", _definition)(_over_amplitudes(_field))
+def _over_amplitudes(name: str, m: Measuring) -> Value:
+    values = finite(m)[name]
+    sizes = ", ".join(f"{size:.3g}" for size in m.amplitudes)
+    error = 0 * values if name in COUNTED else finite(m)["error"]
+    return Value(values, "1", {"fit": error}, (f"at amplitudes of {sizes} m",))
+
+
+for _name, _definition in OF_AMPLITUDE.items():
+    on_request(_name, "1", _definition)(partial(_over_amplitudes, _name))

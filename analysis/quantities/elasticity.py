@@ -11,61 +11,61 @@ from modal.elasticity.moduli import ElasticModuli
 from modal.elasticity.plane_waves import isotropic_mean
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import coordination_without_rattlers
-from modal.tools.arrays import Floats
 
-
-def _of(packing: Measuring, value: float, unit: str = "1", power: float = 1.0) -> Value:
-    """A number that goes as some power of the moduli, with what the solver has left of them."""
-    moduli = packing.moduli
-    caveats = (*moduli.remarks(), *packing.of_one_sample)
-    return Value(value, unit, {"fit": power * abs(value) * moduli.error}, caveats)
-
-
-def _along_z(moduli: ElasticModuli) -> Floats:
-    return moduli.velocities((0, 0, 1))
-
-
-OF_MODULI: tuple[tuple[str, str, float, Callable[[ElasticModuli], float], str], ...] = (
-    ("bulk_modulus", "Pa", 1, lambda m: m.bulk_modulus, "bulk modulus, mean over directions"),
-    ("shear_modulus", "Pa", 1, lambda m: m.shear_modulus, "shear modulus, mean over directions"),
-    ("poisson", "1", 1, lambda m: m.poisson, "Poisson's ratio of the isotropic solid nearest"),
-    ("anisotropy", "1", 1, lambda m: m.anisotropy, "how far from isotropic it is, 0 to 1"),
-    ("c_axial", "Pa", 1, lambda m: m.stiffness[2, 2], "stiffness of strain along z alone, C_zz"),
-    (
-        *("c_lateral", "Pa", 1, lambda m: m.stiffness.diagonal()[:2].mean()),
+POWER = {"Pa": 1.0, "1": 1.0, "m/s": 0.5}
+"""Of the moduli that a number goes as, by its unit."""
+OF_MODULI: dict[str, tuple[str, Callable[[ElasticModuli], float], str]] = {
+    "bulk_modulus": ("Pa", lambda m: m.bulk_modulus, "bulk modulus, mean over directions"),
+    "shear_modulus": ("Pa", lambda m: m.shear_modulus, "shear modulus, mean over directions"),
+    "poisson": ("1", lambda m: m.poisson, "Poisson's ratio of the isotropic solid nearest"),
+    "anisotropy": ("1", lambda m: m.anisotropy, "how far from isotropic it is, 0 to 1"),
+    "c_axial": ("Pa", lambda m: m.stiffness[2, 2], "stiffness of strain along z alone, C_zz"),
+    "c_lateral": (
+        *("Pa", lambda m: m.stiffness.diagonal()[:2].mean()),
         "the same along x and y, mean",
     ),
-    (
-        *("g_axial", "Pa", 1, lambda m: m.stiffness.diagonal()[3:5].mean()),
+    "g_axial": (
+        *("Pa", lambda m: m.stiffness.diagonal()[3:5].mean()),
         "shear modulus in planes along z, mean of yz and zx",
     ),
-    ("g_lateral", "Pa", 1, lambda m: m.stiffness[5, 5], "shear modulus in the plane across z, xy"),
-    ("v_p_moduli", "m/s", 0.5, lambda m: _along_z(m)[0], "V_P along z by the moduli, from no wave"),
-    ("v_s_moduli", "m/s", 0.5, lambda m: _along_z(m)[1:].mean(), "the same of both S-waves, mean"),
-    (
-        *("bulk_over_affine", "1", 1, lambda m: m.bulk_modulus / isotropic_mean(m.affine)[0]),
+    "g_lateral": ("Pa", lambda m: m.stiffness[5, 5], "shear modulus in the plane across z, xy"),
+    "v_p_moduli": (
+        *("m/s", lambda m: m.velocities((0, 0, 1))[0]),
+        "V_P along z by the moduli, from no wave",
+    ),
+    "v_s_moduli": (
+        *("m/s", lambda m: m.velocities((0, 0, 1))[1:].mean()),
+        "the same of both S-waves, mean",
+    ),
+    "bulk_over_affine": (
+        *("1", lambda m: m.bulk_modulus / isotropic_mean(m.affine)[0]),
         "bulk modulus over that of spheres that follow the mean strain",
     ),
-    (
-        *("shear_over_affine", "1", 1, lambda m: m.shear_modulus / isotropic_mean(m.affine)[1]),
+    "shear_over_affine": (
+        *("1", lambda m: m.shear_modulus / isotropic_mean(m.affine)[1]),
         "shear modulus over that of spheres that follow the mean strain",
     ),
-)
-"""Name, unit, the power of the moduli that it goes as, what it is of them, in words.
+}
+"""By name: unit, what it is of the moduli, in words.
 
 Of the bulk, where walls bound the packing; anisotropy as `modal.elasticity.plane_waves` has it.
 """
 
 
-def _measured(
-    unit: str, power: float, number: Callable[[ElasticModuli], float]
-) -> Callable[[Measuring], Value]:
-    return lambda packing: _of(packing, float(number(packing.moduli)), unit, power)
+def of_moduli(unit: str, number: Callable[[ElasticModuli], float]) -> Callable[[Measuring], Value]:
+    """A number of the moduli, with what the solver has left of them."""
+
+    def measured(m: Measuring) -> Value:
+        value = float(number(m.moduli))
+        caveats = (*m.moduli.remarks(), *m.of_one_sample)
+        return Value(value, unit, {"fit": POWER[unit] * abs(value) * m.moduli.error}, caveats)
+
+    return measured
 
 
-for _name, _unit, _power, _number, _definition in OF_MODULI:
+for _name, (_unit, _number, _definition) in OF_MODULI.items():
     _register = without_signal if _name in ("bulk_modulus", "shear_modulus") else on_request
-    _register(_name, _unit, _definition)(_measured(_unit, _power, _number))
+    _register(_name, _unit, _definition)(of_moduli(_unit, _number))
 
 
 @on_request(
@@ -85,4 +85,4 @@ def shear_over_indeterminacy(packing: Measuring) -> Value:
     k = float(network.stiffness_normal[inner].mean())
     spheres = moduli.density / float(network.mass[bearing].mean())
     loose = spheres * (1.5 * coordination_without_rattlers(network)[0] - 6) * diameter**3
-    return _of(packing, moduli.shear_modulus * diameter / k / loose)
+    return of_moduli("1", lambda m: m.shear_modulus * diameter / k / loose)(packing)

@@ -8,7 +8,6 @@ import numpy as np
 
 from analysis.estimators.coherent import STRETCH
 from analysis.estimators.low_pass import spectra
-from analysis.estimators.plane_waves import plane_structure_factor
 from analysis.estimators.scattering import Scattering
 from analysis.estimators.structure_factor import structure_factor
 from analysis.measuring import Measuring, once
@@ -132,7 +131,7 @@ def _width_of_lines(packing: Measuring, polarisation: str) -> Value:
         return unknown("Hz", "the cell is narrower than the shortest waves that are read")
     orders = np.concatenate([n * np.eye(3, dtype=int) for n in range(1, most + 1)])
     highest = 1.5 * velocity_of(packing) / (SHORTEST * packing.diameter)
-    found = plane_structure_factor(network, orders, polarisation, packing.line, highest)
+    found = structure_factor(network, orders, packing.line, highest, polarisation)
     places, widths = (each.reshape(most, 3) for each in found.ridge())
     power = found.power.reshape(most, 3, -1).mean(axis=1)
     peak, width = replace(found, order=orders[::3], power=power).ridge()
@@ -173,11 +172,8 @@ def scattering(m: Measuring) -> Scattering:
 
     def ridge(orders: Floats) -> Scattering:
         whole = np.unique(orders.round()).astype(int)
-        if m.walls:
-            found = structure_factor(m.network, whole, line, highest)
-        else:
-            along = whole[:, None] * np.array([0, 0, 1])
-            found = plane_structure_factor(m.network, along, "L", line, highest)
+        along = whole if m.walls else whole[:, None] * np.array([0, 0, 1])
+        found = structure_factor(m.network, along, line, highest)
         return Scattering.of(found, velocity, m.diameter)
 
     most = max(1.0, 0.5 * fit * m.network.length / m.diameter)

@@ -7,19 +7,16 @@ are called by their names, of `Measuring.record`.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from analysis.estimators.coherent import DECAY, Coherent, coherent_wave, longest_waves
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
 from analysis.estimators.effective_medium import moduli_of, of_contacts, of_means
 from analysis.estimators.layer_lattice import LayerLattice
-from analysis.estimators.own_wave import coherent_of
 from analysis.estimators.transfer import at_frequency, wall_velocity
-from analysis.estimators.travel_time import (
-    arrival_velocity,
-    first_peak_velocity,
-    first_peaks_of_columns,
-)
+from analysis.estimators.travel_time import arrival_times, first_peaks_of_columns, travelled
 from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity, without_signal
 from analysis.value import NOTHING, Value, hertz, unknown
@@ -35,6 +32,8 @@ LONGEST = 8.0
 """Wavelength, mean diameters, from which on an S-wave of a random packing counts as long."""
 OTHERS = DECAY - 1, DECAY + 1
 """Dampings of the window of the coherent wave that tell, beside the estimator's, an error."""
+HIGHEST = {True: 0.5, False: 0.2}
+"""Highest frequency of the coherent wave, in V / D, of a crystal or not."""
 LOW_ORDER = 10
 """Low frequency means that of the standing wave r = 10, wavelength L / 5."""
 LOST = "no coherent wave goes through enough of the packing to be read"
@@ -52,21 +51,22 @@ def chain(m: Measuring, key: str, order: int = 0) -> Dispersion:
 
 
 @once
-def coherent(m: Measuring, key: str) -> Coherent:
+def coherent(m: Measuring, key: str, decay: float = DECAY) -> Coherent:
     """The coherent wave of a record, of S-waves as far as they are long."""
-    record = _needed(m, key)
-    if record.direction == "z":
-        return coherent_of(m.network, record, m.crystal)
-    first = _first_peaks(m, record)[0]
-    highest = first / (LONGEST * m.diameter) if first > 0 else None
-    return coherent_wave(record, m.network.length, highest=highest)
+    record, length = _needed(m, key), m.network.length
+    if record.direction != "z":
+        first = _travelled(m, record)[0]
+        highest = first / (LONGEST * m.diameter) if first > 0 else None
+        return coherent_wave(record, length, highest=highest)
+    if m.crystal:  # slabs a diameter thick would beat with its layers
+        record = replace(record, layer_displacement=None)
+    highest = HIGHEST[m.crystal] * m.affine_frequency
+    return coherent_wave(record, length, highest=highest, decay=decay)
 
 
-@once
 def coherents(m: Measuring) -> list[Coherent]:
     """That of the P-wave under windows of three dampings: how far the window decides."""
-    others = [coherent_of(m.network, m.wave, m.crystal, decay) for decay in OTHERS]
-    return [coherent(m, "wave"), *others]
+    return [coherent(m, "wave"), *(coherent(m, "wave", decay) for decay in OTHERS)]
 
 
 @once
@@ -88,9 +88,14 @@ def _needed(m: Measuring, key: str) -> Signals:
     return record
 
 
-def _first_peaks(m: Measuring, record: Signals) -> tuple[float, float]:
-    wall = float(m.network.wall_position[0])
-    return first_peak_velocity(record, wall, m.network.length)
+def _travelled(m: Measuring, record: Signals, *times) -> tuple[float, float]:
+    return travelled(record, float(m.network.wall_position[0]), m.network.length, *times)
+
+
+def _told(value: float, error: float, scatter: float = 0.0) -> Value:
+    if not np.isfinite(value):
+        return unknown("m/s", "what comes first does not move on along the chain")
+    return Value(value, "m/s", {"fit": error, "chain": float(np.nan_to_num(scatter))})
 
 
 @once
@@ -103,9 +108,9 @@ def first_peak(m: Measuring, key: str) -> Value:
     if record is None:
         return NOTHING
     if record.direction != "z":
-        return _travelled(*_first_peaks(m, record))
+        return _told(*_travelled(m, record))
     scatter = columns(m, "wave" if key == "wave" else "linear")[1]
-    return _travelled(*_first_peaks(m, m.cut(key)), scatter)
+    return _told(*_travelled(m, m.cut(key)), scatter)
 
 
 @once
@@ -240,12 +245,4 @@ def v_p_first_peaks_columns(m: Measuring) -> Value:
 )
 def v_p_arrival(m: Measuring) -> Value:
     """Too fast where the wave broadens on its way."""
-    wall, length = float(m.network.wall_position[0]), m.network.length
-    found = _travelled(*arrival_velocity(m.cut("wave"), wall, length))
-    return found.with_caveats(*m.of_waves)
-
-
-def _travelled(value: float, error: float, scatter: float = 0.0) -> Value:
-    if not np.isfinite(value):
-        return unknown("m/s", "what comes first does not move on along the chain")
-    return Value(value, "m/s", {"fit": error, "chain": float(np.nan_to_num(scatter))})
+    return _told(*_travelled(m, m.cut("wave"), arrival_times)).with_caveats(*m.of_waves)

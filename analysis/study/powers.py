@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from analysis.estimators.power_law import power_law, straight_line
+from analysis.estimators.fits import power_law, straight_line
 from analysis.study.selection import numbers
 
 COLUMNS = "e", "power", "error", "cases", "moving", "whole"

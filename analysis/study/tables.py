@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.estimators.limit import limit
-from analysis.estimators.power_law import power_law
+from analysis.estimators.fits import limit, power_law
 from analysis.rows import Row
 from analysis.study.powers import powers
 from analysis.study.selection import numbers, select, spreads

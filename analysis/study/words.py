@@ -10,7 +10,7 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from analysis.estimators.power_law import power_law, straight_to
+from analysis.estimators.fits import power_law, straight_to
 from analysis.study.powers import powers
 from analysis.study.selection import numbers, select, spreads
 from analysis.table import number

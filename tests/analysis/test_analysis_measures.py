@@ -7,9 +7,9 @@ import pytest
 from packings import frictionless, slender
 
 from analysis.case import Case
+from analysis.estimators.fits import power_law
 from analysis.estimators.layer_lattice import lattice_signals
 from analysis.estimators.low_pass import THRESHOLDS
-from analysis.estimators.power_law import power_law
 from analysis.estimators.resonances import standing_modes
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES, passband, spectrum, velocity

@@ -16,12 +16,12 @@ from analysis.case import Case
 from analysis.estimators.chain_wavenumber import chain_wavenumber
 from analysis.estimators.coherent import coherent_wave, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion
+from analysis.estimators.fits import power_law
 from analysis.estimators.layer_lattice import LayerLattice, exact_twin, lattice_signals
 from analysis.estimators.low_pass import Passband, at_stretch
-from analysis.estimators.power_law import power_law
 from analysis.estimators.ridge import ridge
 from analysis.estimators.transfer import wall_velocity
-from analysis.estimators.travel_time import arrival_velocity, first_peak_velocity
+from analysis.estimators.travel_time import arrival_times, first_peak_times, travelled
 from analysis.measuring import Measuring
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
@@ -96,8 +96,8 @@ def test_first_peaks_bear_less_noise_than_the_damped_transform():
     """The paper's rules: 0.1 % of noise is harmless; at 2 % the 5 % arrival is lost altogether."""
     for share, bearable in ((1e-3, True), (2e-2, False)):
         damaged = noisy(FULL, share, np.random.default_rng(0))
-        peak = first_peak_velocity(damaged, 0.0, LENGTH)[0] / CHAIN.velocity - 1
-        arrival = arrival_velocity(damaged, 0.0, LENGTH)[0] / CHAIN.velocity - 1
+        peak = travelled(damaged, 0.0, LENGTH)[0] / CHAIN.velocity - 1
+        arrival = travelled(damaged, 0.0, LENGTH, arrival_times)[0] / CHAIN.velocity - 1
         assert abs(peak) < 0.015
         assert (abs(arrival) < 0.02) == bearable
 
@@ -122,10 +122,10 @@ def sent_by(motion) -> Signals:
     ],
     ids=["half", "third", "half noise", "reversed", "step down", "noise", "backward", "both ends"],
 )
-@pytest.mark.parametrize("rule", [first_peak_velocity, arrival_velocity])
+@pytest.mark.parametrize("rule", [first_peak_times, arrival_times])
 def test_times_of_arrival_give_the_velocity_or_none(rule, found):
     """The known bias of both rules on this wave is 2 % at most."""
-    value, error = rule(found, 0.0, LENGTH)
+    value, error = travelled(found, 0.0, LENGTH, rule)
     assert np.isnan([value, error]).all() or value == pytest.approx(CHAIN.velocity, rel=0.025)
 
 

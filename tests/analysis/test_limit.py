@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from analysis.__main__ import main
-from analysis.estimators.limit import limit
+from analysis.estimators.fits import limit
 from analysis.measurement import Measurement
 from analysis.study.tables import limits
 from modal.packing.sample import write_sample

@@ -25,6 +25,7 @@ from analysis.quantities.passband import band_edge, low_pass_2
 from modal.packing.contact_law import RADIUS
 from modal.packing.crystal import fcc
 from modal.waves.propagate import propagate
+from modal.waves.source import Pulse
 
 TIME = np.arange(0, 1e-3, 1e-6)
 
@@ -174,5 +175,5 @@ def test_the_end_of_the_source_is_not_taken_for_the_packings():
     for edge in band.edges(record):
         assert np.isnan(edge.value) and not edge.flat
         assert "the source sends too little" in edge.why
-    heard = lattice_signals(lattice, record.time, frequency=5e5)
+    heard = lattice_signals(lattice, record.time, Pulse(frequency=5e5))
     assert band.edges(heard)[0].value == pytest.approx(lattice.low_pass_frequency, rel=0.1)

@@ -9,8 +9,7 @@ import pytest
 import analysis
 import modal
 from analysis.__main__ import main
-from analysis.estimators.layer_lattice import LayerLattice, exact_record
-from analysis.estimators.own_wave import affine_frequency, own_wave
+from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.measurement import Measurement
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES, QUICK
@@ -229,8 +228,8 @@ def test_any_motion_of_the_wall_gives_the_same_answers(random, found):
     looked for; 1e-7 is allowed.
     """
     names = ["v_p", "v_s", "v_p_first_peaks", "low_pass", "low_pass_unbiased"]
-    frequency = affine_frequency(random)
-    for name, motion in _motions(frequency, own_wave(random).time[-1]).items():
+    frequency = Measuring(random).affine_frequency
+    for name, motion in _motions(frequency, Measuring(random).own_wave().time[-1]).items():
         given = analysis.measure(random, source=motion, quantities=names)
         for key in names:
             off = abs(given[key].value - found[key].value)
@@ -239,7 +238,7 @@ def test_any_motion_of_the_wall_gives_the_same_answers(random, found):
 
 def test_a_faint_source_is_said(random):
     """Of a slow pulse little is sent above twice its frequency: there nothing is told."""
-    slow = Pulse(frequency=0.05 * affine_frequency(random))
+    slow = Pulse(frequency=0.05 * Measuring(random).affine_frequency)
     alpha = analysis.measure(random, source=slow, quantities=["attenuation"])["attenuation"]
     (said,) = (caveat for caveat in alpha.caveats if "faint source" in caveat)
     assert alpha.at[-1] < 2 * slow.frequency and "less than 2 %" in said
@@ -254,10 +253,10 @@ def test_a_quantity_holds_on_exact_signals(name):
     """
     crystal, one = modal.fcc(), QUANTITIES[name]
     lattice = LayerLattice.of_network(crystal)
-    frequency = affine_frequency(crystal)
+    frequency = Measuring(crystal).affine_frequency
     time = np.arange(0, 1.9 * crystal.length / lattice.velocity, 0.4 / frequency)
     for motion in list(_motions(frequency, time[-1]).values())[:3]:
-        record = exact_record(lattice, motion, time)
+        record = lattice_signals(lattice, time, motion)
         told = analysis.measure(crystal, record, quantities=[name])[name]
         exact = one.exact(lattice)
         off = abs(np.asarray(told.value) - exact)
@@ -279,7 +278,7 @@ def fading(network, power, loss, seed=0):
     Without dispersion: each layer has the source's spectrum times exp(i q z).
     """
     diameter, velocity = 2 * float(network.radius.mean()), 500.0
-    own = own_wave(network)
+    own = Measuring(network).own_wave()
     time, z = own.time, own.layer_position
     count = 8 * len(time)
     f = np.fft.rfftfreq(count, time[1])

@@ -9,13 +9,13 @@ from packings import polydisperse
 from scipy.linalg import eigh
 
 import modal
-from analysis.estimators.plane_waves import (
-    plane_patterns,
-    plane_structure_factor,
+from analysis.estimators.scattering import Scattering
+from analysis.estimators.structure_factor import (
+    StructureFactor,
+    plane_waves,
+    structure_factor,
     wave_vectors,
 )
-from analysis.estimators.scattering import Scattering
-from analysis.estimators.structure_factor import StructureFactor
 from modal.packing.network import Network
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
@@ -32,7 +32,7 @@ def moments(network: Network, order: Sequence[int], polarisation: str = "L", cou
     """
     (vector,) = wave_vectors(network, np.array([order]))
     operator = ContactOperator(network, mass_scaled=True)
-    start = now = plane_patterns(network, vector, polarisation)
+    start = now = plane_waves(network, vector, polarisation)
     found = []
     for _ in range(count):
         found.append((start * now).sum())
@@ -82,9 +82,9 @@ def test_sum_rules_of_a_random_cell(cell, polarisation):
     """Weights add up to 1; the mean omega^2 is the pattern's own, as of all modes."""
     order, resolution = np.array([[1, 0, 2]]), 4e3
     A = LinearSystem.of(cell).scaled.toarray()
-    pattern = plane_patterns(cell, wave_vectors(cell, order)[0], polarisation)
+    pattern = plane_waves(cell, wave_vectors(cell, order)[0], polarisation)
     wanted = np.einsum("ip,ip", pattern, A @ pattern)
-    found = plane_structure_factor(cell, order, polarisation, resolution)
+    found = structure_factor(cell, order, resolution, None, polarisation)
     step = found.frequency[1] - found.frequency[0]
     assert found.power[0].sum() * step == pytest.approx(1, abs=0.01)
     # The kernel adds its own variance to omega^2: (resolution / 2.35)^2, at most some 1e-3 of it.
@@ -131,7 +131,7 @@ def test_long_waves_of_a_disordered_cell_have_the_velocities_of_its_moduli():
     v = modal.elastic_moduli(network).velocities((0, 0, 1))
     order = np.array([(0, 0, 1)])
     for polarisation, wanted in (("L", v[0]), ("T", v[1:].mean())):
-        found = plane_structure_factor(network, order, polarisation, 500.0, 2e4)
+        found = structure_factor(network, order, 500.0, 2e4, polarisation)
         speed = 2 * np.pi * found.ridge()[0][0] / found.wavenumber[0]
         assert speed == pytest.approx(wanted, rel=5e-3)
 
@@ -199,7 +199,7 @@ def test_refusals(cell):
         (lambda: moments(cell, (0, 0, 0)), "no wave"),
         (lambda: moments(cell, (0.5, 0, 0)), "three whole numbers"),
         (lambda: moments(cell, (1, 0, 0), "P"), "polarisation 'P'"),
-        (lambda: plane_structure_factor(cell, np.array([(1, 0, 0)]), "L", 0.0), "resolution"),
+        (lambda: structure_factor(cell, np.array([(1, 0, 0)]), 0.0), "resolution"),
         (lambda: bare.participation(slab), "no mode shapes"),
         (lambda: bare.chi("x"), "no mode shapes"),
     ):

@@ -11,7 +11,6 @@ from shear_lattice import ShearLattice
 import analysis
 import modal
 from analysis.__main__ import main
-from analysis.estimators.structure_factor import standing_waves
 from analysis.measuring import Measuring
 from analysis.quantities.amplitude import AMPLITUDE
 from modal.elasticity.plane_waves import isotropic_mean
@@ -19,7 +18,6 @@ from modal.packing import crystal as gallery
 from modal.packing.sample import sample_of_network, write_sample
 from modal.preparation.relax import relax
 from modal.theory.fcc import FccLattice
-from modal.tools.errors import InputError
 
 CRYSTAL = FccLattice(1e5)
 SPEEDS = {"v_p": CRYSTAL.velocity, "v_s": ShearLattice.of_crystal(CRYSTAL).velocity}
@@ -34,8 +32,6 @@ def test_velocities_of_the_crystal_by_moduli_and_by_waves():
     for name, exact in SPEEDS.items():
         assert found[f"{name}_moduli"].value == pytest.approx(exact, rel=1e-4)
         assert abs(found[name].value - exact) < 3 * found[name].error + 1e-4 * exact
-    with pytest.raises(InputError, match="choose x, y or z"):
-        standing_waves(modal.fcc(cells=(1, 1, 6)), np.array([1]), "w")
 
 
 def test_a_packing_without_stiffness_has_no_velocity_but_a_reason():

@@ -75,7 +75,7 @@ def test_other_distance_gives_other_ratio_to_the_diameter():
     """Spheres in a straight row are a diameter apart: 2 D, with nothing of the FCC in it."""
     row = LayerLattice(mass=1e-6, stiffness=3e6, wall_stiffness=1e6, distance=1e-3, layers=120)
     time = np.arange(0, 120 * row.distance / row.velocity, 1e-7)
-    found = ridge(lattice_signals(row, time, frequency=3e5))
+    found = ridge(lattice_signals(row, time, Pulse(frequency=3e5)))
     assert found.edge_wavelength == pytest.approx(2e-3, rel=1e-2)
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from packings import polydisperse
 from scipy.linalg import eigh
+from shear_lattice import driven_by_pulse
 
 import modal
 from analysis.__main__ import main as analysis_main
-from analysis.estimators.layer_lattice import driven_by_pulse
 from modal.__main__ import main
 from modal.packing.network import write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
