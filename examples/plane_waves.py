@@ -34,11 +34,12 @@ for path in sorted(HOME.glob("friction*.json")):
     cell |= {"f_star": SLOPE * (z - 4) * value["highest_frequency"]}
     curves = found["curves"]
     if "attenuation" in curves:
-        # An amplitude that falls as exp(-alpha x) loses its energy in a line alpha V / pi wide.
-        f, alpha, error = np.array(curves["attenuation"])
-        scale = value["v_p_moduli"] / np.pi / f
-        told = alpha > 2 * error
-        cell["P"] = f[told], (scale * alpha)[told], (scale * error)[told]
+        # What falls as exp(-alpha x) has a line alpha v / pi wide, v the group velocity; results of
+        # before do not have it, and V_P of the moduli stands for it.
+        f, width, error = np.array(curves.get("scattering_of_pulse", curves["attenuation"]))
+        scale = 1 if "scattering_of_pulse" in curves else value["v_p_moduli"] / np.pi
+        told = width > 2 * error
+        cell["P"] = f[told], (scale * width / f)[told], (scale * error / f)[told]
         pulses.append(cell)
     else:
         for wave, name in WAVES.items():

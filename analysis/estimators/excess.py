@@ -8,7 +8,7 @@ highest, which makes the ratio a number: 3 for Debye's density with no other mod
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,13 +19,18 @@ TENTH = 0.1
 """Part of the highest frequency at which packings are compared."""
 
 
-@dataclass(frozen=True)
-class Excess:
-    """frequency (n,) over the highest, `highest` Hz; reduced (n,) D f_max^3 / f^2, D a share."""
+class Excess(NamedTuple):
+    """frequency (n,) over the highest; reduced (n,) D f_max^3 / f^2, D a share of all modes.
+
+    `at_a_tenth` is the ratio at a tenth of the highest frequency, `peak` the largest, at
+    `peak_frequency`, Hz; NaN where they are not known, the peak also at the lowest frequency known.
+    """
 
     frequency: np.ndarray
     reduced: np.ndarray
-    highest: float
+    at_a_tenth: float
+    peak: float
+    peak_frequency: float
 
     @staticmethod
     def of(frequency: np.ndarray, density: np.ndarray, modes: float, highest: float) -> Excess:
@@ -39,29 +44,8 @@ class Excess:
         first = FIRST_LINES * (frequency[1] - frequency[0])
         keep = (frequency > first) & (frequency < highest)
         f = frequency[keep] / highest
-        return Excess(f, density[keep] / modes * highest / f**2, highest)
-
-    @property
-    def at_a_tenth(self) -> float:
-        """The ratio at a tenth of the highest frequency; NaN where the density is not known."""
-        if len(self.frequency) < 2:
-            return np.nan
-        return float(np.interp(TENTH, self.frequency, self.reduced, np.nan, np.nan))
-
-    @property
-    def _top(self) -> int:
-        """Place of the maximum; 0, where it may lie below all that is known."""
-        return int(np.argmax(self.reduced)) if len(self.reduced) else 0
-
-    @property
-    def peak(self) -> float:
-        """The largest ratio; NaN where it is at the lowest frequency known."""
-        return float(self.reduced[self._top]) if self._top else np.nan
-
-    @property
-    def peak_frequency(self) -> float:
-        """Hz of the largest ratio; NaN likewise."""
-        return float(self.frequency[self._top] * self.highest) if self._top else np.nan
-
-
-UNKNOWN = Excess(np.empty(0), np.empty(0), np.nan)
+        reduced = density[keep] / modes * highest / f**2
+        tenth = float(np.interp(TENTH, f, reduced, np.nan, np.nan)) if len(f) > 1 else np.nan
+        top = int(np.argmax(reduced)) if len(f) else 0
+        peak = (float(reduced[top]), float(f[top] * highest)) if top else (np.nan, np.nan)
+        return Excess(f, reduced, tenth, *peak)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from analysis.figures import beyond, modes, packing, shear, spectra, velocities, waves
+from analysis.figures import beyond, modes, packing, spectra, velocities, waves
 from analysis.figures import cases as of_cases
 from analysis.figures.picture import Picture
 from analysis.figures.render import save
@@ -16,8 +15,7 @@ from analysis.rows import row_of
 from modal.tools.errors import InputError
 
 
-@dataclass(frozen=True)
-class Entry:
+class Entry(NamedTuple):
     """A figure: its numbers in the paper, its function of cases or of their rows, and of which."""
 
     number: str
@@ -51,7 +49,6 @@ FIGURES: dict[str, Entry] = {
     "low_pass_rules": Entry("", beyond.low_pass_rules, of_rows=True),
     "low_pass_chains": Entry("", waves.low_pass_chains),
     "structure": Entry("", spectra.structure),
-    "shear_waves": Entry("", shear.shear_waves),
 }
 
 
@@ -61,7 +58,15 @@ def compose(name: str, cases: list[Measuring]) -> Picture:
         known = ", ".join(FIGURES)
         raise InputError(f"{name!r} is not a figure; choose one of {known}")
     entry = FIGURES[name]
-    return entry.function([row_of(m) for m in cases] if entry.of_rows else cases)
+    rows = [row_of(m) for m in cases] if entry.of_rows else []
+    picture = entry.function(rows or cases)
+    if not picture.shown:
+        what = ", ".join(dict.fromkeys(panel.ylabel or panel.title for panel in picture.panels))
+        why = next((f" ({note})" for row in rows for note in row.notes), "")
+        raise InputError(
+            f"{name}: nothing to draw, for no case here has {what}{why}; add a longer packing"
+        )
+    return picture
 
 
 def draw(name: str, cases: list[Measuring], stem: Path) -> list[Path]:

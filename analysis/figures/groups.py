@@ -111,7 +111,8 @@ def scatter(
     """The `points` of all groups; `side_by_side` a little apart on a logarithmic axis, joined."""
     groups = styles(rows)
     for k, (_, members, style) in enumerate(groups):
-        moved = 1.5 ** (k / max(1, len(groups) - 1) - 0.5) if side_by_side else 0.0
+        middle = (len(groups) - 1) / 2
+        moved = 1.5 ** ((k - middle) / max(1.0, 2 * middle)) if side_by_side else 0.0
         points(panel, members, style, y, moved=moved, **given)
 
 

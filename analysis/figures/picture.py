@@ -98,6 +98,16 @@ class Picture:
     columns: int = 1
     shape: tuple[float, float] | None = None
 
+    @property
+    def shown(self) -> bool:
+        """Whether there is a point of any case: neither straight lines nor a legend alone."""
+        series = [one for panel in self.panels for one in panel.series]
+        return any(
+            np.isfinite(one.x).any() and np.isfinite(one.y).any()
+            for one in series
+            if one.kind not in ("vline", "hline")
+        )
+
 
 def columns_for(count: int) -> int:
     """Columns that leave no part of a grid of panels blank: 1, 2, 3, 2 x 2, then three a row."""

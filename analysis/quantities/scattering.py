@@ -117,6 +117,23 @@ def ioffe_regel(m: Measuring) -> Value:
     return Value(found.limit, "Hz", {"resolution": near / 2}, caveats)
 
 
+@on_request(
+    "scattering_of_pulse", "Hz", "width of the line that a pulse's decay makes, alpha v / pi"
+)
+def scattering_of_pulse(m: Measuring) -> Value:
+    """Over frequency; v is the measured group velocity, at which the energy moves on.
+
+    What fades as exp(-alpha x) in space fades as exp(-alpha v t) in time: a line so wide.
+    """
+    alpha, velocity = attenuation_of(m)
+    if alpha.at is None:
+        return unknown("Hz", *alpha.caveats)
+    rate = velocity / np.pi
+    return Value(
+        rate * alpha.value, "Hz", {"resolution": rate * alpha.error}, alpha.caveats, alpha.at
+    )
+
+
 def _width_of_lines(packing: Measuring, polarisation: str) -> Value:
     """Full width of the line of plane waves along the three axes of a periodic cell, Hz.
 

@@ -294,11 +294,13 @@ def fading(network, power, loss, seed=0):
 def test_attenuation_and_unbiased_low_pass_are_those_of_the_signals(random, power, loss):
     """alpha at every frequency, and where alpha 50 D = ln 50, known beforehand."""
     record, scale = fading(random, power, loss)
-    names = ["attenuation", "low_pass_unbiased"]
-    alpha, edge = analysis.measure(random, record, quantities=names).values()
+    names = ["attenuation", "low_pass_unbiased", "scattering_of_pulse"]
+    alpha, edge, line = analysis.measure(random, record, quantities=names).values()
     diameter = 2 * random.radius.mean()
     exact = loss / diameter * (np.array(alpha.at) / scale) ** power
     assert (abs(alpha.value - exact) < 2 * alpha.error + 0.03 * exact).all()
+    # At 500 m/s, whatever V_P the contacts give: the group velocity is that of the record.
+    assert line.value == pytest.approx(alpha.value * 500 / np.pi, rel=0.02)
     wanted = scale * (np.log(50) / 50 / loss) ** (1 / power)
     known = np.hypot(edge.parts["fit"], edge.parts["chain"])  # without that of one draw
     assert edge.value == pytest.approx(wanted, abs=2 * known + 0.01 * wanted)

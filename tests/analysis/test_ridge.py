@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from exact_crystal import CHAIN, noisy
 from scipy.linalg import eigh
+from shear_lattice import driven_by_pulse
 
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.ridge import ridge
@@ -11,6 +12,7 @@ from analysis.measuring import Measuring
 from analysis.quantities.passband import edge_wavelength, wavelength_at
 from modal.packing.crystal import fcc
 from modal.waves.signals import Signals
+from modal.waves.source import Pulse
 
 DIAMETER = np.sqrt(2) * CHAIN.distance
 
@@ -30,19 +32,12 @@ def second_neighbours(share: float, passages: float) -> Signals:
         stiffness[i + reach, i] -= c
     stiffness[[0, -1], [0, -1]] += CHAIN.wall_stiffness
     square, shape = eigh(stiffness / CHAIN.mass)
-    omega, drive = np.sqrt(square), 2 * np.pi * 1e5
     velocity = np.sqrt(1 + 4 * share) * CHAIN.velocity
     time = np.arange(0, passages * n * CHAIN.distance / velocity, 4e-7)
     record = lattice_signals(CHAIN, time)
 
-    def answer(t):
-        """To 1 - cos(drive t) from rest at t = 0."""
-        t = np.maximum(t, 0)[:, None]
-        beat = (np.cos(drive * t) - np.cos(omega * t)) / (omega**2 - drive**2)
-        return (1 - np.cos(omega * t)) / omega**2 - beat
-
     force = 2.5e-9 * CHAIN.wall_stiffness / CHAIN.mass * shape[0]
-    record.chain_displacement = (force * (answer(time) - answer(time - 1e-5))) @ shape.T
+    record.chain_displacement = (force * driven_by_pulse(time, np.sqrt(square), 1e5)) @ shape.T
     return record
 
 
