@@ -20,7 +20,7 @@ STRESS_MARKS = {1e4: "o", 1e5: "s", 1e6: "^", 1e7: "D"}
 EDGE: dict[str, Any] = {"color": "k", "ls": "none", "mec": "k", "mew": 0.5, "ms": 5}
 STATED = EDGE | {"marker": "*", "ms": 11, "mfc": "none", "mew": 1.2}
 THIN: dict[str, Any] = {"lw": 0.7, "ls": "-", "zorder": 1.5}
-LOG = {"xscale": "log", "yscale": "log"}
+LOG: dict[str, Any] = {"xscale": "log", "yscale": "log"}
 CONTACTS = "coordination_number_bearing"
 ISOSTATIC = 4
 """Contacts of a sphere with friction below which a packing is floppy."""
@@ -95,7 +95,7 @@ def points(
         panel.line(at, value, color=style["color"], **THIN)
     known = np.isfinite(value) & (error > 0)
     if (error > 0).any():
-        look = {"color": "k", "lw": 0.6, "capsize": 1.5, "zorder": 1.9}
+        look: dict[str, Any] = {"color": "k", "lw": 0.6, "capsize": 1.5, "zorder": 1.9}
         panel.add("error", at[known], value[known], error[known], **look)
     for k in np.flatnonzero(np.isfinite(at) & np.isfinite(value)):
         panel.line(at[k : k + 1], value[k : k + 1], marker=mark(members[k]), **style)
