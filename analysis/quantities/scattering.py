@@ -123,15 +123,20 @@ def ioffe_regel(m: Measuring) -> Value:
 def scattering_of_pulse(m: Measuring) -> Value:
     """Over frequency; v is the measured group velocity, at which the energy moves on.
 
-    What fades as exp(-alpha x) in space fades as exp(-alpha v t) in time: a line so wide.
+    What fades as exp(-alpha x) in space fades as exp(-alpha v t) in time: a line so wide. Under the
+    window exp(-eta t) the wave number is less by eta d alpha / d omega, by whose derivative the
+    slowness is off: that is in the error, and not taken off, as two derivatives are noise.
     """
     alpha, velocity = attenuation_of(m)
     if alpha.at is None:
         return unknown("Hz", *alpha.caveats)
-    rate = velocity / np.pi
-    return Value(
-        rate * alpha.value, "Hz", {"resolution": rate * alpha.error}, alpha.caveats, alpha.at
-    )
+    wave = coherents(m)[0]
+    omega = 2 * np.pi * wave.frequency
+    bend = np.gradient(np.gradient(wave.attenuation, omega), omega)
+    off = velocity * wave.resolution * np.interp(alpha.at, wave.frequency, bend)
+    value = velocity / np.pi * alpha.value
+    parts = {"fit": value * off, "resolution": velocity / np.pi * alpha.error}
+    return Value(value, "Hz", parts, alpha.caveats, alpha.at)
 
 
 def _width_of_lines(packing: Measuring, polarisation: str) -> Value:

@@ -299,8 +299,9 @@ def test_attenuation_and_unbiased_low_pass_are_those_of_the_signals(random, powe
     diameter = 2 * random.radius.mean()
     exact = loss / diameter * (np.array(alpha.at) / scale) ** power
     assert (abs(alpha.value - exact) < 2 * alpha.error + 0.03 * exact).all()
-    # At 500 m/s, whatever V_P the contacts give: the group velocity is that of the record.
-    assert line.value == pytest.approx(alpha.value * 500 / np.pi, rel=0.02)
+    # At 500 m/s, whatever V_P the contacts give; what the window does to it is in the error.
+    wide = alpha.value * 500 / np.pi
+    assert (abs(line.value - wide) < abs(line.parts["fit"]) + 0.02 * wide).all()
     wanted = scale * (np.log(50) / 50 / loss) ** (1 / power)
     known = np.hypot(edge.parts["fit"], edge.parts["chain"])  # without that of one draw
     assert edge.value == pytest.approx(wanted, abs=2 * known + 0.01 * wanted)
