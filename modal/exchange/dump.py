@@ -170,7 +170,7 @@ def packing_of(
     def either(*options: str) -> str:
         return next((name for name in options if rows.has(name)), options[0])
 
-    places = [either(axis, f"{axis}u") for axis in "xyz"]
+    places = [either(axis, f"{axis}u", f"{axis}s") for axis in "xyz"]
     size, heavy = either("radius", "diameter"), either("mass", "rmass", "density")
     further = {"kind": "type"} if typed or rows.has("type") else {}
     further |= {"body": body} if body else {}
@@ -184,6 +184,9 @@ def packing_of(
     # Radii count in overlaps as positions do; those that few digits hold are exact.
     rounded = rows.digits(size) in ROUNDED
     step = last_step(position, digits)
+    if "xs" in places:
+        step *= float((frame.high - frame.low).max())
+        position = frame.low + position * (frame.high - frame.low)
     coarse = max(frame.rounding, last_step(radius, rows.digits(size)) * rounded)
     if coarse > step:
         step, digits = coarse, min(digits, ROUNDED[0])

@@ -162,6 +162,21 @@ def test_step_chooses_one_time_of_a_dump(given):
     files.refused("2 times .7, 8., but no step 9", step=9)
 
 
+def test_places_in_parts_of_the_box_are_places(given):
+    """Columns xs, ys, zs, as `dump atom` of LAMMPS has them: positions to a few eps of the box."""
+    made = program_files.packing(True)
+    files = given("lammps", made)
+    lines = files.spheres.read_text().splitlines(keepends=True)
+    low, high = np.loadtxt(lines[5:8]).T
+    rows = np.loadtxt(lines[9:])
+    rows[:, 2:5] = (rows[:, 2:5] - low) / (high - low)
+    lines[8] = lines[8].replace(" x y z ", " xs ys zs ")
+    files.spheres.write_text("".join(lines[:9]) + program_files.lines(rows))
+    found = files.network()
+    np.testing.assert_allclose(found.position, made.position, rtol=0, atol=1e-15 * high.max())
+    same(found, made, f"particle_i particle_j {STIFFNESSES}", 1e-9)
+
+
 def test_narrow_period_is_refused(given):
     """Within two diameters a sphere may touch another one and its image."""
     files = given("lammps", modal.fcc(cells=(2, 4, 6)))
