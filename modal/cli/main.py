@@ -79,6 +79,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         command = command_of(options.command)
         skip = getattr(options, "skip_current", False)
         options.made, options.remarks = None, []
+        getattr(command, "in_force", lambda _: None)(options)
         if hasattr(command, "read_product") and options.output:
             options.made = made_by(options.command, vars(options), arguments)
         elif skip:

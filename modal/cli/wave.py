@@ -80,6 +80,12 @@ ASKED = (
 read_product = partial(read_signals, of_any_source=True)
 
 
+def in_force(options: Given) -> None:
+    """The tolerance of the wave that is asked for, where none is given."""
+    if options.tolerance is None:
+        options.tolerance = ACCURACY if options.nonlinear else TOLERANCE
+
+
 def asked_of(options: Given) -> dict[str, Any]:
     """What the options of the source say, and the pre-stress."""
     source: Source = Wall() if options.point is None else Point(options.point)

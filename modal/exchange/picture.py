@@ -12,15 +12,15 @@ format, and common writers of it round positions to 8 decimals; here they have 1
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
 
 import numpy as np
 
-from modal.formats.hdf5 import write_whole
+from modal.formats.hdf5 import HOST, unwritable, write_whole
 from modal.packing.network import Network
 from modal.packing.state import contacts_per_particle
 from modal.tools.arrays import Array, Floats
@@ -158,10 +158,14 @@ def _write_mesh(
         ) from None
     of_cells = {name: [data] for name, data in (cell_data or {}).items()}
     mesh = meshio.Mesh(points, [cells], point_data, of_cells)
-    with TemporaryDirectory() as folder:
-        written = Path(folder) / "mesh.vtu"
-        mesh.write(written)
-        write_whole(path, written.read_bytes())
+    partial = path.with_name(f".{path.stem}.{HOST}.{os.getpid()}.part.vtu")
+    try:
+        mesh.write(partial, file_format="vtu")
+        write_whole(path, partial.read_bytes())
+    except OSError as error:
+        raise unwritable(path, error) from error
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def write_xyz(path: Path, network: Network, frames: Frames, *, series: bool) -> list[str]:

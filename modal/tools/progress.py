@@ -3,6 +3,8 @@
 Both go to standard error, so that results can be read from standard output.
 """
 
+from __future__ import annotations
+
 import math
 import sys
 import time
@@ -30,9 +32,10 @@ class Minute:
         if now - Minute._asked > LOG_INTERVAL:
             Minute._said = now
 
-    def passed(self, interval: float = LOG_INTERVAL) -> bool:
+    def passed(self, interval: float | None = None) -> bool:
         """Whether a minute, or the `interval`, s, has gone since something was said last."""
         now = Minute._asked = time.monotonic()
+        interval = LOG_INTERVAL if interval is None else interval
         if now - Minute._said <= interval or now - self._begun <= interval / 10:
             return False
         Minute._said = now
@@ -65,9 +68,12 @@ def progress(count: int, label: str) -> Generator[int, None, None]:
             part = (k + 1) / count
             left = (time.monotonic() - start) * (1 / part - 1)
             told = f"{100 * part:3.0f} %, {duration(left)} left"
-            bar = f"\r{label} [{'#' * int(WIDTH * part):<{WIDTH}}] {told} "
-            line = bar if terminal else f"{label}: step {k + 1} of {count}, {told}\n"
-            print(line, end="", file=sys.stderr, flush=True)
+            if terminal:
+                sys.stderr.write(f"\r{label} [{'#' * int(WIDTH * part):<{WIDTH}}] {told} ")
+            else:
+                sys.stderr.write(f"{label}: step {k + 1} of {count}, {told}\n")
+            sys.stderr.flush()
     finally:
         if terminal:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
+            sys.stderr.write("\r\033[K")
+            sys.stderr.flush()

@@ -158,11 +158,14 @@ def test_a_name_in_a_folder_need_be_no_number(folder, tmp_path, capsys):
 def test_linear_waves_are_no_record(folder, tmp_path):
     """`modal wave` of the same springs would stand in the columns of the DEM run."""
     wave = tmp_path / "w.h5"
-    command = ["wave", str(folder / "heap.h5"), "--duration", "2e-5", "-o", str(wave)]
+    command = ["wave", str(folder / "heap.h5"), "--duration", "1e-4", "-o", str(wave)]
     assert modal_main(command) == 0
     (case,) = cases_of_files([folder / "heap.h5", wave])
-    # The other program's record, which lies beside the packing, is.
-    assert Measuring.of(case).yade.producer == "other DEM" and "linear wave" in case.notes[0]
+    assert Measuring.of(case).yade is None
+    assert any("linear wave" in note for note in case.notes)
+    # The other program's record, which lies beside the packing, is one.
+    (case,) = cases_of_files([folder / "heap.h5"])
+    assert Measuring.of(case).yade.producer == "other DEM"
 
 
 def test_what_does_not_belong_is_refused(folder, tmp_path, capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import program_files
 import pytest
@@ -38,6 +39,8 @@ def read(path, spheres=30, log=None):
 def test_a_program_is_one_file(tmp_path, monkeypatch, capsys):
     (tmp_path / "own_program.py").write_text(OWN)
     monkeypatch.setattr(programs, "__path__", [*programs.__path__, str(tmp_path)])
+    # The command asks for the programs when it is loaded.
+    monkeypatch.delitem(sys.modules, "modal.cli.importing", raising=False)
     (tmp_path / "x.txt").write_text("own format\n")
     assert modal.read(tmp_path / "x.txt").n_particles == 30
     assert modal.read(tmp_path / "x.txt", spheres=20).n_particles == 20
