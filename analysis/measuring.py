@@ -29,8 +29,7 @@ from modal.packing.plausibility import CRYSTALLINE
 from modal.packing.sample import Sample
 from modal.packing.state import FORCES, profile, stress_tensor
 from modal.packing.summary import crystalline_shares
-from modal.solvers.spectrum import bound_of_spectrum
-from modal.system.operator import ContactOperator
+from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
@@ -374,7 +373,7 @@ class Measuring:
     @cached_property
     def line(self) -> float:
         """`LINE` of the highest frequency, Hz, to three digits: an iteration bounds it."""
-        top, _ = bound_of_spectrum(ContactOperator(self.network, mass_scaled=True))
+        top = LinearSystem.of(self.network).top
         return float(f"{LINE * np.sqrt(top) / (2 * np.pi):.3g}")
 
     @cached_property

@@ -78,6 +78,17 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
         assert (found.residual < 10 * residual_promised(system, found)).all()
 
 
+def test_lowest_modes_by_a_polynomial(monkeypatch):
+    """As many as are asked, below a frequency that a density of states tells: as dense."""
+    monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
+    monkeypatch.delattr("modal.system.linear_system.factorise")
+    system = LinearSystem.of(diluted(0.35, 5, layers=7), limits=Limits(dense=0))
+    elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
+    found = lowest_modes(system, 30)
+    assert found.certified and "a vector" in found.attributes["solver"]
+    assert found.frequency == pytest.approx(elastic[:30], rel=1e-8)
+
+
 def test_what_a_polynomial_is_not_for(monkeypatch):
     """A named solver, a lower end inside, half of the spectrum, or no memory: a factor."""
     dear, free = Cost(0.0, 1e13, 0.0), Cost(1e6, 0.0, 0.0)
