@@ -116,6 +116,9 @@ def test_packings_are_isostatic_or_denser_and_uncrystallised():
     assert 0.48 < found["void_ratio"] < 0.64
     # Isotropic: a third along each axis; 900 normals scatter by 0.3 / sqrt(900).
     assert found["fabric_diagonal"] == pytest.approx([1 / 3] * 3, abs=0.03)
+    # Contacts and both walls bear the pressure, to some times the tolerance of 1e-3.
+    assert found["stress_pa"] == pytest.approx([1e6] * 3, rel=5e-3)
+    assert found["wall_stress_pa"] == pytest.approx([1e6] * 2, rel=5e-3)
 
 
 def _pack(folder, *more):
