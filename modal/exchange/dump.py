@@ -19,7 +19,7 @@ from modal.exchange.input_script import Script
 from modal.exchange.law import SI, Units
 from modal.exchange.particles_and_contacts import WALLS, Cell, Packing, ends_of
 from modal.exchange.registry import File
-from modal.exchange.rows import Rows, fault, last_step, open_bytes, shown, significant_digits
+from modal.exchange.rows import Rows, fault, last_step, shown, significant_digits, text_lines
 from modal.exchange.words import Words
 from modal.tools.arrays import Array, Bools, Floats, Ints
 
@@ -51,9 +51,9 @@ class Frame:
     low: Floats
     high: Floats
     periodic: Bools
-    rows: Rows
     rounding: float
     units: str
+    rows: Rows
 
 
 def of_liggghts(file: File) -> bool:
@@ -65,50 +65,47 @@ def of_liggghts(file: File) -> bool:
 def frame_of(path: str | Path, kind: str, step: int | None) -> Frame:
     """The frame of this step, or the only one; `kind` is ATOMS or ENTRIES.
 
-    InputError where a dump has several times and `step` chooses none of them.
+    InputError where a dump has several times and `step` chooses none of them. Rows of other times
+    are passed over.
     """
-    frames = _frames(Path(path), kind)
-    if not frames:
+    steps, said, lines = list[int](), dict[str, list[list[str]]](), text_lines(path)
+    for number, line in lines:
+        item, *title = line.split() or [""]
+        if item and (item != "ITEM:" or not title):
+            what = f"{shown(line.strip())} where ITEM: and its name should stand"
+            fault(path, what, "give a text dump, style custom or local", number)
+        elif item and title[0] not in ITEMS:
+            values = itertools.islice(lines, 3 if title[0] == "BOX" else 1)
+            said[title[0]] = [title, *(value.split() for _, value in values)]
+        elif item:
+            if title[0] != kind:
+                what = f"ITEM: {title[0]} where {ITEMS[kind]} belong"
+                fault(path, what, "give the files in the other order", number)
+            count, head = _head(path, said, number)
+            texts = [row for _, row in itertools.islice(lines, count)]
+            steps.append(head["step"])
+            if step in (None, steps[-1]):
+                if (there := len(texts)) < count:
+                    what = f"{there} rows of {count}: the file ends in the middle"
+                    fault(path, what, "let the program finish writing it", number + 1 + there)
+                rows = Rows(Path(path), tuple(title[1:]), texts, number + 1)
+                found = Frame(rows=rows, **head)
+    if not steps:
         fault(path, f"no ITEM: {kind}", "give a text dump of LAMMPS or LIGGGHTS")
-    if step is None and len(frames) == 1:
-        return frames[0]
-    steps = [frame.step for frame in frames]
-    if step not in steps:
+    if step not in steps if step is not None else len(steps) > 1:
         some = ", ".join(map(str, steps[:SEVERAL])) + ", ..." * (len(steps) > SEVERAL)
         what = f"it has {len(steps)} times ({some})" + f", but no step {step}" * (step is not None)
         fault(path, what, f"dump both files at one step, chosen with --step, such as {steps[-1]}")
-    return frames[len(steps) - 1 - steps[::-1].index(step)]
+    return found
 
 
-def _frames(path: Path, kind: str) -> list[Frame]:
-    """All times of a dump, whose rows are passed over."""
-    frames, said = list[Frame](), dict[str, list[list[str]]]()
-    with open_bytes(path) as file:
-        lines = (line.decode("utf-8", "replace") for line in iter(file.readline, b""))
-        number = 0
-        for line in lines:
-            number += 1
-            item, *title = line.split() or [""]
-            if item and (item != "ITEM:" or not title):
-                what = f"{shown(line.strip())} where ITEM: and its name should stand"
-                fault(path, what, "give a text dump, style custom or local", number)
-            elif item and title[0] in ITEMS:
-                if title[0] != kind:
-                    what = f"ITEM: {title[0]} where {ITEMS[kind]} belong"
-                    fault(path, what, "give the files in the other order", number)
-                frames.append(_frame(path, said, title[1:], file.tell(), number))
-                number += sum(1 for _ in itertools.islice(file, frames[-1].rows.count))
-            elif item:
-                values = list(itertools.islice(lines, 3 if title[0] == "BOX" else 1))
-                said[title[0]] = [title, *map(str.split, values)]
-                number += len(values)
-    return frames
+def _head(
+    path: str | Path, said: dict[str, list[list[str]]], line: int
+) -> tuple[int, dict[str, Any]]:
+    """The number of rows, and what a frame has beside them, by name.
 
-
-def _frame(
-    path: Path, said: dict[str, list[list[str]]], columns: list[str], offset: int, line: int
-) -> Frame:
-    """One time, of what was `said` behind each ITEM before its rows: the title, then the lines."""
+    Of what was `said` behind each ITEM before them: the title, then the lines.
+    """
     try:
         title, *bounds = said["BOX"]
         box = np.array([row[:2] for row in bounds], float)
@@ -126,9 +123,9 @@ def _frame(
     periodic = np.array([word.startswith("p") for word in title[-3:]])
     digits = significant_digits([word for row in bounds for word in row[:2]])
     rounding = last_step(box, digits) if periodic.any() and digits in ROUNDED else 0.0
-    rows = Rows(path, tuple(columns), offset, line + 1, count)
     units = " ".join(*said.get("UNITS", [[], []])[1:])
-    return Frame(step, box[:, 0], box[:, 1], periodic, rows, rounding, units)
+    own = {"periodic": periodic, "rounding": rounding, "units": units}
+    return count, {"step": step, "low": box[:, 0], "high": box[:, 1], **own}
 
 
 def opened(path: Path, given: Mapping[str, Any], script: Script) -> tuple[Frame, Units]:

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from modal.exchange.rows import fault, read_lines
+from modal.exchange.rows import fault, text_lines
 from modal.exchange.words import Words
 from modal.tools.errors import InputError
 
@@ -119,7 +119,7 @@ def _lines(path: str | Path) -> Iterator[tuple[int, list[str]]]:
 
     InputError for a line that may count, and whose variables have no value.
     """
-    lines = iter(enumerate(read_lines(path), 1))
+    lines = text_lines(path)
     waiting: dict[str, tuple[int, re.Pattern[str]]] = {}
     printed = None
     for number, line in lines:

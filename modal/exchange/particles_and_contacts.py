@@ -216,7 +216,7 @@ class Contacts:
         Else with the `name` of the file of the spheres.
         """
         if self.listed is not None:
-            self.listed.refuse(wrong[: self.listed.count], what, do)
+            self.listed.refuse(wrong[: len(self.listed.texts)], what, do)
         if wrong.any():
             fault(name, what(int(np.argmax(wrong))), do)
 

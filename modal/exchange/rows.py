@@ -52,24 +52,23 @@ def open_bytes(path: str | Path) -> Iterator[IO[bytes]]:
         fault(path, str(error), "the archive is damaged, write it again")
 
 
-def read_lines(path: str | Path) -> list[str]:
-    """All lines of a text file, without their ends."""
-    with open_bytes(path) as file:
-        return file.read().decode("utf-8", "replace").splitlines()
+def text_lines(path: str | Path) -> Iterator[tuple[int, str]]:
+    """Number, from 1, and text of each line, without the byte order mark of a spreadsheet."""
+    with open_bytes(path) as file, io.TextIOWrapper(file, "utf-8-sig", "replace") as text:
+        yield from enumerate(text, 1)
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of named columns in a text file: where they start, and how many they are.
+    """Rows of named columns in a text file: their texts, and the number of the first, from 1.
 
-    `offset` in bytes, `line` the number of the first row, from 1; `separator` None for blanks.
+    `separator` None for blanks.
     """
 
     path: Path
     columns: tuple[str, ...]
-    offset: int
+    texts: Sequence[str]
     line: int
-    count: int
     separator: str | None = None
 
     def has(self, *names: str) -> bool:
@@ -90,14 +89,14 @@ class Rows:
     def refuse(
         self, wrong: Bools, what: str | Callable[[int], str], do: str, column: str = ""
     ) -> None:
-        """InputError, with its line, for the first row that is `wrong` (count,)."""
+        """InputError, with its line, for the first row that is `wrong` (n,)."""
         if wrong.any():
             row = int(np.argmax(wrong))
             text = what if isinstance(what, str) else what(row)
             fault(self.path, text, do, self.line + row, column)
 
     def rising(self, keys: Ints, what: Callable[[int], str], do: str, column: str = "") -> Ints:
-        """The order (count,) in which the keys rise; InputError where one stands twice.
+        """The order (n,) in which the keys rise; InputError where one stands twice.
 
         `what` says which it is, of the row where it stands first.
         """
@@ -109,23 +108,17 @@ class Rows:
         return order
 
     def read(self, *names: str) -> Floats:
-        """Shape (count, k): the columns of these names as numbers; InputError says which is not."""
+        """Shape (n, k): the columns of these names as numbers; InputError says which is not."""
         at = [self.columns.index(name) for name in names]
-        if self.count == 0:
+        if not self.texts:
             return np.empty((0, len(at)))
-        with open_bytes(self.path) as file:
-            file.seek(self.offset)
-            text = io.TextIOWrapper(file, encoding="utf-8", errors="replace")
-            how: dict[str, Any] = {"comments": None, "delimiter": self.separator, "ndmin": 2}
-            try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("error")  # of an empty line, which shifts all rows
-                    table = np.loadtxt(text, usecols=at, max_rows=self.count, **how)
-            except (ValueError, IndexError, UserWarning):
-                self._blame(names, at)
-        if len(table) < self.count:
-            what = f"{len(table)} rows of {self.count}: the file ends in the middle"
-            fault(self.path, what, "let the program finish writing it", self.line + len(table))
+        how: dict[str, Any] = {"comments": None, "delimiter": self.separator, "ndmin": 2}
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")  # of an empty line, which shifts all rows
+                table = np.loadtxt(self.texts, usecols=at, max_rows=len(self.texts), **how)
+        except (ValueError, IndexError, UserWarning):
+            self._blame(names, at)
         bad = np.argwhere(~np.isfinite(table))
         if len(bad):
             row, column = (int(k) for k in bad[0])
@@ -134,14 +127,14 @@ class Rows:
         return table
 
     def parts(self, groups: Mapping[str, Sequence[str]]) -> dict[str, Floats]:
-        """Shape (count, k) each: those groups of k columns that are there, read at once."""
+        """Shape (n, k) each: those groups of k columns that are there, read at once."""
         whole = {what: names for what, names in groups.items() if self.has(*names)}
         table = self.read(*itertools.chain(*whole.values()))
         at = np.cumsum([len(names) for names in whole.values()])
         return dict(zip(whole, np.split(table, at[:-1], axis=1), strict=True))
 
     def whole(self, numbers: Floats, column: str) -> Ints:
-        """These numbers (count,) of a column as integers; InputError says which is none."""
+        """These numbers (n,) of a column as integers; InputError says which is none."""
         wrong = (numbers != np.round(numbers)) | (abs(numbers) > 2**53)
         do = "write ids and types as they are"
         self.refuse(wrong, lambda k: f"{numbers[k]:.17g} is no whole number", do, column)
@@ -150,18 +143,12 @@ class Rows:
     def digits(self, *names: str) -> int:
         """Most significant digits that a number of these columns has in the first rows."""
         at = [self.columns.index(name) for name in names]
-        rows = itertools.islice(self._words(), LOOKED_AT)
+        rows = (text.split(self.separator) for text in self.texts[:LOOKED_AT])
         return significant_digits([row[k] for row in rows for k in at if k < len(row)])
 
-    def _words(self) -> Iterator[list[str]]:
-        """The words of each row."""
-        with open_bytes(self.path) as file:
-            file.seek(self.offset)
-            for line in itertools.islice(file, self.count):
-                yield line.decode("utf-8", "replace").split(self.separator)
-
     def _blame(self, names: Sequence[str], at: Sequence[int]) -> NoReturn:
-        for here, words in enumerate(self._words(), self.line):
+        for here, text in enumerate(self.texts, self.line):
+            words = text.split(self.separator)
             if not "".join(words).strip():
                 fault(self.path, "an empty line between the rows", "take it out", here)
             for name, column in zip(names, at, strict=True):

@@ -30,7 +30,7 @@ from modal.exchange.lammps_law import coefficients, law_of_pairs
 from modal.exchange.law import ProgramLaw, Units
 from modal.exchange.particles_and_contacts import WALLS, Contacts, Packing
 from modal.exchange.registry import File, Option
-from modal.exchange.rows import fault, read_lines
+from modal.exchange.rows import fault, text_lines
 from modal.exchange.words import Words
 from modal.packing.rigid_bodies import Bodies
 from modal.tools.arrays import Floats, Ints
@@ -229,7 +229,7 @@ def column_of_bodies(script: Script, told: bool) -> str:
 def read_bodies(path: str | Path, units: Units) -> Bodies:
     """Masses, centres and tensors of rigid bodies, in the format of `fix rigid ... infile`."""
     do = "give the file that write_restart wrote (*.rigid)"
-    lines = enumerate((line.split("#")[0].split() for line in read_lines(path)), 1)
+    lines = ((n, line.split("#")[0].split()) for n, line in text_lines(path))
     rows = [Words(words, f"{path}, line {n}", do) for n, words in lines if len(words) > 1]
     if not rows:
         fault(path, "no rigid bodies", do)

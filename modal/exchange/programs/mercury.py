@@ -19,7 +19,7 @@ from modal.exchange.law import DISPLACEMENT, SI, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import WALLS, Cell, Contacts, Packing, ends_of
 from modal.exchange.programs import lammps
 from modal.exchange.registry import File
-from modal.exchange.rows import Rows, fault, read_lines, significant_digits
+from modal.exchange.rows import Rows, fault, significant_digits, text_lines
 from modal.exchange.words import Words
 from modal.tools.arrays import Floats
 
@@ -65,8 +65,8 @@ class Restart:
 
     def rows(self, section: str) -> Rows:
         """Where the lines of a section stand, for messages."""
-        count = len(self.sections[section])
-        return Rows(self.path, (), 0, self.starts.get(section, 0) + 1, count)
+        texts = [" ".join(line.left) for line in self.sections[section]]
+        return Rows(self.path, (), texts, self.starts.get(section, 0) + 1)
 
     def numbers(self, section: str, name: str, count: int = 3) -> Floats:
         """Shape (n, count): the numbers behind a name in each line of a section."""
@@ -114,9 +114,9 @@ def read(path: Path, scales: Sequence[float] | None = None) -> ImportResult:
 
 def read_restart(path: Path, units: Units) -> Restart:
     """The sections of a restart file, whole, of spheres that move in space; else InputError."""
-    texts, section, announced = read_lines(path), "", dict[str, float]()
+    section, announced = "", dict[str, float]()
     file = Restart(path, units, {name: [] for name in ("", *SECTIONS)}, {})
-    for number, text in enumerate(texts, 1):
+    for number, text in text_lines(path):
         line = Words(text.split(), f"{path}, line {number}", WHOLE)
         kind = line.left[0] if line.left else ""
         if kind in SECTIONS:
@@ -131,7 +131,7 @@ def read_restart(path: Path, units: Units) -> Restart:
         there = len(file.sections[name])
         if there < announced.get(name, 0):
             what = f"{there} {name} of {announced[name]:.0f}: the file ends early"
-            fault(path, what, "write it whole", len(texts))
+            fault(path, what, "write it whole", number)
     for line in file.sections["Particles"]:
         if line.left[0] not in SPHERES:
             line.refuse(f"{line.left[0]} is no sphere", "only single spheres are known")

@@ -20,7 +20,7 @@ from modal.exchange.law import SI, Units
 from modal.exchange.particles_and_contacts import WALLS, Cell, Contacts, Packing, ends_of
 from modal.exchange.programs import lammps
 from modal.exchange.registry import File
-from modal.exchange.rows import Rows, fault, open_bytes, shown
+from modal.exchange.rows import Rows, fault, shown, text_lines
 from modal.exchange.words import Words
 from modal.formats.hdf5 import named
 from modal.packing.checks import check_force_ratio
@@ -76,21 +76,17 @@ def _table(
     path: str | Path, needed: tuple[str, ...], further: tuple[str, ...] = ()
 ) -> tuple[Rows, Said]:
     """The rows of a table with these columns, and what its lines behind # say of the cell."""
-    said: Said = {}
-    with open_bytes(path) as file:
-        for number, line in enumerate(iter(file.readline, b""), 1):
-            # A spreadsheet puts a byte order mark before all and empty columns behind a line.
-            text = line.decode("utf-8-sig" if number == 1 else "utf-8", "replace").strip()
-            if text.startswith("#"):
-                _hear(path, number, text.rstrip(", "), said)
-            elif text:
-                break
-        else:
-            fault(path, "no line with the names of columns", f"begin with {','.join(needed)}")
-        offset = file.tell()
-        count = sum(bool(line.strip()) for line in file)
+    said, lines = dict[str, Words](), text_lines(path)
+    for number, text in lines:
+        if text.startswith("#"):
+            _hear(path, number, text.rstrip(", \n"), said)
+        elif text.strip():
+            break
+    else:
+        fault(path, "no line with the names of columns", f"begin with {','.join(needed)}")
+    texts = "".join(row for _, row in lines).rstrip().splitlines()
     columns = tuple(name.strip() for name in text.split(","))
-    rows = Rows(Path(path), columns, offset, number + 1, count, ",")
+    rows = Rows(Path(path), columns, texts, number + 1, ",")
     do = f"name the columns in a line of text in UTF-8, with commas: {','.join(needed)}"
     rows.require(needed, do)
     known = (*needed, *further, "")
@@ -99,7 +95,7 @@ def _table(
             do = f"leave it out; known are {','.join(known[:-1])}"
             what = "it is not known, and may change the answer"
             fault(path, what, do, number, shown(name)[1:-1])
-    if not count:
+    if not texts:
         what = f"no rows below the names {','.join(needed)}"
         fault(path, what, "write those of the packing", number + 1)
     return rows, said
