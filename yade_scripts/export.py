@@ -86,13 +86,13 @@ def contact_network(n, study, provenance):
     side, walls = cell_side(), np.array(wall_faces(n))
     contacts, i, j, shift, sign = canonical_contacts(n)
     of_spheres = spheres([O.bodies[k] for k in range(n)])
-    radius, pair = of_spheres["radius"], j >= 0
+    pair = j >= 0
     return Network(
         position=position,
         **of_spheres,
         particle_i=i,
         particle_j=j,
-        **springs(contacts, sign, i, j, radius),
+        **springs(contacts, sign, i, j, of_spheres["radius"]),
         cell_shift=shift,
         cell_size=np.array([*side, walls[1] - walls[0]]),
         cell_periodic=np.array([True, True, False]),

@@ -18,8 +18,8 @@ from yade import O, config
 from yade.utils import readParamsFromTable
 
 from modal.formats.provenance import Provenance, is_current, set_aside, versions
-from modal.packing.contact_law import GLASS, RADIUS
-from modal.packing.crystal import FccPacking
+from modal.packing.contact_law import GLASS
+from modal.packing.crystal import fcc
 from modal.packing.network import read_network, write_network
 from modal.tools.errors import InputError
 from yade_scripts.export import contact_network
@@ -43,22 +43,6 @@ readParamsFromTable(
 from yade.params.table import case, layers, mu_comp, mu_wave, stress, width  # noqa: E402
 
 
-def crystal():
-    """Centres (n, 3) layer by layer, lateral side and length, m, in balance with the stress."""
-    if width < 3:
-        raise InputError(f"width {width}: YADE needs at least 3 spheres a side (single contacts)")
-    fcc = FccPacking(stress)
-    spacing, rise = fcc.spacing, fcc.layer_distance
-    z0 = RADIUS - fcc.wall_overlap
-    centres = [
-        ((a + layer % 2 / 2) * spacing, (b + layer % 2 / 2) * spacing, z0 + layer * rise)
-        for layer in range(layers)
-        for b in range(width)
-        for a in range(width)
-    ]
-    return np.array(centres), width * spacing, 2 * z0 + (layers - 1) * rise
-
-
 def main():
     """Make the sample unless a valid one is there."""
     path = products_folder() / f"case{case:02d}.network.h5"
@@ -73,16 +57,19 @@ def main():
         print(f"{path}: already there")
         return
     set_aside(path)
-    position, side, length = crystal()
-    n = len(position)
-    place(position, (side, side), (0.0, length), mu_wave)
+    if width < 3:
+        raise InputError(f"width {width}: YADE needs at least 3 spheres a side (single contacts)")
+    crystal = fcc(stress, (width, width, layers))
+    n = crystal.n_particles
+    place(crystal.position, crystal.cell_size[:2].tolist(), crystal.wall_position, mu_wave)
     set_engines()
-    find_contacts(expected=width**2 * (2 * layers + 4 * (layers - 1) + 2))
+    find_contacts(expected=crystal.n_contacts)
     residual = np.array([list(O.forces.f(k, sync=True)) for k in range(n)])
     contacts = [contact for contact in O.interactions if contact.isReal]
     mean = np.mean([contact.phys.normalForce.norm() for contact in contacts])
     ratio = abs(residual).max() / mean
-    tolerance = ROUND_OFF * length / min(contact.geom.penetrationDepth for contact in contacts)
+    least = min(contact.geom.penetrationDepth for contact in contacts)
+    tolerance = ROUND_OFF * crystal.length / least
     if ratio > tolerance:
         raise InputError(f"case {case}: residual force {ratio:.1e} of the mean; not in balance")
     walls = wall_stresses(n)

@@ -3,7 +3,6 @@
 import math
 import os
 import sys
-import time
 import traceback
 from pathlib import Path
 
@@ -26,7 +25,6 @@ from yade.wrapper import (
 
 from modal.packing.contact_law import GLASS, RADIUS, Elasticity
 from modal.tools.errors import InputError
-from modal.tools.progress import LOG_INTERVAL
 
 ROOT = Path(__file__).resolve().parents[1]
 WALL_HALF_THICKNESS = RADIUS
@@ -155,22 +153,6 @@ def sizes(n):
 def cell_side():
     """Lateral size of the periodic cell, (2,), m."""
     return O.cell.hSize[0][0], O.cell.hSize[1][1]
-
-
-class Report:
-    """Says how far a run has come: on a terminal always, in a log once a minute."""
-
-    def __init__(self):
-        self.last = time.monotonic()
-
-    def __call__(self, text):
-        """Say it, if it is time."""
-        now = time.monotonic()
-        if sys.stdout.isatty():
-            print(f"\r{text}", end="", flush=True)
-        elif now - self.last > LOG_INTERVAL:
-            self.last = now
-            print(text, flush=True)
 
 
 def finish(main):

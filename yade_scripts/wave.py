@@ -190,7 +190,7 @@ def main():
     )
     write_signals(path, signals, made)
     print(
-        f"\r{path}: {run.steps} steps of {O.dt:.3e} s in {run.seconds:.0f} s; "
+        f"{path}: {run.steps} steps of {O.dt:.3e} s in {run.seconds:.0f} s; "
         f"energy drift {balance.drift:.1e}, limit {balance.limit:.1e}, "
         f"to friction {balance.friction:.1e}, gap to the work of the wall {balance.gap:.1e}"
     )

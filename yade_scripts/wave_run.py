@@ -11,9 +11,10 @@ from modal.packing.chain import wall_to_wall_chain
 from modal.packing.layers import Layers
 from modal.tools.display import duration
 from modal.tools.errors import InputError
+from modal.tools.progress import Minute
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from yade_scripts.contact_watch import ContactWatch
-from yade_scripts.scene import Report, before_motion
+from yade_scripts.scene import before_motion
 
 LOOKS = 40
 """Looks at all contacts in a run: which have opened or formed. Few, since a look costs a step."""
@@ -72,13 +73,14 @@ class WaveRun:
 
     def go(self, name):
         """Take all steps; InputError where the time step is unstable. `name` is for the log."""
-        static, report, started = self._stored_energy(), Report(), time.perf_counter()
+        static, minute, started = self._stored_energy(), Minute(), time.perf_counter()
         for target in (self.quiet, self.steps):
             while self._step < target and self._stable:
                 O.run(min(200, target - self._step), wait=True)
-                done = self._step / self.steps
-                left = (time.perf_counter() - started) * (1 / max(done, 1e-9) - 1)
-                report(f"{name}: wave, step {self._step} of {self.steps}, {duration(left)} to go")
+                if minute.passed():
+                    left = (time.perf_counter() - started) * (self.steps / self._step - 1)
+                    to_go = f"{self._step} of {self.steps}, {duration(left)} to go"
+                    print(f"{name}: wave, step {to_go}", flush=True)
             if not self._stable:
                 raise InputError(
                     f"the wave blew up after {self._step} steps: the time step is unstable, "

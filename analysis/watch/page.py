@@ -129,7 +129,7 @@ def _of_cell(network: Network) -> dict[str, list[float]]:
 
 def _of_contacts(network: Network, force: np.ndarray) -> dict[str, Any]:
     """Contacts as lines from sphere to sphere, or to the wall (-1), and their normal forces."""
-    ends = contact_lines(network).ends
+    ends, _ = contact_lines(network)
     across = ends[:, 1] - ends[:, 0]
     step = float(abs(across).max(initial=0.0)) / STEPS or 1.0
     return {

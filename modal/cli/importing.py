@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from modal.cli.options import chosen, say
+from modal.cli.options import chosen
 from modal.cli.table import Given, Option, Result, output
 from modal.exchange.registry import all_options, import_packing
 from modal.exchange.report import summary_of
@@ -29,8 +29,5 @@ def run(options: Given) -> Result:
     if not options.output.endswith(".network.h5"):
         raise InputError(f"-o {options.output}: a network's name ends in .network.h5")
     found = import_packing(options.file, **chosen(options, *OF_PROGRAMS))
-    told = summary_of(found)
     write_network(options.output, replace(found.network, provenance=options.made.attributes()))
-    for remark in told["remarks"]:
-        say(f"{options.file}: {remark}")
-    return told
+    return summary_of(found)

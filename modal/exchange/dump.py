@@ -146,6 +146,9 @@ def opened(path: Path, given: Mapping[str, Any], script: Script) -> tuple[Frame,
     if typed and not np.allclose(typed, UNITS.get(dumped, typed), rtol=1e-9, atol=0):
         what = f"ITEM: UNITS {dumped}, and --scales {' '.join(f'{one:g}' for one in typed)}"
         fault(path, what, "leave --scales out, which other units are for")
+    if frame.step < script.changed and "pair" not in given:
+        what = f"{script.said} changes the law or the walls after step {script.changed}"
+        script.remarks.append(f"{what}: those of its end are taken")
     if not (typed or logged or dumped):
         script.remarks.append("no units are told: si are taken")
     return frame, typed or UNITS[name]

@@ -41,7 +41,8 @@ class Script:
     `said` tells in a message whose words they are. `bodies` has the words of each fix rigid behind
     its style; `refused` says why of each fix that a network has nothing for, `groups` whom the
     walls and bodies of these IDs are made of; `properties` are those of LIGGGHTS' materials.
-    `remarks` are what is taken where nothing tells it.
+    `changed` is the last step that was printed before the law or a wall changed; `remarks` are what
+    is taken where nothing tells it.
     """
 
     said: str = "--pair"
@@ -54,6 +55,7 @@ class Script:
     refused: dict[str, str] = field(default_factory=dict)
     groups: dict[str, str] = field(default_factory=dict)
     properties: dict[str, list[float]] = field(default_factory=dict)
+    changed: int = 0
     remarks: list[str] = field(default_factory=list)
 
 
@@ -64,11 +66,17 @@ def read_log(path: str | Path | None, units: str) -> Script:
     """
     if path is None:
         return Script()
-    script = Script(str(path), units)
+    script, step, printed = Script(str(path), units), 0, False
     for number, words in _lines(path):
+        printed = words[0] == "Step" or (printed and words[0].isdigit())
+        if printed and words[0].isdigit():
+            step = int(words[0])
         if words == ["clear"]:
             script = Script(str(path), units)
+        law = len(script.pair), script.style, script.walls.copy()
         _command(script, words, f"{path}, line {number}")
+        if law != (len(script.pair), script.style, script.walls):
+            script.changed = step
     for why in script.refused.values():
         raise InputError(why)
     return script

@@ -12,15 +12,14 @@ format, and common writers of it round positions to 8 decimals; here they have 1
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
 
 import numpy as np
 
-from modal.formats.hdf5 import HOST, unwritable, write_whole
+from modal.formats.hdf5 import unwritable, write_whole
 from modal.packing.network import Network
 from modal.packing.state import contacts_per_particle
 from modal.tools.arrays import Array, Floats
@@ -35,14 +34,6 @@ Motion = list[tuple[float, Floats]]
 """Times, s, and displacements (n, 3), m, or kg^-1/2 of a mode."""
 Frames = Iterable[tuple[float, Floats, dict[str, Array]]]
 """Times, s, positions (n, 3), m, and fields (n,) or (n, k) of the spheres."""
-
-
-@dataclass(frozen=True)
-class Lines:
-    """Contacts as lines: ends (m, 2, 3), m, in the image of i, and fields (m,) or (m, 3)."""
-
-    ends: Floats
-    fields: dict[str, Array]
 
 
 def sphere_fields(network: Network) -> dict[str, Array]:
@@ -78,23 +69,20 @@ def sphere_stress(network: Network) -> Floats:
     return stress
 
 
-def contact_lines(network: Network) -> Lines:
-    """Contacts from the centre of i to that of j's image, or to the wall."""
+def contact_lines(network: Network) -> tuple[Floats, dict[str, Array]]:
+    """Contacts as lines: ends (m, 2, 3), m, and fields (m,) or (m, 3).
+
+    From the centre of i to that of j's image, or to the wall.
+    """
     start = network.position[network.particle_i]
-    along, across, sliding = network.force_normal, network.force_tangential, network.sliding
-    force = None
-    if along is not None and across is not None:
-        force = across - along[:, None] * network.normal
-    fields: dict[str, Array | None] = {
-        "stiffness_normal": network.stiffness_normal,
-        "wall": network.with_wall.astype(np.int32),
-        "force_normal": along,
-        "force": force,
-        "overlap": network.overlap,
-        "sliding": None if sliding is None else sliding.astype(np.int32),
-    }
-    known = {name: data for name, data in fields.items() if data is not None}
-    return Lines(np.stack([start, start + network.branch], axis=1), known)
+    fields: dict[str, Array] = {"wall": network.with_wall.astype(np.int32)}
+    for name in ("stiffness_normal", "force_normal", "overlap", "sliding"):
+        if (data := getattr(network, name)) is not None:
+            fields[name] = data.astype(np.int32) if data.dtype == bool else data
+    if network.force_normal is not None and network.force_tangential is not None:
+        along = network.force_normal[:, None] * network.normal
+        fields["force"] = network.force_tangential - along
+    return np.stack([start, start + network.branch], axis=1), fields
 
 
 def motion_of_mode(shape: Floats, frequency: float, count: int) -> Motion:
@@ -124,11 +112,11 @@ def frames_of(
 
 def write_vtk(path: Path, network: Network, frames: Frames, *, series: bool) -> list[str]:
     """NAME.vtu, or of a `series` NAME.pvd and a file a frame; and the contacts. Their names."""
-    lines, listed = contact_lines(network), path.with_suffix(".pvd")
-    ends = np.arange(2 * len(lines.ends)).reshape(-1, 2)
+    ends, of_contacts = contact_lines(network)
     contacts, written = path.with_suffix(".contacts.vtu"), list[str]()
     # Ends are points of their own, so that images need no cell.
-    _write_mesh(contacts, lines.ends.reshape(-1, 3), ("line", ends), cell_data=lines.fields)
+    cells = np.arange(2 * len(ends)).reshape(-1, 2)
+    _write_mesh(contacts, ends.reshape(-1, 3), ("line", cells), cell_data=of_contacts)
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
     for k, (time, position, fields) in enumerate(frames):
@@ -139,6 +127,7 @@ def write_vtk(path: Path, network: Network, frames: Frames, *, series: bool) -> 
         written.append(str(name))
     if not series:
         return [*written, str(contacts)]
+    listed = path.with_suffix(".pvd")
     write_whole(listed, ElementTree.tostring(root, xml_declaration=True))
     return [str(listed), str(contacts), *written]
 
@@ -158,14 +147,14 @@ def _write_mesh(
         ) from None
     of_cells = {name: [data] for name, data in (cell_data or {}).items()}
     mesh = meshio.Mesh(points, [cells], point_data, of_cells)
-    partial = path.with_name(f".{path.stem}.{HOST}.{os.getpid()}.part.vtu")
     try:
-        mesh.write(partial, file_format="vtu")
-        write_whole(path, partial.read_bytes())
+        with TemporaryDirectory() as folder:
+            draft = Path(folder, path.name)
+            mesh.write(draft, file_format="vtu")
+            written = draft.read_bytes()
     except OSError as error:
         raise unwritable(path, error) from error
-    finally:
-        partial.unlink(missing_ok=True)
+    write_whole(path, written)
 
 
 def write_xyz(path: Path, network: Network, frames: Frames, *, series: bool) -> list[str]:

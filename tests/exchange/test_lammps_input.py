@@ -160,6 +160,16 @@ def test_lines_that_change_no_law(types, more):
     same(files.network(), once, "stiffness_normal")
 
 
+def test_a_law_that_changes_after_the_dump_is_told(types):
+    """Of step 7, in a log whose law is another one after step 9; not where it is after step 5."""
+    files = types(f"* * {A}")
+    log = files.log.read_text()
+    for step, told in ((5, False), (9, True)):
+        files.log.write_text(f"{log}Step Press\n0 0\n{step} 0\nLoop\n99 0\npair_coeff * * {B}\n")
+        remarks = " ".join(files.imported()["remarks"])
+        assert (f"changes the law or the walls after step {step}" in remarks) == told
+
+
 def test_types_that_the_law_asks_for_and_the_dump_lacks_are_refused(types):
     files = types(f"* * {A}", f"2 2 {B}")
     files.spoil("spheres", "id type", "id other")
