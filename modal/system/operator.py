@@ -7,6 +7,7 @@ Without numba the assembled matrix does the same.
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -75,6 +76,32 @@ class ContactOperator(LinearOperator):
         if self._unturning is not None:
             other._unturning = self._unturning[other.order]
         return other
+
+    def symmetric_part(self) -> tuple[ContactOperator, float]:
+        """A symmetric operator B, and by how much (A + A^T) / 2 may exceed its top.
+
+        The real part of no eigenvalue of A lies above the top of (A + A^T) / 2. Of the loops B is A
+        without the shear forces t: with l the distance of the centres and p the motion over M^1/2,
+        of spheres l |theta|, their work is at most |t| / l times the square of the sum of all four
+        lengths of p in a contact, thus 4 |t| / l times the sum of their squares.
+        """
+        other = copy.copy(self)
+        if self._matrix is not None:
+            other._matrix = ((self._matrix + self._matrix.T) / 2).tocsr()
+            return other, 0.0
+        on = self._contacts
+        if on.shear is None:
+            return self, 0.0
+        other._contacts = replace(on, shear=None)
+        length = on.rows[:, 5:].sum(axis=1)
+        work = 4 * np.linalg.norm(on.shear[:, :3], axis=1)
+        each = np.zeros(len(self._scale))
+        for end in on.ends.T:
+            pair = end >= 0
+            moves, turns = self._scale[end[pair]].T ** 2
+            share = work[pair] * np.maximum(moves / length[pair], turns * length[pair])
+            each += np.bincount(end[pair], share, len(each))
+        return other, float(each.max())
 
     def inward(self, u: Array) -> Array:
         """Motions (dof n,) or (dof n, k) of the particles, numbered as by the operator."""

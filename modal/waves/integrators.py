@@ -31,7 +31,6 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.polynomial.polynomial import polyder, polyval
 
-from modal.solvers.spectrum import bound_of_spectrum
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
@@ -198,8 +197,8 @@ def _size(state: Floats, top: float) -> float:
 
 def _fastest(driven: Driven) -> float:
     """A bound of the rates of all modes, 1/s: |lambda|^2 <= omega^2 + |lambda| gamma."""
-    stiff, dashpots = driven.system.top, driven.dashpots
-    viscous = bound_of_spectrum(dashpots.operator)[0] if dashpots else 0.0
+    stiff, dashpots = driven.system.top, driven.system.dashpots
+    viscous = dashpots.top if dashpots else 0.0
     if stiff <= 0:
         raise InputError("the network has no stiffness; no wave goes through it")
     return float(viscous / 2 + np.sqrt(viscous**2 / 4 + stiff))

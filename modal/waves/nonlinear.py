@@ -27,8 +27,7 @@ import numpy as np
 from modal.dem.motion import Dynamics
 from modal.packing.network import Network
 from modal.packing.sample import Sample, sample_of_network
-from modal.solvers.spectrum import bound_of_spectrum
-from modal.system.operator import ContactOperator
+from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
@@ -130,8 +129,8 @@ class NonlinearRuns:
                 "source, or the linear wave"
             )
         self.load = self.source.load(self.network, direction).reshape(-1, 6)
-        self.operator = ContactOperator(self.network, mass_scaled=True)
-        top, _ = bound_of_spectrum(self.operator)
+        self.system = LinearSystem(self.network)
+        top = self.system.top
         self.limit = 2 / math.sqrt(top) if top > 0 else math.inf
         self.first = math.ceil(self.interval / (FIRST * self.limit))
 
@@ -183,7 +182,7 @@ class NonlinearRuns:
         reading = self.receivers.rows[:, along::6].tocsr()
         refuse_endless(
             f"a wave of {self.time[-1]:g} s in steps of {dt:.3g} s",
-            self.operator,
+            self.system.renumbered,
             products=PRODUCTS * steps,
             bytes_needed=8 * (3 * nt * reading.shape[0] + steps),
             remedy="take a shorter duration or a larger tolerance",
