@@ -12,7 +12,7 @@
 #   --seed N        packings from another cloud, which give the study's numbers their scatter
 #   --from-scratch  random cases start from a cloud, not from their committed samples
 #   --slurm         each job is one of Slurm's; --profile DIR: of another cluster (docs/workflow.md)
-#   --dry-run       what would be made; --status: what is there, and what is stale and why
+#   --dry-run       what would be made; --status: each file, whether it is there, and why it would be made again
 # Products go to products/. What is made is kept; a run that was killed is resumed by the same command.
 # Exit status: 0; 3 for a page without some cases, which says why; 2 if what is wrong says what to do;
 # else 1. The variable YADE names another YADE.
@@ -34,7 +34,8 @@ while [ $# -gt 0 ]; do
         --from-scratch) config+=(from_scratch=True) ;;
         --slurm) profile=slurm ;;
         --profile) profile=$(basename "${2:-none}"); shift ;;
-        --dry-run | --status) only=${1#--} ;;
+        --dry-run) only=dry-run ;;
+        --status) only=summary ;;
         --help | -h) sed -n '4,18s/^# \{0,1\}//p' "$0"; exit 0 ;;
         *) fail "unknown option $1; see --help" ;;
     esac

@@ -29,10 +29,8 @@ OTHER_WAVES = tuple(
 )
 """Further YADE runs of a case: its pulse at 100 kHz where its own is another, an S-wave, and those
 that split its difference to the linear wave (`analysis.agreement.OTHER_RUNS`)."""
-LISTED = ("network", "modes", "translations.modes", "signals")
-"""What `study --status` lists: made by ./run_cases.sh."""
 KINDS = (
-    *LISTED,
+    *("network", "modes", "translations.modes", "signals"),
     *("sample", "highest.modes", "band.modes", "linear.signals"),
     *("structure", "density", "response", "shear.signals", "moduli"),
     *OTHER_WAVES,

@@ -1,12 +1,9 @@
 """Faults of a whole study, `run_cases.sh` on a short crystal: killed, doubled, without YADE."""
 
 import os
-import re
-import shutil
 import subprocess
 from pathlib import Path
 
-import h5py
 import pytest
 from study_folder import copy_of, study_folder
 from test_faults import equal, killed_again_and_again, study, undisturbed
@@ -160,26 +157,3 @@ def test_changed_study_makes_the_products_again(reference):
     for kind in ("highest.modes", "signals"):
         path = folder / f"products/case02.{kind}.h5"
         assert read_provenance(path).packing[0] == network[0]
-
-
-def test_product_without_notes_is_made_again_where_its_content_says_so(reference):
-    """What Snakemake has no notes of, as what a killed run left: digests and settings decide.
-
-    --status says what is there and what is stale, then what would be made.
-    """
-    folder = copy_of(reference[0], "without_notes")
-    shutil.rmtree(folder / ".snakemake")
-    signals, modes = (folder / f"products/case02.{kind}.h5" for kind in ("signals", "modes"))
-    plan = run(folder, "--case", "2", "--stage", "wave", "--dry-run")
-    assert plan.returncode == 0 and "Nothing to be done" in plan.stdout + plan.stderr
-    with h5py.File(modes, "r+") as file:
-        file.attrs["schema_version"] = 0
-    own = folder / "studies/otsubo2017/study.yaml"
-    own.write_text(STUDY.replace("frequency: 1e5", "frequency: 2e5"))
-    plan = run(folder, "--case", "2", "--status")
-    assert plan.returncode == 0, plan.stderr
-    line = next(line for line in plan.stdout.splitlines() if line.startswith("case02"))
-    assert line.split() == ["case02", "yes", "stale", "yes", "stale"], plan.stdout
-    planned = set(re.findall(r"^(\w+) +1$", plan.stdout + plan.stderr, re.MULTILINE))
-    assert signals.exists() and {"yade_wave", "all_modes"} <= planned
-    assert not {"translations", "crystal"} & planned, plan

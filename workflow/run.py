@@ -1,6 +1,6 @@
-"""One run of a study by Snakemake, as ./run_cases.sh asks for it: locks, what is stale, tables.
+"""One run of a study by Snakemake, as ./run_cases.sh asks for it: locks, YADE, tables.
 
-run.py PROFILE ONLY JOBS NAME=VALUE ...     settings of the Snakefile; ONLY: dry-run, status or none
+run.py PROFILE ONLY JOBS NAME=VALUE ...     settings of the Snakefile; ONLY: dry-run, summary, none
 """
 
 from __future__ import annotations
@@ -18,8 +18,6 @@ import yaml
 from commands import PYTHON
 from jobs import Jobs
 
-from analysis.status import stale_files, status_table
-from analysis.study.description import Study
 from analysis.table import Table
 from modal.tools.errors import InputError
 from modal.tools.workload import memory_at_hand
@@ -52,16 +50,11 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
         wait(folder / ".jobs", "jobs of a run that was killed are at work: waiting").close()
         while profile == "slurm" and at_work():
             time.sleep(10)
-    said = Study(study).rows  # as the file has it; the jobs add what is computed
-    stale = [str(path) for path in stale_files(folder, said, jobs.cases)]
-    if only == "status" and any(folder.glob("*.h5")):
-        print(status_table(folder, said))
     settings = ["--config", *given]
-    again = ["--forcerun", *stale] if stale else []
     if only:
-        return subprocess.run([*snakemake, "--dry-run", *again, *settings]).returncode and 2
+        return subprocess.run([*snakemake, f"--{only}", *settings]).returncode and 2
     if local and subprocess.run(["./setup.sh", "--is-yade-there"], capture_output=True).returncode:
-        plan = output([*snakemake, "--dry-run", *again, *settings])
+        plan = output([*snakemake, "--dry-run", *settings])
         if any(line.split()[:1] in ([rule] for rule in OF_YADE) for line in plan.splitlines()):
             done = subprocess.run(["./setup.sh", "--extra", "workflow"]).returncode
             if done:
@@ -69,8 +62,7 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
     failed = folder / ".failed"
     failed.unlink(missing_ok=True)
     # Where this driver is killed, Snakemake goes on and holds the lock.
-    command = [*snakemake, *again, *settings]
-    done = subprocess.run(command, pass_fds=[lock.fileno()]).returncode
+    done = subprocess.run([*snakemake, *settings], pass_fds=[lock.fileno()]).returncode
     if jobs.stage == "result":
         for case in jobs.cases:
             path = Path(jobs.results) / f"{case}.json"

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from analysis.cli.options import add_command, add_products
-from analysis.status import status_table
 from analysis.study.beside import table_of
 from analysis.study.description import Study
 from analysis.study.measuring import measure_case
@@ -38,7 +37,6 @@ def add(commands: Any) -> None:
     stage = study.add_mutually_exclusive_group()
     stage.add_argument("--measure", metavar="NAME", help="write the result of a case, of a state")
     stage.add_argument("--case", metavar="NAME", help="print the table of a case, write nothing")
-    stage.add_argument("--status", action="store_true", help="which products are there, or stale")
     text = "measure only numbers that show a scatter"
     study.add_argument("--scatter", action="store_true", help=text)
 
@@ -53,12 +51,9 @@ def _study(options: argparse.Namespace) -> int:
         measure_case(study, options.measure, files, products, output, options.scatter)
         put(output)
         return 0
-    read = products if options.status else results
-    if not read.is_dir():
-        raise InputError(f"{read}: no such folder; give --products or --results DIR")
-    if options.status:
-        put(status_table(products, study.rows))
-    elif options.case:
+    if not results.is_dir():
+        raise InputError(f"{results}: no such folder; give --results DIR")
+    if options.case:
         row, frame, rules = case_of(study, results, options.case)
         table = table_of(row, frame, rules)
         put(f"{table.title}\n{table.text()}")

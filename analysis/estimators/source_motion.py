@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from modal.tools.errors import InputError
 from modal.waves.signals import Signals
@@ -53,6 +52,8 @@ def recorded_motion(record: Signals) -> Motion:
         time, d = np.append(0.0, time), np.append(0.0, d)
     if len(time) <= ORDER:
         raise InputError(f"{len(time)} times of the source wall tell no motion; record more")
+    from scipy.interpolate import make_interp_spline  # takes a third of a second to load
+
     fine = np.interp(np.arange(DENSER * (len(time) - 1) + 1) / DENSER, np.arange(len(time)), time)
     return SampledMotion(fine, np.append(0.0, make_interp_spline(time, d, ORDER)(fine)[1:]))
 

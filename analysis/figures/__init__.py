@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from analysis.figures import beyond, modes, packing, spectra, velocities, waves
 from analysis.figures import cases as of_cases
 from analysis.figures.picture import Picture
-from analysis.figures.render import save
 from analysis.measuring import Measuring
 from analysis.rows import row_of
 from modal.tools.errors import InputError
@@ -71,4 +70,6 @@ def compose(name: str, cases: list[Measuring]) -> Picture:
 
 def draw(name: str, cases: list[Measuring], stem: Path) -> list[Path]:
     """Draw one figure; returns the PNG and CSV files written."""
+    from analysis.figures.render import save  # Matplotlib, which a figure's numbers do not need
+
     return save(compose(name, cases), stem)

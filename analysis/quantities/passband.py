@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import isotonic_regression
 
 from analysis.estimators.chain_wavenumber import chain_wavenumber
 from analysis.estimators.damped_transform import mode_dispersion
@@ -195,6 +194,8 @@ def _rise(frequency: np.ndarray, values: np.ndarray, level: float) -> tuple[floa
     below = np.flatnonzero(v < level)
     if not len(above) or not len(below) or above[0] == 0 or below[-1] == len(v) - 1:
         return np.nan, np.nan, np.nan
+
+    from scipy.optimize import isotonic_regression  # takes a third of a second to load
 
     def crossing(curve: np.ndarray, at: int) -> float:
         return float(np.interp(level, curve[[at - 1, at]], f[[at - 1, at]]))

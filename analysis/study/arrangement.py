@@ -16,7 +16,6 @@ import pandas as pd
 from analysis.figures import FIGURES
 from analysis.figures.groups import EDGE, SHADES, STRESS_MARKS
 from analysis.figures.picture import Panel, Picture, merged, read_picture, share_limits
-from analysis.figures.render import save
 from analysis.rows import Row
 from analysis.study.selection import numbers, select
 from analysis.study.words import Words
@@ -41,6 +40,8 @@ def arrange(
 
     `panels` is the folder with those of each case, CASE.FIGURE.csv.
     """
+    from analysis.figures.render import save  # Matplotlib, which to measure a case does not need
+
     drawn, absent, words = [], [], Words(cases)
     for spec in specs:
         caption = words(spec["caption"])

@@ -87,13 +87,6 @@ def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products):
     assert void["yade"] == "" and void["modal"]  # a property of the packing, with or without a run
 
 
-def test_status_lists_what_is_there(products, capsys):
-    assert main(["study", STUDY, "--status", "--products", str(products)]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[1].split() == ["case01", "yes", "yes", "yes", "yes"]
-    assert lines[3].split() == ["case03", "yes", "-", "-", "-"]
-
-
 @pytest.mark.parametrize(
     "arguments, words",
     [
@@ -117,7 +110,7 @@ def test_bad_input_is_one_line(products, tmp_path, capsys, arguments, words):
 
 
 def test_missing_folder_and_broken_file(tmp_path, capsys):
-    assert main(["study", STUDY, "--status", "--products", str(tmp_path / "none")]) == 2
+    assert main(["study", STUDY, "--results", str(tmp_path / "none")]) == 2
     (tmp_path / "case02.network.h5").write_bytes(b"not HDF5")
     assert main(["figure", "gain", "2", "--products", str(tmp_path), "-o", str(tmp_path)]) == 2
     assert capsys.readouterr().err.count("\n") == 2

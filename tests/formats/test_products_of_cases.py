@@ -71,35 +71,6 @@ def test_unknown_origin_is_said_once_and_not_refused(folder, capsys):
     assert capsys.readouterr().out.count("case02.modes.h5: of unknown origin") == 1
 
 
-def test_status_says_which_product_is_stale_and_why(folder, capsys):
-    """A network made again, and a study that has changed since the wave ran."""
-    study = folder / "study.yaml"
-    text = """
-names: case{:02d}
-groups:
-  - kind: fcc
-    factors: {stress: [1e4, 1e5, 1e6]}
-    friction: 0
-    wave_friction: 0.1
-    input_frequency: 1e5
-    direction: z
-"""
-    command = ["study", str(study), "--status", "--products", str(folder)]
-    study.write_text(text)
-    capsys.readouterr()
-    assert analysis_main(command) == 0
-    assert "stale" not in capsys.readouterr().out
-    study.write_text(text.replace("y: 1e5", "y: {by: stress, 1e6: 2e5, else: 1e5}"))
-    write_network(folder / "case02.network.h5", gallery.fcc(1.1e5, (1, 1, 60)))
-    assert analysis_main(command) == 0
-    out = capsys.readouterr().out.splitlines()
-    assert out[1].split() == ["case02", "yes", "stale", "-", "stale"]
-    assert out[2].split() == ["case03", "yes", "yes", "-", "stale"]
-    assert any("case02.modes.h5: stale, packing was case02.network.h5 (" in line for line in out)
-    why = "case03.signals.h5: stale, input_frequency was 100000.0, is 200000.0"
-    assert why in [line.strip() for line in out]
-
-
 def test_what_is_kept_is_made_again_where_its_settings_or_packing_have_changed(
     tmp_path, capsys, monkeypatch
 ):
