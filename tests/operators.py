@@ -26,7 +26,7 @@ class Known:
             return self.vector @ (self.square[:, None] * (self.vector.T @ u))
         return (self.square * u.T).T
 
-    def combine(self, u, out, alpha, beta=0.0, gamma=0.0) -> np.ndarray:
+    def combine(self, u, out, alpha, beta=0.0, gamma=0.0, *, sums=None) -> np.ndarray:
         """Out = alpha A u + beta u + gamma out, in its own."""
         product = self.outward(self.apply(self.inward(u)))
         out[:] = alpha * product + beta * u + (gamma * out if gamma else 0.0)

@@ -25,6 +25,7 @@ from modal.formats.provenance import Provenance
 from modal.modes.collective import every_floppy
 from modal.modes.counts import frequencies, refuse_unstable
 from modal.packing.network import Network
+from modal.solvers.chebyshev import chebyshev
 from modal.solvers.spectrum import largest_growth
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator, component_sums
@@ -314,16 +315,15 @@ def _moments(
     2 T_j T_k = T_(j+k) + T_|j-k|. InputError where the spectrum is not within 0 to `top`.
     """
     moments, sums = np.empty((6, count + 2)), np.empty((2, 6))
-    before, now = start.copy(), np.empty_like(start)
-    operator.combine(start, now, 2 / top, beta=-1.0)
+    orders = chebyshev(operator, start, 2 / top, -1.0, sums)
+    before, now = next(orders), next(orders)
     for k in progress(count // 2, label):
-        # Here now = T_(k+1) r and before = T_k r, which makes room for T_(k+2) r.
-        operator.combine(now, before, 4 / top, beta=-2.0, gamma=-1.0, sums=sums)
+        # Here now = T_(k+1) r; the sums are those of T_k r, with itself and with it.
+        before, now = now, next(orders)
         if k == 0:
             moments[:, :2] = sums.T
         else:
             moments[:, 2 * k : 2 * k + 2] = 2 * sums.T - moments[:, :2]
-        before, now = now, before
     last = 2 * (count // 2)
     moments[:, last] = 2 * component_sums(before, now)[0] - moments[:, 0]
     first, largest = moments[:, 0].sum(), moments[:, last].sum()

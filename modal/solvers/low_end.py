@@ -10,35 +10,18 @@ Lanczos finds these first. It takes d products with A where (A - sigma)^-1 takes
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from itertools import islice
 
 import numpy as np
 
-from modal.tools.arrays import Array, Floats
+from modal.solvers.chebyshev import ScaledOperator, chebyshev
+from modal.tools.arrays import Floats
 
 REACH = 10.0
 """Logarithm of twice what a mode at zero is lifted to. A larger one takes more products for each
 vector of the basis, and fewer vectors: of 496 modes of a slender packing 1.65, 1.48 and 1.38 for
 each at 7.5, 10 and 12.5. Each vector less also saves its share of keeping them orthogonal. Beyond,
 round-off of what is lifted furthest nears `modal.solvers.lanczos.TOLERANCE` of the last modes."""
-
-
-class ScaledOperator(Protocol):
-    """What is needed of A: `modal.system.operator.ContactOperator` with `mass_scaled`."""
-
-    shape: tuple[int, int]
-    pre_stress: str
-
-    def inward(self, u: Array) -> Array:
-        """Vectors (size, k) in the operator's own numbering."""
-
-    def outward(self, u: Array) -> Array:
-        """The inverse."""
-
-    def combine(
-        self, u: Array, out: Array, alpha: float, beta: float = 0.0, gamma: float = 0.0
-    ) -> Array:
-        """out = alpha A u + beta u + gamma out, (size,) or (size, k), in that numbering."""
 
 
 @dataclass(frozen=True)
@@ -67,14 +50,9 @@ class LowEnd:
     def apply(self, block: Floats) -> Floats:
         """T_d(x(A)) of a block (size, k)."""
         c, a = self._argument
-        before = np.ascontiguousarray(self.operator.inward(block))
-        now = np.empty_like(before)
-        self.operator.combine(before, now, -a, beta=c)
-        for _ in range(self.degree - 1):
-            # T_k = 2 x T_(k-1) - T_(k-2), built in the array of T_(k-2).
-            self.operator.combine(now, before, -2 * a, beta=2 * c, gamma=-1.0)
-            before, now = now, before
-        return self.operator.outward(now)
+        start = np.array(self.operator.inward(block), order="C")
+        orders = chebyshev(self.operator, start, -a, c)
+        return self.operator.outward(next(islice(orders, self.degree, None)))
 
     def square(self, lifted: Floats) -> Floats:
         """The omega^2 (k,) of modes that are lifted to `lifted` (k,); `edge` where that is none."""

@@ -23,8 +23,8 @@ from itertools import islice
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
+from modal.solvers.chebyshev import ScaledOperator
 from modal.solvers.lanczos import TOLERANCE, Nearest, start_block
-from modal.solvers.low_end import ScaledOperator
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.tools.progress import progress

@@ -1,0 +1,65 @@
+"""The one recurrence of Chebyshev polynomials of an operator: for waves, densities, and filters.
+
+T_0 = 1, T_1 = X, T_k = 2 X T_(k-1) - T_(k-2), on a vector or a block of vectors, where X is linear
+in A: between -1 and 1 where the spectrum of A is mapped into that interval.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol
+
+import numpy as np
+
+from modal.tools.arrays import Array, Floats
+
+
+class ScaledOperator(Protocol):
+    """What is needed of A: `modal.system.operator.ContactOperator` with `mass_scaled`."""
+
+    shape: tuple[int, int]
+    pre_stress: str
+
+    def inward(self, u: Array) -> Array:
+        """Vectors (size, k) in the operator's own numbering."""
+
+    def outward(self, u: Array) -> Array:
+        """The inverse."""
+
+    def combine(
+        self,
+        u: Array,
+        out: Array,
+        alpha: float,
+        beta: float = 0.0,
+        gamma: float = 0.0,
+        *,
+        sums: Floats | None = None,
+    ) -> Array:
+        """out = alpha A u + beta u + gamma out, (size,) or (size, k), in that numbering.
+
+        Into `sums` come those of out out and of out u, by component, `out` as it came.
+        """
+
+
+def chebyshev(
+    operator: ScaledOperator,
+    start: Floats,
+    slope: float,
+    offset: float,
+    sums: Floats | None = None,
+) -> Iterator[Floats]:
+    """Yield T_k(X) start for k = 0, 1, 2, ..., where X = slope A + offset.
+
+    `start` (size,) or (size, k), in the operator's own numbering and C order, is worked on: each
+    array that is yielded is overwritten two steps later. A product with A is made when the next
+    order is asked for. Into `sums` come at each order k from 2 on the sums of T_(k-2) start, by
+    component, with itself and with T_(k-1) start, as `combine` of the operator gives them.
+    """
+    before, now = start, np.empty_like(start)
+    yield before
+    operator.combine(before, now, slope, beta=offset)
+    while True:
+        yield now
+        operator.combine(now, before, 2 * slope, beta=2 * offset, gamma=-1.0, sums=sums)
+        before, now = now, before
