@@ -23,8 +23,8 @@ FAST = ("numba", "pypardiso")
 HIDDEN = [name for name in os.environ.get("GRANULAR_WITHOUT", "").split(",") if name]
 MAY_BE_ABSENT = ["LAMMPS", "Chromium", "Slurm", *HIDDEN]
 """What a test that is skipped where the tests must be complete may name as its reason."""
-LONG = ("faults_study", "workflow", "docs", "yade")
-"""What the names of files hold that take longest."""
+LONG = ("same_bits", "faults_study", "workflow", "docs", "yade")
+"""What the names of files hold that take longest; the first compiles what others then find."""
 COMPLETE = os.environ.get("CI") == "true"
 
 if HIDDEN:
