@@ -49,6 +49,15 @@ class Mutant:
     before: str
     after: str
 
+    @property
+    def module(self) -> str:
+        """The module's name in the list of tests."""
+        return self.path.removeprefix("modal/").removesuffix(".py")
+
+    def __str__(self) -> str:
+        """The same wherever the line stands in its module."""
+        return f"{self.path}: {self.before} -> {self.after}"
+
     def apply(self, source: bytes) -> bytes:
         """The changed module."""
         return source[: self.start] + self.text.encode() + source[self.end :]
