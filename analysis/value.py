@@ -20,9 +20,25 @@ of spheres, or part of a record, is taken; widths of lines; how samples of one s
 class Value:
     """What was measured, in SI units; NaN where it is not known, and then a caveat says why.
 
-    `value` and `error` are numbers, or arrays (n,) over `at` (n,), Hz, where that is given. `parts`
-    are the contributions to the error by name (`PARTS`). `scatter` is the standard deviation of
-    samples, of a mean over them. `caveats` are whole sentences for people.
+    Attributes
+    ----------
+    value : float or ndarray (n,)
+        In `unit`; an array over `at`.
+    unit : str
+        In SI.
+    parts : dict
+        Contributions to the error by name (`PARTS`), in the same unit.
+    caveats : tuple of str
+        Whole sentences for people.
+    at : ndarray (n,), Hz, or None
+        Frequencies of an array.
+    scatter : float, ndarray (n,) or None
+        Standard deviation of samples, of a mean over them.
+
+    Examples
+    --------
+    >>> Value(776.4, "m/s", {"fit": 3.0, "chain": 4.0}).error
+    5.0
     """
 
     value: Any

@@ -17,10 +17,15 @@ from places import ROOT
 
 import modal
 from modal.__main__ import main
+from modal.elasticity.moduli import ElasticModuli
 from modal.modes.damped import decay_rates
-from modal.modes.mode_set import read_modes, write_modes
+from modal.modes.density import DensityOfStates
+from modal.modes.mode_set import ModeSet, read_modes, write_modes
 from modal.packing.network import write_network
+from modal.packing.sample import Sample
 from modal.system.damping import ContactDamping
+from modal.waves.response import Response
+from modal.waves.signals import Signals
 
 OFFERED = {
     *("InputError", "Network", "read", "fcc", "random_packing", "eigenmodes", "count_modes"),
@@ -266,11 +271,17 @@ def test_a_copy_of_a_network_does_not_change_either(copied):
     assert (modal.eigenmodes(twin, lowest=3).frequency == modes.frequency).all()
 
 
-@pytest.mark.parametrize("name", [*sorted(OFFERED - {"InputError", "Network"}), ""])
-def test_examples_in_docstrings(name):
-    """Each public function has one, of a second at most; without a name, that of modal."""
-    home = modal if not name else sys.modules[getattr(modal, name).__module__]
-    thing = getattr(modal, name) if name else modal
+RESULTS = (ModeSet, Signals, Response, DensityOfStates, ElasticModuli, Sample, ContactDamping)
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [modal, *(getattr(modal, name) for name in sorted(OFFERED)), *RESULTS],
+    ids=lambda thing: thing.__name__,
+)
+def test_examples_in_docstrings(thing):
+    """Each public function and class has one, of a second at most."""
+    home = sys.modules[getattr(thing, "__module__", "modal")]
     (test,) = doctest.DocTestFinder(recurse=False).find(thing, globs=dict(vars(home)))
     assert test.examples
     start = time.perf_counter()

@@ -68,16 +68,39 @@ SOFT = 1e-9
 
 @dataclass(frozen=True, repr=False)
 class ElasticModuli:
-    """Elastic stiffness of a packing, Pa; the order is xx, yy, zz, yz, zx, xy, shears as angles.
+    """Elastic stiffness of a packing; the order is xx, yy, zz, yz, zx, xy, shears as angles.
 
-    stiffness (6, 6): spheres free to move and turn. affine (6, 6): if all followed the strain, an
-    upper bound. density of the force-bearing spheres, kg/m^3. region: what these are of, the whole
-    cell, the bulk of a slab, or a slab with its walls. whole (6, 6): of a slab with its walls, else
-    the same as `stiffness`. error: of the moduli, relative, from the residual of the response.
-    asymmetry: of the measured stiffness of a bulk, |C - C^T| / |C|, which its finite length leaves;
-    0 elsewhere. stressed (3, 3, 3, 3): with the forces that the contacts carry, by the terms of
-    `pre_stress`, which velocities are then of; all else is of springs. non_affine (6, n, 6): what
-    each sphere moves and turns beyond a unit strain, m and rad, if asked.
+    Attributes
+    ----------
+    stiffness : ndarray (6, 6)
+        Pa, spheres free to move and turn.
+    affine : ndarray (6, 6)
+        Pa, if all followed the strain: an upper bound.
+    density : float
+        Of the force-bearing spheres, kg/m^3.
+    region : str
+        What these are of: a whole cell, the bulk of a slab, or a slab with its walls.
+    whole : ndarray (6, 6)
+        Pa, of a slab with its walls, else the same as `stiffness`.
+    error : float
+        Of the moduli, relative, from the residual of the response.
+    asymmetry : float
+        Of the measured stiffness of a bulk, |C - C^T| / |C|, which its finite length leaves; 0
+        elsewhere.
+    products, solver : int, str
+        Products with K, and what solved.
+    pre_stress, stressed : str, ndarray (3, 3, 3, 3) Pa or None
+        With the forces that the contacts carry, by these terms; velocities are then of it, all else
+        is of springs.
+    non_affine : ndarray (6, n, 6) or None
+        What each sphere moves and turns beyond a unit strain, m and rad, if asked.
+
+    Examples
+    --------
+    >>> import modal
+    >>> found = modal.elastic_moduli(modal.fcc(cells=(2, 2, 4), periodic_z=True))
+    >>> found.region, found.stiffness.shape
+    ('cell', (6, 6))
     """
 
     stiffness: Floats

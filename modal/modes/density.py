@@ -70,13 +70,30 @@ LARGEST_DENSE = 3000
 class DensityOfStates:
     """The density of states as a series; evaluate it with `density` and `count_below`.
 
-    moments (vectors, 6, N): estimated traces of P_c T_2k(omega / omega_max), k < N, where P_c
-    keeps one component, u_x, u_y, u_z, theta_x, theta_y, theta_z; a single row where the traces
-    are exact. highest: the frequency of x = 1, Hz. zero_modes (6,): how much of the zero modes,
-    which were split off exactly, is in each component. resolution: Hz, the full width at half
-    height that a single mode has at low frequency; it falls as sqrt(1 - x^2) towards the top.
-    products: how many products with A were spent. counted: whether an exact count says that these
-    are all zero modes; in large sound packings they are those that the contacts show.
+    Attributes
+    ----------
+    moments : ndarray (vectors, 6, N)
+        Estimated traces of P_c T_2k(omega / omega_max), k < N, where P_c keeps one component, u_x,
+        u_y, u_z, theta_x, theta_y, theta_z; a single row where the traces are exact.
+    highest : float
+        The frequency of x = omega / omega_max = 1, Hz.
+    zero_modes : ndarray (6,)
+        How much of the zero modes, which were split off exactly, is in each component.
+    resolution : float
+        Hz, the full width at half height that a single mode has at low frequency; it falls as
+        sqrt(1 - x^2) towards the top.
+    products : int
+        Products with A = M^-1/2 K M^-1/2 that were spent.
+    counted : bool, default True
+        Whether an exact count says that these are all zero modes; in large sound packings they are
+        those that the contacts show.
+
+    Examples
+    --------
+    >>> import modal
+    >>> states = modal.density_of_states(modal.fcc(cells=(1, 1, 20)), resolution=2e4)
+    >>> states.zero_modes.shape, states.counted
+    ((6,), True)
     """
 
     moments: Floats

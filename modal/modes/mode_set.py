@@ -90,19 +90,41 @@ class Choice:
 
 @dataclass(repr=False)
 class ModeSet:
-    """k modes in ascending order of frequency.
+    """k modes in ascending order of frequency, as `modal.eigenmodes` finds them.
 
-    frequency (k,) Hz; residual (k,) |A v - omega^2 v| / omega^2 of the unit vector v, with A =
-    M^-1/2 K M^-1/2, which round-off keeps above about eps |A| / omega^2; chi_z, chi_z_chain (k,)
-    Eq. 2 over all particles and over the chain; rotation_share (k,) of the kinetic energy, of a
-    crystal's degenerate pairs all three those of travelling waves, while the shapes are standing;
-    mode_shape (k, n, 6), mass-normalised, where asked for. resonance_* hold the P-wave
-    resonances r = 1, 2, ...: frequency, wave number pi r / L (Eq. 4) and the z-component along
-    the chain. attributes: interval, what was asked for in words, and the same as choice, count, low
-    and high (`Choice`); certified, whether an exact count says that
-    the list is complete; uncertified_because, why it does not; missing, how many modes were asked
-    for and not found; solver; numbers of floppy modes; shapes_left_out, why there are no mode
-    shapes although they were asked for.
+    Of a crystal's degenerate pairs chi_z and rotation_share are those of travelling waves, while
+    the shapes are standing. Equations are those of Otsubo et al. 2017.
+
+    Attributes
+    ----------
+    frequency : ndarray (k,)
+        Hz.
+    residual : ndarray (k,)
+        |A v - omega^2 v| / omega^2 of the unit vector v, with A = M^-1/2 K M^-1/2, which round-off
+        keeps above about eps |A| / omega^2.
+    chi_z, chi_z_chain : ndarray (k,)
+        Share of the motion along z (Eq. 2), over all particles and over the chain; NaN of the
+        latter without a chain.
+    rotation_share : ndarray (k,)
+        Of rotations in the kinetic energy.
+    mode_shape : ndarray (k, n, 6), kg^-1/2, or None
+        Displacements and turns, mass-normalised, where they were asked for.
+    resonance_frequency, resonance_wavenumber : ndarray (r,), Hz and 1/m, or None
+        Of the P-wave resonances r = 1, 2, ..., with the wave number pi r / L (Eq. 4).
+    resonance_shape : ndarray (r, nc), kg^-1/2, or None
+        Their z-component along the chain.
+    attributes : dict
+        What was asked for, as words (interval) and as choice, count, low, high; certified, whether
+        an exact count says that the list is complete; uncertified_because, why it does not;
+        missing, how many modes were asked for and not found; solver; floppy_modes, unstable_modes;
+        shapes_left_out, why there are no mode shapes although they were asked for.
+
+    Examples
+    --------
+    >>> import modal
+    >>> modes = modal.eigenmodes(modal.fcc(cells=(1, 1, 20)), lowest=2)
+    >>> modes.frequency.shape, modes.certified, modes.missing
+    ((2,), True, 0)
     """
 
     frequency: Floats

@@ -54,10 +54,23 @@ class Repeats:
 def lateral_repeats(network: Network, *, pre_stress: bool = False) -> Repeats:
     """The equal parts of which the network consists; one, itself, where it does not repeat itself.
 
-    The parts' difference is at most `SAME`; with `pre_stress` their forces count too. Of most
-    random packings a glance is enough, at the common divisors of the numbers of spheres and
+    Of most random packings a glance is enough, at the common divisors of the numbers of spheres and
     contacts; of others one at the spheres that touch the source wall.
 
+    Parameters
+    ----------
+    network : Network
+        The packing, periodic along x or y.
+    pre_stress : bool, default False
+        Whether the forces of the contacts must be the same, too.
+
+    Returns
+    -------
+    Repeats
+        One part, their number, and by how much they differ: at most `SAME`, relative.
+
+    Examples
+    --------
     >>> import modal
     >>> lateral_repeats(modal.fcc(cells=(3, 2, 10))).count
     6

@@ -23,15 +23,37 @@ ELASTIC = ("young", "poisson")
 class Sample:
     """Spheres between flat walls at rest, or, with velocities, on their way; SI units.
 
-    position (n, 3), x and y inside the cell; side (2,) of the lateral cell; walls (2,) z of source
-    and receiver wall; shear (m, 2) shear force on i of each contact in canonical order along
-    `neighbours.tangents`, or None where there is none; velocity, angular_velocity (n, 3) and
-    strain_rate (3,), 1/s, of a sample in motion, or None. friction is the coefficient mu of its
-    contacts; `study` and `provenance` are free attributes. `radius` is that of all spheres, m, or,
-    of spheres of several sizes, the mean of `radii` (n,). `densities` (n,), kg/m^3, stand in place
-    of the material's; the walls are of `wall_material`, where it is None of that of the spheres.
-    Where it is `periodic_z` there are no walls: `walls` are the ends of a period along z. Where its
-    sides are not periodic, `periodic_sides` (x, y), it ends there, and no file has it.
+    Parameters
+    ----------
+    position : ndarray (n, 3)
+        m, x and y inside the cell.
+    side, walls : ndarray (2,)
+        m: of the lateral cell, and z of source and receiver wall.
+    friction : float
+        Coefficient mu of its contacts.
+    shear : ndarray (m, 2), optional
+        Shear force on i of each contact in canonical order along `neighbours.tangents`, N.
+    velocity, angular_velocity, strain_rate : ndarray (n, 3), (n, 3), (3,), optional
+        m/s, rad/s, 1/s, of a sample in motion.
+    radius, radii : float, default 1.27e-3, and ndarray (n,), optional
+        m, of all spheres; of spheres of several sizes the mean, and that of each.
+    material, densities : Material, default glass, and ndarray (n,) kg/m^3, optional
+        Of the spheres; densities in place of the material's.
+    wall_material : Elasticity, optional
+        Of the walls; that of the spheres where it is None.
+    periodic_z : bool, default False
+        There are no walls: `walls` are the ends of a period along z.
+    periodic_sides : tuple of 2 bool, default (True, True)
+        Whether x and y are periodic; where not, the packing ends there, and no file has it.
+    study, provenance : dict, optional
+        Free attributes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> at = np.array([[1e-3, 1e-3, 1e-3]])
+    >>> Sample(at, np.array([4e-3, 4e-3]), np.array([0.0, 2e-3]), 0.1, radius=1e-3 + 1e-7).network()
+    <Network: 1 particles, 2 contacts>
     """
 
     position: Annotated[Floats, stored("particles", "f", "n", 3, unit="m")]

@@ -23,8 +23,20 @@ arithmetic still holds side by side."""
 
 @dataclass(frozen=True)
 class ContactDamping:
-    """Damping ratios of contacts along their normal and across it, 0 for none.
+    """Damping ratios of contacts: a dashpot beside each spring.
 
+    Parameters
+    ----------
+    normal, tangential : float
+        Along the normal and across it, in parts of the critical damping; 0 for none.
+
+    Raises
+    ------
+    InputError
+        For a ratio that is negative or above what any contact has.
+
+    Examples
+    --------
     >>> ContactDamping(0.02, 0.02)
     ContactDamping(normal=0.02, tangential=0.02)
     """

@@ -56,13 +56,22 @@ PRODUCTS = 2.0
 class NonlinearWave(Wave):
     """Result of `modal.propagate` where contacts follow their law.
 
-    `signals` as of the linear wave, with the energy balance; `steps` of the last run; `error`: that
-    of its time step, over the largest displacement recorded (NaN where the step was given);
-    `noise`: largest displacement without any motion of the wall, over the same. `energy` (nt, 4),
-    J, at the times of the signals: work of the source, kinetic energy, what the contacts have
-    stored beyond the state at rest, what slip has dissipated. Of each contact of the sample's
-    network (m,): `dissipated` by its slip, J, and whether it was seen `opened`; the signals have
-    the slip of all contacts, those that the wave has closed among them.
+    Attributes
+    ----------
+    signals : Signals
+        As of the linear wave, with the energy balance, and the slip of all contacts, those that the
+        wave has closed among them.
+    steps : int
+        Of the last run.
+    error : float
+        That of its time step, over the largest displacement recorded; NaN where it was given.
+    noise : float
+        Largest displacement without any motion of the wall, over the same.
+    energy : ndarray (nt, 4)
+        J, at the times of the signals: work of the source, kinetic energy, what the contacts have
+        stored beyond the state at rest, what slip has dissipated.
+    dissipated, opened : ndarray (m,) J, ndarray of bool (m,)
+        Of each contact of the sample's network: by its slip, and whether it was seen open.
     """
 
     steps: int

@@ -28,10 +28,19 @@ TOLERANCE = 1e-9
 
 @dataclass(frozen=True, repr=False)
 class LinearWave(Wave):
-    """Result of `propagate`: signals, number of products with K, and the bound of the error.
+    """Result of `modal.propagate` on springs.
 
-    `truncation` is relative to the largest recorded displacement, and to the largest stress on
-    either wall. It was computed in one of so many `repeats` of which the packing consists sideways.
+    Attributes
+    ----------
+    signals : Signals
+        What was recorded.
+    products : int
+        Products with K.
+    truncation : float
+        Bound of the error, relative to the largest recorded displacement, and to the largest stress
+        on either wall.
+    repeats : int, default 1
+        Of how many equal parts the packing consists sideways, one of which was computed.
     """
 
     products: int

@@ -55,12 +55,30 @@ REMEDY = "take fewer frequencies, or a smaller packing"
 class Response(Recording):
     """Transfer functions per unit motion of the source, time dependence exp(-i omega t).
 
-    frequency (nf,) Hz; source_stress, receiver_stress (nf,) complex, Pa/m, compression positive;
-    chain_displacement (nf, nc) and layer_displacement (nf, nl) complex, m/m; `resolution` Hz, the
-    full width at half height of a single resonance in power; `products` with K; `direction` of the
-    source and of all motions and stresses; `source` and what is empty without walls as of
-    `modal.waves.signals.Signals`. With `damping` of the contacts resonances have their own widths,
-    `resolution` is 0 and there are no products.
+    With `damping` of the contacts resonances have their own widths. The chain, `source`,
+    `direction` and what is empty without walls are as of `modal.waves.signals.Signals`.
+
+    Attributes
+    ----------
+    frequency : ndarray (nf,)
+        Hz.
+    source_stress, receiver_stress : ndarray of complex (nf,)
+        Pa/m, compression positive.
+    chain_displacement, layer_displacement : ndarray of complex (nf, nc) and (nf, nl)
+        m/m.
+    resolution : float
+        Hz, the full width at half height of a single resonance in power; 0 with `damping`.
+    products : int
+        Products with K; 0 with `damping`.
+    damping : ContactDamping or None
+        Of the contacts.
+
+    Examples
+    --------
+    >>> import modal
+    >>> found = modal.frequency_response(modal.fcc(cells=(1, 1, 20)), highest=2e4)
+    >>> found.gain.shape == found.frequency.shape
+    True
     """
 
     frequency: Annotated[Floats, Column("frequency", "f", ("n",), "Hz")]

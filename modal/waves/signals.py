@@ -121,23 +121,51 @@ def read_recording(product: Product, path: str | Path) -> dict[str, Any]:
 
 @dataclass(repr=False, kw_only=True)
 class Signals(Recording):
-    """Recorded signals of one wave run; nt times, nc particles of the chain.
+    """Recorded signals of one wave run; nt times, nc particles of the chain, nl layers.
 
-    time (nt,) s; chain_particle (nc,) index into the network; chain_position (nc,) z of the
-    centres at the start, m; chain_displacement (nt, nc), m; source_displacement (nt,) m;
-    source_stress, receiver_stress (nt,) Pa, change from the static value, positive as the walls
-    push: the source along `direction`, which for z is compression. All displacements, and both
-    stresses, are along `direction`, in which the source moves.
-    amplitude is A of u = A (1 - cos 2 pi f t), m; time_step, run_time in seconds (run_time is
-    the wall-clock time that the run took). `source` is "wall", or says what else was moved, at
-    `source_height` (1,), m; `source_stress` is then what holds it, over the area, or empty where a
-    force is given. `receiver_stress` and the chain are empty in a cell without walls. Of torsion
-    displacements are turns about z, rad, and stresses torques over the area, N/m. Optional, None
-    where not recorded: layer_position (nl,) and layer_displacement (nt, nl), means over slabs as in
-    `modal.packing.layers`, m; and particle_displacement (nt, n) of every particle of the network,
-    m; balance is the energy of a DEM run. Of a non-linear wave slip_ends (ns, 2) are the two
-    particles, or a particle and a wall (as in a network), of each contact that slid, and
-    slip_energy (ns,), J, what its slip dissipated: their sum is all that slip dissipated.
+    All displacements, and both stresses, are along `direction`, in which the source moves. Of
+    torsion displacements are turns about z, rad, and stresses torques over the area, N/m. What a
+    cell without walls has not, the chain and a stress on the receiver, is empty.
+
+    Attributes
+    ----------
+    time : ndarray (nt,)
+        s, evenly spaced from 0.
+    chain_particle, chain_position : ndarray (nc,), index into the network and m
+        Of the chain, and z of its centres at the start.
+    chain_displacement : ndarray (nt, nc)
+        m.
+    source_displacement : ndarray (nt,)
+        m; of a force that is given N, or N m.
+    source_stress, receiver_stress : ndarray (nt,)
+        Pa, change from the static value, positive as the walls push: along z compression. Of a
+        plane what holds it, over the area; empty of a force.
+    layer_position, layer_displacement : ndarray (nl,) and (nt, nl), m, or None
+        Means over slabs as in `modal.packing.layers`.
+    particle_displacement : ndarray (nt, n), m, or None
+        Of every particle of the network.
+    source, source_height : str, ndarray (1,) m or None
+        "wall", or what else was moved, and where.
+    direction : str, default "z"
+        x, y, z or torsion.
+    amplitude, input_frequency : float, m and Hz
+        A and f of u = A (1 - cos 2 pi f t).
+    time_step, run_time : float
+        s; the latter is the wall-clock time that the run took.
+    producer, case, network_sha256 : str
+        Who made it, and of which packing.
+    balance : EnergyBalance or None
+        The energy of a DEM run.
+    slip_ends, slip_energy : ndarray of int (ns, 2) and ndarray (ns,) J, or None
+        Of a non-linear wave the two ends, particles or a wall's number, of each contact that slid,
+        and what its slip dissipated: their sum is all that slip dissipated.
+
+    Examples
+    --------
+    >>> import modal
+    >>> signals = modal.propagate(modal.fcc(cells=(1, 1, 20)), duration=2e-5).signals
+    >>> signals.time.shape, signals.chain_displacement.shape
+    ((21,), (21, 20))
     """
 
     time: Annotated[Floats, Column("time", "f", ("n",), "s")]

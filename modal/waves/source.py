@@ -49,7 +49,27 @@ def _squares(number: float) -> bool:
 
 @dataclass(frozen=True)
 class Pulse:
-    """Some periods of u = A (1 - cos 2 pi f t), one by default; A in m, frequency f in Hz."""
+    """Some periods of u = A (1 - cos 2 pi f t).
+
+    Parameters
+    ----------
+    amplitude : float, default 2.5e-9
+        A, half the wall's stroke, m; negative the other way.
+    frequency : float, default 1e5
+        f, Hz.
+    cycles : int, default 1
+        Periods.
+
+    Raises
+    ------
+    InputError
+        For what makes no wave.
+
+    Examples
+    --------
+    >>> Pulse(1e-9, 5e4).displacement(np.array([0.0, 1e-5, 3e-5]))
+    array([0.e+00, 2.e-09, 0.e+00])
+    """
 
     amplitude: float = AMPLITUDE
     frequency: float = INPUT_FREQUENCY

@@ -51,10 +51,15 @@ class Source:
 
 @dataclass(frozen=True)
 class Wall(Source):
-    """The source wall, at the lower end of the packing.
+    """The source wall, at the lower end of the packing, which is moved as a whole.
 
-    >>> Wall()
-    Wall()
+    A packing that is periodic along z has none, which is an InputError when a wave is sent.
+
+    Examples
+    --------
+    >>> import modal
+    >>> modal.propagate(modal.fcc(cells=(1, 1, 20)), 2e-5, source=Wall()).signals.source
+    'wall'
     """
 
     def imposed(self, network: Network, direction: str) -> Imposed:
