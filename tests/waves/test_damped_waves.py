@@ -1,23 +1,18 @@
 """Viscous contacts: the damped chain, quadratic eigenproblems, a response from its wave."""
 
-import json
-
 import numpy as np
 import pytest
 from scipy.linalg import eig
 
 import modal
-from modal.__main__ import main
 from modal.modes.damped import damped_modes, decay_rates
 from modal.packing.crystal import column
-from modal.packing.network import write_network
 from modal.solvers import arnoldi
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
-from modal.waves.response import read_response, write_response
 from modal.waves.source import Pulse
 
 CRYSTAL = FccLattice(1e5)
@@ -175,18 +170,3 @@ def test_response_is_the_transform_of_a_wave_that_has_come_to_rest():
         ratio = ratio / (sent if ratio.ndim == 1 else sent[:, None])
         wanted = getattr(found, name)
         assert abs(ratio - wanted).max() < near * abs(wanted).max()
-
-
-@pytest.mark.two_ways
-def test_response_command_and_file(tmp_path, capsys):
-    network, path = modal.fcc(cells=(1, 1, 10)), tmp_path / "c.network.h5"
-    write_network(path, network)
-    product = tmp_path / "c.response.h5"
-    command = ["response", str(path), "--highest", "2e4", "--damping"]
-    assert main([*command, "0.05", "0.03", "-o", str(product), "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    found = read_response(product)
-    assert said["damping"] == [0.05, 0.03] and found.damping == DAMPING
-    assert "damping 0.05 0.03" in repr(found)
-    write_response(product, modal.frequency_response(network, highest=2e4))
-    assert read_response(product).damping is None

@@ -8,11 +8,10 @@ import pytest
 from packings import scaled, stepped, wall_pattern
 from places import SHEARED
 
-from modal.__main__ import main
 from modal.elasticity import steady
 from modal.elasticity.moduli import elastic_moduli
 from modal.packing import crystal as gallery
-from modal.packing.network import SOURCE_WALL, Network, write_network
+from modal.packing.network import SOURCE_WALL, Network
 from modal.packing.sample import read_sample
 from modal.solvers import spectrum
 from modal.solvers.spectrum import GrowthError
@@ -22,33 +21,11 @@ from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools import workload
 from modal.tools.errors import InputError
-from modal.waves.oscillator import oscillation
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
-from modal.waves.signals import read_signals
 from modal.waves.source import Pulse, SampledMotion
 
 pytestmark = pytest.mark.two_ways
-
-
-def test_work_of_the_source_is_the_energy_of_the_packing():
-    """After the pulse the work done at the wall equals kinetic plus elastic energy."""
-    network = gallery.fcc(cells=(2, 2, 12))
-    wave = propagate(network, 1.5e-5, interval=1e-9)
-    area = network.cell_size[0] * network.cell_size[1]
-    signals = wave.signals
-    speed = np.gradient(signals.source_displacement, signals.time)
-    work = np.trapezoid(signals.source_stress * area * speed, signals.time)
-    system = LinearSystem.of(network)
-    square, vector = np.linalg.eigh(system.scaled.toarray())
-    source, _, _ = wall_pattern(network, SOURCE_WALL)
-    weight = vector.T @ (source / system.root.diagonal) * 2.5e-9
-    near = 1.5e-5 + np.array([-1e-10, 0, 1e-10])
-    y = oscillation(Pulse(1.0, 1e5), square, near)
-    rate = (y[:, 2] - y[:, 0]) / 2e-10
-    energy = 0.5 * np.sum(weight**2 * (rate**2 + square * y[:, 1] ** 2))
-    # Trapezoid and difference quotient at 1 ns: (2 pi 1e5 * 1e-9)^2 / 6 < 1e-7.
-    assert work == pytest.approx(energy, rel=1e-6)
 
 
 def with_one_stiff_contact(contact: int, factor: float) -> Network:
@@ -151,28 +128,6 @@ def test_second_questions_find_what_the_first_have_sought(monkeypatch):
     monkeypatch.setattr(steady, "conjugate_gradients", None)
     for ask, found in zip(asks, first, strict=True):
         assert np.array_equal(ask(), found)
-
-
-def test_wave_on_the_command_line(tmp_path):
-    path, out = tmp_path / "a.network.h5", tmp_path / "a.signals.h5"
-    write_network(path, gallery.fcc(cells=(2, 2, 6)))
-    base = ["wave", str(path), "--duration", "5e-5", "-o", str(out)]
-    assert main(base) == 0
-    signals = read_signals(out)
-    assert signals.producer == "linear"
-    assert signals.chain_displacement.shape == (51, 6)
-    assert signals.particle_displacement is None
-    assert main([*base, "--time-step", "5e-8", "--particles"]) == 0
-    slow = read_signals(out)
-    assert slow.particle_displacement.shape == (51, 24)
-    difference = np.linalg.norm(slow.chain_displacement - signals.chain_displacement)
-    assert difference < 0.02 * np.linalg.norm(signals.chain_displacement)
-    wall = tmp_path / "wall.txt"
-    wall.write_text("0 0\n2e-6 1e-9\n")
-    assert main([*base, "--motion-file", str(wall)]) == 0
-    assert read_signals(out).source_displacement[-1] == 1e-9
-    assert main([*base, "--time-step", "3e-7", "--interval", "1.2e-6"]) == 0
-    assert np.diff(read_signals(out).time) == pytest.approx(1.2e-6, rel=1e-9)
 
 
 def test_long_wave_is_refused_before_it_starts(monkeypatch):

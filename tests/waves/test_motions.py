@@ -1,14 +1,10 @@
 """Motions of the source wall: pulses of several cycles, chirps, steps, and those from a file."""
 
-import json
-
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 import modal
-from modal.__main__ import main
-from modal.packing.network import write_network
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
 from modal.waves.oscillator import oscillation
@@ -102,33 +98,6 @@ def test_file_and_back(tmp_path):
             read_motion(path)
     with pytest.raises(InputError):
         read_motion(tmp_path / "absent.txt")
-
-
-def test_commands_name_what_a_motion_lacks(tmp_path, capsys):
-    network, path = modal.fcc(cells=(1, 1, 10)), tmp_path / "c.network.h5"
-    write_network(path, network)
-    command = ["wave", str(path), "--duration", "3e-5", "--json"]
-
-    def largest(*options):
-        assert main([*command, *options]) == 0
-        return json.loads(capsys.readouterr().out)["largest_displacement_m"]
-
-    for options, motion in (
-        (["--cycles", "2"], Pulse(cycles=2)),
-        (
-            ["--motion", "chirp", "--last-frequency", "2e5", "--sweep", "2e-5"],
-            chirp(2.5e-9, 1e5, 2e5, 2e-5),
-        ),
-        (["--motion", "step", "--sweep", "1e-5"], step(2.5e-9, 1e-5)),
-    ):
-        wave = modal.propagate(network, 3e-5, motion=motion).signals
-        assert largest(*options) == abs(wave.chain_displacement).max()
-    still, out = tmp_path / "still.txt", tmp_path / "a.signals.h5"
-    still.write_text("0 0\n1e-5 0\n")
-    for more, words in (([], "never moves"), (["--amplitude", "1e-9"], "the motion is a file")):
-        assert main([*command, "--motion-file", str(still), "-o", str(out), *more]) == 2
-        said = capsys.readouterr().err
-        assert said.count("\n") == 1 and words in said and not out.exists()
 
 
 def test_what_is_no_motion_or_damping_is_refused():

@@ -1,21 +1,17 @@
 """A wave in one of equal parts is the wave in all of them."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from modal.__main__ import main
 from modal.packing import crystal as gallery
-from modal.packing.network import write_network
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.system.linear_system import LinearSystem
 from modal.waves.driven import one_part
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
-from modal.waves.signals import read_signals
 
 RANDOM = random_network(60, 1e5, seed=2, aspect=4)
 DURATION = 6e-5
@@ -74,17 +70,3 @@ def test_response_of_a_repeated_packing_is_the_small_ones():
     for name in ("layer_displacement", "receiver_stress", "source_stress"):
         a, b = getattr(small, name), getattr(large, name)
         assert abs(a - b).max() < 1e-6 * abs(a).max(), name
-
-
-def test_command_says_that_it_computed_a_part(tmp_path, capsys):
-    path = tmp_path / "a.network.h5"
-    write_network(path, FCC)
-    told = []
-    for name, more in (("one", []), ("all", ["--whole"])):
-        out = str(tmp_path / f"{name}.signals.h5")
-        given = ["--duration", "2e-5", "--particles", "--json", "-o", out]
-        assert main(["wave", str(path), *given, *more]) == 0
-        told.append(json.loads(capsys.readouterr().out).get("computed_one_of_equal_parts"))
-        shape = read_signals(out).particle_displacement.shape
-        assert shape == (21, FCC.n_particles)
-    assert told == [6, None]

@@ -1,7 +1,5 @@
 """A plane that opens inside a cell without walls: a ring of layers in closed form, and symmetry."""
 
-import json
-
 import h5py
 import numpy as np
 import pytest
@@ -10,9 +8,6 @@ from scipy.linalg import eigh
 from shear_lattice import driven_by_pulse
 
 import modal
-from analysis.__main__ import main as analysis_main
-from modal.__main__ import main
-from modal.packing.network import write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
@@ -77,37 +72,6 @@ def test_wave_in_a_random_cell_is_that_of_its_dense_modes(direction):
     motion = (shape.T @ push.ravel())[:, None] * oscillation(Pulse(), square.clip(0), found.time)
     wanted = (shape[axis::6] @ motion).T
     assert found.particle_displacement == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
-
-
-def test_command_and_file(crystal, tmp_path, capsys):
-    """The same digits; a file without every sphere; a cell without walls says what to give."""
-    path, product = tmp_path / "c.network.h5", tmp_path / "c.signals.h5"
-    write_network(path, crystal)
-    middle = crystal.length / 2
-    asked = ["wave", str(path), "--plane", repr(middle), "--direction", "x", "--duration", "4e-5"]
-    assert main([*asked, "-o", str(product), "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    own = from_plane(crystal, 4e-5, middle, direction="x")
-    read = read_signals(product, of_any_source=True)
-    assert (read.layer_displacement == own.signals.layer_displacement).all()
-    assert (read.source_stress == own.signals.source_stress).all()
-    assert read.particle_displacement is None and read.source_height == [middle]
-    assert (said["products_with_k"], said["truncation"]) == (own.products, own.truncation)
-    assert own.truncation < 1e-9 and "plane at" in read.source
-    assert not len(read.chain_particle) and not len(read.receiver_stress)
-    assert read.plot().get_ylabel() == "z, mm"
-    with pytest.raises(InputError, match="not of a wave from wall to wall"):
-        read_signals(product)
-    assert main([*asked, "-o", str(product), "--particles", "--skip-current"]) == 0
-    every = read_signals(product, of_any_source=True).particle_displacement
-    assert (every == own.signals.particle_displacement).all()
-    capsys.readouterr()
-    assert main([*asked, "-o", str(product), "--particles", "--skip-current"]) == 0
-    assert "current" in capsys.readouterr().out
-    assert main(["export", str(path), str(product), "-o", str(tmp_path / "wave.xyz")]) == 0
-    capsys.readouterr()
-    assert analysis_main(["figure", "signals", str(path), str(product)]) == 2
-    assert "reads no other" in capsys.readouterr().err
 
 
 def test_file_of_before_is_read(crystal, tmp_path):

@@ -1,6 +1,5 @@
 """Transfer functions against dense solves, against the transform of a wave, and a known chain."""
 
-import h5py
 import numpy as np
 import pytest
 
@@ -8,13 +7,11 @@ from analysis.crystal import compare
 from analysis.estimators.transfer import TRAVELS, gain_factor
 from analysis.measuring import Measuring
 from analysis.quantities import gain
-from modal.__main__ import main
 from modal.packing import crystal as gallery
-from modal.packing.network import SOURCE_WALL, write_network
+from modal.packing.network import SOURCE_WALL
 from modal.system.assembly import mass_diagonal, stiffness_matrix
-from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
-from modal.waves.response import frequency_response, read_response
+from modal.waves.response import frequency_response
 from modal.waves.signals import Signals
 
 
@@ -53,24 +50,6 @@ def test_gain_from_signals_equals_gain_from_the_recurrence():
     frequency, height = found.first_maximum()
     assert abs(wanted.gain_maxima()[0] - frequency) < 0.2 * found.resolution
     assert height == pytest.approx(found.gain[:20].max(), rel=0.1)
-
-
-def test_response_on_the_command_line(tmp_path):
-    path, out = tmp_path / "a.network.h5", tmp_path / "a.response.h5"
-    write_network(path, gallery.fcc(cells=(2, 2, 6)))
-    assert main(["response", str(path), "--resolution", "5000", "-o", str(out)]) == 0
-    with h5py.File(out) as file:
-        nf = len(file["frequency"])
-        assert file["chain/displacement"].shape == (nf, 6, 2)
-        assert all("units" in file[name].attrs for name in ("gain", "source/stress", "frequency"))
-    made = vars(frequency_response(gallery.fcc(cells=(2, 2, 6)), resolution=5e3))
-    read = vars(read_response(out)) | {name: made[name] for name in ("products", "network_sha256")}
-    assert all(np.array_equal(read[name], made[name]) for name in made)
-    with pytest.raises(InputError):
-        frequency_response(gallery.fcc(cells=(2, 2, 3)), tolerance=2)
-    # Some 1e12 frequencies: 1e13 bytes for each receiver.
-    with pytest.raises(InputError, match="coarser resolution"):
-        frequency_response(gallery.fcc(cells=(2, 2, 3)), resolution=1e-6)
 
 
 def undamped_column(window: float, travels: float) -> Signals:

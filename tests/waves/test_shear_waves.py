@@ -1,6 +1,5 @@
 """S-waves: the linear wave against the crystal's sliding and turning layers, exactly."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +8,8 @@ from shear_lattice import ShearLattice
 
 import modal
 from analysis.estimators.damped_transform import chain_dispersion
-from modal.__main__ import main
-from modal.packing.network import write_network
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
-from modal.waves.signals import read_signals, write_signals
 
 CRYSTAL = FccLattice(1e5)
 LAYERS = 40
@@ -80,27 +76,6 @@ def test_chi_tells_shear_from_compression(crystal):
     assert modes.chi_z[:2] == pytest.approx([0, 0], abs=1e-9)
     with pytest.raises(InputError, match="axis 'w'"):
         modes.chi("w")
-
-
-def test_commands_and_files(tmp_path, capsys, crystal):
-    path, product = tmp_path / "crystal.network.h5", tmp_path / "crystal.signals.h5"
-    write_network(path, crystal)
-    assert (
-        main(["wave", str(path), "--duration", "2e-5", "--direction", "x", "-o", str(product)]) == 0
-    )
-    signals = read_signals(product)
-    assert signals.direction == "x" and "u_x" in signals.plot().figure.axes[1].get_ylabel()
-    with_answer = ["response", str(path), "--highest", "2e4", "--direction", "y"]
-    capsys.readouterr()
-    assert main([*with_answer, "--json"]) == 0
-    found = modal.frequency_response(crystal, highest=2e4, direction="y")
-    assert json.loads(capsys.readouterr().out)["gain_maxima_hz"] == found.gain_maxima().tolist()
-    # Receiver over source stress peaks where the source is free of stress: a quarter of a wave.
-    quarter = EXACT.velocity / (4 * crystal.length)
-    assert found.gain_maxima()[0] == pytest.approx(quarter, rel=0.1)
-    write_signals(product, replace(signals, direction="u"))
-    with pytest.raises(InputError, match="none of x, y, z"):
-        read_signals(product)
 
 
 def test_directions_that_the_wall_cannot_take(crystal):

@@ -13,16 +13,12 @@ from packings import bonded, polydisperse, sheared
 from scipy.linalg import expm
 
 import modal
-from modal.__main__ import main
 from modal.packing.chain import wall_to_wall_chain
 from modal.packing.layers import Layers
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network, write_network
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.system.assembly import block, stiffness_matrix
 from modal.system.contacts import SHEAR, Contacts, terms_of
 from modal.system.damping import ContactDamping
-from modal.tools.errors import InputError
-from modal.waves.response import read_response, write_response
-from modal.waves.signals import read_signals, write_signals
 from modal.waves.source import Pulse, SampledMotion
 from modal.waves.sources import Plane, Point, Wall
 
@@ -264,43 +260,3 @@ def test_what_one_sphere_hears_of_another_is_what_it_tells_it(name, pre_stress, 
     assert abs(first).max() > 0
     # Each is exact to 1e-9 of the largest motion, that of the sphere which is pushed.
     assert first == pytest.approx(second, abs=1e-6 * abs(first).max())
-
-
-def test_what_a_piece_cannot_do_is_said_in_one_line(tmp_path, capsys):
-    network = packing("free sides")
-    for settings, words in (
-        ({"damping": DAMPING, "time_step": 1e-8}, "no damping"),
-        ({"source": Point(10**6)}, "the packing has 0 to"),
-        ({"source": Point(0), "time_step": 1.0}, "multiple of the time step"),
-    ):
-        with pytest.raises(InputError, match=words):
-            modal.propagate(network, 1e-5, **settings)
-    path, out = tmp_path / "free.network.h5", tmp_path / "free.signals.h5"
-    write_network(path, network)
-    command = ["wave", str(path), "--duration", "1e-5", "--direction", "torsion"]
-    assert main([*command, "--point", "3", "-o", str(out), "--particles"]) == 0
-    capsys.readouterr()
-    assert main(["export", str(path), str(out), "-o", str(tmp_path / "a.xyz")]) == 2
-    assert "turns" in capsys.readouterr().err
-    assert main(["response", str(path), "--highest", "2e4", "--point", "3"]) == 0
-
-
-def test_recordings_over_time_and_frequency_are_one_table(tmp_path):
-    """Of torsion from a wall: units of turns, version 2, and what is read is what was written."""
-    network = packing("free sides")
-    wave = modal.propagate(network, 1e-5, direction="torsion", damping=DAMPING).signals
-    response = modal.frequency_response(
-        network, source=Plane(0.004), direction="torsion", highest=2e4, resolution=4e3
-    )
-    signals, transfer = tmp_path / "t.signals.h5", tmp_path / "t.response.h5"
-    write_signals(signals, wave)
-    write_response(transfer, response, "ab")
-    read, again = read_signals(signals, of_any_source=True), read_response(transfer)
-    with pytest.raises(InputError, match="from wall to wall"):
-        read_signals(signals)
-    for one, other in ((wave, read), (response, again)):
-        for name, value in vars(one).items():
-            if name not in ("products", "network_sha256"):
-                assert np.array_equal(value, getattr(other, name)), name
-    with pytest.raises(InputError, match="no stress on both"):
-        modal.frequency_response(network, source=Point(1), highest=1e4, resolution=4e3).gain  # noqa: B018
