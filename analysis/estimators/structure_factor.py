@@ -25,9 +25,9 @@ from modal.formats.product import Column, Product
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
-from modal.solvers.spectrum import bound_of_spectrum
+from modal.solvers.chebyshev import chebyshev
+from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
-from modal.system.root_mass import RootMass
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
 
@@ -99,7 +99,7 @@ def _patterns(network: Network, waves: np.ndarray, directions: np.ndarray) -> np
     pattern = np.zeros((network.n_particles, 6, len(directions) * waves.shape[1]))
     moving = (waves * bearing[:, None])[:, None, None] * directions.T[:, :, None]
     pattern[:, :3] = moving.reshape(network.n_particles, 3, -1)
-    return RootMass.of(network).times(pattern.reshape(6 * network.n_particles, -1))
+    return LinearSystem.of(network).root.times(pattern.reshape(6 * network.n_particles, -1))
 
 
 def standing_waves(network: Network, orders: np.ndarray) -> np.ndarray:
@@ -179,8 +179,8 @@ def _power(
     These are unit vectors (6n, r), scaled by M^1/2, or parts of one; each row integrates to its
     square.
     """
-    operator = ContactOperator(network, mass_scaled=True)
-    top, _ = bound_of_spectrum(operator)
+    system = LinearSystem.of(network)
+    operator, top = system.renumbered, system.top
     if top <= 0:
         raise InputError("the network has no stiffness; all its modes are at zero")
     f_top = float(np.sqrt(top) / (2 * np.pi))
@@ -202,20 +202,15 @@ def _moments(
     operator: ContactOperator, start: np.ndarray, top: float, count: int, label: str
 ) -> np.ndarray:
     """Shape (R, count): <e|T_k(X)|e>; T_2k = 2 T_k T_k - 1 halves the products."""
-    found = np.empty((start.shape[1], count))
-    found[:, 0] = size = (start * start).sum(axis=0)
-    before = start.copy()
-    now = operator.accumulate(start, -start, 2 / top)
-    found[:, 1] = first = (start * now).sum(axis=0)
-    for done in progress(count // 2, label):
-        k = done + 1
-        if 2 * k < count:
-            found[:, 2 * k] = 2 * (now * now).sum(axis=0) - size
-        ahead = operator.accumulate(now, -2 * now - before, 4 / top)
-        if 2 * k + 1 < count:
-            found[:, 2 * k + 1] = 2 * (now * ahead).sum(axis=0) - first
-        before, now = now, ahead
-    return found
+    found = np.empty((count + 2, start.shape[1]))
+    states = chebyshev(operator, np.array(operator.inward(start), order="C"), 2 / top, -1.0)
+    before = next(states)
+    for k in progress((count + 1) // 2, label):
+        now = next(states)
+        both = np.array([np.einsum("ij,ij->j", before, other) for other in (before, now)])
+        found[2 * k : 2 * k + 2] = both if k == 0 else 2 * both - found[:2]
+        before = now
+    return found[:count].T
 
 
 def _jackson(count: int) -> np.ndarray:

@@ -11,12 +11,13 @@ from zero to `top`, 1/s^2.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 
+from modal.solvers.chebyshev import chebyshev
 from modal.solvers.same_bits import same_bits_product
 from modal.solvers.spectrum import GrowthError, largest_growth, norm
 from modal.system.operator import ContactOperator
@@ -35,45 +36,26 @@ AnySeries = TypeVar("AnySeries", "Expansion", "Resolvent")
 """Weights of the orders, one set for each time or frequency."""
 
 
-class Recurrence:
-    """T_k(2 A / top - 1) start, one order after the other, and what receivers read of them.
+def readings(
+    operator: ContactOperator,
+    states: Iterator[tuple[int, Floats]],
+    receivers: sp.csr_matrix,
+    length: float,
+    count: int,
+) -> Floats:
+    """Shape (count, receivers): what rows read of the next `states`, each T_k(X) c with its order.
 
-    `operator` is A, `start` (6n,), which is worked on in place, `top` the upper end of the interval
-    in omega^2, 1/s^2; `receivers` (count, 6n) are rows that read mass-scaled motions.
+    `length` is that of c. GrowthError where they grow, as they do when modes lie outside of the
+    interval.
     """
-
-    def __init__(
-        self, operator: ContactOperator, start: Floats, top: float, receivers: sp.csr_matrix
-    ) -> None:
-        self._operator, self._top, self._receivers = operator, top, receivers
-        self._before, self._now = start, np.empty_like(start)
-        self.length, self.order = norm(start), 0
-
-    def rows(self, count: int) -> Floats:
-        """Shape (count, receivers): the next orders, from `order` on.
-
-        GrowthError where the vectors grow, as they do when modes lie outside the interval.
-        """
-        rows = np.empty((count, self._receivers.shape[0]))
-        for row in progress(count, "wave"):
-            k = self.order
-            if k == 0:
-                self._now[:] = self._before
-            elif k == 1:
-                self._operator.combine(self._before, self._now, 2 / self._top, beta=-1.0)
-            else:
-                # T_k = 2 X T_(k-1) - T_(k-2), built in the array of T_(k-2).
-                ahead, self._before = self._before, self._now
-                self._now = self._operator.combine(
-                    self._before, ahead, 4 / self._top, beta=-2.0, gamma=-1.0
-                )
-            rows[row] = self._receivers @ self._now
-            if k % LOOK == LOOK - 1 or row == count - 1:
-                growth = norm(self._now) / self.length if self.length > 0 else 0.0
-                if not growth <= largest_growth(self._operator, k):
-                    raise GrowthError
-            self.order += 1
-        return rows
+    rows = np.empty((count, receivers.shape[0]))
+    for row in progress(count, "wave"):
+        k, now = next(states)
+        rows[row] = receivers @ now
+        looked_at = k % LOOK == LOOK - 1 or row == count - 1
+        if looked_at and not norm(now) <= largest_growth(operator, k) * length:
+            raise GrowthError
+    return rows
 
 
 def summed(
@@ -89,24 +71,25 @@ def summed(
     operator, (top, products) = driven.springs.operator, driven.system.end
     if top == 0:
         raise InputError("the network has no stiffness; no wave goes through it")
-    series = series_for(top)
-    recurrence = Recurrence(operator, driven.springs.push.toarray()[0], top, driven.springs.rows)
-    most = largest_growth(operator, 0) * recurrence.length * driven.reach()
+    series, done = series_for(top), 0
+    start = driven.springs.push.toarray()[0]
+    length = norm(start)
+    states = enumerate(chebyshev(operator, start, 2 / top, -1.0))
+    most = largest_growth(operator, 0) * length * driven.reach
     record = driven.blank(series.moved)
     # No record is larger than all weights together allow: it takes so many orders at least.
     orders = series.orders(tolerance * series.left(0))
     while True:
-        first = recurrence.order
-        series.add(record, recurrence.rows(orders - first), first)
-        left = series.left(orders) * most
-        whole = driven.largest(record, apart=series.apart)
+        rows = readings(operator, states, driven.springs.rows, length, orders - done)
+        series.add(record, rows, done)
+        done = orders
+        left, whole = series.left(done) * most, driven.largest(record, apart=series.apart)
         with np.errstate(divide="ignore"):
             error = float(np.divide(left, whole, out=0 * left, where=left > 0).max())
         if error > tolerance:
-            orders = series.orders(series.left(orders) * tolerance / error)
-        if error <= tolerance or orders <= recurrence.order:
-            break
-    return series, record, products + max(recurrence.order - 1, 0), error
+            orders = series.orders(series.left(done) * tolerance / error)
+        if error <= tolerance or orders <= done:
+            return series, record, products + max(done - 1, 0), error
 
 
 CHUNK = 256

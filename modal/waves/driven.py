@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import norm
 
 from modal.packing.network import RECEIVER_WALL
 from modal.packing.repeats import Repeats, lateral_repeats, undivided
@@ -106,23 +107,16 @@ class Driven:
         small, part = system, undivided(network)
         if source.alike and not whole:
             small, part = one_part(system, duration, tolerance)
-        springs, count = small.renumbered, len(part.first)
-        order = np.arange(count) if springs.order is None else springs.order
+        springs = small.renumbered
         # Which body of the operator moves as each of the packing does; and which are its first.
-        place = np.argsort(order)[part.member]
-        first = np.full(network.n_particles, -1)
-        first[part.first] = place[part.first]
+        place = np.argsort(springs.order)[part.member] if springs.order is not None else part.member
+        every = np.arange(len(place))
+        alike = _bodies(every, place, part)
+        firsts = _bodies(part.first, place[part.first], part)
         beyond = WallMoves(RECEIVER_WALL, COMPONENT[direction]) if receivers.walls else None
         # What holds the source against the bodies, and what these do to the wall beyond.
         ends = ("source_stress", moved, -1.0), ("receiver_stress", beyond, 1.0)
         walls = [(name, wall, way) for name, wall, way in ends if wall is not None]
-
-        def inside(rows: sp.csr_matrix, place: Ints) -> sp.csr_matrix:
-            found = system.root.under(rows).tocoo()
-            column = 6 * place[found.col // 6] + found.col % 6
-            kept = column >= 0
-            entries = found.data[kept], (found.row[kept], column[kept])
-            return sp.csr_matrix(entries, (found.shape[0], 6 * count))
 
         def link(by: LinearSystem, operator: ContactOperator, load: Floats, *more: Any) -> Link:
             push, held = sp.csr_matrix(load), np.zeros(len(walls))
@@ -131,9 +125,9 @@ class Driven:
                 coupling = by.put_on(wall)
                 rows.append(way * coupling.pull.T)
                 if wall is moved:
-                    push, held[k] = coupling.push.T, coupling.held[0, 0]
-            push, reading = push.tocsr(), sp.vstack([*rows, *more], format="csr")
-            return Link(operator, inside(push, first), inside(reading, place), held)
+                    push, held[k] = coupling.push.T.tocsr(), coupling.held[0, 0]
+            reading, under = sp.vstack([*rows, *more], format="csr"), system.root.under
+            return Link(operator, under(push) @ firsts, under(reading) @ alike, held)
 
         load, dashpots = source.load(network, direction), None
         by_springs = link(system, springs, load, receivers.rows)
@@ -164,17 +158,23 @@ class Driven:
         record[:, : self.walls] = moved[:, None] * self.springs.held
         return record
 
+    @property
     def reach(self) -> Floats:
         """Shape (walls + 1,): lengths of the rows, of each force and the longest of all others."""
-        squares = self.springs.rows.multiply(self.springs.rows).sum(axis=1)
-        return self._each(np.sqrt(np.asarray(squares).reshape(1, -1)))
+        return self._each(norm(self.springs.rows, axis=1))
 
     def largest(self, record: Array, *, apart: bool) -> Floats:
         """Shape (walls + 1,): largest force on each wall, or on any, and motion of a record."""
-        found = self._each(abs(record))
+        found = self._each(abs(record).max(axis=0))
         found[:-1] = found[:-1] if apart else found[:-1].max(initial=0.0)
         return found
 
     def _each(self, sizes: Floats) -> Floats:
-        forces = sizes[:, : self.walls].max(axis=0)
-        return np.append(forces, sizes[:, self.walls :].max())
+        """Of numbers (count,) that of each force, and the largest of all others."""
+        return np.maximum.reduceat(sizes, np.arange(self.walls + 1))
+
+
+def _bodies(whole: Ints, small: Ints, part: Repeats) -> sp.csr_matrix:
+    """Ones where motions of bodies of the `whole` packing are those of the `small` one's."""
+    shape = len(part.member), len(part.first)
+    return sp.kron(sp.csr_matrix((np.ones(len(whole)), (whole, small)), shape), sp.eye(6), "csr")

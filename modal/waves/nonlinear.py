@@ -82,11 +82,6 @@ class NonlinearWave(Wave):
     opened: Bools
 
     @property
-    def told(self) -> str:
-        """How many contacts slid and opened."""
-        return f"{int((self.dissipated > 0).sum())} contacts slid, {int(self.opened.sum())} opened"
-
-    @property
     def moved(self) -> Floats:
         """Shape (nt, k): all displacements that are recorded, of chain, layers and spheres."""
         signals, nt = self.signals, len(self.energy)

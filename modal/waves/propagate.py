@@ -47,11 +47,6 @@ class LinearWave(Wave):
     truncation: float
     repeats: int = 1
 
-    @property
-    def told(self) -> str:
-        """What it took."""
-        return f"{self.products} products with K"
-
 
 @overload
 def propagate(

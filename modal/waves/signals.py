@@ -10,7 +10,6 @@ and not in the file.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
@@ -231,22 +230,14 @@ PLANE = "granular-plane-wave"
 
 
 @dataclass(frozen=True, repr=False)
-class Wave(ABC):
+class Wave:
     """What a run gives: its `signals`, and what else it has to tell."""
 
     signals: Signals
 
-    @property
-    @abstractmethod
-    def told(self) -> str:
-        """Beside the signals."""
-
     def __repr__(self) -> str:
         found = quantity(float(abs(self.signals.receiver_stress).max(initial=0.0)), "Pa")
-        return (
-            f"<{type(self).__name__}: {self.signals!r}, {found} at most on the receiver wall, "
-            f"{self.told}>"
-        )
+        return f"<{type(self).__name__}: {self.signals!r}, {found} at most on the receiver wall>"
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the displacement over time and distance, as `Signals.plot`; returns the Axes."""
@@ -256,17 +247,6 @@ class Wave(ABC):
 def record_times(duration: float, interval: float) -> Floats:
     """Times (nt,), s, of a record: from 0 on, none after its `duration` but by round-off."""
     return interval * np.arange(np.floor(duration / interval * (1 + 1e-9)) + 1)
-
-
-def source_pulse(time: Floats, amplitude: float, frequency: float, cycles: int = 1) -> Floats:
-    """Wall displacement u = A (1 - cos 2 pi f t) for one period, or some, zero elsewhere; m.
-
-    A sine period with its phase shifted by 270 degrees (Otsubo et al. 2017, Fig. 2a).
-    """
-    time = np.asarray(time)
-    inside = (time > 0) & (time * frequency < cycles)
-    # 1 - cos x = 2 sin^2 (x / 2) keeps its digits where the pulse is much longer than the record.
-    return np.where(inside, 2 * amplitude * np.sin(np.pi * frequency * time) ** 2, 0.0)
 
 
 def write_signals(path: str | Path, signals: Signals, made: Provenance | None = None) -> None:

@@ -21,7 +21,6 @@ from analysis.estimators.travel_time import arrival_times, first_peak_times, tra
 from modal.packing.crystal import fcc
 from modal.theory.fcc import FccLattice
 from modal.waves.propagate import propagate
-from modal.waves.signals import source_pulse
 from modal.waves.source import Pulse
 
 END = CHAIN.layers * CHAIN.distance / CHAIN.velocity
@@ -42,15 +41,16 @@ def two_arrivals(share):
     """Pulses of speeds V_P and 0.6 V_P, the slower `share` as high, without dispersion."""
     record = exact_crystal.record()
     delay = record.chain_position / CHAIN.velocity
-    u = source_pulse(record.time[:, None] - delay, 2.5e-9, 1e5)
-    u = u + share * source_pulse(record.time[:, None] - delay / 0.6, 2.5e-9, 1e5)
+    pulse = Pulse(2.5e-9, 1e5).displacement
+    u = pulse(record.time[:, None] - delay)
+    u = u + share * pulse(record.time[:, None] - delay / 0.6)
     return replace(record, chain_displacement=u)
 
 
 def leapfrog(chain: LayerLattice, step: float, end: float, amplitude=2.5e-9, frequency=1e5):
     """Displacement (nt, n) by the leapfrog rule, u[k] at time k * step."""
     times = np.arange(round(end / step) + 1) * step
-    drive = source_pulse(times, amplitude, frequency)
+    drive = Pulse(amplitude, frequency).displacement(times)
     u = np.zeros((len(times), chain.layers))
     velocity = np.zeros(chain.layers)
     for k in range(len(times) - 1):
@@ -220,7 +220,7 @@ def test_error_of_the_coherent_wave_is_that_of_noisy_records(points):
 
 def test_cross_spectrum_of_a_delayed_pulse():
     time = np.arange(0, 4e-4, 1e-7)
-    first, second = source_pulse(time, 1, 5e4), source_pulse(time - 1e-4, 1, 5e4)
+    first, second = (Pulse(1.0, 5e4).displacement(time - late) for late in (0, 1e-4))
     frequency, phase, group, _ = cross_spectrum(first, second, time, 0.1)
     assert at_frequency(frequency, phase, 3e4) == pytest.approx(1000, rel=1e-4)
     assert at_frequency(frequency, group, 3e4) == pytest.approx(1000, rel=1e-3)

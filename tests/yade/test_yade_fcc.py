@@ -15,7 +15,7 @@ from modal.packing.network import read_network, write_network
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.waves.propagate import propagate
-from modal.waves.signals import read_signals, source_pulse
+from modal.waves.signals import read_signals
 from modal.waves.source import Pulse, chirp
 
 WIDTH, LAYERS, STRESS = 3, 30, 1e5
@@ -168,7 +168,7 @@ def test_time_step_error_has_order_two(products, tmp_path):
             motion=Pulse(amplitude),
             interval=signals.time[1],
         ).signals
-        pulse = source_pulse(signals.time, amplitude, 1e5)
+        pulse = Pulse(amplitude, 1e5).displacement(signals.time)
         assert signals.source_displacement == pytest.approx(pulse, abs=1e-20)
         # Every chain of the crystal carries the same planar wave, layer by layer.
         assert np.array_equal(signals.chain_particle // WIDTH**2, linear.chain_particle // WIDTH**2)
