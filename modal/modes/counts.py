@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from modal.modes.effort import factorisation, refuse_endless_search, shape_of
 from modal.packing.network import Network
-from modal.solvers.factor import SingularError, choose, factorise
+from modal.solvers.factor import SingularError, choose
 from modal.solvers.lanczos import start_block
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
@@ -213,7 +213,7 @@ def _negative(system: LinearSystem, square: float, solver: str, apart: bool) -> 
     if (square, solver, apart) not in known:
         negative = None
         with suppress(SingularError):
-            factor = factorise(system.shifted(square), solver=solver, kept=apart)
+            factor = system.factorised(square, solver=solver, kept=apart)
             on_a_mode = apart and _distance(factor.solve, system.size) <= system.zero_threshold
             factor.release()
             negative = None if on_a_mode else factor.negative

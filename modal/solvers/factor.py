@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from modal.solvers import factorisations
-from modal.tools.arrays import Array, Ints
+from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
 from modal.tools.workload import memory_at_hand, refuse_above_memory
 
@@ -82,11 +82,12 @@ class Shape:
     complex: bool = False
 
     @classmethod
-    def of(cls, matrix: sp.csr_matrix) -> Shape:
-        """The shape of a matrix, whose layers are looked for."""
-        rows = np.diff(ends_of_blocks(matrix, reverse_cuthill_mckee(matrix, symmetric_mode=True)))
-        layer = float((rows.astype(float) ** 2).sum() / rows.sum())
-        return cls(matrix.shape[0], matrix.nnz, layer, np.iscomplexobj(matrix))
+    def of(cls, matrix: sp.csr_matrix, reach: Ints | None = None) -> Shape:
+        """The shape of a matrix, whose layers are the `reach` of the rows of its `band`."""
+        size = matrix.shape[0]
+        wide = (band(matrix)[1] if reach is None else reach) - np.arange(size, dtype=float)
+        layer = float(np.sqrt((wide**2).mean())) + 1
+        return cls(size, matrix.nnz, layer, np.iscomplexobj(matrix))
 
 
 @dataclass(frozen=True)
@@ -112,13 +113,13 @@ class Factorisation:
 
     `package`: what must be installed besides scipy. `inertia`: whether `negative` of its factors is
     known; `complex`, `unsymmetric`: whether it takes such matrices; all take real symmetric ones,
-    definite or not. `cost` estimates from a `Shape`. `make` takes the matrix, whether it is
-    positive definite, whether it is symmetric, and whether the factor is `kept` for solutions or
+    definite or not. `cost` estimates from a `Shape`. `make` takes the matrix, the order of rows in
+    which it is a narrow band, whether it is positive definite, whether it is symmetric, and whether the factor is `kept` for solutions or
     only its inertia is wanted; it raises SingularError.
     """
 
     name: str
-    make: Callable[[sp.csr_matrix, bool, bool, bool], Factor]
+    make: Callable[[sp.csr_matrix, Ints, bool, bool, bool], Factor]
     cost: Callable[[Shape], Cost]
     package: str | None = None
     inertia: bool = True
@@ -188,30 +189,43 @@ def factorise(
     symmetric: bool = True,
     solver: str | None = None,
     kept: bool = True,
+    along: Floats | None = None,
     remedy: str = SMALLER,
 ) -> Factor:
     """Factorise a matrix, real or complex; `definite` promises that it is positive definite.
 
     Where the factor is not `kept`, it gives the inertia and no solutions, which may take less
-    memory. InputError for an unsuitable `solver`, a singular matrix, or where the factor would take
+    memory. `along` (size,) are places of the rows along the packing, if they are known. InputError for an unsuitable `solver`, a singular matrix, or where the factor would take
     more than the free memory, with a `remedy`.
     """
-    shape = Shape.of(matrix)
+    order, reach = band(matrix, along)
+    shape = Shape.of(matrix, reach)
     way = choose(shape, solver, inertia=not kept, unsymmetric=not symmetric)
     if way.package is None:
         remedy += ", or install pypardiso, which needs less"
     needed = way.cost(shape).memory(kept)
     refuse_above_memory(needed, f"a factorisation by {way.name}", remedy)
-    return replace(way.make(matrix, definite, symmetric, kept), bytes=needed)
+    return replace(way.make(matrix, order, definite, symmetric, kept), bytes=needed)
 
 
-def ends_of_blocks(matrix: sp.csr_matrix, order: Ints, fewest: int = 200) -> Ints:
-    """First row of each block, and the number of rows behind the last, in the `order` of rows.
+def band(matrix: sp.csr_matrix, along: Floats | None = None) -> tuple[Ints, Ints]:
+    """Order of a matrix's rows in which it is a narrow band, and how far each row reaches.
 
-    Rows reach no further than into the next block. Each has the `fewest` rows at least, so that
-    particles without contacts do not become a block each, and rows with an empty diagonal do not
-    stand alone.
+    The reverse Cuthill-McKee order, or that of places `along` the packing: where it is wide, the
+    former starts at a corner and cuts obliquely. The second is the last row, in this order, that a
+    row or one before it shares an entry with.
     """
+    orders = [reverse_cuthill_mckee(matrix, symmetric_mode=True)]
+    if along is not None:
+        orders.append(np.argsort(along, kind="stable"))
+    ways = [(order, reach_of(matrix, order)) for order in orders]
+    return min(
+        ways, key=lambda way: ((way[1] - np.arange(matrix.shape[0], dtype=float)) ** 2).sum()
+    )
+
+
+def reach_of(matrix: sp.csr_matrix, order: Ints) -> Ints:
+    """Of rows in this order the last that each, or one before it, shares an entry with."""
     size = matrix.shape[0]
     rank = np.empty(size, np.int64)
     rank[order] = np.arange(size)
@@ -219,11 +233,7 @@ def ends_of_blocks(matrix: sp.csr_matrix, order: Ints, fewest: int = 200) -> Int
     filled = np.flatnonzero(np.diff(matrix.indptr))
     farthest = np.maximum.reduceat(rank[matrix.indices], matrix.indptr[filled])
     reach[rank[filled]] = np.maximum(rank[filled], farthest)
-    reach = np.maximum.accumulate(reach)
-    ends = [0, min(size, fewest)]
-    while ends[-1] < size:
-        ends.append(min(size, max(int(reach[ends[-1] - 1]) + 1, ends[-1] + fewest)))
-    return np.array(ends)
+    return np.maximum.accumulate(reach)
 
 
 def certain(negative: int, solve: Callable[[Array], Array], matrix: sp.csr_matrix) -> int | None:

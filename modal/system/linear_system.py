@@ -249,6 +249,15 @@ class LinearSystem:
         """A - square times the identity, sparse (size, size); `square` is an omega^2, 1/s^2."""
         return (self.assembled() - square * sp.identity(self.size, format="csr")).tocsr()
 
+    def factorised(self, square: float, **options: Any) -> Factor:
+        """A factorisation of A - `square`, `options` as of `modal.solvers.factor.factorise`.
+
+        It is told where the rows lie along the longest side.
+        """
+        place = self.network.position
+        along = np.repeat(place[:, np.argmax(np.ptp(place, axis=0))], self.dof)
+        return factorise(self.shifted(square), along=along, **options)
+
     def factor(self, square: float, *, definite: bool, solver: str | None = None) -> Factor:
         """A factorisation of A - `square`, `definite` or not, by `solver` or the system's own.
 
@@ -257,7 +266,7 @@ class LinearSystem:
         name = solver or self.solver
 
         def make() -> Factor:
-            factor = factorise(self.shifted(square), definite=definite, solver=name)
+            factor = self.factorised(square, definite=definite, solver=name)
             if factor.bytes > KEPT:
                 return factor
             kept = replace(factor, release=lambda: None)

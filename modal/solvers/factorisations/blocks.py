@@ -1,25 +1,25 @@
-"""L D L^T of a symmetric matrix, block by block along the packing, with numpy and scipy alone.
+"""L D L^T of a symmetric matrix by a front of dense rows that moves along the packing.
 
-In the reverse Cuthill-McKee order a packing's matrix is a band. Cut where the rows of one block
-reach no further than the next, it is block-tridiagonal, with Schur complements
+In a suitable order of its rows a packing's matrix is a band. Block after block of rows is
+eliminated,
 
-    S_1 = A_11,    S_k = A_kk - A_k,k-1 S_k-1^-1 A_k-1,k.
+    X_k = S_kk^-1 S_k,    S_ij -= S_ki^T X_kj    for i, j behind k and within its reach,
 
-The inertia of A is the sum of theirs. Each is dense and factorised by LAPACK: by Cholesky where it
-is definite, as nearly all are below the lowest modes, else with symmetric pivots. Only these
-factors are kept, the sparse blocks beside the diagonal stay as they are; for the inertia alone not
-even that. All work is done on whole blocks, many right-hand sides at once.
+where S_k are the entries right of the block's own S_kk as the blocks before have changed them. The
+inertia of A is the sum of those of all S_kk. Each is factorised by LAPACK: by Cholesky where it is
+definite, as nearly all are below the lowest modes, else with symmetric pivots. For solutions the
+factors of S_kk and the X_k are kept; for the inertia alone no more than the front.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import get_lapack_funcs
-from scipy.sparse.csgraph import reverse_cuthill_mckee
+from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
 from modal.solvers.factor import (
     BACKWARD,
@@ -29,61 +29,86 @@ from modal.solvers.factor import (
     Shape,
     SingularError,
     certain,
-    ends_of_blocks,
+    reach_of,
 )
-from modal.tools.arrays import Array
+from modal.tools.arrays import Array, Ints
 from modal.tools.progress import progress
 
 NAME = "blocks"
 GROWTH = BACKWARD / np.finfo(float).eps
 """Growth of a block's entries up to which its signs count: round-off has then moved the eigenvalues
 by `BACKWARD` of the largest one."""
+FEWEST, MOST, SHARE = 128, 256, 8
+"""Rows of a block: between these, and else this part of the band. Smaller ones waste time in calls,
+larger ones work on zeros beside the band."""
 Solve = Callable[[Array], Array]
+
+
+def _width(layer: float) -> int:
+    """Rows of a block in a band whose rows reach over so many others."""
+    return int(np.clip(layer / SHARE, FEWEST, MOST))
 
 
 def _cost(shape: Shape) -> Cost:
     numbers = 1 + shape.complex
-    own = shape.rows * shape.layer
-    # A sixth of the cube for a factor, the cube for its solutions for the next block.
-    # Five squares stand in memory at once.
-    counting = 40 * numbers * shape.layer**2
-    return Cost(8 * numbers * own, 7 / 6 * numbers**2 * own * shape.layer, 2 * own, counting)
+    front = shape.layer + _width(shape.layer)
+    own = shape.rows * front
+    counting = 8 * numbers * front**2
+    return Cost(8 * numbers * own, numbers**2 * own * front / 2, 2 * own, counting)
 
 
-def _factorise(matrix: sp.csr_matrix, definite: bool, symmetric: bool, kept: bool) -> Factor:
-    order = reverse_cuthill_mckee(matrix, symmetric_mode=True)
+def _factorise(
+    matrix: sp.csr_matrix, order: Ints, definite: bool, symmetric: bool, kept: bool
+) -> Factor:
+    size = matrix.shape[0]
+    reach = reach_of(matrix, order)
     inner = matrix[order][:, order].tocsr()
-    ends = ends_of_blocks(matrix, order)
-    blocks = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    (gemm,) = get_blas_funcs(("gemm",), (inner.data,))
+    width = _width(float(np.sqrt(((reach - np.arange(size)) ** 2).mean())))
+    starts = np.arange(0, size, width)
+    # Behind the last column of each block of rows, which is that of a block.
+    ends = np.minimum(width * (np.maximum.reduceat(reach, starts) // width + 1), size)
     solves: list[Solve] = []
-    beside: list[sp.csr_matrix] = []
+    beside: list[Array] = []
     negative, grown, largest = 0, False, abs(inner.data).max(initial=0.0)
-    used, change = np.empty(0, int), np.empty((0, 0))
-    for k in progress(len(blocks), "block factor"):
-        schur = inner[blocks[k], blocks[k]].toarray(order="F")
-        if len(used) == len(schur):
-            schur -= change
-        else:
-            schur[np.ix_(used, used)] -= change
+    front: deque[Array] = deque()
+    opened = 0
+    for k in progress(len(starts), "block factor"):
+        start, end = starts[k], ends[k]
+        for first, last in zip(starts[opened:], ends[opened:], strict=True):
+            if first >= end:
+                break
+            front.append(inner[first : first + width, first:last].toarray(order="F"))
+            opened += 1
+        rows = front.popleft()
         # Cholesky factors do not grow.
-        grown |= not (definite or abs(schur).max() <= GROWTH * largest)
-        coupling = inner[blocks[k + 1], blocks[k]] if k + 1 < len(blocks) else inner[:0, blocks[k]]
-        used = np.flatnonzero(np.diff(coupling.indptr))
-        solve, below, solved = _eliminated(schur, coupling[used].toarray().T, definite)
-        change = coupling[used] @ solved
+        grown |= not (definite or abs(rows).max() <= GROWTH * largest)
+        solve, below, solved = _eliminated(rows[:, : len(rows)], rows[:, len(rows) :], definite)
         negative += below
+        for i, later in enumerate(front, 1):
+            a, b = i * width, min((i + 1) * width, size - start)
+            # Whole columns of an array in Fortran's order: gemm writes where it is told to.
+            changed = later[:, : end - start - a]
+            gemm(
+                -1.0,
+                rows[:, a:b],
+                solved[:, a - width :],
+                beta=1.0,
+                c=changed,
+                trans_a=True,
+                overwrite_c=True,
+            )
         if kept:
             solves.append(solve)
-            beside.append(coupling)
+            beside.append(solved)
 
     def solution(rhs: Array) -> Array:
         x = rhs[order].astype(np.result_type(rhs, inner))
-        for k, here in enumerate(blocks):
-            if k > 0:
-                x[here] -= beside[k - 1] @ x[blocks[k - 1]]
-            x[here] = solves[k](x[here])
-        for k in range(len(blocks) - 2, -1, -1):
-            x[blocks[k]] -= solves[k](beside[k].T @ x[blocks[k + 1]])
+        for start, end, right in zip(starts, ends, beside, strict=True):
+            x[start + width : end] -= right.T @ x[start : start + width]
+        for k in range(len(starts) - 1, -1, -1):
+            own = slice(starts[k], starts[k] + width)
+            x[own] = solves[k](x[own]) - beside[k] @ x[own.stop : ends[k]]
         result = np.empty_like(x)
         result[order] = x
         return result
@@ -94,34 +119,31 @@ def _factorise(matrix: sp.csr_matrix, definite: bool, symmetric: bool, kept: boo
     return Factor(solution, count, NAME)
 
 
-def _eliminated(schur: Array, coupling: Array, definite: bool) -> tuple[Solve, int, Array]:
-    """Solutions with a block, how many of its eigenvalues are negative, and those of `coupling`.
+def _eliminated(own: Array, right: Array, definite: bool) -> tuple[Solve, int, Array]:
+    """Solutions with a block, how many of its eigenvalues are negative, and those of its `right`.
 
     Shapes (r, r) and (r, c). SingularError for a singular block, and where it is not `definite` as
     was promised.
     """
     names = ("posv", "potrs", "sysv", "sysv_lwork", "sytrs")
-    posv, potrs, sysv, sysv_lwork, sytrs = get_lapack_funcs(names, (schur,))
+    posv, potrs, sysv, sysv_lwork, sytrs = get_lapack_funcs(names, (own,))
     # LAPACK takes no matrix without columns.
-    columns = coupling if coupling.shape[1] else np.ones((len(schur), 1))
-    if not np.iscomplexobj(schur):
-        # Where the block is not definite the columns are left as they are.
-        factor, solved, info = posv(schur, columns, lower=1, overwrite_a=definite, overwrite_b=True)
+    columns = right if right.shape[1] else np.ones((len(own), 1))
+    if not np.iscomplexobj(own):
+        factor, solved, info = posv(own, columns, lower=1)
         if info == 0:
-            return partial(_solved, potrs, (factor,)), 0, solved[:, : coupling.shape[1]]
+            return partial(_solved, potrs, (factor,)), 0, solved[:, : right.shape[1]]
     if definite:
         raise SingularError(definite)
-    lwork = int(sysv_lwork(len(schur), lower=1)[0].real)
-    factor, pivots, solved, info = sysv(
-        schur, columns, lwork=lwork, lower=1, overwrite_a=True, overwrite_b=True
-    )
+    lwork = int(sysv_lwork(len(own), lower=1)[0].real)
+    factor, pivots, solved, info = sysv(own, columns, lwork=lwork, lower=1)
     if info:
         raise SingularError(definite)
     # A 2 x 2 pivot, marked by two equal negative numbers, has one eigenvalue of each sign.
     double = pivots < 0
     negative = int((factor.diagonal()[~double].real < 0).sum() + double.sum() // 2)
     solve = partial(_solved, sytrs, (factor, pivots))
-    return solve, negative, solved[:, : coupling.shape[1]]
+    return solve, negative, solved[:, : right.shape[1]]
 
 
 def _solved(

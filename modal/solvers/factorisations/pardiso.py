@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.solvers.factor import Cost, Factor, Factorisation, Shape, SingularError, certain
-from modal.tools.arrays import Array, Complex
+from modal.tools.arrays import Array, Complex, Ints
 from modal.tools.errors import InputError
 
 NAME = "pardiso"
@@ -40,12 +40,14 @@ def _cost(shape: Shape) -> Cost:
     return Cost(10 * entries + 40 * shape.nonzeros, entries**2 / shape.rows, 2 * entries)
 
 
-def _factorise(matrix: sp.csr_matrix, definite: bool, symmetric: bool, kept: bool) -> Factor:
+def _factorise(
+    matrix: sp.csr_matrix, order: Ints, definite: bool, symmetric: bool, kept: bool
+) -> Factor:
     from pypardiso import PyPardisoSolver
     from pypardiso.pardiso_wrapper import PyPardisoError
 
     if np.iscomplexobj(matrix):
-        return _complex(matrix, symmetric)
+        return _complex(matrix, order, symmetric)
     given = _with_diagonal(matrix, symmetric)
     solver = PyPardisoSolver(mtype=(2 if definite else -2) if symmetric else 11)
     for parameter, value in (SYMMETRIC if symmetric else UNSYMMETRIC).items():
@@ -77,12 +79,12 @@ def _factorise(matrix: sp.csr_matrix, definite: bool, symmetric: bool, kept: boo
     return Factor(solve, certain(negative, solve, matrix) if whole else None, NAME, release)
 
 
-def _complex(matrix: sp.csr_matrix, symmetric: bool) -> Factor:
+def _complex(matrix: sp.csr_matrix, order: Ints, symmetric: bool) -> Factor:
     """Factor of a complex matrix, by its real form, which is symmetric where the matrix is."""
     size, W, T = matrix.shape[0], matrix.real, matrix.imag
     way = -1 if symmetric else 1
     both_parts = sp.bmat([[W, -T], [way * T, way * W]], format="csr")
-    factor = _factorise(both_parts, False, symmetric, True)
+    factor = _factorise(both_parts, order, False, symmetric, True)
 
     def solve(rhs: Array) -> Complex:
         both = factor.solve(np.concatenate([rhs.real, way * rhs.imag]))

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from modal.solvers.factor import Cost, Factor, Factorisation, Shape, SingularError, certain
+from modal.tools.arrays import Ints
 
 FILL = 0.04
 """Entries of L for each nonzero, over a layer's rows, with minimum degrees: 12 GB of L and U of
@@ -27,7 +28,9 @@ def _cost(shape: Shape) -> Cost:
     return Cost((8 + 16 * numbers) * entries, operations, 2 * SLOW * entries)
 
 
-def _factorise(matrix: sp.csr_matrix, definite: bool, symmetric: bool, kept: bool) -> Factor:
+def _factorise(
+    matrix: sp.csr_matrix, order: Ints, definite: bool, symmetric: bool, kept: bool
+) -> Factor:
     options = {}
     if symmetric and not np.iscomplexobj(matrix):
         options = {
