@@ -114,8 +114,8 @@ class Factorisation:
     `package`: what must be installed besides scipy. `inertia`: whether `negative` of its factors is
     known; `complex`, `unsymmetric`: whether it takes such matrices; all take real symmetric ones,
     definite or not. `cost` estimates from a `Shape`. `make` takes the matrix, the order of rows in
-    which it is a narrow band, whether it is positive definite, whether it is symmetric, and whether the factor is `kept` for solutions or
-    only its inertia is wanted; it raises SingularError.
+    which it is a narrow band, whether it is positive definite, whether it is symmetric, and whether
+    the factor is `kept` for solutions or only its inertia is wanted; it raises SingularError.
     """
 
     name: str
@@ -195,8 +195,9 @@ def factorise(
     """Factorise a matrix, real or complex; `definite` promises that it is positive definite.
 
     Where the factor is not `kept`, it gives the inertia and no solutions, which may take less
-    memory. `along` (size,) are places of the rows along the packing, if they are known. InputError for an unsuitable `solver`, a singular matrix, or where the factor would take
-    more than the free memory, with a `remedy`.
+    memory. `along` (size,) are places of the rows along the packing, if they are known. InputError
+    for an unsuitable `solver`, a singular matrix, or where the factor would take more than the free
+    memory, with a `remedy`.
     """
     order, reach = band(matrix, along)
     shape = Shape.of(matrix, reach)
@@ -217,7 +218,7 @@ def band(matrix: sp.csr_matrix, along: Floats | None = None) -> tuple[Ints, Ints
     """
     orders = [reverse_cuthill_mckee(matrix, symmetric_mode=True)]
     if along is not None:
-        orders.append(np.argsort(along, kind="stable"))
+        orders.append(np.lexsort((np.argsort(orders[0]), along)))
     ways = [(order, reach_of(matrix, order)) for order in orders]
     return min(
         ways, key=lambda way: ((way[1] - np.arange(matrix.shape[0], dtype=float)) ** 2).sum()

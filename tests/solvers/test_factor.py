@@ -13,11 +13,13 @@ from modal.solvers.factor import (
     Shape,
     SingularError,
     available,
+    band,
     certain,
-    ends_of_blocks,
     factorise,
     named,
+    reach_of,
 )
+from modal.solvers.factorisations.blocks import FEWEST
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 
@@ -137,11 +139,11 @@ def test_growth_of_the_factor_is_no_exact_count():
 @pytest.mark.parametrize("size", [1e-30, 1.0, 1e30])
 @pytest.mark.parametrize("kept", [True, False])
 def test_growth_of_a_block_is_no_exact_count(size, kept):
-    """A chain shifted to an eigenvalue of its first 200 rows, which are the first block."""
+    """A chain shifted to an eigenvalue of its first rows, as many as the first block has."""
     n = 500
     chain = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1], format="csr")
     for off, certainly in ((1e-12, False), (1e-4, True)):
-        shift = (2 - 2 * np.cos(77 * np.pi / 201)) * (1 + off)
+        shift = (2 - 2 * np.cos(51 * np.pi / (FEWEST + 1))) * (1 + off)
         factor = factorise((size * (chain - shift * sp.eye(n))).tocsr(), solver="blocks", kept=kept)
         expected = int((2 - 2 * np.cos(np.arange(1, n + 1) * np.pi / (n + 1)) < shift).sum())
         assert factor.negative == (expected if certainly else None)
@@ -158,12 +160,29 @@ def test_exactly_singular_is_refused_and_not_counted(zero):
 
 
 def test_spheres_without_contacts_widen_no_block():
-    """Among the rows of a long crystal: they lie in blocks of their own, two hundred in each."""
+    """Among the rows of a long crystal: they reach no others."""
     bound = LinearSystem.of(modal.fcc(cells=(7, 7, 20))).shifted(-1.0)
     free = sp.block_diag([bound, sp.identity(3000)], format="csr")
     mixed = np.random.default_rng(3).permutation(free.shape[0])
     alone, among = Shape.of(bound), Shape.of(free[mixed][:, mixed])
     assert among.layer < alone.layer
+
+
+def test_places_along_a_wide_packing_narrow_its_front():
+    """From one sphere layers of a cube are oblique; by the places of its spheres they are flat.
+
+    A row of the flat band reaches no further than the end of the next layer of 100 spheres. The
+    inertia does not know of the order.
+    """
+    system = LinearSystem.of(modal.fcc(cells=(10, 10, 12)))
+    matrix, place = system.shifted(1e10), np.repeat(system.network.position[:, 2], 6)
+    mixed = np.random.default_rng(4).permutation(system.size)
+    matrix, place = matrix[mixed][:, mixed], place[mixed]
+    reaches = [band(matrix, along)[1] for along in (None, place)]
+    corner, flat = (np.sqrt(((reach - np.arange(system.size)) ** 2.0).mean()) for reach in reaches)
+    assert flat < 2 * 6 * 100 and flat < 0.95 * corner
+    counts = [factorise(matrix, solver="blocks", kept=False, along=x) for x in (None, place)]
+    assert counts[0].negative == counts[1].negative
 
 
 @pytest.mark.parametrize("solver", HERE)
@@ -194,5 +213,6 @@ def test_memory_is_that_of_the_factor(solver, systems):
         lu = splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0, options=options)
         stored = 12 * (lu.L.nnz + lu.U.nnz)
     else:
-        stored = 8 * sum(rows**2 for rows in np.diff(ends_of_blocks(matrix, order_of(matrix))))
+        reach = reach_of(matrix, order_of(matrix))
+        stored = 8 * (reach - np.arange(len(reach)) + 1).sum()
     assert 1 / 3 < cost / stored < 3
