@@ -60,7 +60,7 @@ def test_a_count_factorises_once_and_gives_the_memory_back(solver, monkeypatch):
 
         return replace(factor, release=release)
 
-    monkeypatch.setattr("modal.modes.counts.factorise", noted)
+    monkeypatch.setattr("modal.system.linear_system.factorise", noted)
     system = LinearSystem.of(gallery.fcc(cells=(4, 4, 8)), solver=solver)
     assert system.size > system.limits.small
     assert count_below(system, 0.0) == count_below(system, -5e4) == 0

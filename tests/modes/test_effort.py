@@ -92,7 +92,7 @@ def test_highest_modes_go_without_a_count_that_does_not_fit(monkeypatch):
     """A factor of 100 MB, 20 MB at hand: the mode is found, and why it is not certified is said."""
     system = LinearSystem.of(gallery.fcc(cells=(8, 8, 20)), shapes=False)
     monkeypatch.setattr("modal.tools.workload.memory_at_hand", lambda: 2e7)
-    monkeypatch.delattr("modal.modes.counts.factorise")
+    monkeypatch.delattr("modal.system.linear_system.factorise")
     found = highest_modes(system, 1)
     assert len(found.frequency) == 1 and not found.attributes["certified"]
     assert "20 MB are free" in found.attributes["uncertified_because"]
