@@ -68,8 +68,8 @@ def test_estimates_against_the_benchmark_at_full_size(packing):
 )
 def test_what_would_not_end_is_refused_at_full_size(packing, question, said, monkeypatch):
     """With the estimate, and nothing is factorised before it."""
-    for module in ("search", "counts"):
-        monkeypatch.delattr(f"modal.modes.{module}.factorise")
+    for module in ("modes.search", "system.linear_system"):
+        monkeypatch.delattr(f"modal.{module}.factorise")
     with pytest.raises(InputError, match=said):
         modal.eigenmodes(packing, **question, hours=1.0)
 
