@@ -6,7 +6,6 @@ import gzip
 import io
 import itertools
 import math
-import warnings
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -114,10 +113,10 @@ class Rows:
             return np.empty((0, len(at)))
         how: dict[str, Any] = {"comments": None, "delimiter": self.separator, "ndmin": 2}
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")  # of an empty line, which shifts all rows
-                table = np.loadtxt(self.texts, usecols=at, max_rows=len(self.texts), **how)
-        except (ValueError, IndexError, UserWarning):
+            table = np.loadtxt(self.texts, usecols=at, **how)
+        except (ValueError, IndexError):
+            self._blame(names, at)
+        if len(table) < len(self.texts):  # empty lines, which shift all rows
             self._blame(names, at)
         bad = np.argwhere(~np.isfinite(table))
         if len(bad):
@@ -166,8 +165,8 @@ class Rows:
 def significant_digits(texts: Sequence[str]) -> int:
     """Most significant digits among numbers as they are written; a float32 counts as 7.
 
-    >>> significant_digits(["0.01200", "1.25e-3", "7"])
-    4
+    >>> significant_digits(["0.01200", "1.25e-3", "7"]), significant_digits(["0.10000000149011612"])
+    (4, 7)
     """
     most, numbers = 1, []
     for text in texts:

@@ -45,7 +45,7 @@ TESTS = {
     "exchange/programs/liggghts": "liggghts import refusals",
     "exchange/programs/mercury": "mercury refusals",
     "exchange/programs/table": "tables refusals import",
-    "exchange/rows": "tables refusals import",
+    "exchange/rows": "tables refusals import terminal",
     "dem/motion": "dynamics nonlinear",
     "modes/collective": "edges_of_lists collective_modes zero_modes",
     "modes/dense": "lattice_and_modes mode_lists edges_of_lists",
