@@ -20,7 +20,7 @@ from analysis.estimators.travel_time import arrival_times, first_peaks_of_column
 from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity, without_signal
 from analysis.value import NOTHING, Value, hertz, unknown
-from modal.elasticity.static_velocity import static_velocity
+from modal.elasticity.slab import static_velocity
 from modal.packing.contact_law import sphere_volume
 from modal.packing.state import contacts_per_particle, void_ratio
 from modal.waves.signals import Signals

@@ -13,13 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modal.elasticity.steady import steady_motion
 from modal.elasticity.strain import AXES, STRAINED, gradients, voigt
 from modal.packing.layers import Layers
-from modal.packing.network import Network
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import WALL_ZONE
 from modal.system.contacts import Contacts
+from modal.system.imposed import WallMoves
+from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 
 FADE = 4.0
 """Depth over which the bulk begins, mean diameters."""
@@ -27,6 +31,8 @@ GRIP = 1e-3
 """Least part of a strain between the walls that must reach the bulk."""
 FEWEST_LAYERS = 5
 """Layers of the bulk below which a slope across them says little."""
+TOLERANCE = 1e-6
+"""Of the motion under a wall, relative, in the norm of its energy."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +80,12 @@ class Bulk:
         mass = float((network.mass * at)[force_bearing(network)].sum())
         return mass / (network.area * self.length)
 
+    def slope(self, layers: Layers, motion: Floats) -> float:
+        """Growth along z of the layers' mean motion, for motions (n,) of the spheres."""
+        weight = self.share(layers.position, np.zeros(len(layers.position)))
+        line = np.polyfit(layers.position, layers.means(motion), 1, w=np.sqrt(weight))
+        return float(line[0])
+
 
 def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, Floats] | None:
     """Shape (6, 6), Pa, twice: stress over strain of the bulk, not quite symmetric, and affine.
@@ -89,7 +101,6 @@ def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, 
     # The share of each contact that lies in the bulk, over its volume, 1/m^3.
     share = bulk.share(network.position[network.particle_i, 2], branch[:, 2])
     share /= network.area * bulk.length
-    weight = bulk.share(layers.position, np.zeros(len(layers.position)))
     stress, strain = np.empty((6, 6)), np.eye(6)
     for case, gradient in enumerate(gradients()):
         free = motion[:, case].reshape(-1, 6)
@@ -98,11 +109,31 @@ def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, 
         stress[:, case] = voigt((pull * share[:, None]).T @ branch)
         for row in (2, 3, 4):
             moving = AXES[row][0]
-            along = layers.means(free[:, moving])
-            slope = np.polyfit(layers.position, along, 1, w=np.sqrt(weight))[0]
-            strain[row, case] = slope + gradient[moving, 2]
+            strain[row, case] = bulk.slope(layers, free[:, moving]) + gradient[moving, 2]
     if np.linalg.svd(strain, compute_uv=False)[-1] < GRIP:
         return None
     resisted = np.einsum("cij,scj->sci", tangent, strained)
     affine = np.einsum("aci,bci->ab", strained * share[:, None], resisted)
     return stress @ np.linalg.inv(strain), affine
+
+
+def static_velocity(network: Network) -> tuple[float, float]:
+    """P-wave velocity, m/s, and P-wave modulus, Pa, of the bulk in the limit of long waves.
+
+    The source wall is pushed; nothing moves sideways in the mean, so that one load in place of six
+    tells the modulus: the stress over the strain of the bulk. The velocity is sqrt(modulus /
+    density). InputError where the packing is too short or carries no force from wall to wall.
+    """
+    system, bulk = LinearSystem.of(network), Bulk.of(network)
+    if bulk is None:
+        raise InputError("the packing is too short for a velocity of its bulk; take a longer one")
+    wall, beyond = (system.put_on(WallMoves(each)) for each in (SOURCE_WALL, RECEIVER_WALL))
+    # A factor takes minutes or gigabytes where some hundred products take a second.
+    found, _ = steady_motion(system, wall, lambda work: TOLERANCE**2 * work, "gradients")
+    motion = found.motion[:, 0]
+    stress = float((beyond.pull.T @ motion)[0]) / network.area
+    strain = -bulk.slope(Layers(network), motion[2::6])
+    if not (stress > 0 and strain > 0):
+        raise InputError("no force goes from wall to wall; such a packing carries no wave")
+    modulus = stress / strain
+    return float(np.sqrt(modulus / bulk.density(network))), modulus

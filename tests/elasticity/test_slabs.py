@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modal.elasticity.moduli import elastic_moduli
-from modal.elasticity.static_velocity import static_velocity
+from modal.elasticity.slab import static_velocity
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.theory.fcc import FccLattice
@@ -68,8 +68,8 @@ def test_bulk_of_a_disordered_slab_is_that_of_the_endless_disorder():
     # The same slope by another program: a wall pushes, one direction at a time.
     velocity, modulus = static_velocity(slab)
     assert found.stiffness[2, 2] == pytest.approx(modulus, rel=1e-3)
-    # Density between edges that cut the crystal anywhere: up to a layer of some 60.
-    assert found.velocities((0, 0, 1))[0] == pytest.approx(velocity, rel=0.01)
+    # The fastest wave of so few random springs moves a little sideways, too.
+    assert found.velocities((0, 0, 1))[0] == pytest.approx(velocity, rel=3e-3)
 
 
 @pytest.mark.parametrize("solver", ["pardiso", "gradients"])

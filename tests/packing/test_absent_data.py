@@ -11,7 +11,7 @@ import pytest
 from packings import contact_matrices
 
 from modal.__main__ import main
-from modal.elasticity.static_velocity import static_velocity
+from modal.elasticity.slab import static_velocity
 from modal.packing import crystal as gallery
 from modal.packing.network import read_network, write_network
 from modal.packing.rattlers import firmly_held
