@@ -20,7 +20,7 @@ from benchmarks.harness import diagram
 from benchmarks.harness.measure import Job
 from benchmarks.harness.packing import KnownPacking, by_energy
 from benchmarks.harness.report import Page, Rows
-from modal.modes.lowest import lowest_modes
+from modal.modes.eigenmodes import modes_of
 from modal.packing.network import read_network
 from modal.solvers.factor import SOLVERS, available, factorise
 from modal.system.assembly import mass_diagonal, stiffness_matrix
@@ -49,7 +49,7 @@ def program(path: str, solver: str | None, count: int) -> Task:
 
     def action() -> list[float]:
         fresh = replace(network)  # nothing is kept from an earlier run
-        return lowest_modes(LinearSystem.of(fresh, solver=solver), count).frequency.tolist()
+        return modes_of(LinearSystem.of(fresh, solver=solver), lowest=count).frequency.tolist()
 
     return action
 

@@ -6,7 +6,6 @@ contact_loop`; what more threads bring to whole commands: `python -m benchmarks 
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,8 +19,7 @@ from benchmarks.harness.product import bytes_of
 from benchmarks.harness.report import Page, Rows
 from modal.modes.counts import count_below
 from modal.modes.density import density_of_states
-from modal.modes.eigenmodes import highest_modes
-from modal.modes.lowest import lowest_modes
+from modal.modes.eigenmodes import modes_of
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, read_network
 from modal.system.assembly import stiffness_matrix
@@ -81,9 +79,8 @@ def products(path: str, compiled: bool) -> Callable[[], float]:
 
 def modes(network: Network, which: str, limits: Sequence[float]) -> str:
     """The highest or lowest modes; how they were found."""
-    top = partial(highest_modes, certify=False)
-    find = {"highest": top, "lowest": lowest_modes}[which]
-    found = find(LinearSystem.of(network, shapes=False), *limits)
+    system = LinearSystem.of(network, shapes=False)
+    found = modes_of(system, certify=which == "lowest", **{which: int(*limits)})
     exact = "certified" if found.attributes["certified"] else "not certified"
     last, solver = found.frequency[-1], found.attributes["solver"]
     return f"{len(found.frequency)} modes to {last:.0f} Hz, {exact}, {solver}"

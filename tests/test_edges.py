@@ -15,9 +15,7 @@ from scipy.linalg import qr
 from analysis.estimators.layer_lattice import LayerLattice
 from modal.__main__ import main
 from modal.modes.counts import count_below
-from modal.modes.dense import all_modes
-from modal.modes.eigenmodes import highest_modes
-from modal.modes.lowest import lowest_modes
+from modal.modes.eigenmodes import modes_of
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.neighbours import tangents
@@ -67,7 +65,7 @@ def bound(f: np.ndarray, top: float, size: int) -> np.ndarray:
 def test_crystal_from_overlaps_of_1e_12_to_a_tenth_of_the_radius(stress):
     """P resonances against the chain of layers; stress 2e-8 Pa is an overlap of 1e-12 R."""
     network = gallery.fcc(stress, (1, 1, 20))
-    modes = all_modes(LinearSystem.of(network))
+    modes = modes_of(LinearSystem.of(network), all=True)
     omega, _ = LayerLattice.of_network(network).eigenmodes()
     assert modes.resonance_frequency == pytest.approx(omega / 2 / np.pi, rel=1e-11)
     # A compact sample keeps positions: an overlap is a difference of them.
@@ -96,12 +94,12 @@ def test_contrast(of, decades):
     """Masses over six decades are radii 1 to 100, inertias over ten."""
     network = contrasted(gallery.fcc(cells=(2, 2, 15)), of, decades, 1)
     system, exact = LinearSystem.of(network), exact_frequencies(network)
-    found, top = all_modes(system).frequency, exact[-1]
+    found, top = modes_of(system, all=True).frequency, exact[-1]
     assert (abs(found / exact - 1) < bound(exact, top, system.size)).all()
-    lowest = lowest_modes(system, 4)
+    lowest = modes_of(system, lowest=4)
     assert lowest.attributes["certified"]
     assert (abs(lowest.frequency / exact[:4] - 1) < bound(exact[:4], top, system.size)).all()
-    assert highest_modes(system, 2).frequency == pytest.approx(exact[-2:], rel=1e-10)
+    assert modes_of(system, highest=2).frequency == pytest.approx(exact[-2:], rel=1e-10)
     between = (exact[100] + exact[101]) / 2
     assert count_below(system, between) == 101
 
@@ -110,7 +108,7 @@ def test_more_contrast_than_double_precision_holds_is_refused():
     """Masses over nine decades: omega^2 over fourteen; no shift separates the lowest ones."""
     network = contrasted(gallery.fcc(cells=(2, 2, 40)), "mass", 9, 1)
     with pytest.raises(InputError, match="no mode converged"):
-        lowest_modes(LinearSystem.of(network), 6)
+        modes_of(LinearSystem.of(network), lowest=6)
 
 
 @pytest.mark.parametrize("ratio", [0.0, 1e-9, 1e-6, 1e-3, 0.5, 1.0])
@@ -118,7 +116,7 @@ def test_tangential_over_normal_stiffness(ratio):
     network = gallery.fcc(cells=(2, 2, 6))
     network = replace(network, stiffness_tangential=ratio * network.stiffness_normal)
     system, exact = LinearSystem.of(network), exact_frequencies(network)
-    found = all_modes(system).frequency
+    found = modes_of(system, all=True).frequency
     error = system.size * EPS * exact[-1] ** 2
     assert abs(np.sign(found) * found**2 - exact**2).max() < error
     spins = 3 * network.n_particles if ratio == 0 else 0
@@ -162,7 +160,10 @@ def test_nearly_coincident_contacts(angle):
     """Three contacts within a small angle: soft rocking proportional to it, never lost."""
     s, c = np.sin(angle), np.cos(angle)
     network = _ball(np.array([[0, 0, -1], [s, 0, -c], [0, s, -c]]))
-    exact, found = exact_frequencies(network), all_modes(LinearSystem.of(network)).frequency
+    exact, found = (
+        exact_frequencies(network),
+        modes_of(LinearSystem.of(network), all=True).frequency,
+    )
     assert by_structure(LinearSystem.of(network)).total == 0
     assert (abs(found / exact - 1) < bound(exact, exact[-1], 6)).all()
 
@@ -170,8 +171,8 @@ def test_nearly_coincident_contacts(angle):
 @pytest.mark.parametrize("layers", [5, 12])
 def test_column_one_sphere_wide(layers):
     """It touches its own images; its modes are those of the wide crystal with equal columns."""
-    wide = all_modes(LinearSystem.of(gallery.fcc(cells=(2, 2, layers)))).frequency
-    for f in all_modes(LinearSystem.of(gallery.fcc(cells=(1, 1, layers)))).frequency:
+    wide = modes_of(LinearSystem.of(gallery.fcc(cells=(2, 2, layers))), all=True).frequency
+    for f in modes_of(LinearSystem.of(gallery.fcc(cells=(1, 1, layers))), all=True).frequency:
         assert abs(wide - f).min() < 1e-12 * wide[-1]
 
 
@@ -217,7 +218,7 @@ def test_thousand_layers():
     network = gallery.fcc(cells=(1, 1, 1000))
     system = LinearSystem.of(network)
     exact = LayerLattice.of_network(network).eigenmodes()[0] / 2 / np.pi
-    found = lowest_modes(system, 12)
+    found = modes_of(system, lowest=12)
     assert found.attributes["certified"]
     planar = found.frequency[found.chi_z > 0.999]
     # Relative error of an eigenvalue so far below the top: eps (f_max / f_1)^2.
@@ -237,7 +238,7 @@ def test_a_single_sphere(network, slips):
     zero = int((exact < 1e-6 * exact[-1]).sum())
     system = LinearSystem.of(network)
     assert by_structure(system).total == zero
-    assert all_modes(system).frequency[zero:] == pytest.approx(exact[zero:], rel=1e-12)
+    assert modes_of(system, all=True).frequency[zero:] == pytest.approx(exact[zero:], rel=1e-12)
     assert count_below(system, exact[-1] / 2) == int((exact < exact[-1] / 2).sum())
     assert propagate(network, 1e-5).signals.chain_displacement[-1] > 0
 

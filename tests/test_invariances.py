@@ -15,7 +15,7 @@ from packings import SPRINGS, mirrored, turned
 from scipy.spatial.transform import Rotation
 
 from modal.modes.counts import count_below
-from modal.modes.dense import all_modes
+from modal.modes.eigenmodes import modes_of
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
@@ -55,7 +55,7 @@ def free_cluster(seed: int) -> Network:
 
 def squares(network: Network) -> np.ndarray:
     """Shape (6n,), Hz^2: signed squares of all frequencies."""
-    f = all_modes(LinearSystem.of(network)).frequency
+    f = modes_of(LinearSystem.of(network), all=True).frequency
     return np.sign(f) * f**2
 
 
@@ -67,7 +67,7 @@ def same_counts(first: Network, second: Network) -> None:
     """Exact counts between frequencies that are apart, and the zero modes by kind."""
     one, two = LinearSystem.of(first), LinearSystem.of(second)
     assert by_structure(one).kinds == by_structure(two).kinds
-    f = all_modes(one).frequency
+    f = modes_of(one, all=True).frequency
     for k in np.flatnonzero(np.diff(f) > 1e-3 * f[-1])[::20]:
         at = (f[k] + f[k + 1]) / 2
         assert count_below(two, at) == k + 1

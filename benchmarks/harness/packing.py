@@ -8,7 +8,7 @@ from scipy.linalg import eigh
 
 from benchmarks.harness.measure import ROOT, Job
 from modal.exchange.registry import read_packing
-from modal.modes.eigenmodes import highest_modes
+from modal.modes.eigenmodes import modes_of
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import RECEIVER_WALL, Network
 from modal.packing.tiling import repeat
@@ -108,6 +108,6 @@ def step_and_records(network: Network, fraction: float, interval: float) -> tupl
 
     The step divides the period of the pulse; `interval` of the records, s, is met to half a step.
     """
-    highest = float(highest_modes(LinearSystem.of(network), 1, certify=False).frequency[-1])
+    highest = float(modes_of(LinearSystem.of(network), highest=1, certify=False).frequency[-1])
     steps = math.ceil(math.pi * highest / (fraction * INPUT_FREQUENCY))
     return 1 / (INPUT_FREQUENCY * steps), max(1, round(steps * INPUT_FREQUENCY * interval))

@@ -4,7 +4,7 @@ import shutil
 from dataclasses import replace
 
 from benchmarks.harness.measure import ROOT, Job, Measured, median_of, run_command
-from modal.modes.eigenmodes import highest_modes
+from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import write_modes
 from modal.packing.network import Network
 from modal.packing.sample import Sample
@@ -27,7 +27,7 @@ class Yade:
     def __init__(self, job: Job, network: Network) -> None:
         self.folder, self.times = job.folder, job.times
         job.write(network, "case02")
-        highest = highest_modes(LinearSystem.of(network), 1, certify=False)
+        highest = modes_of(LinearSystem.of(network), highest=1, certify=False)
         write_modes(job.folder / "case02.highest.modes.h5", highest)
         # A wave of a single interval is a start.
         self.start = self._run(fraction=0.5, amplitude=AMPLITUDE, duration=1.1e-5)

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from modal.modes.counts import count_below, unstable_modes
 from modal.modes.effort import factorisation
-from modal.modes.search import Search
+from modal.modes.search import AboutShift, Search
 from modal.modes.zero_modes import FloppyModes, by_structure
 from modal.solvers.factor import SingularError
 from modal.solvers.lanczos import BASIS, Held, orthonormal
@@ -106,16 +106,17 @@ def _found(
     refuse_above_memory(8 * BASIS * system.size * count, f"finding {count} {what}", remedy)
     missing = None
     while missing is None:
-        search = Search(system, known, sigma, definite=definite)
+        source = AboutShift(system, sigma, definite=definite)
+        search = Search(system, source, known)
         try:
             missing = search.search_until(count, inside)
         except SingularError:
             sigma *= 4
     vectors = search.vector[:, inside(search.square)]
-    if search.factor is not None and not missing:
+    if source.factor is not None and not missing:
         # What Lanczos leaves of other modes, one more solve makes as small as round-off.
-        vectors = search.factor.solve(vectors)
-    search.release()
+        vectors = source.factor.solve(vectors)
+    source.release()
     if missing:
         raise InputError(f"{count} {what} were counted, but not all were found")
     return sp.csc_matrix(orthonormal(vectors, Held(known, vectors[:, :0])))

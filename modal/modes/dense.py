@@ -15,22 +15,11 @@ from scipy.linalg import eigh
 
 from modal.modes.effort import of_blocks, refuse_endless_search
 from modal.modes.mode_set import Choice, ModeSet, certificate
-from modal.modes.observables import found_modes
+from modal.modes.observables import Piece, found_modes
 from modal.modes.unsymmetric import at_zero, whole_spectrum
 from modal.packing.repeats import lateral_repeats
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Array, Floats, Ints
-
-
-def all_modes(system: LinearSystem) -> ModeSet:
-    """Every mode; dense, or by symmetry. InputError where neither fits."""
-    return dense_modes(system, Choice("all"))
-
-
-def whole_pays(system: LinearSystem, count: int, listed: int) -> bool:
-    """Whether `count` modes at an end, of all that are `listed`, are best had from all."""
-    small, part = system.size <= system.limits.small, count > listed // system.limits.part
-    return small or part or not system.symmetric
 
 
 def dense_modes(system: LinearSystem, choice: Choice) -> ModeSet:
@@ -49,18 +38,23 @@ def dense_modes(system: LinearSystem, choice: Choice) -> ModeSet:
     place = np.full(len(square), -1)
     place[listed] = np.arange(len(listed))
 
-    def waves() -> Iterator[tuple[Array, Ints]]:
+    def waves() -> Iterator[Piece]:
         first = 0
-        for (_, inner, U), modes in zip(solved, each, strict=True):
-            last = first + modes * inner.shape[1]
-            own = place[first:last].reshape(modes, -1)
-            some, first = np.flatnonzero((own >= 0).any(axis=0)), last
-            yield U @ inner[:, some], own[:, some]
+        for number, ((own, inner, U), modes) in enumerate(zip(solved, each, strict=True)):
+            last = first + modes * len(own)
+            there = place[first:last].reshape(modes, -1)
+            some, first = np.flatnonzero((there >= 0).any(axis=0)), last
+            vector = inner[:, some]
 
+            def unit(part: slice, U: sp.csr_matrix = U, vector: Array = vector) -> Array:
+                return U @ vector[:, part]
+
+            yield Piece(own[some], there[:, some], unit, planar=number == 0)
+
+    modes = found_modes(system, waves(), len(listed), choice)
     solver = "dense" if len(orbit) == 1 else f"symmetry {along[0]}x{along[1]}"
-    modes = found_modes(system, square[listed], waves(), choice, solver)
-    modes.attributes |= certificate(0) | at_zero(system, square)
-    return modes
+    modes.attributes |= {"solver": solver} | certificate(0)
+    return modes.with_zero_modes(*at_zero(system, square))
 
 
 def _solved(system: LinearSystem, block: Array) -> tuple[Floats, Array]:

@@ -8,13 +8,8 @@ from typing import Any
 import numpy as np
 
 from modal.modes.collective import every_floppy
-from modal.modes.counts import check_count, count_below
-from modal.modes.dense import all_modes, dense_modes, whole_pays
-from modal.modes.effort import from_the_top, refuse_endless_search
-from modal.modes.lowest import lowest_modes, modes_between
-from modal.modes.mode_set import Choice, ModeSet, certificate, subset
-from modal.modes.search import SearchFromTop
-from modal.modes.unsymmetric import modes_at_an_end
+from modal.modes.lists import listed_modes
+from modal.modes.mode_set import Choice, ModeSet
 from modal.packing.network import Network
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
@@ -138,53 +133,19 @@ def modes_of(system: LinearSystem, *, certify: bool = True, **asked: Any) -> Mod
 
 def _listed(system: LinearSystem, kind: str, value: Any, certify: bool) -> ModeSet:
     """The modes of one kind; its arrays cannot be written to."""
-    if value is None:
-        value = min(FEW, system.size - every_floppy(system).held)
-    large = not system.symmetric and system.size > system.limits.unsymmetric
-    if large and kind in ("lowest", "highest"):
-        modes = modes_at_an_end(system, Choice(kind, value))
-    elif kind == "highest":
-        modes = highest_modes(system, value, certify=certify)
-    elif kind == "lowest":
-        modes = lowest_modes(system, value)
+    if kind in ("below", "between"):
+        choice = Choice.of_interval(*((0.0, value) if kind == "below" else value))
     elif kind == "all":
-        modes = all_modes(system)
+        choice = Choice("all")
     else:
-        modes = modes_between(system, *((0.0, value) if kind == "below" else value))
+        elastic = system.size - every_floppy(system).held if value is None else 0
+        choice = Choice(kind, min(FEW, elastic) if value is None else value)
+    modes = listed_modes(system, choice, certify=certify)
     if "floppy_modes" not in modes.attributes:
         floppy = every_floppy(system)
-        modes.attributes |= {"floppy_modes": floppy.total, "unstable_modes": floppy.unstable}
+        modes.with_zero_modes(floppy.total, floppy.unstable)
     modes.attributes |= {"packing": system.network.fingerprint, "pre_stress": system.pre_stress}
     for data in vars(modes).values():
         if isinstance(data, np.ndarray):
             data.flags.writeable = False
-    return modes
-
-
-def highest_modes(system: LinearSystem, count: int, *, certify: bool = True) -> ModeSet:
-    """The `count` highest modes, from products with A as long as these converge.
-
-    Certified: the exact count above the lowest of them is that of the modes found. It takes a
-    factorisation, which costs more than a few modes; without `certify` it is left out.
-    """
-    check_count(system, count, system.size)
-    choice = Choice("highest", count)
-    if whole_pays(system, count, system.size):
-        return dense_modes(system, choice)
-    cost = from_the_top(system, count)
-    refuse_endless_search(system, cost, f"the highest {count} modes take", "ask for fewer")
-    search, missing = SearchFromTop(system), 0
-    because = "" if certify else "the exact count was left out, as was asked for"
-    if certify:
-        try:
-            missing = search.complete(count, -1, lambda f: system.size - count_below(system, f))
-        except InputError as error:
-            because = f"no exact count: {error}"
-    if because:
-        missing = search.look_again(count)
-    modes = search.modes(-np.inf, np.inf, choice)
-    found = len(modes.frequency)
-    listed = min(found, count - max(missing, 0))
-    modes = subset(modes, slice(found - listed, found), choice)
-    modes.attributes |= certificate(missing, because)
     return modes

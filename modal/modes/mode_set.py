@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,10 @@ FORMAT = Product(
     {
         "frequency": Column("frequency", "f", ("k",), "Hz"),
         # Without a chain there is no chi_z along it.
-        **{name: Column(name, "f", ("k",), "1", finite=False) for name in OBSERVABLES},
+        **{
+            name: Column(name, "f", ("k",), "1", finite=name != "chi_z_chain")
+            for name in OBSERVABLES
+        },
         "mode_shape": Column("mode_shape", "f", ("k", "n", 6), "kg^-1/2", optional=True),
         "resonance_frequency": Column("resonance_frequency", "f", ("r",), "Hz", optional=True),
         "resonance_wavenumber": Column("resonance_wavenumber", "f", ("r",), "1/m", optional=True),
@@ -72,6 +75,16 @@ class Choice:
             return cls(first, int(last[0]))
         low, high = attributes.get("low", first), attributes.get("high", last[0])
         return cls("between", low=float(low), high=float(high))
+
+    @classmethod
+    def of_interval(cls, low: float, high: float) -> Choice:
+        """From `low` to below `high`, Hz; InputError where there is nothing between."""
+        if high == np.inf:
+            raise InputError("an interval without an end: ask for all modes")
+        if not (np.isfinite(low) and np.isfinite(high)) or high <= low or high <= 0:
+            empty = f"the interval {low:g} to {high:g} Hz is empty"
+            raise InputError(f"{empty}; give the lower end first")
+        return cls("between", low=max(float(low), 0.0), high=float(high))
 
     def part(self, frequency: Floats, zero: float) -> slice:
         """Which of all frequencies, ascending, Hz, are asked for.
@@ -149,11 +162,6 @@ class ModeSet:
         return bool(self.attributes.get("certified", False))
 
     @property
-    def choice(self) -> Choice:
-        """What was asked for."""
-        return Choice.of_attributes(self.attributes)
-
-    @property
     def missing(self) -> int:
         """How many modes were asked for and not found."""
         return int(self.attributes.get("missing", 0))
@@ -167,17 +175,6 @@ class ModeSet:
     def unstable_modes(self) -> int:
         """How many modes release energy: their omega^2 is negative."""
         return int(self.attributes.get("unstable_modes", 0))
-
-    def chi(self, axis: str) -> Floats:
-        """Shape (k,): share of the motion along x, y or z of each mode shape that is kept.
-
-        Along z it is `chi_z`, except of pairs of equal frequency that a crystal's lateral symmetry
-        gives: their shapes are standing waves, and `chi_z` is that of the travelling wave which the
-        two make together. InputError where the mode shapes were not kept.
-        """
-        if axis not in ("x", "y", "z"):
-            raise InputError(f"axis {axis!r}: choose x, y or z")
-        return chi_z(self.shapes(), axis="xyz".index(axis))
 
     def shapes(self, network: Network | None = None) -> Floats:
         """Shape (k, n, 6): the mode shapes; InputError where they were not kept.
@@ -198,6 +195,11 @@ class ModeSet:
         InputError where the mode shapes were not kept, or are of another packing.
         """
         return participation_ratio(self.shapes(network), RootMass.of(network))
+
+    def with_zero_modes(self, floppy: int, unstable: int) -> ModeSet:
+        """The list, which says how many motions are floppy and unstable unless it does already."""
+        self.attributes = {"floppy_modes": floppy, "unstable_modes": unstable} | self.attributes
+        return self
 
     def __repr__(self) -> str:
         text = f"<ModeSet: {len(self.frequency)} modes"
@@ -306,11 +308,9 @@ def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
     modes = ModeSet(**FORMAT.read(path, leave=() if shapes else ("mode_shape",)))
     if (np.diff(modes.frequency) < 0).any():
         raise InputError(f"{path}: frequency is not in ascending order; make it again")
-    for name in OBSERVABLES:
-        data = getattr(modes, name)
-        absent = name == "chi_z_chain" and np.isnan(data).all()
-        if not (absent or np.isfinite(data).all()):
-            raise InputError(f"{path}: {name} is not finite; make it again")
+    along = np.isnan(modes.chi_z_chain)
+    if along.any() and not along.all():
+        raise InputError(f"{path}: chi_z_chain is not finite; make it again")
     return modes
 
 
@@ -336,37 +336,3 @@ def certificate(missing: int, because: str = "") -> dict[str, Any]:
         because = f"{-missing} more modes were found than the exact count allows"
     attributes = {"certified": not because, "missing": max(missing, 0)}
     return attributes | ({"uncertified_because": because} if because else {})
-
-
-def subset(modes: ModeSet, chosen: slice, choice: Choice) -> ModeSet:
-    """A list of the `chosen` modes only, with those P resonances whose frequencies it contains.
-
-    `choice` describes the new list in its attributes.
-    """
-    resonance, arrays = modes.resonance_frequency, dict[str, Any]()
-    inside = None if resonance is None else np.isin(resonance, modes.frequency[chosen])
-    for name, column in FORMAT.columns.items():
-        data = getattr(modes, name)
-        part = chosen if column.shape[0] == "k" else inside
-        arrays[name] = None if data is None else data[part]
-    before = modes.choice.attributes
-    kept = {name: value for name, value in modes.attributes.items() if name not in before}
-    return replace(modes, **arrays, attributes=kept | choice.attributes)
-
-
-def joined(parts: list[ModeSet], choice: Choice) -> ModeSet:
-    """One list from the lists of ascending intervals; complete if each of them is."""
-    if not parts:
-        attributes = choice.attributes | {"solver": "count"} | certificate(0)
-        return replace(ModeSet(*np.empty((1 + len(OBSERVABLES), 0))), attributes=attributes)
-    arrays = dict[str, Any]()
-    for name in FORMAT.columns:
-        columns = [getattr(part, name) for part in parts]
-        known = all(column is not None for column in columns)
-        arrays[name] = np.concatenate(columns) if known else None
-    missing = sum(part.missing for part in parts)
-    if not missing and not all(part.certified for part in parts):
-        missing = -1
-    attributes = parts[0].attributes | choice.attributes | certificate(missing)
-    attributes["solver"] += f"; {len(parts)} slices" * (len(parts) > 1)
-    return ModeSet(**arrays, attributes=attributes)

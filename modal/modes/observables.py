@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -85,58 +85,59 @@ def chain_of(network: Network) -> Ints | None:
         return None
 
 
-def shapes_left_out(system: LinearSystem, count: int) -> dict[str, str]:
-    """Why the shapes of `count` modes are not kept although they were asked for; empty if not."""
-    needed, limit = 48.0 * count * system.network.n_particles, system.limits.shapes
-    if not system.shapes or needed <= limit:
-        return {}
-    return {
-        "shapes_left_out": f"{count} mode shapes would take {needed / 1e9:.2g} GB (limit "
-        f"{limit / 1e9:.2g} GB); ask for fewer modes to have them"
-    }
+class Piece(NamedTuple):
+    """A part of a list: p modes that are found together.
+
+    `square` (p,): omega^2, 1/s^2; `place` (p,): where they stand in the list; `unit` gives some of
+    their unit eigenvectors of A, (size, s). Where these are complex, travelling waves, `place` is
+    (2, p): sqrt(2) times real and imaginary part are two standing waves of one frequency, a place
+    of -1 is not listed. `planar`: whether there may be pure P-waves among them.
+    """
+
+    square: Floats
+    place: Ints
+    unit: Callable[[slice], Array]
+    planar: bool = True
 
 
 def found_modes(
-    system: LinearSystem,
-    square: Floats,
-    pieces: Iterable[tuple[Array, Ints]],
-    choice: Choice,
-    solver: str,
-    of: int = 0,
+    system: LinearSystem, pieces: Iterable[Piece], count: int, choice: Choice
 ) -> ModeSet:
     """The modes with their observables, and with their shapes if these fit in `Limits.shapes`.
 
-    `square` (k,): omega^2, 1/s^2, ascending. Each piece has unit eigenvectors of A (size, p) and
-    their places in the list (p,); where they are complex, travelling waves, (2, p): sqrt(2) times
-    real and imaginary part are two standing waves of one frequency, a place of -1 is not listed.
-    The first piece alone may have pure P-waves.
-    `choice` is what was asked for, `solver` a text. `of` is the length of the whole list where
-    these modes are a part of it. `Limits.together` modes are measured at a time, which bounds the
-    memory.
+    The places of all pieces go up to `count` at most, without a gap. `choice` is what was asked
+    for. `Limits.together` modes are measured at a time, which bounds the memory.
     """
-    left_out = shapes_left_out(system, max(of, len(square)))
-    keep, chain = system.shapes and not left_out, chain_of(system.network)
-    kept = np.empty((len(square) * keep, system.network.n_particles, 6))
-    table = np.empty((1 + len(OBSERVABLES), len(square)))
-    waves = [np.empty((0, 1 if chain is None else 1 + len(chain)))]
-    for number, (vector, places) in enumerate(pieces):
-        standing = np.atleast_2d(places)
-        for first in range(0, vector.shape[1], system.limits.together):
+    n, chain, said = system.network.n_particles, chain_of(system.network), choice.attributes
+    needed, limit = 48.0 * count * n, system.limits.shapes
+    keep = system.shapes and needed <= limit
+    if system.shapes and not keep:
+        said["shapes_left_out"] = (
+            f"{count} mode shapes would take {needed / 1e9:.2g} GB (limit {limit / 1e9:.2g} GB); "
+            "ask for fewer modes to have them"
+        )
+    kept = np.empty((count * keep, n, 6))
+    table = np.empty((1 + len(OBSERVABLES), count))
+    waves, found = [np.empty((0, 1 if chain is None else 1 + len(chain)))], 0
+    for piece in pieces:
+        standing = np.atleast_2d(piece.place)
+        found += int((standing >= 0).sum())
+        for first in range(0, len(piece.square), system.limits.together):
             some = slice(first, first + system.limits.together)
-            unit, own = np.ascontiguousarray(vector[:, some]), standing[:, some]
-            measured, shape = observables(system, square[own.max(axis=0)], unit, chain)
+            unit = np.ascontiguousarray(piece.unit(some))
+            measured, shape = observables(system, piece.square[some], unit, chain)
             parts = [shape.real, shape.imag] if np.iscomplexobj(shape) else [shape]
-            for place, part in zip(own, parts, strict=True):
+            for place, part in zip(standing[:, some], parts, strict=True):
                 listed = place >= 0
                 table[:, place[listed]] = measured[:, listed]
                 if keep:
                     kept[place[listed]] = np.sqrt(len(parts)) * part[listed]
-            if number == 0:
+            if piece.planar:
                 waves.append(pure_waves(measured, shape, chain))
-    modes = ModeSet(*table)
+    modes = ModeSet(*table[:, :found])
+    modes.attributes = said | {"certified": False}
     if keep:
-        modes.mode_shape = kept
+        modes.mode_shape = kept[:found]
     if chain is not None:
         modes = replace(modes, **resonances(np.concatenate(waves), system.network))
-    modes.attributes = choice.attributes | {"certified": False, "solver": solver} | left_out
     return modes

@@ -13,9 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eig
 
-from modal.modes.counts import check_count
 from modal.modes.mode_set import Choice, ModeSet, certificate
-from modal.modes.observables import found_modes
+from modal.modes.observables import Piece, found_modes
 from modal.modes.zero_modes import by_structure
 from modal.solvers.arnoldi import eigenpairs
 from modal.solvers.factor import factorise
@@ -49,10 +48,10 @@ def real_spectrum(square: Array, vector: Array) -> tuple[Floats, Floats]:
     return real[order], turned[:, order]
 
 
-def at_zero(system: LinearSystem, square: Floats) -> dict[str, int]:
+def at_zero(system: LinearSystem, square: Floats) -> tuple[int, int]:
     """Of so many omega^2 how many are zero to round-off, and how many below."""
     floppy, unstable = abs(square) <= system.zero_threshold, square < -system.zero_threshold
-    return {"floppy_modes": int(floppy.sum()), "unstable_modes": int(unstable.sum())}
+    return int(floppy.sum()), int(unstable.sum())
 
 
 def whole_spectrum(A: Array) -> tuple[Floats, Floats]:
@@ -67,7 +66,6 @@ def modes_at_an_end(system: LinearSystem, choice: Choice) -> ModeSet:
     InputError where they do not converge, or where a factor takes more than the memory.
     """
     count = choice.count
-    check_count(system, count, system.size)
     # Motions that no contact meets are rows of zeros: they are left out of the matrix.
     unmet = by_structure(system)
     met = np.flatnonzero(np.asarray(unmet.basis.sum(axis=1)).ravel() == 0)
@@ -93,9 +91,9 @@ def modes_at_an_end(system: LinearSystem, choice: Choice) -> ModeSet:
         raise InputError(f"{count} modes asked of {len(met)}: ask for fewer, or for all")
     whole = np.zeros((system.size, count))
     whole[met] = vector[:, chosen]
-    listed = [(whole, np.arange(count))]
-    modes = found_modes(system, square[chosen], listed, choice, "arpack")
+    piece = Piece(square[chosen], np.arange(count), lambda some: whole[:, some])
+    modes = found_modes(system, [piece], count, choice)
     because = f"K with pre-stress {system.pre_stress} is not symmetric: no exact count"
-    modes.attributes |= certificate(0, because) | at_zero(system, square)
-    modes.attributes["floppy_modes"] += unmet.total
-    return modes
+    modes.attributes |= {"solver": "arpack"} | certificate(0, because)
+    floppy, unstable = at_zero(system, square)
+    return modes.with_zero_modes(floppy + unmet.total, unstable)

@@ -12,7 +12,7 @@ from analysis.__main__ import main
 from analysis.agreement import OTHER_RUNS, Agreement, by_frequency, over_time, split_by_cause
 from analysis.case import OTHER_WAVES, Case
 from analysis.measuring import Measuring
-from modal.modes.eigenmodes import highest_modes
+from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import write_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
@@ -204,7 +204,7 @@ def wave(folder: Path, amplitude: float, friction: float) -> tuple[Signals, str]
 def test_each_cause_has_its_size_in_yade(tmp_path, yade):
     network = sheared()
     write_network(tmp_path / "case30.network.h5", network)
-    highest = highest_modes(LinearSystem.of(network), 1, certify=False)
+    highest = modes_of(LinearSystem.of(network), highest=1, certify=False)
     write_modes(tmp_path / "case30.highest.modes.h5", highest)
     found = {name: wave(tmp_path, *setting) for name, setting in RUNS.items()}
     assert all("0 opened; 0 slid" in said for _, said in found.values())

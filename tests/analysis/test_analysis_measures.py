@@ -16,7 +16,7 @@ from analysis.quantities import QUANTITIES, passband, spectrum, velocity
 from analysis.quantities.gain import gain_of
 from analysis.rows import law_of, of_one_producer, row_of
 from analysis.table import number
-from modal.modes.dense import all_modes
+from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import ModeSet
 from modal.packing.crystal import column, fcc
 from modal.packing.network import write_network
@@ -34,7 +34,7 @@ def crystal():
 def test_standing_waves_of_a_crystal_are_its_pure_modes():
     """Without disorder one mode bears each standing wave, at the exact lattice's frequency."""
     network = fcc(cells=(1, 1, 40))
-    modes = all_modes(LinearSystem.of(network))
+    modes = modes_of(LinearSystem.of(network), all=True)
     found = standing_modes(modes.frequency, modes.shapes()[:, :, 2], network)
     exact = Measuring(network).lattice.eigenmodes()[0][:10] / (2 * np.pi)
     assert found.frequency[:10] == pytest.approx(exact, rel=1e-6)

@@ -21,8 +21,7 @@ from analysis.study.description import Study
 from analysis.study.results import frame_of, read_results
 from analysis.study.tables import tables, whole
 from analysis.study.targets import Rules, answers, targets
-from modal.modes.dense import all_modes
-from modal.modes.eigenmodes import highest_modes
+from modal.modes.eigenmodes import modes_of
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
 from modal.packing.state import void_ratio
@@ -169,8 +168,8 @@ def test_what_a_study_draws_and_reads_is_known(paper):
 def test_errors_of_natural_frequencies_hold_the_exact_ones():
     """The error from the residual is a bound: the dense spectrum is within it."""
     network = random_network(60, 1e5, seed=3)
-    exact = all_modes(LinearSystem.of(network)).frequency[-1]
-    found = highest_modes(LinearSystem.of(network), 1, certify=False)
+    exact = modes_of(LinearSystem.of(network), all=True).frequency[-1]
+    found = modes_of(LinearSystem.of(network), highest=1, certify=False)
     own = natural_frequency(float(found.frequency[-1]), found)
     assert np.isfinite(own.error)
     assert abs(own.value - exact) <= own.error + 1e-12 * own.value

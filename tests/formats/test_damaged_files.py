@@ -23,7 +23,7 @@ from places import SHEARED
 from analysis.__main__ import main as analysis_main
 from modal.__main__ import main as modal_main
 from modal.formats.hdf5 import open_h5, sha256
-from modal.modes.dense import all_modes
+from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import read_modes, write_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import read_network, write_network
@@ -53,7 +53,7 @@ def sound(tmp_path_factory) -> Path:
     write_sample(folder / FILES["sample"], read_sample(SHEARED))
     wave = propagate(network, 6e-5, network_sha256=sha256(folder / FILES["network"]))
     write_signals(folder / FILES["signals"], wave.signals)
-    write_modes(folder / FILES["modes"], all_modes(LinearSystem.of(network)))
+    write_modes(folder / FILES["modes"], modes_of(LinearSystem.of(network), all=True))
     return folder
 
 

@@ -10,7 +10,6 @@ import modal
 from modal.cli.main import main
 from modal.modes import search
 from modal.modes.collective import summary_at_zero
-from modal.modes.dense import all_modes
 from modal.modes.eigenmodes import modes_of
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
@@ -136,7 +135,7 @@ def test_residuals_where_a_symmetry_is_used_are_those_of_the_whole():
     rough = 1 + 8e-10 * np.random.default_rng(1).uniform(-0.4, 0.4, crystal.n_contacts)
     network = replace(crystal, stiffness_normal=crystal.stiffness_normal * rough)
     system = LinearSystem.of(network)
-    found = all_modes(system)
+    found = modes_of(system, all=True)
     assert found.attributes["solver"] == "symmetry 3x3"
     vector = system.root.times(found.shapes().reshape(len(found.frequency), -1).T)
     square = (2 * np.pi * found.frequency) ** 2

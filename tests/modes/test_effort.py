@@ -9,7 +9,7 @@ import modal
 from modal.__main__ import main
 from modal.modes import effort
 from modal.modes.counts import count_below
-from modal.modes.eigenmodes import highest_modes
+from modal.modes.eigenmodes import modes_of
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.packing.tiling import repeat
@@ -68,8 +68,7 @@ def test_estimates_against_the_benchmark_at_full_size(packing):
 )
 def test_what_would_not_end_is_refused_at_full_size(packing, question, said, monkeypatch):
     """With the estimate, and nothing is factorised before it."""
-    for module in ("modes.search", "system.linear_system"):
-        monkeypatch.delattr(f"modal.{module}.factorise")
+    monkeypatch.delattr("modal.system.linear_system.factorise")
     with pytest.raises(InputError, match=said):
         modal.eigenmodes(packing, **question, hours=1.0)
 
@@ -93,7 +92,7 @@ def test_highest_modes_go_without_a_count_that_does_not_fit(monkeypatch):
     system = LinearSystem.of(gallery.fcc(cells=(8, 8, 20)), shapes=False)
     monkeypatch.setattr("modal.tools.workload.memory_at_hand", lambda: 2e7)
     monkeypatch.delattr("modal.system.linear_system.factorise")
-    found = highest_modes(system, 1)
+    found = modes_of(system, highest=1)
     assert len(found.frequency) == 1 and not found.attributes["certified"]
     assert "20 MB are free" in found.attributes["uncertified_because"]
     with pytest.raises(InputError, match="exact count"):

@@ -10,8 +10,7 @@ from packings import columns_side_by_side, dense_squares
 from modal.__main__ import main
 from modal.modes import counts as inertia
 from modal.modes import search
-from modal.modes.dense import all_modes
-from modal.modes.eigenmodes import highest_modes
+from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import read_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
@@ -44,7 +43,7 @@ def test_degenerate_and_nearly_degenerate_tops(copies, step, count):
     network, exact = columns(copies, step)
     system = LinearSystem.of(network)
     assert system.size > system.limits.small and count <= system.size // 4
-    found = highest_modes(system, count)
+    found = modes_of(system, highest=count)
     assert found.frequency == pytest.approx(exact[-count:], rel=1e-9)
     assert found.attributes["certified"] and found.attributes["missing"] == 0
 
@@ -57,7 +56,7 @@ def test_a_crystal_and_a_disordered_one_against_dense_spectra():
         system = LinearSystem.of(network)
         exact = frequency_of(np.linalg.eigvalsh(system.scaled.toarray()))
         for count in (1, 7, system.size // 4):
-            found = highest_modes(system, count)
+            found = modes_of(system, highest=count)
             assert found.frequency == pytest.approx(exact[-count:], rel=1e-9)
             assert found.attributes["certified"]
             assert found.residual.max() < 1e-9
@@ -85,8 +84,8 @@ def test_a_mode_that_the_search_misses_is_found_by_the_count(monkeypatch):
         counted.append(frequency)
         return inertia.count_below(system, frequency)
 
-    monkeypatch.setattr("modal.modes.eigenmodes.count_below", noted)
-    found = highest_modes(system, 5)
+    monkeypatch.setattr("modal.modes.lists.count_below", noted)
+    found = modes_of(system, highest=5)
     assert found.frequency == pytest.approx(exact[-5:], rel=1e-9)
     assert found.attributes["certified"]
     assert seen == [5, 1] and len(counted) == 1
@@ -97,8 +96,8 @@ def test_uncertified_is_cheap_and_says_so(tmp_path, capsys, monkeypatch):
     source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
     network, exact = columns(100, 1e-2)
     write_network(source, network)
-    monkeypatch.delattr("modal.modes.search.factorise")
-    monkeypatch.delattr("modal.modes.eigenmodes.count_below")
+    monkeypatch.delattr("modal.system.linear_system.factorise")
+    monkeypatch.delattr("modal.modes.lists.count_below")
     command = ["modes", str(source), "--highest", "1", "--uncertified", "--json", "-o", str(out)]
     assert main(command) == 0
     printed = capsys.readouterr()
@@ -115,7 +114,7 @@ def test_a_long_column_goes_on_about_a_shift():
     """300 layers: the top modes are 1e-5 apart in omega^2, which products alone hardly resolve."""
     system = LinearSystem.of(gallery.fcc(cells=(1, 1, 300)))
     exact = frequency_of(np.linalg.eigvalsh(system.scaled.toarray()))
-    found = highest_modes(system, 12)
+    found = modes_of(system, highest=12)
     assert "solves" in found.attributes["solver"]
     assert found.frequency == pytest.approx(exact[-12:], rel=1e-9)
     assert found.attributes["certified"]
@@ -127,8 +126,8 @@ def test_one_highest_mode_where_products_stop_below_the_top():
     Its matrix sigma - A is not definite, which a Cholesky factorisation may only say by NaN.
     """
     network = gallery.fcc(cells=(1, 1, 200))
-    found = highest_modes(LinearSystem.of(network), 1, certify=False)
-    exact = all_modes(LinearSystem.of(network)).frequency[-1]
+    found = modes_of(LinearSystem.of(network), highest=1, certify=False)
+    exact = modes_of(LinearSystem.of(network), all=True).frequency[-1]
     # omega^2 of products that have converged to 1e-10, and of a dense solution to round-off.
     assert found.frequency == pytest.approx([exact], rel=1e-9)
 
@@ -139,7 +138,7 @@ def test_a_matrix_that_is_not_definite_is_noticed(solver):
     if not available(solver):
         pytest.skip("pypardiso is not installed")
     system = LinearSystem.of(gallery.fcc(cells=(1, 1, 200)))
-    square = (2 * np.pi * all_modes(system).frequency) ** 2
+    square = (2 * np.pi * modes_of(system, all=True).frequency) ** 2
     sigma = 0.5 * (square[-1] + square[-2])
     with pytest.raises(SingularError):
         factorise(-system.shifted(sigma), definite=True, solver=solver)

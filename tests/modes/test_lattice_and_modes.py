@@ -11,8 +11,7 @@ import pytest
 from packings import scaled
 from scipy.linalg import eigh_tridiagonal
 
-from modal.modes import dense
-from modal.modes import eigenmodes as modes
+from modal.modes.eigenmodes import modes_of
 from modal.modes.observables import pure_waves, resonances
 from modal.packing import crystal as gallery
 from modal.packing.contact_law import Material
@@ -63,7 +62,7 @@ def test_bloch_equals_periodic_supercell():
 )
 def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
     network = gallery.fcc(stress, (3, 3, layers), radius=radius)
-    found = dense.all_modes(LinearSystem.of(network))
+    found = modes_of(LinearSystem.of(network), all=True)
     theory = slab_frequencies(FccLattice(stress, radius), layers)
     assert len(found.resonance_frequency) == layers
     assert found.resonance_frequency == pytest.approx(theory, rel=1e-9)
@@ -95,8 +94,8 @@ def test_observables_do_not_depend_on_how_many_are_measured_together():
     # No symmetry: dense, all modes in one call.
     network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 3, 1.5))
     system = LinearSystem.of(network)
-    whole = dense.all_modes(system)
-    parts = dense.all_modes(LinearSystem.of(network, limits=Limits(together=7)))
+    whole = modes_of(system, all=True)
+    parts = modes_of(LinearSystem.of(network, limits=Limits(together=7)), all=True)
     for name in ("frequency", "chi_z", "chi_z_chain", "rotation_share", "mode_shape"):
         assert np.allclose(getattr(parts, name), getattr(whole, name), rtol=1e-12), name
     own = (2 * np.pi * whole.frequency) ** 2
@@ -106,7 +105,7 @@ def test_observables_do_not_depend_on_how_many_are_measured_together():
 
 def test_symmetry_blocks_equal_the_dense_spectrum():
     system = LinearSystem.of(gallery.fcc(cells=(4, 4, 5)))
-    by_symmetry = dense.all_modes(system)
+    by_symmetry = modes_of(system, all=True)
     assert by_symmetry.attributes["solver"] == "symmetry 4x4"
     exact = np.linalg.eigvalsh(system.scaled.toarray())
     assert (2 * np.pi * by_symmetry.frequency) ** 2 == pytest.approx(
@@ -115,13 +114,13 @@ def test_symmetry_blocks_equal_the_dense_spectrum():
     # A crystal of which one contact differs is none.
     network = gallery.fcc(cells=(3, 3, 5))
     network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 7, 1.001))
-    assert dense.all_modes(LinearSystem.of(network)).attributes["solver"] == "dense"
+    assert modes_of(LinearSystem.of(network), all=True).attributes["solver"] == "dense"
 
 
 def test_without_rotations_the_top_is_the_low_pass_frequency():
     """Translations only: f_max is the band edge of Eq. 10 (paper, section 5.1), up to L."""
     system = LinearSystem.of(gallery.fcc(cells=(4, 4, 60)), translations_only=True)
-    top = modes.highest_modes(system, 1).frequency[0]
+    top = modes_of(system, highest=1).frequency[0]
     assert top == pytest.approx(FccLattice(1e5).low_pass_frequency, rel=5e-3)
 
 

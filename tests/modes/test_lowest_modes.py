@@ -9,7 +9,7 @@ from packings import (
 )
 
 from modal.__main__ import main
-from modal.modes.lowest import lowest_modes, modes_between
+from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import ModeSet
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
@@ -33,7 +33,7 @@ def test_lowest_modes_by_every_factorisation(solver):
         pytest.skip("pypardiso is not installed")
     system = LinearSystem.of(diluted(0.35, 4, layers=8), solver=solver)
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
-    lowest = lowest_modes(system, 40)
+    lowest = modes_of(system, lowest=40)
     assert lowest.attributes["certified"]
     # omega^2 is known to eps times the largest one; f to that over 2 (f / f_max)^2.
     tolerance = 1e-13 * (elastic[-1] / elastic[0]) ** 2
@@ -51,7 +51,7 @@ def test_intervals_are_cut_and_complete(solver):
     # Ends in the middle of gaps, away from the round-off of any frequency.
     middle = (elastic[1:] + elastic[:-1]) / 2
     for low, high in ((0.0, middle[130]), (middle[100], middle[190])):
-        found = modes_between(system, low, high)
+        found = modes_of(system, between=(low, high))
         expected = elastic[(elastic >= low) & (elastic < high)]
         assert found.attributes["certified"]
         assert found.frequency == pytest.approx(expected, rel=1e-8)
@@ -64,50 +64,50 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
     Columns side by side have every frequency thirty times, more than a block is wide: the count
     asks for further rounds.
     """
-    monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
-    monkeypatch.delattr("modal.system.linear_system.LinearSystem.factor")
+    monkeypatch.setattr("modal.modes.ways.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
+    monkeypatch.delattr("modal.system.linear_system.factorise")
     system = LinearSystem.of(network, limits=Limits(dense=0))
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     gap = 40 + int(np.argmax(np.diff(elastic[40:80])))
     high = elastic[gap : gap + 2].mean()
     # Nothing but floppy modes lies below the lower end, zero or not.
     for low in (0.0, elastic[0] / 2):
-        found = modes_between(system, low, high)
-        assert found.certified and "a vector" in found.attributes["solver"]
+        found = modes_of(system, between=(low, high))
+        assert found.certified and "products" in found.attributes["solver"]
         assert found.frequency == pytest.approx(elastic[: gap + 1], rel=1e-8)
         assert (found.residual < 10 * residual_promised(system, found)).all()
 
 
 def test_lowest_modes_by_a_polynomial(monkeypatch):
     """As many as are asked, below a frequency that a density of states tells: as dense."""
-    monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
-    monkeypatch.delattr("modal.system.linear_system.LinearSystem.factor")
+    monkeypatch.setattr("modal.modes.ways.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
+    monkeypatch.delattr("modal.system.linear_system.factorise")
     system = LinearSystem.of(diluted(0.35, 5, layers=7), limits=Limits(dense=0))
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
-    found = lowest_modes(system, 30)
-    assert found.certified and "a vector" in found.attributes["solver"]
+    found = modes_of(system, lowest=30)
+    assert found.certified and "products" in found.attributes["solver"]
     assert found.frequency == pytest.approx(elastic[:30], rel=1e-8)
 
 
 def test_what_a_polynomial_is_not_for(monkeypatch):
     """A named solver, a lower end inside, half of the spectrum, or no memory: a factor."""
     dear, free = Cost(0.0, 1e13, 0.0), Cost(1e6, 0.0, 0.0)
-    monkeypatch.setattr("modal.modes.lowest.near_a_shift", lambda *_: dear)
-    monkeypatch.setattr("modal.modes.lowest.below_an_edge", lambda *_: free)
+    monkeypatch.setattr("modal.modes.ways.near_a_shift", lambda *_: dear)
+    monkeypatch.setattr("modal.modes.ways.below_an_edge", lambda *_: free)
     network, limits = diluted(0.35, 5, layers=7), Limits(dense=0)
     system = LinearSystem.of(network, limits=limits)
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     middle = (elastic[1:] + elastic[:-1]) / 2
     low, high = middle[20], middle[60]
     factorised = [
-        modes_between(LinearSystem.of(network, solver="superlu", limits=limits), 0.0, high),
-        modes_between(system, low, high),
-        modes_between(system, 0.0, 0.6 * elastic[-1]),
+        modes_of(LinearSystem.of(network, solver="superlu", limits=limits), between=(0.0, high)),
+        modes_of(system, between=(low, high)),
+        modes_of(system, between=(0.0, 0.6 * elastic[-1])),
     ]
-    monkeypatch.setattr("modal.modes.lowest.memory_at_hand", lambda: 1e5)
-    factorised.append(modes_between(system, 0.0, high))
+    monkeypatch.setattr("modal.modes.ways.memory_at_hand", lambda: 1e5)
+    factorised.append(modes_of(system, between=(0.0, high)))
     for found in factorised:
-        assert found.certified and "a vector" not in found.attributes["solver"]
+        assert found.certified and "products" not in found.attributes["solver"]
 
 
 def test_a_small_part_of_a_small_packing_is_not_solved_dense():
@@ -116,7 +116,7 @@ def test_a_small_part_of_a_small_packing_is_not_solved_dense():
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     middle = (elastic[1:] + elastic[:-1]) / 2
     for last, dense in ((len(elastic) // 20, False), (system.size // 3, True)):
-        found = modes_between(system, 0.0, middle[last])
+        found = modes_of(system, between=(0.0, middle[last]))
         assert (found.attributes["solver"] == "dense") is dense
         tolerance = 1e-13 * (elastic[-1] / elastic[0]) ** 2
         assert found.frequency == pytest.approx(elastic[: last + 1], rel=tolerance)
@@ -127,7 +127,7 @@ def test_degenerate_spectrum_is_complete():
     expected = frequency_of(dense_squares(system))
     assert by_structure(system).total == int((expected < 1.0).sum())
     elastic = expected[by_structure(system).total :]
-    lowest = lowest_modes(system, 120)
+    lowest = modes_of(system, lowest=120)
     assert lowest.frequency == pytest.approx(elastic[:120], rel=1e-7)
     assert lowest.attributes["certified"]
 
@@ -137,10 +137,8 @@ def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypat
     made, asked = [], []
 
     def noted(*arguments, **options):
-        factor = factorise(*arguments, **options)
-        # Those that are not kept count.
-        made.extend([factor] * options.get("kept", True))
-        return factor
+        made.append(factorise(*arguments, **options))
+        return made[-1]
 
     def some_of(solve, size, count, sigma, held):
         asked.append(count)
@@ -153,7 +151,7 @@ def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypat
     low, high = 0.999 * expected[150], 1.001 * expected[150]
     wanted = int(((expected >= low) & (expected < high)).sum())
     assert wanted >= 100
-    found = modes_between(system, low, high)
+    found = modes_of(system, between=(low, high))
     assert found.attributes["certified"]
     assert len(found.frequency) == wanted
     assert len(asked) > 3

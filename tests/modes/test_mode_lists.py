@@ -7,18 +7,8 @@ import numpy as np
 import pytest
 
 from modal.__main__ import main
-from modal.modes import dense
-from modal.modes import lowest as intervals
 from modal.modes.eigenmodes import modes_of
-from modal.modes.mode_set import (
-    Choice,
-    certificate,
-    joined,
-    read_modes,
-    read_z_shapes,
-    subset,
-    write_modes,
-)
+from modal.modes.mode_set import Choice, chi_z, read_modes, read_z_shapes, write_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
 from modal.solvers import lanczos
@@ -114,7 +104,7 @@ def test_shapes_above_the_limit_are_left_out_with_a_word(tmp_path):
 def test_motions_along_z_are_those_of_the_whole_shapes(tmp_path):
     """Read alone they are the same numbers, and refused where they are damaged in the same way."""
     path = tmp_path / "x.modes.h5"
-    modes = dense.all_modes(LinearSystem.of(gallery.fcc(cells=(1, 1, 4))))
+    modes = modes_of(LinearSystem.of(gallery.fcc(cells=(1, 1, 4))), all=True)
     write_modes(path, modes)
     np.testing.assert_array_equal(read_z_shapes(path), read_modes(path).shapes()[:, :, 2])
     write_modes(path, replace(modes, mode_shape=None))
@@ -127,14 +117,12 @@ def test_motions_along_z_are_those_of_the_whole_shapes(tmp_path):
             read_z_shapes(path)
 
 
-def test_chi_of_shapes_is_chi_z_but_for_the_pairs_of_a_crystal():
-    """Two standing waves of equal frequency are a travelling one, and chi_z is of that."""
-    found = dense.all_modes(LinearSystem.of(crystal_without_symmetry(5)))
-    assert found.chi("z") == pytest.approx(found.chi_z, abs=1e-12)
-    found = dense.all_modes(LinearSystem.of(gallery.fcc(cells=(3, 3, 6))))
+def test_pairs_of_a_crystal_have_the_chi_z_of_the_wave_that_they_make():
+    """Two standing waves of equal frequency are a travelling one; other modes have their own."""
+    found = modes_of(LinearSystem.of(gallery.fcc(cells=(3, 3, 6))), all=True)
     same = found.frequency[1:] == found.frequency[:-1]
     before, after = np.append(False, same), np.append(same, False)
-    apart = abs(found.chi("z") - found.chi_z)
+    apart = abs(chi_z(found.shapes()) - found.chi_z)
     assert apart[~before & ~after].max() < 1e-9
     first = np.flatnonzero(after & ~before & ~np.append(after[1:], False))
     both = found.shapes()[first] ** 2 + found.shapes()[first + 1] ** 2
@@ -143,35 +131,7 @@ def test_chi_of_shapes_is_chi_z_but_for_the_pairs_of_a_crystal():
     assert apart[first].max() > 0.1
 
 
-def test_a_subset_leaves_the_whole_as_it_was():
-    system = LinearSystem.of(gallery.fcc(cells=(3, 3, 4)))
-    between = intervals.modes_between(system, 1e3 / 3, 2e4)
-    assert between.choice == Choice("between", low=1e3 / 3, high=2e4)
-    few = subset(between, slice(0, 2), Choice("lowest", 2))
-    assert few.choice == Choice("lowest", 2) and not {"low", "high"} & set(few.attributes)
-    whole = dense.all_modes(system)
-    before = replace(whole, attributes=dict(whole.attributes))
-    part = subset(whole, slice(10, 20), Choice("lowest", 10))
-    assert np.array_equal(part.frequency, before.frequency[10:20])
-    assert part.attributes["interval"] == "lowest 10" and part.choice == Choice("lowest", 10)
-    for name in vars(whole):
-        assert getattr(whole, name) is getattr(before, name) or name == "attributes"
-    assert whole.attributes == before.attributes
-    assert len(subset(whole, slice(0, 0), Choice("lowest")).resonance_frequency) == 0
-
-
-@pytest.mark.parametrize("missing", [0, 3, -1])
-def test_lists_that_are_joined_are_complete_if_each_is(missing):
-    """Short of some, or with more modes than were counted: the whole is neither certified."""
-    whole = dense.all_modes(LinearSystem.of(gallery.fcc(cells=(3, 3, 4))))
-    parts = [subset(whole, slice(a, a + 50), Choice("all")) for a in (0, 50)]
-    parts[1].attributes |= certificate(missing)
-    found = joined(parts, Choice("between", low=0.0, high=1e9))
-    assert np.array_equal(found.mode_shape, whole.mode_shape[:100])
-    assert (found.certified, found.missing) == (missing == 0, max(missing, 0))
-
-
-@pytest.mark.parametrize("path", ["lowest", "interval", "low end", "highest"])
+@pytest.mark.parametrize("path", ["lowest", "interval", "slices", "low end", "highest"])
 def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
     """12 modes asked of which 8 at the end converge: 8 in the file, 4 missing, status 3."""
     network, highest = crystal_without_symmetry(27), path == "highest"
@@ -190,7 +150,9 @@ def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
     for search in (lanczos.modes_nearest, lanczos.modes_below, lanczos.modes_from_top):
         monkeypatch.setattr(f"modal.modes.search.{search.__name__}", short(search))
     lifted = Cost(0.0, 0.0 if path == "low end" else 1e19, 0.0)
-    monkeypatch.setattr(intervals, "below_an_edge", lambda *_: lifted)
+    monkeypatch.setattr("modal.modes.ways.below_an_edge", lambda *_: lifted)
+    if path == "slices":
+        monkeypatch.setattr("modal.system.linear_system.Limits.slice", 5)
     asked = {"lowest": ["--lowest", "12"], "highest": ["--highest", "12"]}
     options = asked.get(path, ["--below", repr(float(frequency[11:13].mean()))])
     source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
