@@ -173,7 +173,6 @@ def _between(
             search = Search(system, source, floppy.basis)
             missing.append(search.search_until(below[b] - below[a], inside))
             which = search.sorted(max(a, interval.low), min(b, interval.high))
-            which = which[frequency_of(search.square[which]) > system.zero_frequency]
             which = which[: most - first]
             solvers.append(source.solver)
             yield search.piece(which, first)

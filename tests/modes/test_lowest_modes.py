@@ -14,7 +14,7 @@ from modal.modes.mode_set import ModeSet
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
-from modal.solvers.factor import SOLVERS, Cost, available, factorise
+from modal.solvers.factor import SOLVERS, Cost, available
 from modal.solvers.lanczos import TOLERANCE, modes_nearest
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 
@@ -65,7 +65,7 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
     asks for further rounds.
     """
     monkeypatch.setattr("modal.modes.ways.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
-    monkeypatch.delattr("modal.system.linear_system.factorise")
+    monkeypatch.delattr(LinearSystem, "factor")
     system = LinearSystem.of(network, limits=Limits(dense=0))
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     gap = 40 + int(np.argmax(np.diff(elastic[40:80])))
@@ -81,7 +81,7 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
 def test_lowest_modes_by_a_polynomial(monkeypatch):
     """As many as are asked, below a frequency that a density of states tells: as dense."""
     monkeypatch.setattr("modal.modes.ways.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
-    monkeypatch.delattr("modal.system.linear_system.factorise")
+    monkeypatch.delattr(LinearSystem, "factor")
     system = LinearSystem.of(diluted(0.35, 5, layers=7), limits=Limits(dense=0))
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     found = modes_of(system, lowest=30)
@@ -134,17 +134,17 @@ def test_degenerate_spectrum_is_complete():
 
 def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypatch):
     """Where a round of the search finds some only, the next goes on with the same factor."""
-    made, asked = [], []
+    made, asked, plain = [], [], LinearSystem.factor
 
     def noted(*arguments, **options):
-        made.append(factorise(*arguments, **options))
+        made.append(plain(*arguments, **options))
         return made[-1]
 
     def some_of(solve, size, count, sigma, held):
         asked.append(count)
         return modes_nearest(solve, size, min(count, 30), sigma, held)
 
-    monkeypatch.setattr("modal.system.linear_system.factorise", noted)
+    monkeypatch.setattr(LinearSystem, "factor", noted)
     monkeypatch.setattr("modal.modes.search.modes_nearest", some_of)
     system = LinearSystem.of(columns_side_by_side(100), limits=Limits(dense=0))
     expected = frequency_of(dense_squares(system))[by_structure(system).total :]
