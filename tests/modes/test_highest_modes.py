@@ -92,7 +92,7 @@ def test_a_mode_that_the_search_misses_is_found_by_the_count(monkeypatch):
 
 
 def test_uncertified_is_cheap_and_says_so(tmp_path, capsys, monkeypatch):
-    """No factorisation for solves, no count of modes, for the highest of a random chain of stiffnesses."""
+    """No factor for solves and no count, for one mode of a random chain of stiffnesses."""
     source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
     network, exact = columns(100, 1e-2)
     write_network(source, network)
