@@ -52,18 +52,16 @@ def test_a_log_has_a_line_a_minute_with_step_and_time_to_go(said):
         assert line.endswith(f"{100 * step / 40:3.0f} %, {duration(left)} left")
 
 
-def test_a_short_loop_leaves_nothing_in_a_log(said):
-    assert said(terminal=False, seconds=1.4) == ""
-
-
-def test_many_short_loops_leave_a_line_a_minute(said):
-    """Twenty loops of 19 s: 380 s, a line whenever more than a minute has gone."""
-    assert said(terminal=False, seconds=1.9, count=10, loops=20).count("\n") == 380 // 61
-
-
-def test_a_short_loop_among_many_says_nothing(said):
-    """A minute after the last line of others, but in its own first 6 s."""
-    assert said(terminal=False, seconds=0.5, count=10, loops=100) == ""
+@pytest.mark.parametrize(
+    ("seconds", "count", "loops", "lines"),
+    [
+        (1.4, 40, 1, 0),  # one of 56 s
+        (1.9, 10, 20, 380 // 61),  # whenever more than a minute has gone
+        (0.5, 10, 100, 0),  # a minute after the last line of others, but in their own first 6 s
+    ],
+)
+def test_short_loops_leave_a_line_a_minute_in_a_log(said, seconds, count, loops, lines):
+    assert said(False, seconds, count, loops).count("\n") == lines
 
 
 def test_a_terminal_has_a_bar_that_is_wiped_away(said):

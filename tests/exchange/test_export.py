@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from xml.etree import ElementTree
@@ -122,7 +123,7 @@ def test_cell_of_extended_xyz_holds_all_centres(packing, tmp_path):
         assert (low <= moved.position).all() and (moved.position <= high).all()
 
 
-def test_wave_becomes_frames_at_its_times(packing):
+def test_wave_becomes_frames_at_its_times(packing, capsys):
     """Frames hold the displacements themselves; spheres are drawn displaced by --scale times."""
     network, folder = packing
     signals = read_signals(folder / "p.signals.h5")
@@ -136,7 +137,10 @@ def test_wave_becomes_frames_at_its_times(packing):
         np.testing.assert_array_equal(moved[:, 2], signals.particle_displacement[k])
         np.testing.assert_allclose(columns["pos"] - network.position, 1e4 * moved, atol=1e-17)
     pytest.importorskip("meshio")
-    exported(folder, *arguments, "-o", folder / "w.vtu")
+    capsys.readouterr()
+    exported(folder, *arguments, "--json", "-o", folder / "w.vtu")
+    written = json.loads(capsys.readouterr().out)["written"]
+    assert {*written} == {*map(str, folder.glob("w*.vtu")), str(folder / "w.pvd")}
     listed = ElementTree.parse(folder / "w.pvd").iter("DataSet")
     for (time, columns), entry in zip(frames, listed, strict=True):
         assert float(entry.get("timestep")) == time

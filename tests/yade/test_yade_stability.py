@@ -55,18 +55,17 @@ def test_step_at_the_limit_keeps_the_energy(products, tmp_path):
     assert signals is not None and abs(signals.balance.drift) < signals.balance.limit < 0.02
 
 
-@pytest.mark.parametrize("over", [1.05, 2.0])
+PAST = (1.01, 1.02, 1.1, 1.2, 1.5, 3.0, 10.0)
+
+
+@pytest.mark.parametrize(
+    "over", [1.05, 2.0, *(pytest.param(k, marks=pytest.mark.slow) for k in PAST)]
+)
 def test_step_past_the_limit_is_refused(over, products, tmp_path):
     signals, log = wave(products, tmp_path, over=over, WAVE_FRACTION="1.0")
     assert signals is None
     errors = [line for line in log.splitlines() if line.startswith("error: ")]
     assert len(errors) == 1 and "time step is unstable" in errors[0]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("over", [1.01, 1.02, 1.1, 1.2, 1.5, 3.0, 10.0])
-def test_every_step_past_the_limit_is_refused(over, products, tmp_path):
-    test_step_past_the_limit_is_refused(over, products, tmp_path)
 
 
 def test_large_wave_opens_and_slides_and_says_so(products, tmp_path):
