@@ -1,7 +1,27 @@
-"""Columns of the tangent of the present YADE scene, by central differences of YADE's own forces."""
+"""The tangent of YADE's contact law, by central differences of YADE's own forces.
+
+    yade -n -x -j1 yade_scripts/tangent.py SAMPLE.sample.h5 OUT.h5
+
+Every particle is moved by +h and by -h along each axis and turned about it, all else at rest; the
+forces and torques on it and its neighbours are read. Sliding is suppressed. A tool for the tests of
+modal/system/contacts.py, meant for some hundred particles.
+"""
+
+import sys
+from pathlib import Path
+
+if __name__ == "__main__":
+    # Inside YADE __file__ is YADE itself; the script is its first argument.
+    sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[1]))
 
 import numpy as np
 from yade import O, Quaternion, Vector3
+
+from modal.formats.hdf5 import atomic_h5, put
+from modal.packing.sample import read_sample
+from modal.tools.errors import InputError
+from yade_scripts.scene import finish
+from yade_scripts.state import build_scene
 
 STEP = 5e-11
 """h in m, and of a rotation h / radius: (h / overlap)^2 / 24 and eps radius / h are below 1e-8."""
@@ -82,7 +102,23 @@ class Tangent:
             entries.append((rows, np.full(len(rows), 6 * self.index[p] + axis), values))
         return [np.concatenate(parts) for parts in zip(*entries, strict=True)]
 
-    def matrix(self):
-        """K, minus the forces per motion, as rows, columns and values; N/m, N, N m."""
-        parts = [self.columns(p) for p in self.index]
-        return [np.concatenate(values) for values in zip(*parts, strict=True)]
+    def write(self, path):
+        """K, minus the forces per motion, six rows a particle as in modal/system/assembly.py."""
+        parts = zip(*map(self.columns, self.index), strict=True)
+        units = {"row": "1", "column": "1", "value": "N/m, N, N m"}
+        with atomic_h5(path) as file:
+            for (name, unit), values in zip(units.items(), parts, strict=True):
+                put(file, name, np.concatenate(values), unit)
+
+
+def main():
+    """Read, differentiate, write; InputError for what the user can mend."""
+    if len(sys.argv) != 3:
+        raise InputError("two arguments needed: SAMPLE.sample.h5 OUT.h5")
+    sample = read_sample(sys.argv[1])
+    build_scene(sample, margin=0.01, damping=0.0)
+    Tangent(range(len(sample.position)), sample.radius).write(sys.argv[2])
+
+
+if __name__ == "__main__":
+    finish(main)

@@ -5,7 +5,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, NoReturn
 
@@ -98,13 +98,6 @@ def chosen(options: Given, *names: str) -> dict[str, Any]:
 def typed(name: str) -> str:
     """The option of this name, as it is typed."""
     return "--" + name.replace("_", "-")
-
-
-def refuse_given(options: Given, usual: Mapping[str, Any], why: str) -> None:
-    """InputError for the first option that is not as `usual`, where it has no meaning."""
-    for name, value in usual.items():
-        if getattr(options, name) != value:
-            raise InputError(f"{typed(name)}{why}")
 
 
 def say_error(error: InputError) -> None:

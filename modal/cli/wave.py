@@ -4,7 +4,7 @@ import math
 from functools import partial
 from typing import Any
 
-from modal.cli.options import chosen, refuse_given, say, typed
+from modal.cli.options import chosen, say, typed
 from modal.cli.reading import packing_of, springs
 from modal.cli.table import Given, Group, Option, Result, flag
 from modal.exchange.programs.own import is_sample
@@ -100,10 +100,11 @@ def _motion(options: Given) -> Motion:
     """The motion of the source wall; InputError for options that another motion has."""
     name = "file" if options.motion_file else options.motion
     make, *has = MOTIONS[name]
-    usual = {name: value for name, value in USUAL.items() if name not in has}
-    refuse_given(options, usual, f": the motion is a {name}, which has none")
-    for option in has:
-        if getattr(options, option) is None:
+    for option in (*USUAL, *has):
+        given = getattr(options, option)
+        if option not in has and given != USUAL[option]:
+            raise InputError(f"{typed(option)}: the motion is a {name}, which has none")
+        if option in has and given is None:
             raise InputError(f"--motion {name} needs {typed(option)}")
     motion: Motion = make(*chosen(options, *has).values())
     return motion

@@ -161,7 +161,7 @@ def test_crystal_without_shear_forces_stays_symmetric():
 def test_every_column_equals_finite_differences_of_yades_forces(tmp_path, yade):
     """Motions of each of the 150 spheres along and about each axis, 900 columns."""
     out = tmp_path / "differences.h5"
-    script(ROOT / "yade_scripts" / "finite_differences.py", SAMPLE, out, folder=tmp_path)
+    script(ROOT / "yade_scripts" / "tangent.py", SAMPLE, out, folder=tmp_path)
     sample = read_sample(SAMPLE)
     network = sample.network()
     # Rotations times the radius are displacements: then all entries are N/m.

@@ -13,7 +13,6 @@ sys.path.insert(0, sys.argv[1])
 from yade import O, Quaternion, wrapper
 from yade.utils import facet, sphere, wall
 
-from modal.formats.hdf5 import atomic_h5, put
 from yade_scripts.export_scene import export_scene
 from yade_scripts.scene import finish
 from yade_scripts.tangent import Tangent
@@ -100,13 +99,8 @@ def main():
     if KIND == "save":
         O.save(sys.argv[3])
     export_scene(sys.argv[2])
-    if KIND not in ("", "cohesive"):
-        return
-    row, column, value = Tangent(spheres, small).matrix()
-    with atomic_h5(sys.argv[3]) as file:
-        put(file, "row", row, "1")
-        put(file, "column", column, "1")
-        put(file, "value", value, "N/m, N, N m")
+    if KIND in ("", "cohesive"):
+        Tangent(spheres, small).write(sys.argv[3])
 
 
 finish(main)
