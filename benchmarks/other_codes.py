@@ -22,7 +22,7 @@ from benchmarks.harness.report import Page, Rows
 from modal.modes.eigenmodes import eigenmodes
 from modal.packing.contact_law import GLASS
 from modal.packing.network import Network, read_network
-from modal.preparation.packings import random_packing
+from modal.preparation.random_packing import random_packing
 from modal.system.linear_system import LinearSystem, frequency_of
 
 TITLE = "Modes: this program against other codes"

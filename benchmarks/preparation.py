@@ -8,7 +8,6 @@ whose steps are YADE's (`tests/preparation/test_dynamics.py`).
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import takewhile
 from typing import Any
 
@@ -19,16 +18,16 @@ from benchmarks.harness.measure import Job
 from benchmarks.harness.report import Page, Rows
 from modal.dem.motion import Dynamics
 from modal.packing.sample import Sample, read_sample
+from modal.packing.state import void_ratio
 from modal.preparation import protocol
+from modal.preparation.cloud import cloud
 from modal.preparation.durations import duration, steps_of, time_step
-from modal.preparation.frictionless import minimise
-from modal.preparation.random_packing import cloud
+from modal.preparation.random_packing import width_of
 from modal.preparation.strain_control import Servo
-from modal.preparation.unequal_stress import in_motion
 
 TITLE = "Sample preparation: error of the state against seconds"
 SPHERES = {True: 120, False: 500}
-ASPECT = 2.5
+ASPECT = 1.5
 """Length over width."""
 STRESS = 1e5
 """Pa."""
@@ -68,13 +67,8 @@ Trace = dict[str, Any]
 
 
 def loose_spheres(spheres: int, friction: float, seed: int) -> Sample:
-    """Random spheres that do not touch: points pushed apart, then stretched until none overlap."""
-    sample, _ = minimise(cloud(spheres, ASPECT, seed), None, tolerance=0.1, max_steps=500)
-    contact = sample.contacts()
-    diameter = np.where(contact.particle_j < 0, sample.radius, 2 * sample.radius)
-    stretch = 1.001 / (1 - (contact.overlap / diameter).max(initial=0.0))
-    places = {name: stretch * getattr(sample, name) for name in ("position", "side", "walls")}
-    return replace(sample, **places, friction=friction)
+    """Random spheres that do not touch."""
+    return cloud(protocol.Study(friction, spheres, width_of(spheres, ASPECT), seed))
 
 
 def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
@@ -88,7 +82,7 @@ def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
 
     def action() -> Trace:
         control, started = Servo(STRESS, inertial_number), time.process_time()
-        motion = in_motion(sample, control, protocol.AGITATED_DAMPING)
+        motion = Dynamics(sample, protocol.AGITATED_DAMPING, control=control.follow)
         trace: Trace = {name: [] for name in COLUMNS}
         interval = duration(protocol.CONTROL, STRESS)
         every = steps_of(interval, time_step(STRESS))
@@ -98,12 +92,13 @@ def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
             motion.advance(CHECK, time_step(max(STRESS, above)), every)
             if not met and control.stress.mean() > STRESS:
                 met = motion.steps
-            held, error = motion.coordination_number(), control.error()
+            network, error = motion.contacts.sample().network(), control.error()
+            held = network.coordination_number
             settled = error < JAM_ERROR and held > JAMMED
             if not jammed and met and (settled or motion.steps - met >= JAM_PATIENCE):
                 jammed, motion.damping = motion.steps, protocol.DAMPING
             spent = time.process_time() - started
-            state = motion.steps, spent, motion.void_ratio(), held, error, motion.unbalanced()
+            state = motion.steps, spent, void_ratio(network), held, error, motion.unbalanced()
             for column, number in zip(trace.values(), state, strict=True):
                 column.append(float(number))
         return trace

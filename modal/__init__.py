@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from modal.modes.eigenmodes import eigenmodes
     from modal.packing.crystal import fcc
     from modal.packing.network import Network
-    from modal.preparation.packings import random_packing
+    from modal.preparation.random_packing import random_packing
     from modal.theory.fcc import FccLattice
     from modal.tools.errors import InputError
     from modal.waves.propagate import propagate
@@ -60,7 +60,7 @@ _HOME = {
     "fcc": ("modal.packing.crystal", "fcc"),
     "frequency_response": ("modal.waves.response", "frequency_response"),
     "propagate": ("modal.waves.propagate", "propagate"),
-    "random_packing": ("modal.preparation.packings", "random_packing"),
+    "random_packing": ("modal.preparation.random_packing", "random_packing"),
     "read": ("modal.exchange.registry", "read_packing"),
 }
 

@@ -36,8 +36,8 @@ PACK = """
 set -e
 run() { "$PYTHON" -m modal "$@" >/dev/null 2>&1; }
 run pack --spheres 30 --aspect 2 --stress 1e5 -o chain
-[ -f a.modes.h5 ] || run modes chain/01_100kPa.sample.h5 --all -o a.modes.h5
-[ -f a.signals.h5 ] || run wave chain/01_100kPa.sample.h5 --duration 3e-5 -o a.signals.h5
+[ -f a.modes.h5 ] || run modes chain/100000Pa.sample.h5 --all -o a.modes.h5
+[ -f a.signals.h5 ] || run wave chain/100000Pa.sample.h5 --duration 3e-5 -o a.signals.h5
 """
 WALK = """
 "$PYTHON" -m modal pack --friction 0.4 --spheres 400 --width 5 --stress 1e4 1e5 1e6 -o walk

@@ -12,8 +12,9 @@ import numpy as np
 import modal
 from modal.dem.contacts import MovingContacts
 from modal.packing.sample import read_sample
-from modal.preparation.frictionless import minimise
-from modal.preparation.random_packing import cloud
+from modal.preparation.cloud import cloud
+from modal.preparation.frictionless import Descent, Pressure
+from modal.preparation.protocol import Study
 from modal.preparation.relax import relax
 from modal.preparation.springs_rest import elastic_motion
 from modal.solvers.same_bits import same_bits_product
@@ -79,8 +80,10 @@ def moving() -> str:
 
 def descent() -> str:
     """Some steps of spheres without friction down their energy."""
-    sample, _ = minimise(cloud(200, 1.5, seed=3), 1e7, tolerance=1e-3, max_steps=100)
-    return digest(sample.position)
+    study = Study(0.0, 200, 4.9, seed=3)
+    motion = Descent(cloud(study), Pressure("1e+07", study))
+    motion.advance(100, 1.0, 1)
+    return digest(motion.sample(moving=False).position)
 
 
 def springs() -> str:

@@ -43,12 +43,12 @@ from yade.params import table  # noqa: E402
 class Scene:
     """A sample in motion in YADE, as `modal.preparation.compression` asks for it."""
 
-    def __init__(self, sample, control, damping):
+    def __init__(self, sample, stage):
         global follow
         self._bare, self._n, self.steps = sample, len(sample.position), 0
-        build_scene(sample, margin=MARGIN, damping=damping)
-        follow = servo.Drive(self._n, control)
-        self._control = control
+        build_scene(sample, margin=MARGIN, damping=stage.damping)
+        follow = servo.Drive(self._n, stage.control)
+        self._control = stage.control
         before_motion(PyRunner(command="follow()", iterPeriod=1, label="control"))
 
     def advance(self, count, dt, every):
@@ -69,20 +69,6 @@ class Scene:
         """Mean residual force on a sphere over the mean contact force."""
         return servo.unbalanced()
 
-    def void_ratio(self):
-        """Volume of voids over volume of spheres, wall to wall."""
-        return servo.void_ratio(self._n)
-
-    def coordination_number(self):
-        """Mean number of contacts of a sphere, walls included."""
-        walls = (O.interactions.withBody(wall) for wall in (self._n, self._n + 1))
-        on_walls = sum(contact.isReal for those in walls for contact in those)
-        return (2 * self.contact_count() - on_walls) / self._n
-
-    def contact_count(self):
-        """Contacts that there are."""
-        return O.interactions.countReal()
-
     def sample(self, *, moving):
         """The sample as it is now."""
         return read_scene(self._bare, moving=moving)
@@ -95,6 +81,8 @@ def main():
     mixture = {name: str(given[name]) for name in MIXTURE}
     words = {name: word.replace("_", " ") for name, word in mixture.items()}
     study = Study(**given | words)
+    if study.mu_comp == 0:
+        raise InputError("mu_comp 0: packings without friction are made by `modal pack`")
     folder = products_folder() / f"compression_mu{study.mu_comp:g}"
     compress_to_stresses(
         folder,

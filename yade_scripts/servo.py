@@ -4,8 +4,7 @@ import numpy as np
 from yade import Matrix3, O
 from yade.utils import getStress, unbalancedForce
 
-from modal.packing.sample import void_ratio as void_ratio_of_spheres
-from yade_scripts.scene import cell_side, sizes, wall_faces
+from yade_scripts.scene import cell_side, wall_faces
 
 
 def principal_stresses(n):
@@ -37,12 +36,6 @@ def wall_stresses(n):
     side_x, side_y = cell_side()
     area = side_x * side_y
     return -O.forces.f(n, sync=True)[2] / area, O.forces.f(n + 1, sync=True)[2] / area
-
-
-def void_ratio(n):
-    """Volume of voids over volume of spheres, wall to wall."""
-    (side_x, side_y), (low, high) = cell_side(), wall_faces(n)
-    return void_ratio_of_spheres(n, sizes(n), np.array([side_x, side_y]), high - low)
 
 
 def deform(n, rates):

@@ -10,9 +10,9 @@ from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS
 from modal.packing.contact_models import MODELS
 from modal.packing.plausibility import WIDE
 from modal.packing.sample import ELASTIC, read_sample
-from modal.preparation.packings import pack as packed
-from modal.preparation.protocol import Study
-from modal.preparation.random_packing import ASPECT, PEAK, PRESSURES, TOLERANCE
+from modal.preparation.protocol import OF_FRICTION, PEAK, Study
+from modal.preparation.random_packing import ASPECT
+from modal.preparation.random_packing import pack as packed
 from modal.preparation.sizes import DENSITIES, KINDS, MIXTURE, WALLS
 from modal.tools.errors import InputError
 
@@ -23,7 +23,6 @@ WITH_FRICTION = {
     "fraction": ("--time-step-fraction", "time step over its limit"),
     "hot_stress": ("--agitation-stress", "mean stress at which the agitated compaction ends, Pa"),
     "damping": ("--local-damping", "local damping after that"),
-    "residual": ("--residual", "mean residual over contact force of a settled state"),
 }
 """Numbers of the protocol that a study may change: the option of each, and what it is."""
 SOLID = {name: getattr(GLASS, name) for name in (*ELASTIC, "density")} | {"radius": RADIUS}
@@ -32,13 +31,12 @@ SLENDER = (
     f"length over width (default {ASPECT:g}, or less so that the width is {WIDE:g} "
     "diameters, at least 1)"
 )
-AT_REST = f"without friction: mean net force over mean contact force (default {TOLERANCE:g})"
+AT_REST = f"mean net force over mean contact force of a settled state (default {Study.residual:g})"
 DENSE = f"without friction: sets the density (default {PEAK:g})"
 MODEL = f"{', '.join(MODELS)}; rough with its roughness, m, as rough 1e-6 (default {HERTZ_MINDLIN})"
 LATERAL = "then the lateral stresses go to K times the axial one, which stays"
 ALONG_Z = "from a tenth of the first stress compressed along z alone; K0 is told"
 OF_COMPRESSION = (
-    Option("--width", "D", "in diameters, instead of --aspect"),
     Option("--stress-ratio", "K", LATERAL),
     flag("--oedometric", ALONG_Z),
     *(
@@ -50,10 +48,11 @@ EXAMPLE = "pack --spheres 300 --stress 1e5 -o dense"
 OPTIONS = (
     Option("--spheres", "N", "how many", 35201, int),
     Option("--aspect", "A", SLENDER),
+    Option("--width", "D", "in diameters, instead of --aspect"),
     Option("--seed", "S", "of the random cloud", 1, int),
     Option("--stress", "PA", "one or several; a state is written of each", more=ANY_NUMBER),
     Option("--friction", "MU", "0 to 1", 0.0),
-    Option("--tolerance", "T", AT_REST),
+    Option("--residual", "R", AT_REST),
     Option("--peak", "PA", DENSE),
     Option("--sizes", "S", f"of a mixture: {KINDS}", kind=str, more=ANY_NUMBER),
     Option("--densities", "RHO", DENSITIES, kind=str, more=ANY_NUMBER),
@@ -80,16 +79,12 @@ def option_of(name: str) -> str:
 
 def run(options: Given) -> Result:
     """Run or continue a compression; names of the files that hold its states."""
-    names = ("aspect", "width", "tolerance", "peak", "stress_ratio", *MIXTURE, *WITH_FRICTION)
+    names = ("aspect", "width", "residual", "peak", "stress_ratio", *MIXTURE, *OF_FRICTION)
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
-    kind, unused = "without", ("width", "stress_ratio", *WITH_FRICTION)
-    if options.friction != 0:
-        kind, unused = "with", ("tolerance", "peak")
-    for name in unused:
+    kind = "without" if options.friction == 0 else "with"
+    for name in ("stress_ratio", *OF_FRICTION) if options.friction == 0 else ("peak",):
         if name in given:
             raise InputError(f"{option_of(name)}: has no meaning {kind} friction; leave it out")
-    if not 0 < (tolerance := given.get("tolerance", TOLERANCE)) < 1:
-        raise InputError(f"--tolerance {tolerance:g}: outside 0 to 1; {TOLERANCE:g} is usual")
     solid = {name: x for name in SOLID if (x := getattr(options, name)) is not None}
     model = options.contact_model or []
     model = [] if model == [HERTZ_MINDLIN] else model
@@ -106,14 +101,13 @@ def run(options: Given) -> Result:
         **given,
     )
     result: Result = {"samples": {str(path): stress for stress, path in files}}
-    for _, path in files[-len(options.stress or PRESSURES) :]:
+    notes = {str(path): read_sample(path).study for _, path in files}
+    for path in notes:
         read_remarked(path, options.remarks.append)
-    if options.friction != 0:
-        notes = {str(path): read_sample(path).study for _, path in files}
-        result["settled"] = {path: bool(study["settled"]) for path, study in notes.items()}
-        if options.oedometric or options.stress_ratio is not None:
-            name = "k0" if options.oedometric else "stress_ratio"
-            result[name] = {path: float(study["stress_ratio"]) for path, study in notes.items()}
+    result["settled"] = {path: bool(study["settled"]) for path, study in notes.items()}
+    if options.oedometric or options.stress_ratio is not None:
+        name = "k0" if options.oedometric else "stress_ratio"
+        result[name] = {path: float(study["stress_ratio"]) for path, study in notes.items()}
     return result
 
 

@@ -261,11 +261,6 @@ class MovingContacts:
         """Shape (k, 2): the two spheres of each contact that there is, or that may soon be."""
         return self._ends[self._ends[:, 1] >= 0]
 
-    def numbers(self) -> tuple[int, int]:
-        """Contacts between spheres, and with the walls."""
-        walls = self._normal.any(axis=1) & (self._ends[:, 1] < 0)
-        return self.touching - int(walls.sum()), int(walls.sum())
-
     def sample(self) -> Sample:
         """The sample as it is now, at rest."""
         position, turns = self._wrapped()

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from modal.dem.contacts import SKIN, MovingContacts
-from modal.packing.sample import Sample, void_ratio
+from modal.packing.sample import Sample
 from modal.tools.arrays import Bools, Floats
 from modal.tools.loops import compiled, compiled_part, fingerprint, numba, prange
 from modal.tools.slabs import SLABS
@@ -257,21 +257,6 @@ class Dynamics:
     def unbalanced(self) -> float:
         """Mean residual force on a sphere over the mean contact force, shear included."""
         return self.contacts.unbalanced()
-
-    def contact_count(self) -> int:
-        """Contacts that there are."""
-        return self.contacts.touching
-
-    def void_ratio(self) -> float:
-        """Volume of voids over volume of spheres, wall to wall."""
-        contacts = self.contacts
-        length = float(contacts.walls[1] - contacts.walls[0])
-        return void_ratio(len(self.velocity), self._bare.sizes, contacts.side, length)
-
-    def coordination_number(self) -> float:
-        """Mean number of contacts of a sphere, walls included."""
-        pairs, walls = self.contacts.numbers()
-        return (2 * pairs + walls) / len(self.velocity)
 
     def sample(self, *, moving: bool) -> Sample:
         """The sample as it is now; with its velocities and strain rate if it is `moving`.

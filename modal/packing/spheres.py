@@ -119,6 +119,11 @@ class Sample:
         beyond = np.ptp(self.position[:, :2], axis=0) + 6 * np.max(self.sizes)
         return np.where(self.periodic_sides, self.side, beyond)
 
+    @property
+    def lengths(self) -> Floats:
+        """Shape (3,), m: the `periods` and the `length`."""
+        return np.array([*self.periods, self.length])
+
     def contacts(self, ends: tuple[Ints, ...] | None = None) -> ContactList:
         """All contacts, in canonical order, or those whose `ends`, i, j and periods, are known.
 
@@ -126,8 +131,7 @@ class Sample:
         """
         lengths, position = self.periods, self.position
         if self.periodic_z:
-            lengths = np.array([*lengths, self.length])
-            position = position - [0, 0, self.walls[0]]
+            lengths, position = self.lengths, position - [0, 0, self.walls[0]]
         walls = None if self.periodic_z else self.walls
         if ends is None:
             return touching(position, lengths, walls, self.sizes)

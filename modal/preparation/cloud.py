@@ -1,4 +1,4 @@
-"""Spheres without contact, placed at random: where the compression of a packing begins."""
+"""Spheres placed at random: where a packing begins, with friction and without."""
 
 from __future__ import annotations
 
@@ -12,15 +12,23 @@ from modal.packing.sample import Sample
 from modal.preparation.protocol import CLOUD, NOMINAL_FRACTION, Study
 from modal.tools.errors import InputError
 
+CROWDED = 0.5
+"""Solid fraction of overlapping random points."""
 ROUNDS = 1000
 """Random points tried for one sphere."""
 
 
 def cloud(study: Study) -> Sample:
-    """The spheres at solid fraction CLOUD, numbered along z, in a cell of its final proportions.
+    """The spheres at the start of a path, numbered along z, in a cell of its final proportions.
 
-    Numbered along z, neighbours lie close together in memory.
+    With friction at solid fraction CLOUD without contacts; without it at `CROWDED` wherever chance
+    has put them. Numbered along z, neighbours lie close together in memory.
     """
+    return dilute(study) if study.mu_comp else crowded(study)
+
+
+def dilute(study: Study) -> Sample:
+    """Spheres without contacts at solid fraction CLOUD."""
     mixture = study.mixture
     diameter, sizes = 2 * mixture.radius, np.ones(study.spheres)
     length = study.spheres * math.pi / 6 / NOMINAL_FRACTION / study.width**2 * diameter
@@ -33,6 +41,22 @@ def cloud(study: Study) -> Sample:
     places, order = random_places(sizes, *cell, whole=mixture.periodic)
     lengths = np.array([side, side, length])
     return mixture.sample(diameter * places, lengths, study.mu_comp, order)
+
+
+def crowded(study: Study) -> Sample:
+    """Overlapping random points in a cell whose length over width is that of equal spheres."""
+    mixture = study.mixture
+    radii = np.full(study.spheres, mixture.radius) if mixture.radii is None else mixture.radii
+    aspect = study.spheres * math.pi / 6 / NOMINAL_FRACTION / study.width**3
+    width = (math.pi / 6 * float(((2 * radii) ** 3).sum()) / CROWDED / aspect) ** (1 / 3)
+    lengths = width * np.array([1.0, 1.0, aspect])
+    if lengths.min() < 4 * radii.max():
+        raise InputError(
+            f"{study.spheres} spheres at aspect {aspect:.3g}: the cell is narrower than two "
+            "diameters; take more spheres, or an aspect nearer to 1"
+        )
+    points = np.random.default_rng(study.seed).random((study.spheres, 3))
+    return mixture.sample(points[np.argsort(points[:, 2])] * lengths, lengths, 0.0)
 
 
 def random_places(

@@ -1,8 +1,8 @@
-"""A compression from its cloud to each stress, whoever makes the steps; killed, it goes on.
+"""A loading path from its cloud to each stress, whoever makes the steps; killed, it goes on.
 
-One definition for YADE (`yade_scripts/compress.py`) and for modal's own loop. Each run starts from
-the checkpoint that the one before has written, so that a compression that was killed takes the same
-steps as one that was not.
+One definition with friction, for YADE (`yade_scripts/compress.py`) and for modal's own loop, and
+without (`modal.preparation.frictionless`). Each run starts from the checkpoint that the one before
+has written, so that a path that was killed takes the same steps as one that was not.
 """
 
 from __future__ import annotations
@@ -11,27 +11,29 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
+from modal.dem.motion import Dynamics
 from modal.formats.provenance import Provenance
-from modal.packing.sample import Sample, read_sample, validate, write_sample
+from modal.packing.sample import Sample, read_sample, validate, void_ratio, write_sample
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
-from modal.preparation.durations import REFERENCE, steps_of
-from modal.preparation.protocol import CHECKPOINT, END, PREPARATION, Stage, Study
-from modal.preparation.strain_control import ConstantRate, Servo
+from modal.preparation.durations import steps_of
+from modal.preparation.protocol import CHECKPOINT, END, Stage, Study, stages_of
 from modal.tools.arrays import Floats
 from modal.tools.display import duration
 from modal.tools.errors import InputError
 from modal.tools.progress import Minute, progress
 
 AXES = "stress_xx", "stress_yy", "stress_zz"
+WAY = "; "
+"""Between the stages that a checkpoint names as its way."""
 
 
 class Packing(Protocol):
-    """Spheres in motion under a control of their strain rates."""
+    """Spheres in motion under a stage's control."""
 
     steps: int
 
@@ -44,51 +46,44 @@ class Packing(Protocol):
     def unbalanced(self) -> float:
         """Mean residual force on a sphere over the mean contact force."""
 
-    def void_ratio(self) -> float:
-        """Volume of voids over volume of spheres, wall to wall."""
-
-    def coordination_number(self) -> float:
-        """Mean number of contacts of a sphere, walls included."""
-
-    def contact_count(self) -> int:
-        """Contacts that there are."""
-
     def sample(self, *, moving: bool) -> Sample:
         """The sample as it is now; with its velocities and strain rate if it is `moving`."""
 
 
-Begin = Callable[[Sample, ConstantRate | Servo, float], Packing]
-"""Sets a sample in motion under a control, with a local damping."""
+Begin = Callable[[Sample, Any], Packing]
+"""Sets a sample in motion under a stage."""
 Say = Callable[[str], None]
+
+
+def in_motion(sample: Sample, stage: Stage) -> Dynamics:
+    """A sample in modal's own motion, whose strain rates a stage's control sets."""
+    return Dynamics(sample, stage.damping, control=stage.control.follow)
 
 
 def compacted(study: Study, begin: Begin) -> Sample:
     """The cloud compacted to LOOSE and put to rest."""
-    started = time.perf_counter()
-    rate = protocol.COMPACTION_RATE * study.mixture.tempo
-    packing = begin(cloud(study), ConstantRate(rate), 0.0)
+    started, stage = time.perf_counter(), Stage(protocol.CLOUD_STAGE, study)
+    packing = begin(cloud(study), stage)
     dt = study.time_step(protocol.COMPACTION_STRESS * study.mixture.hardness)
+    rate = protocol.COMPACTION_RATE * study.mixture.tempo
     steps = int(math.log(protocol.LOOSE / protocol.CLOUD) / 3 / rate / dt)
-    every = steps_of(study.duration(protocol.CONTROL, REFERENCE * study.mixture.hardness), dt)
     parts = min(steps, protocol.CHECKS)
     for part in progress(parts, f"friction {study.mu_comp:g}, cloud"):
-        packing.advance((part + 1) * steps // parts - packing.steps, dt, every)
+        more = (part + 1) * steps // parts - packing.steps
+        packing.advance(more, dt, steps_of(stage.interval, dt))
     sample = packing.sample(moving=False)
-    sample.study = study.attributes | {"stage": "approach", "stage_time": 0.0}
-    sample.study |= _cost({}, "cloud", packing, started)
+    sample.study = study.attributes | _cost({}, stage.name, packing, sample, started)
     return sample
 
 
-def reach(
-    packing: Packing, stage: Stage, seconds: float, checks: int | None, say: Say
-) -> tuple[float, bool, bool]:
-    """The time of the stage, s, after so many `checks`, or all; whether it has settled; is over.
+def reach(packing: Packing, stage: Stage, seconds: float, say: Say) -> tuple[float, bool, bool]:
+    """The time of the stage, s, at its next checkpoint; whether it has settled; is over.
 
     `seconds` of it have gone already.
     """
     started, begun, minute = time.perf_counter(), seconds, Minute()
     stage.control.stress = packing.stress()
-    for _ in count() if checks is None else range(checks):
+    for _ in count() if stage.checks is None else range(stage.checks):
         dt = stage.time_step()
         steps = steps_of(stage.check, dt)
         packing.advance(steps, dt, steps_of(stage.interval, dt))
@@ -104,39 +99,30 @@ def reach(
     return seconds, settled, ended
 
 
-def reached(packing: Packing, stage: Stage, settled: bool) -> dict[str, Any]:
-    """What a stage has come to, by the names of the format."""
-    found: dict[str, Any] = {
-        "unbalanced": packing.unbalanced(),
-        "void_ratio": packing.void_ratio(),
-        "coordination_number": packing.coordination_number(),
-    }
+def run_to_checkpoint(sample: Sample, stage: Stage, begin: Begin, say: Say) -> tuple[Sample, bool]:
+    """The sample at the next checkpoint after `sample`, and whether the stage is over."""
+    started, before = time.perf_counter(), dict(sample.study)
+    packing = begin(sample, stage)
+    seconds, settled, ended = reach(packing, stage, before.get("stage_time", 0.0), say)
+    found: dict[str, Any] = {"stage_time": seconds, "unbalanced": packing.unbalanced()}
     found |= zip(AXES, stage.control.stress, strict=True)
     if stage.is_state:
         found |= {"settled": settled, "stress_error": stage.control.error()}
-    return found
-
-
-def run_to_checkpoint(sample: Sample, study: Study, begin: Begin, say: Say) -> tuple[Sample, bool]:
-    """The sample at the next checkpoint after `sample`, and whether the stage is over."""
-    started, before = time.perf_counter(), dict(sample.study)
-    stage = Stage(before["stage"], study)
-    packing = begin(sample, stage.control, stage.damping)
-    so_far = float(before["stage_time"])
-    seconds, settled, ended = reach(packing, stage, so_far, protocol.CHECKS, say)
-    found = {"stage_time": seconds} | reached(packing, stage, settled)
-    after = packing.sample(moving=True)
-    validate(after, f"friction {study.mu_comp:g}, {stage.name}")
-    after.study = before | found | _cost(before, stage.name, packing, started)
-    say(f"{_at(stage, packing)}, {packing.steps} steps, {after.study['seconds']:.0f} s")
+    after = packing.sample(moving=stage.checks is not None)
+    validate(after, f"friction {stage.study.mu_comp:g}, {stage.name}")
+    cost = _cost(before, stage.name, packing, after, started)
+    after.study = before | found | cost
+    say(
+        f"{_at(stage, packing)}, e {cost['void_ratio']:.4f}, Z {cost['coordination_number']:.3f}, "
+        f"{packing.steps} steps, {cost['seconds']:.0f} s"
+    )
     return after, ended
 
 
 def _at(stage: Stage, packing: Packing) -> str:
     return (
         f"friction {stage.study.mu_comp:g}, {stage.name}: stress {stage.control.stress.mean():.4g} "
-        f"Pa, e {packing.void_ratio():.4f}, Z {packing.coordination_number():.3f}, "
-        f"unbalanced {packing.unbalanced():.1e}"
+        f"Pa, unbalanced {packing.unbalanced():.1e}"
     )
 
 
@@ -158,30 +144,41 @@ def compress_to_stresses(
     made: Provenance,
     begin: Begin,
     say: Say,
+    stage_of: Callable[[str, Study], Stage] = Stage,
 ) -> list[tuple[float, Path]]:
-    """Compress to each stress, Pa; each with its file STRESSPa.sample.h5 in `folder`.
+    """Follow the path to each stress, Pa; each with its file STRESSPa.sample.h5 in `folder`.
 
-    Goes on from the checkpoint, or from the cloud; states that are there stay. InputError for
-    stresses that do not rise, and where it is beyond one that it has not written.
+    Goes on from the checkpoint, or from the cloud; states that are there stay. InputError for a
+    stress that comes twice or, with friction, does not rise, and where the checkpoint or one of
+    the files is of another study or was made by another command (one program's steps are not the
+    other's), or the checkpoint has gone another way.
     """
-    if any(lower >= higher for lower, higher in zip(stresses, stresses[1:], strict=False)):
+    if any(lower >= higher for lower, higher in pairwise(stresses)) and study.mu_comp:
         raise InputError(
-            f"stresses {', '.join(f'{stress:g}' for stress in stresses)} Pa: a compression only "
-            "loads; give them in rising order"
+            f"stresses {_listed(stresses)} Pa: a compression only loads; give them in rising order"
         )
-    checkpoint = folder / CHECKPOINT
+    stages, checkpoint = stages_of(study, stresses), folder / CHECKPOINT
+    if len(set(stages)) < len(stages):
+        raise InputError(f"stresses {_listed(stresses)} Pa: one comes twice; give each once")
     files = {f"{stress:g}": folder / f"{stress:g}Pa.sample.h5" for stress in stresses}
-    stages = [*PREPARATION, *files, END]
 
     def write(path: Path, sample: Sample) -> None:
         write_sample(path, replace(sample, provenance=made.attributes()))
 
-    sample = resumed(checkpoint, files, study, made.command)
-    if sample is None:
-        sample = compacted(study, begin)
-        write(checkpoint, sample)
+    def keep(sample: Sample) -> None:
+        write(checkpoint, replace(sample, study=sample.study | {"way": WAY.join(way)}))
+
+    if checkpoint.exists():
+        there = (checkpoint, *filter(Path.exists, files.values()))
+        sample, *_ = [_of_study(path, study, made.command) for path in there]
+        way = _way_so_far(checkpoint, sample, stages)
+    else:
+        sample, way = compacted(study, begin) if study.mu_comp else cloud(study), stages[:1]
+        sample.study = study.attributes | sample.study | {"stage": stages[0], "stage_time": 0.0}
+        keep(sample)
     while (name := sample.study["stage"]) != END:
-        sample, ended = run_to_checkpoint(sample, study, begin, say)
+        way += [name] * (name not in way)
+        sample, ended = run_to_checkpoint(sample, stage_of(name, study), begin, say)
         if ended:
             if name in files:
                 sample.study["stress"] = float(name)
@@ -189,17 +186,30 @@ def compress_to_stresses(
                 still = replace(sample, velocity=None, angular_velocity=None, strain_rate=None)
                 write(files[name], still)
                 say(f"{files[name]}: written" + _short_of(sample.study))
-            sample.study |= {"stage": stages[stages.index(name) + 1], "stage_time": 0.0}
-        write(checkpoint, sample)
-    return [(float(name), path) for name, path in files.items()]
+            after = [*stages, END][stages.index(name) + 1]
+            sample.study |= {"stage": after, "stage_time": 0.0}
+        keep(sample)
+    return list(zip(stresses, files.values(), strict=True))
 
 
-def _cost(before: dict[str, Any], stage: str, packing: Packing, started: float) -> dict[str, Any]:
-    """What a stage and the compression have cost so far, by the names of the format.
+def _listed(stresses: Sequence[float]) -> str:
+    return ", ".join(f"{stress:g}" for stress in stresses)
+
+
+def _cost(
+    before: dict[str, Any], stage: str, packing: Packing, sample: Sample, started: float
+) -> dict[str, Any]:
+    """What a stage and the path have come to and cost so far, by the names of the format.
 
     `before` are the attributes at the start of the run, which began when the clock said `started`.
     """
-    found: dict[str, Any] = {f"contacts_{stage}": packing.contact_count()}
+    contact, n = sample.contacts(), len(sample.position)
+    ends = 2 * len(contact.overlap) - int((contact.particle_j < 0).sum())
+    found: dict[str, Any] = {
+        f"contacts_{stage}": len(contact.overlap),
+        "coordination_number": ends / n,
+        "void_ratio": void_ratio(n, sample.sizes, sample.side, sample.length),
+    }
     spent = {"steps": packing.steps, "seconds": time.perf_counter() - started}
     for name, value in spent.items():
         for key in (f"{name}_{stage}", name):
@@ -216,38 +226,28 @@ def _short_of(study: dict[str, Any]) -> str:
     )
 
 
-def resumed(checkpoint: Path, files: dict[str, Path], study: Study, command: str) -> Sample | None:
-    """The state that it goes on from, its stage in `study`; None where it is to begin.
+def _way_so_far(checkpoint: Path, sample: Sample, stages: list[str]) -> list[str]:
+    """The stages that a checkpoint has gone through; its `study` then says where it goes on.
 
-    `files` are those of the stresses by their names. A compression that was at its end, or on its
-    way to a stress, may be given higher ones later. InputError where the checkpoint or one of the
-    files is of another study or was made by another `command` (one program's steps are not the
-    other's), where it is beyond a stress that it has not written, or heads elsewhere.
+    A path that was at its end, or on its way to a stress, may be given further ones later.
+    InputError where it has come another way than the `stages`, or is on its way elsewhere.
     """
-    if not checkpoint.exists():
-        return None
-    there = (checkpoint, *filter(Path.exists, files.values()))
-    sample, *_ = [_of_study(path, study, command) for path in there]
-    stage, done = sample.study["stage"], float(sample.study.get("stress", -math.inf))
-    for name, path in files.items():
-        if float(name) <= done and not path.exists():
-            raise InputError(
-                f"{checkpoint}: {name} Pa lies below its present stress of {done:g} Pa; take "
-                "another folder"
-            )
-    ahead = [name for name in files if float(name) > done]
-    if stage not in (*PREPARATION, END, *ahead[:1]):
+    stage, way = sample.study["stage"], str(sample.study.pop("way", "")).split(WAY)
+    known = [name for name in stages if name in way]
+    ahead = stages[len(known) :]
+    straight = known == stages[: len(known)] == [name for name in way if name in known]
+    if not straight or ((ahead or stage in way) and way[-1] not in known):
         raise InputError(
-            f"{checkpoint}: the compression is on its way to {stage} Pa; make this the next stress "
-            "that it has not reached, or take another folder"
+            f"{checkpoint}: it has gone by way of {WAY.join(way)} (Pa); give stresses that go on "
+            "from there, or take another folder"
         )
-    if stage == END and ahead:
-        sample.study["stage"] = ahead[0]
-    return sample
+    if stage not in way:
+        sample.study["stage"] = ahead[0] if ahead else END
+    return way
 
 
 def _of_study(path: Path, study: Study, command: str) -> Sample:
-    """A state of this compression; InputError for one of another."""
+    """A state of this path; InputError for one of another."""
     sample = read_sample(path)
     study.refuse_other(sample.study, path)
     by = sample.provenance.get("command", command)

@@ -9,138 +9,198 @@ move homothetically with the cell.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from modal.dem.contacts import MovingContacts
 from modal.packing.sample import Sample
+from modal.preparation.protocol import SQUEEZE, Stage, Study, stress_of
+from modal.preparation.strain_control import Servo
 from modal.tools.arrays import Floats
+from modal.tools.loops import compiled, compiled_part, fingerprint, numba, prange
+from modal.tools.slabs import SLABS
 
+PEAK_RESIDUAL = 1e-4
+"""Residual at the peak: spheres go on rearranging there; at 1e-3 the voids are 0.005 more."""
+PEAK_PACE, PACE = 0.3, 0.4
+"""Time step of a descent at the peak, and after it, over sqrt(m / mean kn); the highest mode of a
+dense packing, about sqrt(12 kn / m), would allow 0.58 if all contacts were equally stiff. On the
+way to the peak longer steps make the coordination number scatter."""
+STRESS_ERROR = 1e-3
+"""Largest relative error of a principal stress at which a descent is over."""
+DESCENT_CHECK, DESCENT_CHECKS, DESCENT_STEPS = 25, 400, 200_000
+"""Steps of a descent between two looks, which cost a fifth of one; looks between two checkpoints,
+from which it starts anew; steps after which it is given up."""
 SKIN = 0.1
 """Reach of the list of pairs at first, diameters: the cloud is on its way."""
-CHECK_EVERY = 25
-"""Steps between two looks at the convergence, whose sums cost a fifth of a step."""
-STEP = 0.3
-"""Largest time step over sqrt(m / mean kn); the highest mode of a dense packing, about
-sqrt(12 kn / m), would allow 0.58 if all contacts were equally stiff."""
-
 MIXING = 0.1
 """First share of the velocity that is turned towards the force."""
-STRESS_TOLERANCE = 1e-3
-"""Of each of the three stresses, relative to the pressure."""
-MAX_STEPS = 200_000
+FARTHEST, STRAIN = 0.1, 0.01
+"""Smallest radii that a sphere may go in a step, and by how much the cell may change: far from rest
+spheres must not pass through each other."""
 
 
-@dataclass
-class Minimum:
-    """How near to rest: stress (3,), Pa; its error over the target; residual, mean over mean force.
+def _sums_of_some(first, last, velocity, force, sums):
+    for i in range(first, last):
+        for axis in range(3):
+            v, f = velocity[i, axis], force[i, axis]
+            sums[0] += f * v
+            sums[1] += v * v
+            sums[2] += f * f
+            sums[3], sums[4] = max(sums[3], abs(v)), max(sums[4], abs(f))
 
-    `steps` and `seconds` were spent; converged tells whether both tolerances were met.
+
+def _sums(velocity, force):
+    n, sums = len(velocity), np.zeros((SLABS, 5))
+    for part in prange(SLABS):
+        _sums_of_some(part * n // SLABS, (part + 1) * n // SLABS, velocity, force, sums[part])
+    return sums
+
+
+def sums_by_arrays(velocity: Floats, force: Floats) -> Floats:
+    """Shape (k, 5), of parts of the spheres: sums of F v, v^2 and F^2; the largest v and F."""
+    # Not BLAS: its threads cost more than they save here, and make the sum depend on their number.
+    pairs = ((force, velocity), (velocity, velocity), (force, force))
+    largest = abs(velocity).max(), abs(force).max()
+    return np.array([[*(np.einsum("ij,ij", a, b) for a, b in pairs), *largest]])
+
+
+def _descend_some(first, last, position, velocity, force, keep, gain, stretch, dt):
+    for i in range(first, last):
+        for axis in range(3):
+            v = keep * velocity[i, axis] + gain * force[i, axis]
+            velocity[i, axis] = v
+            position[i, axis] = stretch[axis] * position[i, axis] + dt * v
+
+
+def _descend(position, velocity, force, keep, gain, stretch, dt):
+    n = len(position)
+    for part in prange(SLABS):
+        first, last = part * n // SLABS, (part + 1) * n // SLABS
+        _descend_some(first, last, position, velocity, force, keep, gain, stretch, dt)
+
+
+def descend_by_arrays(position, velocity, force, keep, gain, stretch, dt):
+    """Velocities (n, 3) to keep v + gain F, positions along them; the loop does the same."""
+    velocity *= keep
+    velocity += gain * force
+    position *= stretch
+    position += dt * velocity
+
+
+if numba is None:
+    sums_by_loop, descend_by_loop = sums_by_arrays, descend_by_arrays
+else:
+    _sums_of_some = compiled_part(_sums_of_some, fingerprint())
+    _descend_some = compiled_part(_descend_some, fingerprint())
+    sums_by_loop = compiled(_sums, 0, fingerprint())
+    descend_by_loop = compiled(_descend, 0, fingerprint())
+
+
+class Pressure(Stage):
+    """A pressure of spheres without friction; times count steps of a descent.
+
+    `pace` is the length of these over sqrt(m / mean kn).
     """
 
-    stress: Floats
-    stress_error: float
-    residual: float
-    steps: int
-    seconds: float
-    converged: bool = False
+    checks = DESCENT_CHECKS
+
+    def __init__(self, name: str, study: Study) -> None:
+        peak = name == SQUEEZE
+        target = study.peak * study.mixture.hardness if peak else stress_of(name)
+        self.name, self.study, self.control = name, study, Servo(target, study.inertial_number)
+        self.limits = STRESS_ERROR, PEAK_RESIDUAL if peak else study.residual
+        self.pace = PEAK_PACE if peak else PACE
+        self.check, self.interval, self.patience = DESCENT_CHECK, 1.0, DESCENT_STEPS
+
+    def time_step(self) -> float:
+        """One step of the descent."""
+        return 1.0
 
 
-def minimise(
-    sample: Sample,
-    pressure: float | None,
-    *,
-    tolerance: float,
-    stress_tolerance: float = STRESS_TOLERANCE,
-    max_steps: int = MAX_STEPS,
-    watch: Callable[[Sample, Minimum], None] | None = None,
-) -> tuple[Sample, Minimum]:
-    """The sample at the energy minimum under `pressure`, Pa; at fixed lengths if it is None.
+class Descent:
+    """Spheres on their way to the least enthalpy under the pressure of a stage, from rest.
 
-    Ends when the residual is below `tolerance` and all three stresses are within
-    `stress_tolerance` of the pressure; after `max_steps`, with the best state that was met: neither
-    falls monotonically. `watch` sees the best state so far at every check.
+    A step's length goes by the `pace` of the stage.
     """
-    start = time.perf_counter()
-    low = sample.walls[0]
-    sample = replace(sample, position=sample.position - [0, 0, low], walls=sample.walls - low)
-    contacts = MovingContacts(sample, skin=SKIN, history=False, stiffness=sample.radii is not None)
-    force, stiffness = contacts.load, contacts.stiffness
-    # Lengths are variables of the same stiffness as positions: log length times sqrt(n) D.
-    scale = np.sqrt(len(force)) * 2 * sample.radius
-    # Where hardly anything touches, the step is that of overlaps of 1e-8 R (below 10 Pa).
-    softest = float(sample.laws[0].stiffness_normal(1e-8 * sample.radius, sample.radius))
-    velocity, drift = np.zeros_like(force), np.zeros(3)
-    mixing, downhill, dt = MIXING, 0, 0.0
-    best, best_score = (sample, Minimum(np.zeros(3), np.inf, np.inf, 0, 0.0)), np.inf
-    for step in range(max_steps + 1):
-        contacts.touch()
-        pull = np.zeros(3)
-        if pressure is not None:
-            pull = (contacts.virial - pressure * contacts.lengths.prod()) / scale
-        if step % CHECK_EVERY == 0:
-            rest = _rest(contacts, pressure, step, start)
-            score = max(rest.residual / tolerance, rest.stress_error / stress_tolerance)
-            rest.converged = score < 1
-            if score < best_score or not np.isfinite(best_score):
-                best, best_score = (contacts.sample(), rest), score
-            if watch:
-                watch(best[0], rest)
-            if rest.converged or contacts.elastic_energy == 0 and pressure is None:
-                break
-        limit = STEP / np.sqrt(max(contacts.mean_stiffness, softest))
+
+    def __init__(self, sample: Sample, stage: Pressure) -> None:
+        low, self.steps = sample.walls[0], 0
+        bare = replace(sample, position=sample.position - [0, 0, low], walls=sample.walls - low)
+        own = {"history": False, "stiffness": sample.radii is not None}
+        self.contacts = MovingContacts(bare, skin=SKIN, **own)
+        self.velocity, self._drift = np.zeros_like(self.contacts.load), np.zeros(3)
+        self._control, self._pace = stage.control, stage.pace
+        # Lengths are variables of the same stiffness as positions: log length times sqrt(n) D.
+        self._scale = math.sqrt(len(self.velocity)) * 2 * sample.radius
+        # Where hardly anything touches, the step is that of overlaps of 1e-8 R (below 10 Pa).
+        softest = sample.laws[0].stiffness_normal(1e-8 * sample.radius, sample.radius)
+        self._softest = float(softest)
+        self._mixing, self._downhill, self._dt = MIXING, 0, 0.0
+
+    def advance(self, count: int, dt: float, every: int) -> None:
+        """`count` steps, of the descent's own length; the control then knows the stresses."""
+        for _ in range(count):
+            self._step()
+            self.steps += 1
+        self._control.follow(self.stress())
+
+    def _limit(self) -> float:
+        """The longest step that is stable."""
+        contacts, stiffness = self.contacts, self.contacts.stiffness
+        limit = self._pace / math.sqrt(max(contacts.mean_stiffness, self._softest))
         if len(stiffness):
             # A large sphere among small ones has many contacts: omega^2 <= 2 sum kn / m.
-            limit = min(limit, 1 / np.sqrt(max(stiffness.max(), softest)))
-        dt = min(max(dt, 0.02 * limit), limit)
-        power = _dot(force, velocity) + pull @ drift
+            limit = min(limit, 1 / math.sqrt(max(stiffness.max(), self._softest)))
+        return limit
+
+    def _step(self) -> None:
+        contacts, force, drift = self.contacts, self.contacts.load, self._drift
+        pull = (contacts.virial - self._control.target * contacts.lengths.prod()) / self._scale
+        limit = self._limit()
+        dt = min(max(self._dt, 0.02 * limit), limit)
+        sums = sums_by_loop(self.velocity, force)
+        power, square, pushes = sums[:, :3].sum(axis=0)
+        fastest, hardest = sums[:, 3:].max(axis=0)
         keep, push = 0.0, 0.0
-        if power > 0:
-            downhill += 1
-            square = _dot(velocity, velocity) + float(drift @ drift)
-            square /= _dot(force, force) + float(pull @ pull)
-            keep, push = 1 - mixing, mixing * math.sqrt(square)
-            if downhill > 20:
-                dt, mixing = min(1.1 * dt, limit), 0.99 * mixing
-        elif step:
-            _move(contacts, velocity, drift / scale, -0.5 * dt)
-            downhill, mixing, dt = 0, MIXING, 0.5 * dt
-        velocity *= keep
-        velocity += (push + dt) * force
-        drift = keep * drift + (push + dt) * pull
-        # Far from rest a step may not carry spheres through each other, nor crush the cell.
-        fastest = np.sqrt(3) * max(velocity.max(), -velocity.min())
+        if power + pull @ drift > 0:
+            self._downhill += 1
+            keep = 1 - self._mixing
+            push = self._mixing * math.sqrt((square + drift @ drift) / (pushes + pull @ pull))
+            if self._downhill > 20:
+                dt, self._mixing = min(1.1 * dt, limit), 0.99 * self._mixing
+        elif self.steps:
+            self._move(1.0, 0.0, np.exp(-0.5 * dt * drift / self._scale), -0.5 * dt)
+            self._downhill, self._mixing, dt = 0, MIXING, 0.5 * dt
+        gain = push + dt
+        self._drift = keep * drift + gain * pull
+        way = math.sqrt(3) * (keep * fastest + gain * hardest) * dt
+        strain = abs(self._drift).max() * dt / self._scale
         hold = min(
             1.0,
-            0.05 * 2 * contacts.smallest / max(fastest * dt, 1e-300),
-            0.01 / max(abs(drift).max() * dt / scale, 1e-300),
+            FARTHEST * contacts.smallest / max(way, 1e-300),
+            STRAIN / max(strain, 1e-300),
         )
-        if hold < 1:
-            velocity *= hold
-            drift *= hold
-        _move(contacts, velocity, drift / scale, dt)
-    found, reached = best
-    reached.steps, reached.seconds = step, time.perf_counter() - start
-    return found, reached
+        self._drift *= hold
+        self._move(hold * keep, hold * gain, np.exp(dt * self._drift / self._scale), dt)
+        self._dt = dt
+        contacts.touch()
 
+    def _move(self, keep: float, gain: float, stretch: Floats, dt: float) -> None:
+        contacts = self.contacts
+        contacts.side *= stretch[:2]
+        contacts.walls *= stretch[2]
+        descend_by_loop(contacts.position, self.velocity, contacts.load, keep, gain, stretch, dt)
 
-def _dot(a: Floats, b: Floats) -> float:
-    # Not BLAS: its threads cost more than they save here, and make the sum depend on their number.
-    return float(np.einsum("ij,ij", a, b))
+    def stress(self) -> Floats:
+        """Principal stresses (3,), Pa, compression positive."""
+        return self.contacts.stress()
 
+    def unbalanced(self) -> float:
+        """Mean net force on a sphere over the mean contact force."""
+        return self.contacts.unbalanced()
 
-def _move(contacts: MovingContacts, velocity: Floats, strain_rate: Floats, dt: float) -> None:
-    stretch = np.exp(strain_rate * dt)
-    contacts.side *= stretch[:2]
-    contacts.walls *= stretch[2]
-    contacts.position *= stretch
-    contacts.position += dt * velocity
-
-
-def _rest(contacts: MovingContacts, pressure: float | None, step: int, start: float) -> Minimum:
-    stress = contacts.stress()
-    error = 0.0 if pressure is None else float(abs(stress - pressure).max() / pressure)
-    return Minimum(stress, error, contacts.unbalanced(), step, time.perf_counter() - start)
+    def sample(self, *, moving: bool) -> Sample:
+        """The sample as it is now, at rest: spheres without friction go on from their places."""
+        return self.contacts.sample()

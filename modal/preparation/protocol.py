@@ -12,6 +12,7 @@ to rest at a constant volume: a servo would let it expand until the agitation ca
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -38,6 +39,9 @@ CHECKPOINT = "checkpoint.h5"
 END = "end"
 """Name of the stage after the last."""
 PREPARATION = "approach", "cool", "jam"
+CLOUD_STAGE, SQUEEZE = "cloud", "peak"
+"""Names of the stage before these, which has no checkpoint, and of that before all states without
+friction."""
 STRESSES = (1e3, 1e4, 1e5, 1e6, 1e7)
 CLOUD, LOOSE = 0.2, 0.5
 """Solid fractions of the cloud (no overlaps) and of its compaction at rest."""
@@ -62,6 +66,8 @@ JAMMED = 0.1, 1e-2
 SETTLED = 3e-3, 1e-3
 """When jamming is over, when a state is reached: largest relative error of a principal stress, mean
 residual over contact force."""
+PEAK = 2e8
+"""Pressure, Pa, under which spheres without friction are packed before they are unloaded."""
 NOMINAL_FRACTION = 0.6
 """Solid fraction at which `width` and the number of spheres fix the length."""
 ABOVE = 1.5
@@ -81,17 +87,24 @@ def by_tens(before: float, stress: float) -> list[float]:
     return [*way, stress]
 
 
+OF_FRICTION = (
+    *("approach_rate", "agitated_damping", "inertial_number", "fraction", "hot_stress", "damping"),
+)
+"""Numbers of a study that say nothing of a descent without friction."""
+
+
 @dataclass
 class Study:
     """What tells one compression from another; the defaults are the study's own at friction 0.4.
 
     width: diameters; approach_rate: 1/s; fraction: time step over its limit; hot_stress: Pa, see
     `HOT`; damping: local, after it; residual: mean residual over contact force of a settled state;
+    peak: Pa, of spheres without friction, of whose path the other numbers but residual say nothing;
     sizes, densities, walls: words as `modal.preparation.sizes` has them, none for equal spheres, of
     glass between walls of glass; walls are `NO_WALLS` of a cell that is periodic along z. `solid`
     has words as `solid_of`, none for the study's glass: stresses of the protocol, `hot_stress`
-    among them, then grow with E*, rates with (E* / density)^(1/2) / R, so that the same packing
-    comes about at a stress that is the same share of E*.
+    and `peak` among them, then grow with E*, rates with (E* / density)^(1/2) / R, so that the same
+    packing comes about at a stress that is the same share of E*.
     """
 
     mu_comp: float = 0.4
@@ -105,6 +118,7 @@ class Study:
     hot_stress: float = HOT
     damping: float = DAMPING
     residual: float = SETTLED[1]
+    peak: float = PEAK
     sizes: str = ""
     densities: str = ""
     walls: str = ""
@@ -115,11 +129,14 @@ class Study:
             if kind == "str":
                 continue
             setattr(self, name, int(getattr(self, name)) if kind == "int" else _number(self, name))
-        if not (0 < self.mu_comp <= 1 and self.spheres >= 100 and self.width >= 4):
+        fewest, narrowest = (100, 4) if self.mu_comp else (8, 2)
+        enough = self.spheres >= fewest and self.width >= narrowest
+        if not (0 <= self.mu_comp <= 1 and enough):
             raise InputError(
-                f"mu_comp {self.mu_comp:g}, {self.spheres} spheres, width {self.width:g}: this "
-                "compression needs 0 < mu_comp <= 1, at least 100 spheres and a width of at least "
-                "4 diameters (which a smaller aspect, length over width, has of as many spheres)"
+                f"mu_comp {self.mu_comp:g}, {self.spheres} spheres, width {self.width:g}: no "
+                "packing; take 0 <= mu_comp <= 1 and, with friction, at least 100 spheres and a "
+                "width of at least 4 diameters (without 8 and 2), which a smaller aspect, length "
+                "over width, has of as many spheres"
             )
         refuse_more_than_fit(self.spheres)
         _ = self.mixture  # refuses unknown words
@@ -158,7 +175,8 @@ class Study:
     @property
     def attributes(self) -> dict[str, float | int | str]:
         """The study as a file's attributes; `protocol` 2 counts times, 1 counted steps."""
-        own = {name: getattr(self, name) for name in Study.__annotations__}
+        unused = OF_FRICTION if self.mu_comp == 0 else ("peak",)
+        own = {name: getattr(self, name) for name in Study.__annotations__ if name not in unused}
         # Equal spheres of glass say nothing of mixtures, as earlier files do not.
         return {name: value for name, value in own.items() if value != ""} | {"protocol": 2}
 
@@ -185,23 +203,47 @@ def _number(study: Study, name: str) -> float:
     return value
 
 
+def stages_of(study: Study, stresses: Sequence[float]) -> list[str]:
+    """Names of the stages that lead to each stress, Pa, in turn.
+
+    From one to the next by way of others at most ten times apart, which settle faster.
+    """
+    first = JAMMING_STRESS if study.mu_comp else study.peak
+    names, before = (
+        list(PREPARATION if study.mu_comp else [SQUEEZE]),
+        first * study.mixture.hardness,
+    )
+    for stress in stresses:
+        *way, _ = by_tens(before, stress)
+        names += [*(f"{station:g} for {stress:g}" for station in way), f"{stress:g}"]
+        before = stress
+    return names
+
+
 class Stage:
     """One stage's control, damping and durations, s; `settled`, `impatient` say when it is over."""
+
+    checks: int | None = CHECKS
+    """Between two checkpoints; None for a stage without any."""
 
     def __init__(self, name: str, study: Study) -> None:
         self.name, self.study, mixture = name, study, study.mixture
         self.damping, self.limits = study.damping, (-math.inf, -math.inf)
-        if name in PREPARATION[:2]:
-            hot = HOT * mixture.hardness
-            rate, self.patience = 0.0, COOLING * inertial_time(hot, mixture.radius, mixture.mean)
-            if name == "approach":
-                rate, self.patience = study.approach_rate * mixture.tempo, math.inf
-                self.damping = study.agitated_damping
-            self.control: ConstantRate | Servo = ConstantRate(rate)
+        rates = {
+            CLOUD_STAGE: COMPACTION_RATE * mixture.tempo,
+            "approach": study.approach_rate * mixture.tempo,
+            "cool": 0.0,
+        }
+        if name in rates:
+            self.control: ConstantRate | Servo = ConstantRate(rates[name])
             self.control.target *= mixture.hardness
+            hot = inertial_time(HOT * mixture.hardness, mixture.radius, mixture.mean)
+            self.patience = COOLING * hot if name == "cool" else math.inf
+            if name != "cool":
+                self.damping = study.agitated_damping if name == "approach" else 0.0
         else:
             jams = name == "jam"
-            target = JAMMING_STRESS * mixture.hardness if jams else float(name)
+            target = JAMMING_STRESS * mixture.hardness if jams else stress_of(name)
             self.limits = JAMMED if jams else (SETTLED[0], study.residual)
             self.control = Servo(target, study.inertial_number, mixture.radius, mixture.mean)
             self.patience = study.duration(PATIENCE, target)
@@ -211,7 +253,7 @@ class Stage:
     @property
     def is_state(self) -> bool:
         """Whether the stage's end is a state to be written."""
-        return self.name not in PREPARATION
+        return self.name[0].isdigit() and " " not in self.name
 
     def time_step(self) -> float:
         """Stable at the target and at the present stress, s."""
@@ -232,3 +274,8 @@ class Stage:
     def impatient(self, seconds: float) -> bool:
         """Whether the time of the stage is over, to half a check."""
         return seconds > self.patience - self.check / 2
+
+
+def stress_of(name: str) -> float:
+    """The stress, Pa, that a stage of this name leads to."""
+    return float(name.partition(" ")[0])

@@ -1,67 +1,221 @@
-"""Random packings of frictionless spheres between flat walls: from a cloud over a peak pressure.
-
-The study prepares them by a controlled compression (Otsubo et al. 2017, section 2), whose details
-are not stated. Here energy is minimised at a peak pressure that fixes the density, then at each
-pressure that follows: unloading from 200 MPa gives the study's void ratios.
-"""
+"""Random packings, with friction and without: one way for `modal pack` and `random_packing`."""
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
-import numpy as np
-
-from modal.formats.provenance import STATE, Provenance, Source, is_current
-from modal.packing.neighbours import refuse_more_than_fit
+from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Material
 from modal.packing.network import Network
-from modal.packing.sample import Sample, read_sample, void_ratio, write_sample
-from modal.preparation.frictionless import STRESS_TOLERANCE, Minimum, minimise
-from modal.preparation.protocol import CHECKPOINT, by_tens
-from modal.preparation.sizes import Mixture, words
+from modal.packing.plausibility import WIDE
+from modal.packing.sample import Sample, read_sample
+from modal.preparation.compression import compress_to_stresses, in_motion
+from modal.preparation.frictionless import Descent, Pressure
+from modal.preparation.protocol import NOMINAL_FRACTION, PEAK, STRESSES, Study
+from modal.preparation.sizes import NO_WALLS, Mixture, solid_of, words
+from modal.preparation.unequal_stress import check_ratio, load_further
+from modal.tools.arguments import checked
 from modal.tools.errors import InputError
-from modal.tools.progress import Minute
 
-PEAK = 2e8
-"""Pressure, Pa, under which the cloud is packed before it is unloaded."""
-PEAK_TOLERANCE = 1e-4
-"""Residual at the peak: spheres go on rearranging there; at 1e-3 the voids are 0.005 more."""
 PRESSURES = (1e5, 1e6, 1e7)
-"""Pa, after the peak; lower ones branch off at 100 kPa, in a folder of their own."""
+"""Pa, of spheres without friction after the peak."""
 ASPECT = 10.05
 """Length over width: 35,201 spheres then reach 141 to 146 diameters, as in the study."""
-CLOUD_FRACTION = 0.5
-"""Solid fraction of the cloud, whose overlaps are relaxed before it is compressed."""
-TOLERANCE = 1e-3
-"""Residual at each pressure, where no other is asked for."""
-SPENT = "steps", "seconds"
-"""What the notes of a state tell of its cost, over all calls that it took."""
+SHRINKS = 1.08
+"""Width at the nominal solid fraction over that of a packing without friction at 10 MPa."""
+COMMAND = "python -m modal pack"
+"""What makes the same packing again, whoever has called."""
 
 
-def cloud(spheres: int, aspect: float, seed: int, **of: str) -> Sample:
-    """Overlapping random points in a cell of length over width `aspect`, numbered along z.
+def sound_aspect(spheres: int) -> float:
+    """Length over width where none is given: the study's, or what leaves the cell `WIDE` diameters.
 
-    Words as of `Mixture`, equal spheres of the study's glass without.
+    Of so few spheres that a cube is no wider, that of a cube.
     """
-    if spheres < 8 or not 0.2 <= aspect <= 1000:
-        raise InputError(
-            f"{spheres} spheres at aspect {aspect:g}: no packing; take at least 8, aspect 0.2-1000"
+    return min(max((width_of(spheres, 1.0) / (SHRINKS * WIDE)) ** 3, 1.0), ASPECT)
+
+
+def width_of(spheres: int, aspect: float) -> float:
+    """Width in diameters of a cell of `aspect`, length over width, at the nominal solid fraction.
+
+    Zero, which no study accepts, for numbers that no cell can have.
+    """
+    if not (aspect > 0 and spheres > 0):
+        return 0.0
+    return float((spheres * math.pi / 6 / NOMINAL_FRACTION / aspect) ** (1 / 3))
+
+
+def pack(
+    folder: Path,
+    say: Callable[[str], None],
+    spheres: int,
+    stresses: Sequence[float],
+    friction: float,
+    seed: int,
+    *,
+    aspect: float | None = None,
+    width: float | None = None,
+    peak: float | None = None,
+    sizes: Sequence[str | float] | None = None,
+    densities: Sequence[str | float] | None = None,
+    walls: Sequence[str | float] | None = None,
+    periodic: bool = False,
+    stress_ratio: float | None = None,
+    oedometric: bool = False,
+    solid: Sequence[str | float] | None = None,
+    **protocol: Any,
+) -> list[tuple[float, Path]]:
+    """Pack in `folder`; each stress, Pa, with the file of its state. Killed, the same call goes on.
+
+    Without stresses those of the study. `width`, in diameters, stands in place of `aspect`; numbers
+    of the `protocol` have their names in `Study`, and `peak`, Pa, is that of packings without
+    friction. A `periodic` cell has no walls. With friction a state may go on from each isotropic
+    one to a `stress_ratio`, lateral over axial stress; or the spheres are compressed along z alone
+    (`oedometric`) from a tenth of the first stress to each axial one. `say` is told how it goes.
+    `solid` as in `modal.preparation.sizes.solid_of`, of the study's glass without: the peak and the
+    stresses of the protocol grow with its modulus.
+    """
+    hardness = Mixture(*solid_of(solid)).hardness if solid else 1.0
+    targets = list(stresses or (STRESSES if friction else PRESSURES))
+    for stress in stresses:
+        if not 10 * hardness <= stress <= PEAK * hardness:
+            raise InputError(
+                f"stress {stress:g} Pa: outside {10 * hardness:g} Pa to {PEAK * hardness:g} Pa; "
+                "give it in Pa"
+            )
+    if peak is not None:
+        usual = PEAK * hardness
+        if not max(targets) <= peak <= 10 * usual:
+            raise InputError(
+                f"--peak {peak:g} Pa: below one of the stresses, or above {10 * usual:g} Pa; "
+                f"{usual:g} is usual"
+            )
+        protocol["peak"] = peak / hardness
+    if oedometric and stress_ratio is not None:
+        raise InputError("a stress ratio of one-dimensional compression comes about: leave one out")
+    if friction == 0 and (oedometric or stress_ratio is not None):
+        raise InputError("unequal stresses need friction, without which spheres flow: give some")
+    if stress_ratio is not None:
+        check_ratio(stress_ratio)
+    if seed < 0:
+        raise InputError(f"seed {seed}: negative; give 0, 1, 2 ...")
+    if periodic and walls:
+        raise InputError("walls of a cell that is periodic along z: it has none; leave one out")
+    of = words({"sizes": sizes, "densities": densities, "walls": walls, "solid": solid})
+    of |= {"walls": NO_WALLS} if periodic else {}
+    if aspect is None and width is None:
+        aspect = sound_aspect(spheres)
+        say(f"{spheres} spheres: length over width {aspect:.3g}")
+    width = width_of(spheres, aspect or 0.0) if width is None else width
+    study = Study(friction, spheres, width, seed, **(protocol | of))
+    made = study.provenance(COMMAND)
+    if friction == 0:
+        return compress_to_stresses(folder, study, targets, made, Descent, say, Pressure)
+    first = [targets[0] / 10] if oedometric else targets
+    files = compress_to_stresses(folder, study, first, made, in_motion, say)
+    if not oedometric and stress_ratio is None:
+        return files
+    ratio = math.nan if stress_ratio is None else stress_ratio
+    return load_further(folder, study, files, targets, ratio, COMMAND, say)
+
+
+@checked
+def random_packing(
+    spheres: int = 500,
+    stress: float = 1e5,
+    friction: float = 0.0,
+    seed: int = 1,
+    *,
+    aspect: float | None = None,
+    sizes: Sequence[str | float] | None = None,
+    densities: Sequence[float] | None = None,
+    walls: Sequence[float] | None = None,
+    periodic: bool = False,
+    material: Material | None = None,
+    radius: float | None = None,
+) -> Network:
+    """A random packing of glass spheres between two flat walls, at rest under a pressure.
+
+    It is the packing that `modal pack` makes of these numbers. Without friction the energy is
+    minimised, a second for 500 spheres; with it, a dilute state is compressed as
+    `modal.preparation.protocol` says, some minutes. Equal numbers give equal packings, to the bit
+    where the installed packages and the kind of processor are equal as well: without numba sums
+    are rounded otherwise, and a contact that opens for that makes another packing of the same kind
+    (the void ratio of 500 spheres then differs by 2e-4). A warning says where a packing has not
+    settled.
+
+    Parameters
+    ----------
+    spheres : int, default 500
+        Their number.
+    stress : float, default 1e5
+        Pressure, Pa, the same along all axes.
+    friction : float, default 0
+        Coefficient of friction while it is compressed, 0 to 1.
+    seed : int, default 1
+        Of the random numbers.
+    aspect : float, optional
+        Length over width; by default such that the cell is 8 diameters wide, at least that of a
+        cube (up to 740 spheres) and at most 10.05 (from 7,400 on).
+    sizes : sequence, optional
+        ("lognormal", spread of ln R), or ("two", ratio of radii, share of the large ones by
+        volume); equal spheres by default.
+    densities : sequence of float, optional
+        kg/m^3, one for all or several: two of two sizes are of the small and of the large ones,
+        others are dealt out at random in equal numbers. By default that of the material.
+    walls : sequence of 2 float, optional
+        Young's modulus, Pa, and Poisson's ratio of the walls; those of the spheres by default.
+    periodic : bool, default False
+        A period along z in place of walls.
+    material : Material, optional
+        Of the spheres; by default the study's glass.
+    radius : float, optional
+        m; 1.27e-3 by default.
+
+    Returns
+    -------
+    Network
+        The packing at rest; its `study` has what was asked for, and the void ratio.
+
+    Raises
+    ------
+    InputError
+        Where there is no such packing.
+
+    Examples
+    --------
+    >>> net = random_packing(spheres=100, stress=1e5, seed=3)
+    >>> net.n_particles, net.study["void_ratio"] < 0.7
+    (100, True)
+    """
+    mixture: dict[str, Any] = {"sizes": sizes, "densities": densities, "walls": walls}
+    solid: list[str | float] | None = None
+    if material is not None or radius is not None:
+        own = material or GLASS
+        solid = [own.young, own.poisson, own.density, RADIUS if radius is None else radius]
+        solid += [] if own.contact_model == HERTZ_MINDLIN else own.contact_model.split()
+    with TemporaryDirectory() as folder:
+        files = pack(
+            Path(folder), _unheard, spheres, [stress], friction, seed,
+            aspect=aspect, periodic=periodic, solid=solid, **mixture,
+        )  # fmt: skip
+        sample = read_sample(files[-1][1])
+    if not sample.study.get("settled", True):
+        warnings.warn(
+            f"the packing has not settled: stresses are off by {sample.study['stress_error']:.1e}, "
+            f"residual {sample.study['unbalanced']:.1e}",
+            stacklevel=2,
         )
-    refuse_more_than_fit(spheres)
-    mixture = Mixture.of(spheres, seed, **of)
-    radii = np.full(spheres, mixture.radius) if mixture.radii is None else mixture.radii
-    solid = np.pi / 6 * float(((2 * radii) ** 3).sum())
-    width = (solid / CLOUD_FRACTION / aspect) ** (1 / 3)
-    if width < 4 * radii.max():
-        raise InputError(
-            f"{spheres} spheres at aspect {aspect:g}: the cell is narrower than two diameters; "
-            "take more spheres or a smaller aspect"
-        )
-    lengths = np.array([width, width, aspect * width])
-    points = np.random.default_rng(seed).random((spheres, 3))
-    return mixture.sample(points[np.argsort(points[:, 2])] * lengths, lengths, 0.0)
+    return sample.network()
+
+
+def _unheard(text: str) -> None:
+    """What `pack` says, to somebody who has no use for it."""
 
 
 def random_sample(
@@ -72,18 +226,16 @@ def random_sample(
     tolerance: float = 1e-4,
     **mixture: Sequence[str | float],
 ) -> Sample:
-    """A small frictionless packing at `stress`, Pa, in memory, for tests, by `unload`.
+    """A small frictionless packing at `stress`, Pa, in memory, for tests, without its notes.
 
     `mixture`: sizes, densities and walls as in `modal.preparation.sizes`.
 
     Without numba, whose sums are rounded otherwise, the same but for round-off, or beyond some
     hundred spheres but for a contact that opens for it and what then moves.
-
-    Its notes are left out. InputError where it does not come to rest.
     """
-    start = cloud(spheres, aspect, seed, **words(mixture))
+    given: dict[str, Any] = {"aspect": aspect, "residual": tolerance, **mixture}
     with TemporaryDirectory() as folder:
-        files = unload(Path(folder), start, [stress], tolerance, lambda text: None)
+        files = pack(Path(folder), _unheard, spheres, [stress], 0.0, seed, **given)
         return replace(read_sample(files[-1][1]), study={}, provenance={})
 
 
@@ -92,127 +244,3 @@ def random_network(
 ) -> Network:
     """The contact network of `random_sample`, for tests, benchmarks and examples."""
     return random_sample(spheres, stress, seed, aspect).network()
-
-
-def check_stress(stress: float, hardness: float = 1.0) -> None:
-    """Refuse a target that nothing can reach; `hardness` is E* over that of glass."""
-    least, most = 10 * hardness, PEAK * hardness
-    if not least <= stress <= most:
-        raise InputError(
-            f"stress {stress:g} Pa: outside {least:g} Pa to {most:g} Pa; give it in Pa"
-        )
-
-
-def unload(
-    folder: Path,
-    start: Sample,
-    stresses: Sequence[float],
-    tolerance: float,
-    report: Callable[[str], None],
-    peak: float = PEAK,
-) -> list[tuple[float, Path]]:
-    """Pack `start` at the `peak`, then at each stress, Pa; one sample file for each in `folder`.
-
-    From one to the next it goes by way of stresses at most ten times apart, which settle faster.
-    States that are there already are kept, or brought nearer to rest where their residual exceeds
-    the tolerance or its stresses are off; a state under way goes on from its checkpoint, so a
-    killed call is continued by the same call. States that came from another one are stale: that is
-    reported, and they are made again. InputError where a state does not come to rest: the
-    best one met is then the checkpoint. Returns each stress with its file.
-    """
-    files: list[tuple[float, Path]] = []
-    checkpoint, sample = folder / CHECKPOINT, start
-    for number, stress in enumerate((peak, *stresses)):
-        path = folder / f"{number:02d}_{stress / 1e3:g}kPa.sample.h5"
-        limit = tolerance if files else PEAK_TOLERANCE
-        settings = start.study | {"number": number, "stress": float(stress), "peak": peak}
-        sources = tuple(Source.of(STATE, before) for _, before in files[-1:])
-        made = Provenance("python -m modal pack", settings, sources)
-        # The cloud goes to the peak at once, and a state under way where it was heading.
-        way = by_tens(files[-1][0], stress) if files else [stress]
-        files.append((stress, path))
-        done = _saved(path, start, made, report)
-        if done and _at_rest(done, stress, limit):
-            sample = done
-            continue
-        if under_way := _saved(checkpoint, start, made, report) or done:
-            sample, way = under_way, [stress]
-        elif number == 0:
-            sample, _ = minimise(sample, None, tolerance=0.1, max_steps=500)
-        cost = {name: under_way.study.get(name, 0) if under_way else 0 for name in SPENT}
-        study = start.study | {"number": number, "stress": stress, "mu_comp": 0.0} | cost
-        sample = replace(sample, study=study, provenance=start.provenance | made.attributes())
-        for target in way:
-            sample, rest = _brought_to(target, sample, limit, checkpoint, report)
-            if not rest.converged:
-                write_sample(checkpoint, sample)
-                raise InputError(
-                    f"no rest at {target:g} Pa after {rest.steps} steps: residual "
-                    f"{rest.residual:.1e} ({limit:g} was asked for), stresses off by "
-                    f"{rest.stress_error:.1e} ({STRESS_TOLERANCE:g} allowed); the same call goes "
-                    "on from there, or take another seed or a larger tolerance"
-                )
-        write_sample(path, sample)
-        checkpoint.unlink(missing_ok=True)
-        report(f"{path.name}: {_line(sample, rest)}")
-    return files
-
-
-def _brought_to(
-    stress: float, sample: Sample, tolerance: float, checkpoint: Path, report: Callable[[str], None]
-) -> tuple[Sample, Minimum]:
-    """The sample at rest under a stress, Pa, and how near; its notes tell that and what it took.
-
-    Every minute the state under way is written, with a line of how far from rest it is.
-    """
-    minute, before = Minute(), sample.study
-
-    def noted(found: Sample, rest: Minimum) -> Sample:
-        cost = {name: before[name] + getattr(rest, name) for name in SPENT}
-        reached = {"residual": rest.residual, "stresses": rest.stress}
-        return replace(found, study=before | reached | cost)
-
-    def watch(best: Sample, rest: Minimum) -> None:
-        if minute.passed():
-            write_sample(checkpoint, noted(best, rest))
-            report(
-                f"{stress / 1e3:g} kPa: {_line(best, rest)}; at rest below a stress error of "
-                f"{STRESS_TOLERANCE:g} and a residual of {tolerance:g}"
-            )
-
-    found, rest = minimise(sample, stress, tolerance=tolerance, watch=watch)
-    return noted(found, rest), rest
-
-
-def _line(sample: Sample, rest: Minimum) -> str:
-    length = float(sample.walls[1] - sample.walls[0])
-    e = void_ratio(len(sample.position), sample.sizes, sample.side, length)
-    return (
-        f"e {e:.4f}, stress error {rest.stress_error:.1e}, residual {rest.residual:.1e}, "
-        f"{rest.steps} steps, {rest.seconds:.0f} s"
-    )
-
-
-def _at_rest(sample: Sample, stress: float, tolerance: float) -> bool:
-    """Whether a finished state says that its forces and its stresses, Pa, are what is asked for."""
-    reached = np.asarray(sample.study.get("stresses", np.inf), float)
-    off = abs(reached / stress - 1).max()
-    return off <= STRESS_TOLERANCE and sample.study.get("residual", np.inf) <= tolerance
-
-
-def _saved(
-    path: Path, start: Sample, wanted: Provenance, report: Callable[[str], None]
-) -> Sample | None:
-    """The sample in `path` if it is made as wanted; InputError if it is of another study."""
-    if not path.exists():
-        return None
-    found = read_sample(path)
-    for key, value in start.study.items():
-        if found.study.get(key) != value:
-            raise InputError(
-                f"{path}: belongs to {key} {found.study.get(key)}, not {value}; "
-                "choose another folder"
-            )
-    if found.study.get("number") != (wanted.settings or {})["number"]:
-        return None  # a checkpoint of a state that is still to come, or is over
-    return found if is_current(path, wanted, report) else None

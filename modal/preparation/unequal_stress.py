@@ -9,7 +9,6 @@ a compression ends (`modal.preparation.compression`), with its friction.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +17,10 @@ import numpy as np
 
 from modal.dem.motion import Dynamics
 from modal.formats.provenance import STATE, Provenance, Source, is_current
-from modal.packing.sample import Sample, read_sample, write_sample
-from modal.preparation.compression import reach, reached
+from modal.packing.sample import read_sample, write_sample
+from modal.preparation.compression import in_motion, run_to_checkpoint
 from modal.preparation.protocol import ABOVE, Stage, Study
-from modal.preparation.strain_control import ConstantRate, Servo
+from modal.preparation.strain_control import Servo
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
@@ -32,11 +31,6 @@ FAILED = 0.15
 fail at some per cent, loose ones come near their final strength at 0.1."""
 RATIOS = 0.05, 20.0
 """Ratios of lateral to axial stress that are tried at all."""
-
-
-def in_motion(sample: Sample, control: ConstantRate | Servo, damping: float) -> Dynamics:
-    """A sample in modal's own motion, whose strain rates a control sets."""
-    return Dynamics(sample, damping, control=control.follow)
 
 
 def check_ratio(ratio: float) -> None:
@@ -60,7 +54,9 @@ def load_further(
     """From isotropic states to each axial stress, Pa: files, kept where they are there already.
 
     To lateral stresses of `ratio` times the axial one, from the state of that stress; with NaN at
-    constant width, from the first state to each stress in turn.
+    constant width, from the first state to each stress in turn. Their notes tell `stress_ratio`,
+    the mean lateral over the axial stress, the `strain` (3,) that it took, and whether they have
+    `settled`. InputError where the packing flows before.
     """
     kind, files = "oedometric" if math.isnan(ratio) else f"K{ratio:g}", list[tuple[float, Path]]()
     starts = dict(isotropic)
@@ -71,9 +67,14 @@ def load_further(
         settings = study.attributes | {"stress": stress, "loading": kind}
         made = Provenance(command, settings, (Source.of(STATE, before),))
         if not (path.exists() and is_current(path, made, say)):
-            sample = loaded(read_sample(before), study, stress, (ratio, ratio, 1.0), say)
-            write_sample(path, replace(sample, provenance=made.attributes()))
-            say(f"{path}: written, lateral over axial stress {sample.study['stress_ratio']:.3f}")
+            start = read_sample(before)
+            stage = Loading(f"{stress:g}", study, (ratio, ratio, 1.0), start.lengths)
+            start.study |= {"stress": stress, "stage_time": 0.0}
+            found, _ = run_to_checkpoint(start, stage, in_motion, say)
+            lateral, axial = stage.control.stress[:2].mean(), stage.control.stress[2]
+            found.study |= {"stress_ratio": lateral / axial, "strain": stage.strain(found.lengths)}
+            write_sample(path, replace(found, provenance=made.attributes()))
+            say(f"{path}: written, lateral over axial stress {found.study['stress_ratio']:.3f}")
         files.append((stress, path))
         before = path
     return files
@@ -82,9 +83,12 @@ def load_further(
 class Loading(Stage):
     """The way to the shares (3,) of a stress, Pa; NaN is an axis that is not strained."""
 
-    def __init__(self, study: Study, stress: float, shares: Sequence[float], start: Floats) -> None:
-        super().__init__(f"{stress:g}", study)
+    checks = None
+
+    def __init__(self, name: str, study: Study, shares: Sequence[float], start: Floats) -> None:
+        super().__init__(name, study)
         slow, mixture = SLOWNESS * study.inertial_number, study.mixture
+        stress = self.control.target
         self.control = Servo(stress, slow, mixture.radius, mixture.mean, shares)
         self.patience += FAILED / self.control.limit
         self._largest, self._start = stress * max(1.0, float(np.nanmax(shares))), start
@@ -93,50 +97,18 @@ class Loading(Stage):
         """Stable at the largest stress asked for, s."""
         return self.study.time_step(ABOVE * self._largest)
 
-    def strain(self, packing: Dynamics) -> Floats:
+    def strain(self, lengths: Floats) -> Floats:
         """Shape (3,): of the cell since the start, compression positive."""
-        strain: Floats = np.log(self._start / packing.contacts.lengths)
+        strain: Floats = np.log(self._start / lengths)
         return strain
 
     def look(self, packing: Dynamics) -> None:
         """InputError where the packing flows."""
-        largest = abs(self.strain(packing)).max()
+        largest = abs(self.strain(packing.contacts.lengths)).max()
         if largest > FAILED and not self.control.error() < self.limits[0]:
+            stress = self.control.stress
             raise InputError(
                 f"the packing fails on its way to {self.name} Pa along z: at a strain of "
                 f"{largest:.2f} its lateral over axial stress is "
-                f"{_ratio(self.control.stress):.3f}; take a ratio nearer to 1, or more friction"
+                f"{stress[:2].mean() / stress[2]:.3f}; take a ratio nearer to 1, or more friction"
             )
-
-
-def loaded(
-    sample: Sample,
-    study: Study,
-    stress: float,
-    shares: Sequence[float],
-    say: Callable[[str], None] = lambda text: None,
-) -> Sample:
-    """The sample at the shares (3,) of `stress`, Pa; NaN is an axis that is not strained.
-
-    Its notes tell `stress_ratio`, the mean lateral over the axial stress, the `strain` (3,) that it
-    took, and whether it has `settled`. InputError where the packing flows before.
-    """
-    started, low = time.perf_counter(), sample.walls[0]
-    stage = Loading(study, stress, shares, np.array([*sample.periods, sample.walls[1] - low]))
-    packing = in_motion(sample, stage.control, stage.damping)
-    _, settled, _ = reach(packing, stage, 0.0, None, say)
-    found = packing.sample(moving=False)
-    found.study = sample.study | reached(packing, stage, settled)
-    found.study |= {
-        "stress": stress,
-        "stress_ratio": _ratio(stage.control.stress),
-        "strain": stage.strain(packing),
-        "steps": packing.steps,
-        "seconds": time.perf_counter() - started,
-    }
-    return found
-
-
-def _ratio(stress: Floats) -> float:
-    """Mean lateral over axial stress."""
-    return float(stress[:2].mean() / stress[2]) if stress[2] > 0 else math.nan

@@ -52,7 +52,7 @@ def test_examples_of_the_help_run(tmp_path, monkeypatch, capsys):
             continue
         assert main(example) == 0, (name, capsys.readouterr().err)
         if name == "pack":
-            (tmp_path / "dense/01_100kPa.sample.h5").rename(tmp_path / "mine.sample.h5")
+            (tmp_path / "dense/100000Pa.sample.h5").rename(tmp_path / "mine.sample.h5")
 
 
 def _example(name, capsys):

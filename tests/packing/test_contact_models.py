@@ -182,7 +182,7 @@ def test_packed_relaxed_and_read_again_it_is_the_same_model(tmp_path, capsys):
     out = tmp_path / "rough"
     words = f"pack --spheres 60 --aspect 1 --stress 1e4 --contact-model rough 1e-6 -o {out}"
     assert main(words.split()) == 0
-    (path,) = out.glob("*_10kPa.sample.h5")
+    (path,) = out.glob("10000Pa.sample.h5")
     sample = read_sample(path)
     assert sample.material.contact_model == "rough 1e-6"
     network = sample.network()

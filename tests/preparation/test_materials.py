@@ -137,10 +137,10 @@ def test_pack_makes_and_continues_a_mixture_of_materials(tmp_path, capsys):
     command = ["pack", "--spheres", "100", "--aspect", "2", "--stress", "1e6", "-o", str(tmp_path)]
     mixture = ["--densities", "2230", "7800", "--walls", "2.1e11", "0.3"]
     assert main([*command, *mixture]) == 0
-    sample = read_sample(tmp_path / "01_1000kPa.sample.h5")
+    sample = read_sample(tmp_path / "1e+06Pa.sample.h5")
     assert np.bincount(np.searchsorted([2230, 7800], sample.densities)).tolist() == [50, 50]
     assert sample.wall_material == Elasticity(*STEEL)
-    assert main(["info", str(tmp_path / "01_1000kPa.sample.h5")]) == 0
+    assert main(["info", str(tmp_path / "1e+06Pa.sample.h5")]) == 0
     assert "210000000000" in capsys.readouterr().out
 
 
@@ -149,22 +149,25 @@ def test_packings_of_other_spheres_are_similar(friction):
     """64 times as hard, 4 times as dense, twice as large, at 64 times the stress: the same packing.
 
     All of the protocol's stresses and times must follow for that. Factors are powers of two, so
-    that rounding is the same but for that of roots.
+    that rounding is the same but for that of roots; where spheres are not quite at rest, to 1e-3 of
+    the mean force, it moves loose ones by a share of an overlap of 1e-4 R.
     """
     given = {"spheres": 120, "friction": friction, "seed": 2, "aspect": 1.5, "periodic": True}
     glass = modal.random_packing(stress=1e5, **given)
     hard = Material(64 * GLASS.young, GLASS.poisson, 4 * GLASS.density)
     other = modal.random_packing(stress=64e5, material=hard, radius=2 * RADIUS, **given)
     assert other.radius == pytest.approx(2 * glass.radius) and other.n_contacts == glass.n_contacts
-    assert other.position == pytest.approx(2 * glass.position, abs=1e-6 * RADIUS)
-    assert other.force_normal == pytest.approx(4 * 64 * glass.force_normal, rel=1e-4)
+    assert other.position == pytest.approx(2 * glass.position, abs=1e-5 * RADIUS)
+    assert other.force_normal == pytest.approx(
+        4 * 64 * glass.force_normal, abs=1e-3 * other.force_normal.mean()
+    )
     assert other.mass == pytest.approx(32 * glass.mass)
 
 
 def test_pack_takes_the_material_of_the_spheres(tmp_path, capsys):
     words = "pack --spheres 60 --aspect 1 --stress 1e4 --young 6e9 --radius 1e-4 --density 1200 -o"
     assert main([*words.split(), str(tmp_path)]) == 0
-    sample = read_sample(next(tmp_path.glob("*10kPa*")))
+    sample = read_sample(next(tmp_path.glob("10000Pa*")))
     assert sample.material == Material(6e9, GLASS.poisson, 1200.0) and sample.radius == 1e-4
     capsys.readouterr()
     assert main([*words.replace("6e9", "6").split(), str(tmp_path)]) == 2

@@ -14,7 +14,7 @@ from modal.packing.neighbours import touching
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.state import net_forces
 from modal.preparation.durations import time_step
-from modal.preparation.packings import pack
+from modal.preparation.random_packing import pack
 from modal.preparation.strain_control import Servo
 from modal.tools.errors import InputError
 

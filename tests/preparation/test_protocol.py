@@ -91,7 +91,7 @@ def test_what_a_study_may_change_changes_its_stages():
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"mu_comp": 0.0},
+        {"mu_comp": -0.1},
         {"mu_comp": math.nan},
         {"mu_comp": 1.5},
         {"spheres": 99},

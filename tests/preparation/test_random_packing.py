@@ -1,45 +1,48 @@
-"""Frictionless packings: forces, pairs, energy and stress, seeds, kill and resume, bad input."""
+"""Frictionless packings: forces, descent, energy and stress, seeds, mixtures, bad input."""
 
-import json
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
-from dataclasses import replace
-from functools import partial
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from places import ROOT
 
 from modal.__main__ import main
 from modal.dem import contacts
 from modal.dem.contacts import MovingContacts
 from modal.dem.forces import forces_by_arrays, forces_by_loop
 from modal.exchange.registry import read_packing
-from modal.formats.hdf5 import sha256
-from modal.formats.provenance import read_provenance
 from modal.packing.contact_law import GLASS
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.state import net_forces, stress_tensor, void_ratio
 from modal.packing.summary import summary
-from modal.preparation import random_packing
-from modal.preparation.frictionless import minimise
-from modal.preparation.packings import sound_aspect
-from modal.preparation.random_packing import cloud, random_network, random_sample
+from modal.preparation import frictionless
+from modal.preparation.cloud import cloud
+from modal.preparation.frictionless import Descent, Pressure
+from modal.preparation.protocol import Study, by_tens, stages_of
+from modal.preparation.random_packing import (
+    random_network,
+    random_sample,
+    sound_aspect,
+    width_of,
+)
 from modal.preparation.sizes import radii_of, words
-from modal.tools import progress
 from modal.tools.errors import InputError
 
 pytestmark = pytest.mark.two_ways
 
 
+def of(spheres, aspect, seed, **mixture):
+    """What a packing without friction is made of."""
+    return Study(0.0, spheres, width_of(spheres, aspect), seed, **words(mixture))
+
+
+def points(*given, **mixture):
+    """Overlapping random points, where such a packing begins."""
+    return cloud(of(*given, **mixture))
+
+
 def test_forces_are_the_gradient_of_the_energy():
     """Central differences of the energy along a random motion, and along each length."""
-    sample = cloud(200, 2.0, 3)
+    sample = points(200, 2.0, 3)
     start = MovingContacts(sample, history=False)
 
     def rise(change):
@@ -71,28 +74,53 @@ def test_forces_are_the_gradient_of_the_energy():
 
 
 def test_minimum_has_the_stress_and_lower_enthalpy():
-    start = cloud(150, 1.5, 5)
-    pressure = 1e7
+    study, pressure = of(150, 1.5, 5), 1e7
+    start = cloud(study)
 
     def enthalpy(sample):
         there = MovingContacts(sample, history=False)
         return there.elastic_energy + pressure * there.lengths.prod()
 
-    seen = []
-    packed, rest = minimise(
-        start, pressure, tolerance=1e-5, watch=lambda sample, _: seen.append(enthalpy(sample))
-    )
-    assert rest.converged and rest.residual < 1e-5
-    assert rest.stress == pytest.approx([pressure] * 3, rel=1e-3)
-    assert seen[-1] == min(seen) < enthalpy(start)
+    stage = Pressure(f"{pressure:g}", study)
+    stage.limits = 1e-3, 1e-5
+    motion, seen = Descent(start, stage), [enthalpy(start)]
+    for _ in range(1000):
+        motion.advance(25, 1.0, 1)
+        seen.append(enthalpy(motion.sample(moving=False)))
+        if stage.settled(motion.unbalanced()):
+            break
+    packed = motion.sample(moving=False)
+    assert motion.unbalanced() < 1e-5
+    # What is left of it comes and goes with the velocities: residual times overlap, some 1e-7.
+    assert seen[-1] < min(seen) + 1e-6 * (seen[0] - min(seen)) < seen[0]
     network = packed.network()
-    area = packed.side.prod()
+    assert np.diag(stress_tensor(network)) == pytest.approx([pressure] * 3, rel=1e-3)
     for code in (-1, -2):
         on_wall = network.force_normal[network.particle_j == code].sum()
         # Walls and contacts carry the same stress, as far as the spheres are in balance.
-        assert on_wall / area == pytest.approx(rest.stress[2], rel=1e-3)
+        assert on_wall / packed.side.prod() == pytest.approx(pressure, rel=2e-3)
     inside = (packed.position[:, 2] > 0) & (packed.position[:, 2] < packed.walls[1])
     assert inside.all() and (packed.position[:, :2] < packed.side).all()
+
+
+@pytest.mark.parametrize("spheres", [37, 6000])
+def test_compiled_steps_of_a_descent_are_those_of_numpy(spheres):
+    """Sums, by threads and without, and one motion: to round-off."""
+    velocity, force, position = np.random.default_rng(spheres).standard_normal((3, spheres, 3))
+    pairs = zip(
+        *((by(velocity, force)[:, :3].sum(axis=0), by(velocity, force)[:, 3:].max(axis=0))
+          for by in (frictionless.sums_by_loop, frictionless.sums_by_arrays)),
+        strict=True,
+    )  # fmt: skip
+    for one, other in pairs:
+        # A sum of products without a sign: by their size, sqrt(3 n) times that of one.
+        assert one == pytest.approx(other, rel=1e-12, abs=1e-12 * spheres)
+    moved = []
+    for by in (frictionless.descend_by_loop, frictionless.descend_by_arrays):
+        x, v = position.copy(), velocity.copy()
+        by(x, v, force, 0.9, 0.2, np.array([1.1, 1.0, 0.8]), 0.3)
+        moved.append(np.hstack([x, v]))
+    assert moved[0] == pytest.approx(moved[1], rel=1e-13, abs=1e-14)
 
 
 def test_same_seed_same_packing_and_another_seed_another():
@@ -121,170 +149,53 @@ def test_packings_are_isostatic_or_denser_and_uncrystallised():
     assert found["wall_stress_pa"] == pytest.approx([1e6] * 2, rel=5e-3)
 
 
-def _pack(folder, *more):
-    arguments = ["--spheres", "80", "--aspect", "1", "--stress", "1e7", "1e6", "-o", str(folder)]
-    return ["pack", *arguments, *more]
-
-
 def test_higher_peak_leaves_a_denser_packing(tmp_path):
     """What a peak has pushed together stays so: at one stress the voids fall with the peak."""
+    command = ["pack", "--spheres", "300", "--aspect", "2", "--stress", "1e6", "--peak"]
     voids = []
-    larger = ["--spheres", "300", "--aspect", "2", "--stress", "1e6"]
     for peak in ("1e7", "3e8"):
-        assert main(_pack(tmp_path / peak, *larger, "--peak", peak)) == 0
-        (path,) = (tmp_path / peak).glob("01_*")
-        sample = read_sample(path)
-        assert read_provenance(path).settings["peak"] == float(peak)
-        voids.append(sample.network().study["void_ratio"])
+        assert main([*command, peak, "-o", str(tmp_path / peak)]) == 0
+        study = read_sample(tmp_path / peak / "1e+06Pa.sample.h5").study
+        assert study["peak"] == float(peak) and study["settled"]
+        voids.append(study["void_ratio"])
     assert voids[1] < voids[0] - 0.005
 
 
-def test_walk_short_of_rest_leaves_a_checkpoint_that_the_next_call_takes_up(
-    tmp_path, capsys, monkeypatch
-):
-    """So few steps that neither forces nor stresses are there: once 7e8 Pa came back for 1e5."""
-    monkeypatch.setattr(random_packing, "minimise", partial(minimise, max_steps=50))
-    assert main(_pack(tmp_path)) == 2
-    said = "no rest at 2e[+]08 Pa after 50 steps: .* off by .* goes on from there"
-    assert re.search(said, capsys.readouterr().err)
-    assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.h5"]
-    monkeypatch.setattr(random_packing, "minimise", minimise)
-    assert main(_pack(tmp_path)) == 0
-    study = read_sample(tmp_path / "00_200000kPa.sample.h5").study
-    # The steps of both calls, and the stress that was asked for.
-    assert study["steps"] > 50
-    assert study["stresses"] == pytest.approx([2e8] * 3, rel=1.001e-3)
-
-
-def test_state_whose_stress_is_off_is_not_kept(tmp_path):
-    """At rest, but under another stress than its file is called after."""
-    assert main(_pack(tmp_path)) == 0
-    path = tmp_path / "01_10000kPa.sample.h5"
-    sample = read_sample(path)
-    lower, rest = minimise(sample, 8e6, tolerance=1e-4)
-    study = sample.study | {"residual": rest.residual, "stresses": rest.stress}
-    write_sample(path, replace(lower, study=study))
-    assert main(_pack(tmp_path)) == 0
-    again = read_sample(path)
-    assert again.study["stresses"] == pytest.approx([1e7] * 3, rel=1.001e-3)
-    force = again.network().force_normal[again.network().particle_j == -1].sum()
-    assert force / again.side.prod() == pytest.approx(1e7, rel=2e-3)
-
-
-def test_killed_walk_goes_on(tmp_path, capsys):
-    """SIGKILL after the first state; the second call keeps it and makes the rest."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "modal", *_pack(tmp_path, "--tolerance", "1e-12")],
-        cwd=ROOT,
-        stderr=subprocess.DEVNULL,
-        env=os.environ | {"OMP_NUM_THREADS": "1"},
-    )
-    peak = tmp_path / "00_200000kPa.sample.h5"
-    deadline = time.monotonic() + 60
-    while not peak.exists() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    before = peak.read_bytes()
-    assert main([*_pack(tmp_path), "--json"]) == 0
-    assert peak.read_bytes() == before
-    shown = json.loads(capsys.readouterr().out)
-    assert list(shown["samples"].values()) == [2e8, 1e7, 1e6]
-    for path, stress in shown["samples"].items():
-        sample = read_sample(path)
-        assert sample.study["stresses"] == pytest.approx([stress] * 3, rel=2e-3)
-    assert not list(tmp_path.glob("checkpoint*"))
-
-
-def test_smaller_tolerance_deepens_what_is_there(tmp_path):
-    assert main(_pack(tmp_path, "--tolerance", "1e-2")) == 0
-    rough = read_sample(tmp_path / "01_10000kPa.sample.h5").study
-    assert main(_pack(tmp_path, "--tolerance", "1e-6")) == 0
-    fine = read_sample(tmp_path / "01_10000kPa.sample.h5").study
-    assert fine["residual"] <= 1e-6 < rough["residual"]
-    assert fine["steps"] > rough["steps"]
-
-
-def test_state_is_stale_where_the_walk_before_it_was_another(tmp_path, capsys):
-    """The second state at 1 MPa came from 10 MPa; asked for from 2 MPa it is another packing."""
-    second = tmp_path / "02_1000kPa.sample.h5"
-    assert main(_pack(tmp_path)) == 0
-    first_digest = sha256(tmp_path / "01_10000kPa.sample.h5")
-    before, written = read_sample(second).position, second.stat().st_mtime_ns
-    assert [source.sha256 for source in read_provenance(second).sources] == [first_digest]
-    assert main(_pack(tmp_path)) == 0
-    assert second.stat().st_mtime_ns == written
-    capsys.readouterr()
-    assert main(_pack(tmp_path, "--stress", "2e6", "1e6")) == 0
-    told = capsys.readouterr().err
-    assert f"stale, state was 01_10000kPa.sample.h5 ({first_digest[:8]}), is 01_2000kPa" in told
-    assert not np.array_equal(read_sample(second).position, before)
-
-
-def test_checkpoint_of_another_stress_is_not_gone_on_from(tmp_path, capsys):
-    """State 2 under way to 10 MPa is no beginning of state 2 at 1 MPa."""
-    assert main(_pack(tmp_path, "--stress", "1e7", "2e7")) == 0
-    (tmp_path / "02_20000kPa.sample.h5").rename(tmp_path / "checkpoint.h5")
-    assert main(_pack(tmp_path)) == 0
-    assert "checkpoint.h5: stale, stress was 20000000.0, is 1000000.0" in (capsys.readouterr().err)
-    again = tmp_path / "again"
-    assert main(_pack(again)) == 0
-    found, undisturbed = (read_sample(f / "02_1000kPa.sample.h5") for f in (tmp_path, again))
-    assert np.array_equal(found.position, undisturbed.position)
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("stresses", [[1e3], [1e6, 1e7], [1e5, 3e6]])
+def test_a_path_goes_by_stresses_at_most_ten_times_apart(friction, stresses):
+    """From the peak, or from where it has jammed, to each; no stage has the name of another."""
+    names = stages_of(Study(friction, 200, 4.5), stresses)
+    assert len(set(names)) == len(names)
+    way = [float(name.split()[0]) for name in names if name[0].isdigit()]
+    assert [float(name) for name in names if name[0].isdigit() and " " not in name] == stresses
+    before = [1e4 if friction else 2e8, *way]
+    assert all(0.099 < one / other < 10.1 for one, other in zip(before, way, strict=False))
+    assert by_tens(1e4, 5e5) == [1e5, 5e5]
 
 
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
         ("--spheres 3", "no packing"),
-        ("--aspect 1e-3", "no packing"),
-        ("--aspect 500", "narrower"),
+        ("--aspect 1e-3", "narrower"),
+        ("--aspect 500", "no packing"),
         ("--stress -5", "outside"),
         ("--stress 1e12", "outside"),
-        ("--tolerance 2", "outside 0 to 1"),
+        ("--residual 2", "between 0 and 1"),
+        ("--stress 1e6 1e7 1e6", "twice"),
         ("--seed -1", "negative"),
-        ("--peak 1e6", "below one of the stresses"),
+        ("--peak 1e5", "below one of the stresses"),
         ("--peak 1e12", "above 2e[+]09 Pa"),
         ("--friction 0.4 --peak 2e8", "no meaning with friction"),
     ],
 )
 def test_impossible_packings_are_refused_in_one_line(wrong, said, tmp_path, capsys):
-    assert main(_pack(tmp_path, *wrong.split())) == 2
+    command = ["pack", *["--spheres", "80", "--aspect", "1", "--stress", "1e6"], *wrong.split()]
+    assert main([*command, "-o", str(tmp_path / "made")]) == 2
     told = capsys.readouterr().err
     assert len(told.splitlines()) == 1 and re.search(said, told)
-
-
-def test_folder_of_another_study_is_refused(tmp_path, capsys):
-    write_sample(
-        tmp_path / "00_200000kPa.sample.h5",
-        replace(cloud(80, 1.0, 2), study={"spheres": 80, "aspect": 1.0, "seed": 2}),
-    )
-    assert main(_pack(tmp_path)) == 2
-    assert "seed" in capsys.readouterr().err
-
-
-def test_far_stress_is_reached_by_way_of_others_and_each_minute_tells(
-    tmp_path, capsys, monkeypatch
-):
-    """From 200 MPa to 1 kPa in factors of ten at most; a line tells residual and target."""
-    met = []
-
-    def noted(sample, pressure, **options):
-        if pressure is not None and (not met or met[-1] != pressure):
-            met.append(pressure)
-        return minimise(sample, pressure, **options)
-
-    monkeypatch.setattr(random_packing, "minimise", noted)
-    monkeypatch.setattr(progress, "LOG_INTERVAL", 0.0)
-    assert main(_pack(tmp_path, "--stress", "1e3")) == 0
-    assert met[0] == 2e8 and met[-1] == 1e3
-    assert all(0.1 <= lower / higher < 1 for higher, lower in pairwise(met))
-    told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("20 kPa: ")]
-    assert told and "residual" in told[0] and "at rest below" in told[0]
-    # The state is that of its own stress, with the steps of the whole way.
-    study = read_sample(tmp_path / "01_1kPa.sample.h5").study
-    assert study["stresses"] == pytest.approx([1e3] * 3, rel=1.001e-3)
-    assert study["steps"] >= 25 * len(told)
+    assert not (tmp_path / "made").exists()
 
 
 @pytest.mark.parametrize("spheres", [300, 2000, 20_000, 35_201])
@@ -326,7 +237,7 @@ def test_mixtures_come_to_rest_and_keep_their_sizes(sizes, tmp_path):
 @pytest.mark.parametrize("sizes", [None, ("lognormal", 0.4)])
 def test_loop_and_arrays_agree(sizes, monkeypatch):
     """The compiled loop against numpy, sphere by sphere, and the list against all pairs."""
-    rough = cloud(200, 1.5, 4, **words({"sizes": sizes}))
+    rough = points(200, 1.5, 4, sizes=sizes)
     results = []
     for compute in (forces_by_loop, forces_by_arrays):
         monkeypatch.setattr(contacts, "forces_by_loop", compute)

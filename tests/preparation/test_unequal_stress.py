@@ -8,7 +8,7 @@ import pytest
 import modal
 from modal.__main__ import main
 from modal.packing.sample import read_sample
-from modal.preparation.packings import pack
+from modal.preparation.random_packing import pack
 from modal.tools.errors import InputError
 
 GIVEN = {"spheres": 300, "friction": 0.3, "seed": 1, "aspect": 1.5, "periodic": True}
