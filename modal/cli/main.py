@@ -27,8 +27,8 @@ MODULES = {"import": "importing", "export": "exporting"}
 """Of those whose module has another name."""
 FIRST = """first steps:
   {prog} pack --spheres 400 --stress 1e5 -o dense
-  {prog} info dense/01_100kPa.sample.h5
-  {prog} modes dense/01_100kPa.sample.h5 --lowest 10"""
+  {prog} info dense/100000Pa.sample.h5
+  {prog} modes dense/100000Pa.sample.h5 --lowest 10"""
 """What the help of the whole ends in."""
 
 
