@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from modal.packing.network import Network
-from modal.packing.state import FORCES, net_forces, stress_tensor, wall_stress
+from modal.packing.state import FORCES, residual_forces, stress_tensor, wall_stress
 from modal.preparation.protocol import SETTLED
 
 MARK = "not settled"
@@ -17,12 +17,7 @@ MARK = "not settled"
 
 def residual_of(network: Network) -> float:
     """Mean net force on a sphere, its torque over the radius in it, over the mean contact force."""
-    force = net_forces(network)
-    size = np.hypot(
-        np.linalg.norm(force[:, :3], axis=1),
-        np.linalg.norm(force[:, 3:], axis=1) / network.radius,
-    )
-    return float(size.mean() / network.require("force_normal", "residual").mean())
+    return float(residual_forces(network).mean())
 
 
 def why_unsettled(network: Network, stress: float = np.nan) -> str:

@@ -73,12 +73,11 @@ class Provenance:
     def __post_init__(self) -> None:
         if self.settings is None:
             return
-        kept = {name: _plain(value) for name, value in self.settings.items()}
+        kept = {name: _plain(value) for name, value in self.settings.items() if value is not None}
         for name, value in kept.items():
             if isinstance(value, float) and not math.isfinite(value):
                 raise InputError(f"{name} is {value}; give a number")
-        there = {name: value for name, value in kept.items() if value is not None}
-        object.__setattr__(self, "settings", there)
+        object.__setattr__(self, "settings", kept)
 
     @property
     def packing(self) -> tuple[Source, ...]:
@@ -87,11 +86,13 @@ class Provenance:
 
     def attributes(self) -> dict[str, str]:
         """Attributes of the group `provenance`; the settings are one canonical JSON text."""
-        sources = [vars(source) for source in self.sources]
-        said = {"settings": self.settings or {}, "sources": sources}
         as_json = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False).encode
-        texts = {name: as_json(value) for name, value in said.items()}
-        return {"command": self.command, "versions": self.versions, **texts}
+        return {
+            "command": self.command,
+            "versions": self.versions,
+            "settings": as_json(self.settings or {}),
+            "sources": as_json([vars(source) for source in self.sources]),
+        }
 
     def write(self, file: h5py.File) -> None:
         """Write the group into a file that is open for writing."""
@@ -136,7 +137,6 @@ def read_provenance(path: str | Path) -> Provenance:
         digest = str(file.attrs.get("network_sha256", ""))
         schema = file.attrs.get("schema")
     made = Provenance(str(said.get("command", "")), versions=str(said.get("versions", "")))
-    sources: tuple[Source, ...] = ()
     if "settings" in said and "sources" in said:
         with complete(path):
             sources = tuple(Source(**source) for source in json.loads(said["sources"]))
@@ -146,14 +146,13 @@ def read_provenance(path: str | Path) -> Provenance:
                 f"{path}: names a network as its own that is not the packing among its sources; "
                 "make it again"
             )
-        return made
-    if digest:
-        sources = (Source(PACKING, "", digest),)
+    elif digest:
+        made = replace(made, sources=(Source(PACKING, "", digest),))
     elif "parent_sha256" in said:
         # A network is its parent in another form; a sample has been moved from where it was.
-        role = PACKING if schema == NETWORK_SCHEMA else STATE
-        sources = (Source(role, str(said.get("parent", "")), str(said["parent_sha256"])),)
-    return replace(made, sources=sources)
+        role, name = PACKING if schema == NETWORK_SCHEMA else STATE, str(said.get("parent", ""))
+        made = replace(made, sources=(Source(role, name, str(said["parent_sha256"])),))
+    return made
 
 
 def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) -> Provenance:
@@ -163,19 +162,16 @@ def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) 
     in the place of the setting that its role names.
     """
     settings = {
-        name: value
-        for name, value in options.items()
-        if name not in _NOT_SETTINGS and value is not False
+        name: x for name, x in options.items() if name not in _NOT_SETTINGS and x is not False
     }
     sources: tuple[Source, ...] = ()
     if command == "tile":  # another packing than the one that it repeats
         sources = (Source.of(STATE, options["network"]),)
     elif command not in ("relax", "import"):
         sources = packing_of(options["network"])
-    for name, role in _ROLES.items():
-        if options.get(name):
-            sources = (*sources, Source.of(role, options[name]))
-            settings.pop(role, None)
+    for name in filter(options.get, _ROLES):
+        sources = (*sources, Source.of(_ROLES[name], options[name]))
+        settings.pop(_ROLES[name], None)
     return Provenance(command_line("python -m modal", arguments), settings, sources)
 
 
@@ -226,19 +222,12 @@ def require_same_packing(product: str | Path, packing: tuple[Source, ...]) -> st
 def changes(path: str | Path, wanted: Provenance) -> list[str]:
     """Why an existing product is stale: each setting and source that differs, old and new value.
 
-    Empty where it was made from these very sources with these settings.
+    Empty where it was made from these very sources with these settings. Of several sources with one
+    role, such as a network and its sample, the first is compared.
     """
     made = read_provenance(path)
     if made.settings is None:
         return ["it does not say with which settings it was made"]
-    return differences(made, wanted)
-
-
-def differences(made: Provenance, wanted: Provenance) -> list[str]:
-    """Each setting and source that is not as wanted, with its old and its new value.
-
-    Of several sources with one role, such as a network and its sample, the first is compared.
-    """
     old, new = (
         {**(said.settings or {}), **{source.role: source for source in reversed(said.sources)}}
         for said in (made, wanted)

@@ -8,26 +8,21 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
-CORRIDOR = 8.0
-"""Distance from the line, largest diameters, within which the chain is sought first."""
-SURE = 0.9
-"""Lengths by the levers over those between the places, at least (`modal.packing.checks`)."""
 TIE = 1e-9
 """Relative difference of path costs below which they count as equal."""
 
 
-def wall_to_wall_chain(network: Network, corridor: float = CORRIDOR) -> Ints:
+def wall_to_wall_chain(network: Network) -> Ints:
     """Shape (nc,): particles from the source wall to the receiver wall, each touching the next.
 
     The path through the contacts that stays closest to a vertical line: a step costs its length
     times 1 + (lateral distance from the line / diameter)^2. The line starts at the source-wall
-    particle nearest to the middle of the cross-section. What lies within the `corridor`, largest
-    diameters, is looked at first, all else where it matters. InputError where no path exists.
+    particle nearest to the middle of the cross-section. InputError where no path exists.
     """
-    return network.cached(f"chain within {corridor}", lambda: _chain(network, corridor))
+    return network.cached("chain", lambda: _chain(network))
 
 
-def _chain(network: Network, corridor: float) -> Ints:
+def _chain(network: Network) -> Ints:
     i, j = network.particle_i, network.particle_j
     start = np.unique(i[j == SOURCE_WALL])
     goal = np.unique(i[j == RECEIVER_WALL])
@@ -43,34 +38,16 @@ def _chain(network: Network, corridor: float) -> Ints:
         if network.cell_periodic[axis]:
             period = network.cell_size[axis]
             offset[:, axis] -= period * np.round(offset[:, axis] / period)
-    aside = (offset**2).sum(axis=1)
-    weight = 1 + aside / (2 * network.radius) ** 2
-
+    weight = 1 + (offset**2).sum(axis=1) / (2 * network.radius) ** 2
     pair = j >= 0
-    i, j = i[pair], j[pair]
     length = np.linalg.norm(network.lever_i - network.lever_j, axis=1)[pair]
-    # In a wide packing only what is near the line is looked at, if that is certain to be enough.
-    widest = 2 * float(network.radius.max())
-    near = (aside <= (corridor * widest) ** 2) | network.cell_periodic[2]
-    while True:
-        members, place = np.flatnonzero(near), np.cumsum(near) - 1
-        both = near[i] & near[j]
-        ends, at = (place[i[both]], place[j[both]]), place[goal[near[goal]]]
-        path, cost = _cheapest(ends, length[both], weight[members], int(place[first]), at)
-        # A path climbs from wall to wall; one that leaves the corridor pays for the way out, too.
-        height = network.position[goal, 2].min() - network.position[first, 2]
-        if near.all() or cost < SURE * (height + corridor**3 / 3 * widest):
-            break
-        near[:] = True
-    if not np.isfinite(cost):
-        raise InputError("no chain of contacts joins the two walls; the packing carries no wave")
-    return members[path]
+    return _cheapest((i[pair], j[pair]), length, weight, first, goal)
 
 
 def _cheapest(
     ends: tuple[Ints, Ints], length: Floats, weight: Floats, first: int, goal: Ints
-) -> tuple[Ints, float]:
-    """The cheapest path from `first` to one of `goal`, and its cost; infinite where there is none.
+) -> Ints:
+    """The cheapest path from `first` to one of `goal`; InputError where there is none.
 
     A step costs the `length` (m,) of its contact, m, times the `weight` (n,) of where it leads.
     """
@@ -91,7 +68,7 @@ def _cheapest(
     distance = dijkstra(graph, indices=first)
     nearest = float(distance[goal].min(initial=np.inf))
     if not np.isfinite(nearest):
-        return np.empty(0, int), np.inf
+        raise InputError("no chain of contacts joins the two walls; the packing carries no wave")
     here = int(goal[np.argmin(_rounded(distance[goal], nearest))])
 
     # Back along the shortest path; of equally short ones the nearest, then the first particle.
@@ -110,7 +87,7 @@ def _cheapest(
             )
         here = int(before[np.argmin(_rounded(distance[before], distance[here]))])
         path.append(here)
-    return np.array(path[::-1]), nearest
+    return np.array(path[::-1])
 
 
 def _rounded(distance: Floats, scale: float) -> Floats:

@@ -15,7 +15,7 @@ import numpy as np
 from modal.packing.checks import density_of, force_ratio
 from modal.packing.neighbours import touching
 from modal.packing.network import Network
-from modal.packing.state import net_forces, profile
+from modal.packing.state import profile, residual_forces
 from modal.packing.summary import crystalline_shares
 from modal.tools.arrays import Floats
 
@@ -181,9 +181,8 @@ def _of_forces(network: Network, told: dict[str, Any]) -> Remarks:
     if shear is None:
         return
     across = _size(shear)
-    mean = float(np.hypot(force, across).mean())
-    if mean > 0:
-        net = _size(net_forces(network)[:, :3]) / mean
+    if force.any():
+        net = residual_forces(network)
         told["net_force_over_contact_force"] = float(net.mean())
         told["largest_net_force_over_contact_force"] = float(net.max())
         words = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from modal.packing.network import Network
-from modal.tools.arrays import Bools, Floats
+from modal.tools.arrays import Bools
 
 HELD = 0.05
 """Largest contact force, over the mean one, from which a particle counts as firmly held."""
@@ -40,16 +40,6 @@ def force_bearing(network: Network) -> Bools:
     return keeping_contacts(network, 2)
 
 
-def strongest_force(network: Network) -> Floats:
-    """Shape (n,), N: the largest push or pull on each particle, 0 for one without contacts."""
-    force = abs(network.require("force_normal", "strongest force"))
-    strongest = np.zeros(network.n_particles)
-    pair = ~network.with_wall
-    np.maximum.at(strongest, network.particle_i, force)
-    np.maximum.at(strongest, network.particle_j[pair], force[pair])
-    return strongest
-
-
 def firmly_held(network: Network) -> Bools:
     """Shape (n,) bool: force-bearing particles with a contact force above `HELD` times the mean.
 
@@ -58,6 +48,9 @@ def firmly_held(network: Network) -> Bools:
     """
     if network.force_normal is None or network.n_contacts == 0:
         return force_bearing(network)
-    mean = abs(network.force_normal).mean()
-    strong: Bools = strongest_force(network) >= HELD * mean
-    return force_bearing(network) & strong
+    force = abs(network.force_normal)
+    strong = force >= HELD * force.mean()
+    held = np.zeros(network.n_particles, bool)
+    held[network.particle_i[strong]] = True
+    held[network.particle_j[strong & ~network.with_wall]] = True
+    return force_bearing(network) & held

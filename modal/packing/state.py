@@ -89,19 +89,6 @@ def contacts_per_particle(network: Network) -> Ints:
     return np.bincount(network.particle_i, minlength=n) + np.bincount(j[j >= 0], minlength=n)
 
 
-def coordination_by_size(network: Network) -> tuple[Floats, Floats]:
-    """Mean radius, m, and mean number of contacts in each quarter of the spheres by size.
-
-    Shape (k,), k up to 4: spheres of one radius are never torn apart, so that two sizes give two
-    numbers.
-    """
-    edges = np.unique(np.quantile(network.radius, [0.25, 0.5, 0.75], method="higher"))
-    quarter = np.searchsorted(edges, network.radius, side="left")
-    _, quarter, size = np.unique(quarter, return_inverse=True, return_counts=True)
-    ends = contacts_per_particle(network)
-    return np.bincount(quarter, network.radius) / size, np.bincount(quarter, ends) / size
-
-
 def fabric_tensor(network: Network) -> Floats:
     """Shape (3, 3): mean of n n^T over contacts of particles; 1/3 of unity if isotropic."""
     normal = network.normal[~network.with_wall]
@@ -216,6 +203,20 @@ def net_forces(network: Network) -> Floats:
         # What acts on i acts on j the other way.
         np.negative(force, out=force)
     return load
+
+
+def sizes_of_loads(load: Floats, radius: Floats) -> Floats:
+    """Shape (n,), N: length of each sphere's force, its torque over its radius with it."""
+    torque = load[:, 3:] / radius[:, None]
+    size: Floats = np.sqrt((load[:, :3] ** 2).sum(axis=1) + (torque**2).sum(axis=1))
+    return size
+
+
+def residual_forces(network: Network) -> Floats:
+    """Shape (n,): net force and torque of each sphere over the mean normal force of a contact."""
+    mean = abs(network.require("force_normal", "balance")).mean()
+    residual: Floats = sizes_of_loads(net_forces(network), network.radius) / mean
+    return residual
 
 
 def affine_stiffness(network: Network) -> Floats:

@@ -10,7 +10,6 @@ from modal.packing.network import Network
 from modal.packing.order import crystalline
 from modal.packing.state import (
     Profile,
-    coordination_by_size,
     coordination_without_rattlers,
     fabric_tensor,
     friction_used,
@@ -54,10 +53,6 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
         "rattlers": rattlers,
         "fabric_diagonal": np.diag(fabric_tensor(network)).tolist(),
     }
-    if np.ptp(network.radius) > 1e-9 * network.radius.mean():
-        radius, ends = coordination_by_size(network)
-        result["radius_of_quarters_by_size_m"] = radius.tolist()
-        result["coordination_number_of_quarters_by_size"] = ends.tolist()
     if network.sliding is not None:
         result["sliding_contacts"] = int(network.sliding.sum())
     # A contact without friction, or one that pulls, has no limit that its shear could share in.

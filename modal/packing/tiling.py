@@ -12,9 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from modal.packing.columns import frozen
-from modal.packing.neighbours import ContactList, canonical
 from modal.packing.network import Network
-from modal.packing.sample import Sample
+from modal.packing.sample import Sample, sample_of_network
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
 
@@ -96,21 +95,5 @@ def repeat_sample(sample: Sample, times_x: int, times_y: int) -> Sample:
     )
     if sample.shear is None:
         return large
-    return replace(large, shear=_shear(sample, copies, large))
-
-
-def _shear(sample: Sample, copies: Copies, large: Sample) -> Floats:
-    """Shape (k, 2), N: in the order of the large sample's contacts, along their own tangents."""
-    network = sample.network()
-    small = network.particle_i, network.particle_j, network.require("cell_shift", "copies")
-    rows, *ends = copies.contacts(*small)
-    order, *ends, turned = canonical(*ends)
-    rows = rows[order]
-    contact: ContactList = large.contacts(tuple(ends))
-    if not (contact.overlap > 0).all():
-        raise InputError(
-            "contacts of the copies open by round-off; repeat its network, *.network.h5"
-        )
-    force = network.require("force_tangential", "copies")[rows]
-    force[turned] *= -1
-    return contact.along(force)
+    copies_in_network = repeat(sample.network(), times_x, times_y)
+    return replace(large, shear=sample_of_network(copies_in_network, sample.friction).shear)

@@ -17,8 +17,8 @@ import numpy as np
 from modal.dem.contacts import MovingContacts
 from modal.dem.motion import DampedMotion
 from modal.packing.sample import Sample
-from modal.packing.state import friction_used, net_forces
-from modal.preparation.springs_rest import elastic_motion, loose_rest, size_of
+from modal.packing.state import friction_used, residual_forces, sizes_of_loads
+from modal.preparation.springs_rest import elastic_motion, loose_rest
 from modal.tools.errors import InputError
 
 TOLERANCE = 1e-10
@@ -78,9 +78,7 @@ def equilibrium_of(sample: Sample, steps: int = 0) -> Equilibrium:
     network = sample.network()
     if network.n_contacts == 0:
         return Equilibrium(0.0, 0.0, 0.0, 0, 0, steps)
-    mean = network.require("force_normal", "balance").mean()
-    size = size_of(net_forces(network), network.radius) / mean
-    used = friction_used(network, sample.friction)
+    size, used = residual_forces(network), friction_used(network, sample.friction)
     limits = float(used.max()), int((used > 1).sum())
     return Equilibrium(float(size.mean()), float(size.max()), *limits, network.n_contacts, steps)
 
@@ -191,6 +189,6 @@ def _by_parts(contacts: MovingContacts, goal: float) -> MovingContacts:
 
 
 def _look(contacts: MovingContacts, step: int) -> Equilibrium:
-    size = size_of(contacts.load, contacts.radius) / contacts.mean_force
+    size = sizes_of_loads(contacts.load, contacts.radius) / contacts.mean_force
     mean, largest = float(size.mean()), float(size.max())
     return Equilibrium(mean, largest, np.nan, contacts.sliding, contacts.touching, step)

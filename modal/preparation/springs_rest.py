@@ -21,7 +21,7 @@ import numpy as np
 from modal.dem.contacts import MovingContacts
 from modal.dem.motion import DampedMotion
 from modal.packing.sample import Sample
-from modal.packing.state import friction_used
+from modal.packing.state import friction_used, sizes_of_loads
 from modal.solvers.conjugate_gradients import conjugate_gradients
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Bools, Floats
@@ -109,7 +109,7 @@ def loose_rest(sample: Sample, contacts: MovingContacts, allowed: float) -> Samp
     `contacts` are those of the sample; `allowed`, N, is the net force (torque over radius) with
     which a sphere counts as at rest.
     """
-    size = size_of(contacts.load, contacts.radius)
+    size = sizes_of_loads(contacts.load, contacts.radius)
     free = size > max(allowed, LOOSE * size.mean())
     if not free.any() or free.mean() > FEW:
         return None
@@ -131,7 +131,7 @@ def loose_rest(sample: Sample, contacts: MovingContacts, allowed: float) -> Samp
         motion.step()
         if abs(part.position - start).max() > slack:
             break  # Spheres outside the part, which it does not know, come into reach.
-        if step % LOOK == 0 and size_of(part.load, part.radius)[free].max() <= allowed:
+        if step % LOOK == 0 and sizes_of_loads(part.load, part.radius)[free].max() <= allowed:
             break
     moved, position = part.sample(), sample.position.copy()
     position[members] = moved.position
@@ -142,13 +142,6 @@ def loose_rest(sample: Sample, contacts: MovingContacts, allowed: float) -> Samp
     shear[theirs] = moved.shear
     shear[~theirs] = 0 if sample.shear is None else sample.shear[~inside]
     return replace(whole, shear=shear)
-
-
-def size_of(load: Floats, radius: Floats) -> Floats:
-    """Shape (n,), N: length of each sphere's force, its torque over its radius with it."""
-    torque = load[:, 3:] / radius[:, None]
-    size: Floats = np.sqrt((load[:, :3] ** 2).sum(axis=1) + (torque**2).sum(axis=1))
-    return size
 
 
 def _beside(pairs: np.ndarray, these: Bools) -> Bools:

@@ -12,7 +12,6 @@ from modal.__main__ import main
 from modal.exchange.registry import read_packing
 from modal.formats.provenance import packing_of, require_same_packing
 from modal.packing import neighbours
-from modal.packing.chain import wall_to_wall_chain
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import write_network
 from modal.packing.sample import Sample, read_sample, write_sample
@@ -132,13 +131,6 @@ def test_two_spheres_in_one_place_are_found_among_many(tmp_path):
     write_sample(path, replace(sample, position=position))
     with pytest.raises(InputError, match="one place"):
         read_sample(path)
-
-
-def test_chain_of_a_wide_packing_is_that_of_all_its_spheres(sample):
-    """What is near the line is enough where that is certain, and only there."""
-    network = repeat(sample.network(), 4, 4)
-    whole, *parts = (wall_to_wall_chain(network, corridor).tolist() for corridor in (1e9, 6.0, 1.5))
-    assert parts == [whole, whole]
 
 
 def test_tile_is_another_packing_than_its_parent(tmp_path):
