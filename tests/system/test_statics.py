@@ -125,7 +125,7 @@ def test_long_waves_of_a_random_packing_are_those_of_its_static_strain(seed):
 
     Then the same with the bulk's springs and masses replaced by what modulus and velocity say.
     """
-    network = random_network(200, 1e7, seed=seed, aspect=8.0)
+    network = random_network(400, 1e7, seed=seed, aspect=8.0)
     layers = Layers(network)
     scale = 1 / np.sqrt(mass_diagonal(network))
     K = stiffness_matrix(network).toarray()
@@ -151,9 +151,9 @@ def test_long_waves_of_a_random_packing_are_those_of_its_static_strain(seed):
     bulk = np.flatnonzero(abs(z - network.wall_position.mean()) < network.length / 2 - reach)
     springs[bulk[1:]] = modulus * area / np.diff(z[bulk])
     mass[bulk] = modulus / velocity**2 * area * (z[bulk[-1]] - z[bulk[0]]) / (len(bulk) - 1)
-    # A line through the strain of some ten uneven layers, not its mean: up to 6 % of the bulk's
+    # A line through the strain of some ten uneven layers, not its mean: up to 10 % of the bulk's
     # compliance, which is half of the chain's; the frequency goes with its root.
-    assert lowest_of_chain(mass, springs) == pytest.approx(measured, rel=0.02)
+    assert lowest_of_chain(mass, springs) == pytest.approx(measured, rel=0.03)
 
 
 def test_load_that_is_not_balanced_is_said(monkeypatch):
