@@ -257,10 +257,6 @@ class MovingContacts:
         """What slip has dissipated so far, J, if `books` are kept."""
         return float(self.work[:, 1].sum() + sum(energy.sum() for _, _, energy in self._left))
 
-    def pairs(self) -> Ints:
-        """Shape (k, 2): the two spheres of each contact that there is, or that may soon be."""
-        return self._ends[self._ends[:, 1] >= 0]
-
     def sample(self) -> Sample:
         """The sample as it is now, at rest."""
         position, turns = self._wrapped()

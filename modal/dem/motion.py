@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.dem.contacts import SKIN, MovingContacts
 from modal.packing.sample import Sample
-from modal.tools.arrays import Bools, Floats
+from modal.tools.arrays import Floats
 from modal.tools.loops import compiled, compiled_part, fingerprint, numba, prange
 from modal.tools.slabs import SLABS
 
@@ -100,13 +100,11 @@ class DampedMotion:
     stiffness of its contacts, so that all of them move as fast as the time step allows (Otter,
     Proc. Inst. Civ. Eng. 35, 633, 1966), with the local damping of Cundall (1987). What is slow,
     the longest waves along a packing, is left to whoever knows its springs: a drag that killed them
-    would hold up loose spheres that have some micrometres to go. Those that are not `free` (n,)
-    stand still.
+    would hold up loose spheres that have some micrometres to go.
     """
 
-    def __init__(self, contacts: MovingContacts, free: Bools | None = None) -> None:
-        self.contacts, self._held = contacts, None if free is None else ~free
-        n = len(contacts.position)
+    def __init__(self, contacts: MovingContacts) -> None:
+        self.contacts, n = contacts, len(contacts.position)
         self.velocity, self._late = np.zeros((n, 6)), np.zeros((n, 3))
 
     def step(self) -> None:
@@ -114,8 +112,6 @@ class DampedMotion:
         contacts, stiffness = self.contacts, self.contacts.stiffness
         mass = np.maximum(stiffness, LIGHTEST * stiffness.mean()) / PACE
         masses = np.column_stack([mass, 0.4 * mass * contacts.radius**2])
-        if self._held is not None:
-            contacts.load[self._held] = 0
         advance_by_loop(
             contacts.position, self.velocity, contacts.load, AT_REST, AT_REST, 1.0, LOCAL_DAMPING,
             masses, self._late,

@@ -2,9 +2,8 @@
 
 What a dynamic run leaves unbalanced would move by itself while a wave of some nanometres passes.
 Damped motion (`modal.dem.motion`) lets contacts slide, open and close until few still do; then the
-springs say how far the packing has to go, and the few spheres that they leave out go their way
-among neighbours that stand still (`springs_rest`). What has been gained is seen after some more
-steps of all. A packing that rests holds by itself.
+springs say how far the packing has to go (`springs_rest`). What has been gained is seen after some
+more steps of all. A packing that rests holds by itself.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from modal.dem.contacts import MovingContacts
 from modal.dem.motion import DampedMotion
 from modal.packing.sample import Sample
 from modal.packing.state import friction_used, residual_forces, sizes_of_loads
-from modal.preparation.springs_rest import elastic_motion, loose_rest
+from modal.preparation.springs_rest import elastic_motion
 from modal.tools.errors import InputError
 
 TOLERANCE = 1e-10
@@ -132,7 +131,7 @@ def relax(
                 there = _by_springs(contacts, state)
                 turns.note(state, taken=there is not contacts)
                 if there is not contacts:
-                    contacts = _by_parts(there, goal)
+                    contacts = there
                     motion = DampedMotion(contacts)
         motion.step()
     rested = contacts.sample()
@@ -179,13 +178,6 @@ def _by_springs(contacts: MovingContacts, state: Equilibrium) -> MovingContacts:
     if there.touching and _look(there, state.steps).residual < state.residual:
         return there
     return contacts
-
-
-def _by_parts(contacts: MovingContacts, goal: float) -> MovingContacts:
-    """The contacts after the few loose spheres have come to rest; the same ones without such."""
-    here = contacts.sample()
-    there = loose_rest(here, contacts, SINGLE * goal * contacts.mean_force)
-    return contacts if there is None else MovingContacts(there, contacts.friction)
 
 
 def _look(contacts: MovingContacts, step: int) -> Equilibrium:

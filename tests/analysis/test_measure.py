@@ -72,7 +72,8 @@ def test_an_attenuation_is_that_of_its_quality_factor(found):
     assert seen.sum() >= 2 and (quality.at == alpha.at).all()
     # Waves fade faster than their amplitude falls by a half in a wavelength only at their end.
     assert (quality.value[seen] > 0.5).all()
-    assert quality.value[seen] == pytest.approx(sorted(quality.value[seen], reverse=True))
+    value, error = quality.value[seen], quality.error[seen]
+    assert (np.diff(value) < error[1:] + error[:-1]).all()
 
 
 @pytest.mark.parametrize(("length", "mass", "time"), [(5, 125, 1), (1, 1, 0.1), (1e-3, 7, 40)])

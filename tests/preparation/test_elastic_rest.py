@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from modal.dem.contacts import MovingContacts
-from modal.packing.state import net_forces, stress_tensor
+from modal.packing.state import stress_tensor
 from modal.preparation import relax as relaxation
 from modal.preparation.random_packing import random_sample
 from modal.preparation.relax import RESERVE, equilibrium_of, relax
-from modal.preparation.springs_rest import STRIDE, elastic_motion, loose_rest
+from modal.preparation.springs_rest import STRIDE, elastic_motion
 
 
 @pytest.fixture(scope="module")
@@ -129,57 +129,14 @@ def relax_alone(rested, monkeypatch):
     return relax(shaken(rested, 0.01))[0]
 
 
-@pytest.fixture(scope="module")
-def longer():
-    """2,000 spheres at rest: a loose one is few among them."""
-    packed = replace(random_sample(2000, 1e6, aspect=6, tolerance=1e-3), friction=0.5)
-    return relax(packed)[0]
-
-
-def pushed_aside(sample, body, share):
-    """Contacts after the motion of one sphere by a share of the median overlap."""
-    contacts = MovingContacts(sample)
+def test_a_sphere_pushed_aside_comes_to_rest(rested):
+    """By an overlap: balance and friction from the positions alone."""
+    contacts = MovingContacts(rested)
     motion = np.zeros_like(contacts.load)
-    motion[body, :3] = share * np.median(sample.network().overlap) / np.sqrt(3)
+    middle = int(np.argmin(abs(rested.position[:, 2] - rested.walls.mean())))
+    motion[middle, :3] = np.median(rested.network().overlap) / np.sqrt(3)
     contacts.move(motion)
-    return contacts
-
-
-def test_a_loose_sphere_comes_to_rest_by_itself(longer):
-    """It is moved aside by an overlap; those far from it keep their places, and shear forces.
-
-    These are turned once a step with a contact that does not turn: 200 roundings a look.
-    """
-    middle = int(np.argmin(abs(longer.position[:, 2] - longer.walls.mean())))
-    contacts = pushed_aside(longer, middle, 1.0)
-    start, allowed = contacts.sample(), 1e-8 * contacts.mean_force
-    contacts = MovingContacts(start)
-    before = np.linalg.norm(contacts.load[:, :3], axis=1)
-    found = loose_rest(start, contacts, allowed)
-    load = net_forces(found.network())
-    assert np.linalg.norm(load[middle, :3]) < 10 * allowed < 1e-3 * before[middle]
-    stood = (found.position == start.position).all(axis=1)
-    assert not stood[middle] and stood.mean() > 0.5
-    # Shear forces: of contacts both of whose spheres stood still.
-    old, new = start.network(), found.network()
-    held = [stood[n.particle_i] & (n.with_wall | stood[n.partner]) for n in (old, new)]
-    rounding = 1e4 * np.finfo(float).eps * contacts.mean_force
-    shear, kept = old.force_tangential[held[0]], new.force_tangential[held[1]]
-    assert abs(shear - kept).max() < rounding
-    assert np.array_equal(old.particle_i[held[0]], new.particle_i[held[1]])
-
-
-def test_many_loose_spheres_move_with_all(longer):
-    start = shaken(longer, 0.1)
-    contacts = MovingContacts(start)
-    assert loose_rest(start, contacts, 1e-12 * contacts.mean_force) is None
-    assert loose_rest(longer, MovingContacts(longer), contacts.mean_force) is None
-
-
-def test_rest_after_a_loose_sphere_is_that_of_the_law(longer):
-    """Springs and the loose sphere's own way in turn: balance and friction from the positions."""
-    middle = int(np.argmin(abs(longer.position[:, 2] - longer.walls.mean())))
-    rested, state = relax(pushed_aside(longer, middle, 1.0).sample())
-    again = equilibrium_of(rested)
+    found, state = relax(contacts.sample())
+    again = equilibrium_of(found)
     assert state.at_rest and again.residual == state.residual
     assert again.friction_used <= RESERVE * (1 + 1e-9)
