@@ -133,18 +133,19 @@ def _of_interval(system: LinearSystem, interval: Choice, choice: Choice) -> Mode
         low = 0.0
     low -= low * system.count_uncertainty((2 * np.pi * low) ** 2)
     high += high * system.count_uncertainty((2 * np.pi * high) ** 2)
-    return _beside(system, lambda floppy: _between(system, low, high, interval, choice, floppy))
+    ends = low, high
+    return _beside(system, lambda floppy: _between(system, interval, ends, choice, floppy))
 
 
 def _between(
     system: LinearSystem,
-    low: float,
-    high: float,
     interval: Choice,
+    ends: tuple[float, float],
     choice: Choice,
     floppy: FloppyModes,
 ) -> ModeSet:
-    """Every mode of an `interval`, counted from `low` to `high`, Hz, beside the `floppy` ones."""
+    """Every mode of an `interval`, counted between the `ends`, Hz, beside the `floppy` ones."""
+    low, high = ends
     below = {low: floppy.held if low == 0 else count_below(system, low)}
     below[high] = count_below(system, high)
     wanted = below[high] - below[low]

@@ -107,16 +107,8 @@ def _lifting_pays(asked: Question) -> bool:
         return False
     if not (known or system.size > system.limits.dense) or asked.low_end.edge > WIDEST * system.top:
         return False
-    lifted = _of_lifting(asked)
-    return lifted.operations <= _of_shifts(asked).operations and lifted.bytes <= memory_at_hand()
-
-
-def _of_lifting(asked: Question) -> Cost:
-    return below_an_edge(asked.system, asked.count, asked.low_end.degree)
-
-
-def _of_shifts(asked: Question) -> Cost:
-    return near_a_shift(asked.system, asked.count)
+    lifted, cut = (WAYS[name].cost(asked) for name in ("lifted", "slices"))
+    return lifted.operations <= cut.operations and lifted.bytes <= memory_at_hand()
 
 
 class Way(NamedTuple):
@@ -124,7 +116,7 @@ class Way(NamedTuple):
 
     gives: tuple[str, ...]
     taken: Callable[[Question], bool]
-    cost: Callable[[Question], Cost] = _of_shifts
+    cost: Callable[[Question], Cost] = lambda q: near_a_shift(q.system, q.count)
 
 
 WAYS = {
@@ -135,7 +127,11 @@ WAYS = {
     # Products with A, then solves about a shift above: no other way is as cheap for a few modes.
     "top": Way(("highest",), lambda asked: True, lambda q: from_the_top(q.system, q.count)),
     # A polynomial of A in place of factors: many modes of large, wide packings, from zero on.
-    "lifted": Way(("lowest", "between"), _lifting_pays, _of_lifting),
+    "lifted": Way(
+        ("lowest", "between"),
+        _lifting_pays,
+        lambda q: below_an_edge(q.system, q.count, q.low_end.degree),
+    ),
     # Solves about one shift just below zero, or about one in each slice of an interval.
     "shift": Way(("lowest",), lambda asked: asked.count <= asked.system.limits.slice),
     "slices": Way(("lowest", "between"), lambda asked: True),

@@ -1,7 +1,5 @@
 """Exact counts of modes below a frequency: right, or refused, at any scale."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from packings import dense_squares, diluted
@@ -9,7 +7,7 @@ from packings import dense_squares, diluted
 import modal
 from modal.modes.counts import count_below
 from modal.packing import crystal as gallery
-from modal.solvers.factor import SOLVERS, available, factorise
+from modal.solvers.factor import SOLVERS, available
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
@@ -40,33 +38,6 @@ def test_a_singular_block_on_the_way_does_not_spoil_the_count(solver, which):
     exact = dense_squares(system)
     assert abs(exact - square).min() > 1e-4 * exact[-1]
     assert count_below(system, frequency_of(square)) == int((exact < square).sum())
-
-
-@pytest.mark.parametrize("solver", [None, *SOLVERS])
-def test_a_count_factorises_once_and_gives_the_memory_back(solver, monkeypatch):
-    """Block by block where nothing else is asked for, as the packing is small."""
-    if solver is not None and not available(solver):
-        pytest.skip("pypardiso is not installed")
-    made, kept = [], []
-
-    def noted(*arguments, **options):
-        factor = factorise(*arguments, **options)
-        made.append(factor.solver)
-        kept.append(factor)
-
-        def release():
-            factor.release()
-            kept.remove(factor)
-
-        return replace(factor, release=release)
-
-    monkeypatch.setattr("modal.system.linear_system.factorise", noted)
-    system = LinearSystem.of(gallery.fcc(cells=(4, 4, 8)), solver=solver)
-    assert system.size > system.limits.small
-    assert count_below(system, 0.0) == count_below(system, -5e4) == 0
-    assert count_below(system, 5e4) == int((frequency_of(dense_squares(system)) < 5e4).sum())
-    assert made == [solver or "blocks"]
-    assert not kept
 
 
 @pytest.mark.parametrize("above", [3, 4])

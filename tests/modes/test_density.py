@@ -11,13 +11,11 @@ from scipy.special import ndtr
 from modal.__main__ import main
 from modal.formats.hdf5 import sha256
 from modal.modes.density import DensityOfStates, density_of_states, read_density
-from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.preparation.random_packing import random_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import LinearSystem
-from modal.system.operator import ContactOperator
 from modal.tools.errors import InputError
 
 pytestmark = pytest.mark.two_ways
@@ -221,23 +219,6 @@ def test_coarsest_resolution_knows_the_mean_of_omega_squared(tolerance):
     # The standard deviation of r^T 2 A r for a vector r of signs; the mean of six has less.
     error = 2 * np.sqrt(2) * np.linalg.norm(A) if states.random_vectors else 1e-12 * size
     assert moments[:, 1].mean() == pytest.approx(wanted, abs=2 * error)
-
-
-@pytest.mark.parametrize("tolerance", [1e-4, 0.1])
-def test_products_are_those_made(tolerance, monkeypatch):
-    """By random vectors, and for the whole spectrum; one more is timed beforehand."""
-    made = []
-
-    class Counting(ContactOperator):
-        def combine(self, u, out, *factors, **more):
-            made.append(u.size // self.shape[0])
-            return super().combine(u, out, *factors, **more)
-
-    network = gallery.fcc(cells=(3, 3, 8))
-    assert by_structure(LinearSystem.of(network)).total == 0  # looked for once for a network
-    monkeypatch.setattr("modal.system.linear_system.ContactOperator", Counting)
-    states = density_of_states(network, resolution=5e3, tolerance=tolerance)
-    assert states.products + 1 == sum(made)
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 0.1])

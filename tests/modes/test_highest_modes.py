@@ -14,7 +14,7 @@ from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import read_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
-from modal.solvers.factor import SOLVERS, SingularError, available, factorise
+from modal.solvers.factor import available
 from modal.system.linear_system import LinearSystem, frequency_of
 
 pytestmark = pytest.mark.two_ways
@@ -130,15 +130,3 @@ def test_one_highest_mode_where_products_stop_below_the_top():
     exact = modes_of(LinearSystem.of(network), all=True).frequency[-1]
     # omega^2 of products that have converged to 1e-10, and of a dense solution to round-off.
     assert found.frequency == pytest.approx([exact], rel=1e-9)
-
-
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_a_matrix_that_is_not_definite_is_noticed(solver):
-    """sigma - A with sigma between the two highest modes: one negative pivot, by little."""
-    if not available(solver):
-        pytest.skip("pypardiso is not installed")
-    system = LinearSystem.of(gallery.fcc(cells=(1, 1, 200)))
-    square = (2 * np.pi * modes_of(system, all=True).frequency) ** 2
-    sigma = 0.5 * (square[-1] + square[-2])
-    with pytest.raises(SingularError):
-        factorise(-system.shifted(sigma), definite=True, solver=solver)

@@ -10,7 +10,8 @@ from packings import (
 
 from modal.__main__ import main
 from modal.modes.eigenmodes import modes_of
-from modal.modes.mode_set import ModeSet
+from modal.modes.mode_set import Choice, ModeSet
+from modal.modes.ways import Question
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
@@ -70,44 +71,48 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     gap = 40 + int(np.argmax(np.diff(elastic[40:80])))
     high = elastic[gap : gap + 2].mean()
-    # Nothing but floppy modes lies below the lower end, zero or not.
-    for low in (0.0, elastic[0] / 2):
-        found = modes_of(system, between=(low, high))
+    # Nothing but floppy modes lies below the lower end, zero or not; and as many as are asked,
+    # below a frequency that a density of states tells.
+    for asked in (
+        {"between": (0.0, high)},
+        {"between": (elastic[0] / 2, high)},
+        {"lowest": gap + 1},
+    ):
+        found = modes_of(system, **asked)
         assert found.certified and "products" in found.attributes["solver"]
         assert found.frequency == pytest.approx(elastic[: gap + 1], rel=1e-8)
         assert (found.residual < 10 * residual_promised(system, found)).all()
 
 
-def test_lowest_modes_by_a_polynomial(monkeypatch):
-    """As many as are asked, below a frequency that a density of states tells: as dense."""
-    monkeypatch.setattr("modal.modes.ways.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
-    monkeypatch.delattr(LinearSystem, "factor")
-    system = LinearSystem.of(diluted(0.35, 5, layers=7), limits=Limits(dense=0))
-    elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
-    found = modes_of(system, lowest=30)
-    assert found.certified and "products" in found.attributes["solver"]
-    assert found.frequency == pytest.approx(elastic[:30], rel=1e-8)
-
-
-def test_what_a_polynomial_is_not_for(monkeypatch):
-    """A named solver, a lower end inside, half of the spectrum, or no memory: a factor."""
-    dear, free = Cost(0.0, 1e13, 0.0), Cost(1e6, 0.0, 0.0)
-    monkeypatch.setattr("modal.modes.ways.near_a_shift", lambda *_: dear)
-    monkeypatch.setattr("modal.modes.ways.below_an_edge", lambda *_: free)
-    network, limits = diluted(0.35, 5, layers=7), Limits(dense=0)
-    system = LinearSystem.of(network, limits=limits)
-    elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
-    middle = (elastic[1:] + elastic[:-1]) / 2
-    low, high = middle[20], middle[60]
-    factorised = [
-        modes_of(LinearSystem.of(network, solver="superlu", limits=limits), between=(0.0, high)),
-        modes_of(system, between=(low, high)),
-        modes_of(system, between=(0.0, 0.6 * elastic[-1])),
-    ]
-    monkeypatch.setattr("modal.modes.ways.memory_at_hand", lambda: 1e5)
-    factorised.append(modes_of(system, between=(0.0, high)))
-    for found in factorised:
-        assert found.certified and "products" not in found.attributes["solver"]
+@pytest.mark.parametrize(
+    ("way", "kind", "given", "changed"),
+    [
+        ("lifted", "between", {"high": 2e4}, {}),
+        ("lifted", "lowest", {}, {}),
+        ("shift", "lowest", {}, {"solver": "superlu"}),
+        ("slices", "lowest", {"count": 800}, {"solver": "superlu"}),
+        ("slices", "between", {"high": 2e4}, {"solver": "superlu"}),
+        ("slices", "between", {"high": 2e4}, {"from_zero": False}),
+        ("slices", "between", {"high": 2e5}, {}),
+        ("slices", "between", {"high": 2e4}, {"memory": 1e5}),
+        ("top", "highest", {}, {}),
+        ("dense", "highest", {"count": 300}, {}),
+        ("dense", "between", {"high": 2e4}, {"limits": Limits()}),
+        ("dense", "all", {}, {}),
+        ("arnoldi", "lowest", {}, {"pre_stress": "full", "limits": Limits(unsymmetric=0)}),
+        ("dense", "lowest", {}, {"pre_stress": "full"}),
+    ],
+)
+def test_the_way_that_is_taken(monkeypatch, way, kind, given, changed):
+    """A polynomial costs nothing here: what is taken in its place where it does not serve."""
+    monkeypatch.setattr("modal.modes.ways.near_a_shift", lambda *_: Cost(0.0, 1e13, 0.0))
+    monkeypatch.setattr("modal.modes.ways.below_an_edge", lambda *_: Cost(1e6, 0.0, 0.0))
+    how = {"limits": Limits(dense=0, part=3), "memory": 1e9, "from_zero": True} | changed
+    memory, from_zero = how.pop("memory"), how.pop("from_zero")
+    monkeypatch.setattr("modal.modes.ways.memory_at_hand", lambda: memory)
+    system = LinearSystem.of(diluted(0.35, 5, layers=7), **how)
+    choice = Choice(kind, **given)
+    assert Question(system, choice, choice.count or 200, system.size, from_zero).way == way
 
 
 def test_a_small_part_of_a_small_packing_is_not_solved_dense():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import dense_squares, diluted
+from packings import dense_squares, diluted, from_other_end
 
 from modal.modes.counts import count_below
 from modal.modes.zero_modes import by_structure
@@ -104,15 +104,7 @@ def test_a_cluster_is_followed_through_contacts_named_either_way(share):
     crystal = gallery.fcc(cells=(4, 4, 5))
     network = crystal.with_contacts((crystal.particle_j >= 0) & ~crystal.cell_shift.any(axis=1))
     other = np.random.default_rng(1).random(network.n_contacts) < share
-    swap = other[:, None]
-    network = replace(
-        network,
-        particle_i=np.where(other, network.particle_j, network.particle_i),
-        particle_j=np.where(other, network.particle_i, network.particle_j),
-        normal=np.where(swap, -network.normal, network.normal),
-        lever_i=np.where(swap, network.lever_j, network.lever_i),
-        lever_j=np.where(swap, network.lever_i, network.lever_j),
-    )
+    network = from_other_end(network, other)
     floppy = by_structure(LinearSystem.of(network))
     assert floppy.kinds["loose_clusters"] == floppy.total == 6
 
