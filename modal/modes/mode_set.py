@@ -176,6 +176,17 @@ class ModeSet:
         """How many modes release energy: their omega^2 is negative."""
         return int(self.attributes.get("unstable_modes", 0))
 
+    def chi(self, axis: str) -> Floats:
+        """Shape (k,): share of the motion along x, y or z of each mode shape that is kept.
+
+        Along z it is `chi_z`, except of pairs of equal frequency that a crystal's lateral symmetry
+        gives: their shapes are standing waves, and `chi_z` is that of the travelling wave which the
+        two make together. InputError where the mode shapes were not kept.
+        """
+        if axis not in ("x", "y", "z"):
+            raise InputError(f"axis {axis!r}: choose x, y or z")
+        return chi_z(self.shapes(), axis="xyz".index(axis))
+
     def shapes(self, network: Network | None = None) -> Floats:
         """Shape (k, n, 6): the mode shapes; InputError where they were not kept.
 
