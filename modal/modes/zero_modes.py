@@ -136,7 +136,7 @@ def _stiffness_among(system: LinearSystem, spheres: Ints) -> sp.csr_matrix:
     chosen[spheres] = True
     near = chosen[network.particle_i] | (~network.with_wall & chosen[network.partner])
     rows = _rows(spheres, dof)
-    K = stiffness_matrix(network.some(near), translations_only=dof == 3)[rows][:, rows]
+    K = stiffness_matrix(network.some(near), dof)[rows][:, rows]
     return system.root.some(spheres, dof).around(K)
 
 

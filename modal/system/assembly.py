@@ -14,23 +14,20 @@ ENDS = (np.array([0, 1, 2, 3, 4, 5]), -1.0), (np.array([0, 1, 2, 6, 7, 8]), 1.0)
 the sign with which their displacement enters w."""
 
 
-def mass_diagonal(network: Network, *, translations_only: bool = False) -> Floats:
-    """Shape (6n,) or (3n,): m, m, m, I, I, I of each particle; kg and kg m^2."""
-    columns = [network.mass] * 3 + ([] if translations_only else [network.inertia] * 3)
-    return np.column_stack(columns).ravel()
+def mass_diagonal(network: Network, dof: int = 6) -> Floats:
+    """Shape (dof n,): m, m, m, I, I, I of each particle, kg and kg m^2; of 3 its masses alone."""
+    return np.column_stack([network.mass] * 3 + [network.inertia] * (dof - 3)).ravel()
 
 
-def stiffness_matrix(
-    network: Network, *, translations_only: bool = False, pre_stress: str = "none"
-) -> sp.csr_matrix:
-    """Sparse K, (6n, 6n) or (3n, 3n); N/m, N, N m. Six (three) rows a particle, u then theta.
+def stiffness_matrix(network: Network, dof: int = 6, pre_stress: str = "none") -> sp.csr_matrix:
+    """Sparse K, (dof n, dof n); N/m, N, N m. Six rows a particle, u then theta, or three, u alone.
 
     `pre_stress` as in `modal.system.contacts`: with "full" and "law" K is not symmetric. A
     particle that touches itself through a period has both sides of the contact on one block;
     repeated pairs add up.
     """
     tangent = Contacts.of(network, terms_of(pre_stress)).tangent()
-    return assembled(network, tangent, 3 if translations_only else 6)
+    return assembled(network, tangent, dof)
 
 
 def block(tangent: Floats, row: int, column: int, size: int = 6) -> Floats:

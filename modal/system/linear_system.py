@@ -149,10 +149,7 @@ class LinearSystem:
 
         It is not kept, so that its memory is free while a factorisation is in use.
         """
-        K = stiffness_matrix(
-            self.network, translations_only=self.dof == 3, pre_stress=self.pre_stress
-        )
-        return self.root.around(K)
+        return self.root.around(stiffness_matrix(self.network, self.dof, self.pre_stress))
 
     @cached_property
     def scaled(self) -> sp.csr_matrix:
@@ -218,12 +215,8 @@ class LinearSystem:
         return self.cached("renumbered operator", lambda: self._operator().renumbered(), size)
 
     def _operator(self) -> ContactOperator:
-        return ContactOperator(
-            self.network,
-            translations_only=self.dof == 3,
-            mass_scaled=True,
-            pre_stress=self.pre_stress,
-        )
+        options: dict[str, Any] = {"mass_scaled": True, "pre_stress": self.pre_stress}
+        return ContactOperator(self.network, self.dof, **options)
 
     @cached_property
     def dashpots(self) -> LinearSystem | None:

@@ -24,8 +24,8 @@ from modal.tools.arrays import Array, Floats, Ints
 class ContactOperator(LinearOperator):
     """K of a network, or M^-1/2 K M^-1/2, as an operator on (6n,) and (6n, k) arrays.
 
-    Six entries a particle, u (m) then theta; three with `translations_only`. `mass_scaled` gives
-    the operator whose eigenvalues are omega^2; `pre_stress` as in `modal.system.contacts`.
+    Six entries a particle, u (m) then theta; three with a `dof` of 3. `mass_scaled` gives the
+    operator whose eigenvalues are omega^2; `pre_stress` as in `modal.system.contacts`.
     Equal to the matrix of `modal.system.assembly` up to round-off, and symmetric unless
     `pre_stress` is "full" or "law"; of the latter, another program's, it is that matrix.
     """
@@ -33,32 +33,28 @@ class ContactOperator(LinearOperator):
     def __init__(
         self,
         network: Network,
+        dof: int = 6,
         *,
-        translations_only: bool = False,
         mass_scaled: bool = False,
         pre_stress: str = "none",
     ) -> None:
         from modal.tools.loops import numba  # not at import: it loads numba
 
         terms_of(pre_stress)
-        self.pre_stress = pre_stress
-        self.dof = 3 if translations_only else 6
+        self.pre_stress, self.dof = pre_stress, dof
         self.order: Ints | None = None
-        size = self.dof * network.n_particles
-        super().__init__(np.dtype(float), (size, size))
+        super().__init__(np.dtype(float), 2 * (dof * network.n_particles,))
         self._matrix: sp.csr_matrix | None = None
         self._unturning: Floats | None = None
         if numba is None or pre_stress == "law":
-            matrix = stiffness_matrix(
-                network, translations_only=translations_only, pre_stress=pre_stress
-            )
-            self._matrix = RootMass.of(network, self.dof).around(matrix) if mass_scaled else matrix
+            matrix = stiffness_matrix(network, dof, pre_stress)
+            self._matrix = RootMass.of(network, dof).around(matrix) if mass_scaled else matrix
             return
         self._contacts = PackedContacts.of(network, pre_stress)
         self._scale = np.ones((network.n_particles, 2))
         if mass_scaled:
             self._scale = 1 / np.sqrt(np.column_stack([network.mass, network.inertia]))
-            self._unturning = RootMass.of(network, self.dof).unturning
+            self._unturning = RootMass.of(network, dof).unturning
         if self._unturning is not None:
             self._scale[:, 1] = 1
 

@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.packing.network import Network
+from modal.system.assembly import mass_diagonal
 from modal.tools.arrays import Array, Floats, Ints
 
 
@@ -30,8 +31,7 @@ class RootMass:
     @classmethod
     def of(cls, network: Network, dof: int = 6) -> RootMass:
         """That of a network's bodies; with a dof of 3 for their translations alone."""
-        columns = [network.mass] * 3 + [network.inertia] * (dof - 3)
-        diagonal = np.sqrt(np.column_stack(columns)).ravel()
+        diagonal = np.sqrt(mass_diagonal(network, dof))
         if network.inertia_tensor is None or dof == 3:
             return cls(diagonal)
         value, vector = np.linalg.eigh(network.inertia_tensor)
@@ -68,21 +68,16 @@ class RootMass:
 
     def around(self, K: sp.csr_matrix) -> sp.csr_matrix:
         """M^-1/2 K M^-1/2; the matrix that is given may be worked on in place."""
-        scale = 1 / self.diagonal
         if self.unturning is None:
+            scale = 1 / self.diagonal
             K.data *= scale[K.indices]
             K.data *= np.repeat(scale, np.diff(K.indptr))
             return K
-        inverse = self._inverse()
-        return (inverse @ K @ inverse).tocsr()
+        return (self._inverse() @ K @ self._inverse()).tocsr()
 
     def under(self, rows: sp.csr_matrix) -> sp.csr_matrix:
         """Of rows that read u, those that read M^1/2 u."""
-        if self.unturning is not None:
-            return (rows @ self._inverse()).tocsr()
-        return sp.csr_matrix(
-            (rows.data / self.diagonal[rows.indices], rows.indices, rows.indptr), rows.shape
-        )
+        return (rows @ self._inverse()).tocsr()
 
     def _own_inverses(self) -> Floats:
         """Shape (n, 6, 6): M^-1/2 of each body."""
@@ -93,6 +88,8 @@ class RootMass:
 
     def _inverse(self) -> sp.csr_matrix:
         """M^-1/2, sparse."""
+        if self.unturning is None:
+            return sp.diags(1 / self.diagonal, format="csr")
         blocks = self._own_inverses()
         number, size = np.arange(len(blocks) + 1), 6 * len(blocks)
         return sp.bsr_matrix((blocks, number[:-1], number), (size, size)).tocsr()

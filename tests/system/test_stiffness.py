@@ -21,7 +21,7 @@ def test_assembly_equals_slow_oracle(network, slow_K):
 def test_translations_only_is_the_translational_part_of_K():
     network = gallery.fcc(cells=(2, 2, 4))
     full = stiffness_matrix(network).toarray().reshape(16, 6, 16, 6)
-    part = stiffness_matrix(network, translations_only=True).toarray()
+    part = stiffness_matrix(network, 3).toarray()
     assert abs(full[:, :3, :, :3].reshape(48, 48) - part).max() <= 1e-15 * abs(part).max()
 
 
