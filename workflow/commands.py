@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from math import pi
 from pathlib import Path
 from shlex import quote
 from typing import Any
 
 from analysis.study.description import Study
 from modal.cli.pack import option_of
+from modal.preparation.protocol import OF_FRICTION
 from modal.tools.errors import InputError
 
 PYTHON = ".venv/bin/python" if Path(".venv/bin/python").exists() else sys.executable
@@ -59,41 +59,30 @@ class Commands:
         if own and self.prepare == "yade":
             raise InputError(f"{', '.join(own)}: not in YADE's compressions; write prepare: modal")
         only = " ".join(option_of(n) + ("" if x is True else f" {x}") for n, x in own.items())
-        if row["mu_comp"] == 0:
-            return self.frictionless_command(walk, only)
-        line = {name: row[name] for name in OF_WALK if row.get(name) is not None}
+        line, stresses = self.shape_of(row), self.stresses
         folder, log = f"{self.folder}/walks", f"{self.folder}/log/states/{walk}.yade.log"
-        if self.prepare == "yade":
+        if self.prepare == "yade" and row["mu_comp"] > 0:
             made = f"{folder}/compression_mu{row['mu_comp']:g}"
             last, own = f"{made}/{self.stresses[-1]:g}Pa.sample.h5", f"{folder}/{walk}.table"
             job = f"workflow/yade_job.sh {own} {row['mu_comp']} yade_scripts/compress.py"
             return f"{write_line(line, own)} && {job} {folder} {log} {last}"
+        if row["mu_comp"] == 0:  # from the peak on it is unloaded
+            stresses = stresses[::-1]
         given = " ".join(f"{option_of(n)} {cell}" for n, cell in line.items() if n != "mu_comp")
-        given += f" {only} --stress " + " ".join(f"{stress:g}" for stress in self.stresses)
+        given += f" {only} --stress " + " ".join(f"{stress:g}" for stress in stresses)
         friction = f"{PYTHON} -m modal pack --friction {row['mu_comp']}"
         return f"{friction} {given} -o {folder}/compression_{walk}"
 
+    def shape_of(self, row: Mapping[str, Any]) -> dict[str, Any]:
+        """What of a case shapes its compression."""
+        unused = OF_FRICTION if row["mu_comp"] == 0 else ()
+        line = {name: row.get(name) for name in OF_WALK if name not in unused}
+        return {name: cell for name, cell in line.items() if cell is not None}
+
     def noted_of(self, walk: str) -> str:
         """What each state of a compression notes of it, as link_states.py takes it."""
-        row = self.rows[self.walks[walk][0]]
-        names = OF_WALK if row["mu_comp"] > 0 else ("spheres", "seed")
-        noted = {name: row[name] for name in names if row.get(name) is not None}
+        noted = self.shape_of(self.rows[self.walks[walk][0]])
         return " ".join(f"{name}={quote(str(cell))}" for name, cell in noted.items())
-
-    def frictionless_command(self, walk: str, only: str) -> str:
-        """The same without friction; states below 100 kPa branch off there. `only`: `OF_PACK`."""
-        row, folder = self.rows[self.walks[walk][0]], f"{self.folder}/walks/compression_{walk}"
-        pack = f"{PYTHON} -m modal pack --spheres {row['spheres']} --seed {row['seed']} {only}"
-        if row.get("width"):
-            pack += f" --aspect {row['spheres'] * pi / 6 / 0.6 / row['width'] ** 3:.4f}"
-        low = [s for s in self.stresses if s < 1e5]
-        high = [s for s in self.stresses if s >= 1e5][::-1] or [1e5]
-        text = f"{pack} --stress {' '.join(f'{s:g}' for s in high)} -o {folder}"
-        if low:
-            some = " ".join(f"{s:g}" for s in [1e5, *low[::-1]])
-            text += f" && mkdir -p {folder}/low && cp -n {folder}/0[01]_*.h5 {folder}/low"
-            text += f" && {pack} --stress {some} -o {folder}/low"
-        return text
 
     def table(self, case: str, columns: Sequence[str]) -> str:
         """Command that writes the table of one of YADE's jobs, and its path as shell variable."""
