@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,6 @@ from analysis.quantities.amplitude import AMPLITUDE
 from analysis.value import Value, plain
 from modal.exchange.programs.own import is_sample
 from modal.exchange.registry import read_remarked
-from modal.formats.hdf5 import write_text
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample
 from modal.tools.display import table
@@ -27,8 +25,6 @@ from modal.waves.source import Motion
 
 SAME_STATE = ("mu_comp", "mu_wave", "stress")
 """What the study of samples of one state has in common."""
-SCHEMA = "granular-measurement"
-"""Of result files."""
 
 
 class Measurement(dict[str, Value]):
@@ -41,27 +37,6 @@ class Measurement(dict[str, Value]):
     def as_json(self) -> dict[str, dict[str, Any]]:
         """{quantity: {value, error, unit, caveats}}; what is not known is None."""
         return {name: value.as_json() for name, value in self.items()}
-
-    def write(self, path: str | Path) -> None:
-        """Write the result file, JSON: quantities with the parts of their errors, and `about`."""
-        whole = {name: value.as_json(whole=True) for name, value in self.items()}
-        told = {"schema": SCHEMA, "version": 1, "about": self.about, "quantities": whole}
-        write_text(path, json.dumps(told, indent=1, allow_nan=False) + "\n")
-
-    @classmethod
-    def read(cls, path: str | Path) -> Measurement:
-        """From a result file; InputError where it is none."""
-        try:
-            told = json.loads(Path(path).read_text())
-            if (told["schema"], told["version"]) != (SCHEMA, 1):
-                raise ValueError(f"schema {told['schema']!r}, version {told['version']}")
-            values = {name: Value.of_json(one) for name, one in told["quantities"].items()}
-            return cls(values, told["about"])
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error}); check the name") from error
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            text = f"{path}: no result file of `measure` ({error}); measure again with -o"
-            raise InputError(text) from error
 
     def __str__(self) -> str:
         """A line a quantity, then what to know, with the quantities that it is about."""

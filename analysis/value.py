@@ -76,27 +76,14 @@ class Value:
         """The same with more to know, each said once."""
         return replace(self, caveats=tuple(dict.fromkeys((*self.caveats, *caveats))))
 
-    def as_json(self, *, whole: bool = False) -> dict[str, Any]:
-        """value, error, unit, caveats; where they are, `at`, Hz, and `scatter`; `whole`: parts."""
+    def as_json(self) -> dict[str, Any]:
+        """value, error, unit, caveats; where they are, `at`, Hz, and `scatter`."""
         told: dict[str, Any] = {"value": plain(self.value), "error": plain(self.error)}
         told |= {"unit": self.unit, "caveats": list(self.caveats)}
         for name in ("at", "scatter"):
             if getattr(self, name) is not None:
                 told[name] = plain(getattr(self, name))
-        if whole:
-            told["parts"] = plain(self.parts)
         return told
-
-    @staticmethod
-    def of_json(told: Mapping[str, Any]) -> Value:
-        """From what `as_json` has made of the whole."""
-        at, scatter = (
-            None if told.get(name) is None else _number(told[name]) for name in ("at", "scatter")
-        )
-        parts = {name: _number(part) for name, part in told["parts"].items()}
-        return Value(
-            _number(told["value"]), told["unit"], parts, tuple(told["caveats"]), at, scatter
-        )
 
     def text(self) -> str:
         """For people: the number, its error and its unit; of an array its range and frequencies."""
@@ -156,10 +143,3 @@ def plain(value: Any, digits: int = 17) -> Any:
     if isinstance(value, float):
         return float(f"{value:.{digits}g}") if np.isfinite(value) else None
     return value
-
-
-def _number(told: Any) -> Any:
-    """A number, or an array of them, as JSON has it; NaN for None."""
-    if isinstance(told, list):
-        return np.array([_number(one) for one in told], float)
-    return np.nan if told is None else float(told)

@@ -15,7 +15,6 @@ from modal.cli.options import json_text, say
 from modal.cli.table import add_options, output
 from modal.cli.terminal import put
 from modal.formats.hdf5 import write_text
-from modal.tools.errors import InputError
 
 
 def add(commands: Any) -> None:
@@ -36,39 +35,39 @@ def add(commands: Any) -> None:
         help=f"of pulses through a sample, m: {', '.join(AMPLITUDE)}",
     )  # fmt: skip
     command.add_argument("--keep", metavar="DIR", help="folder that keeps costly spectra")
-    add_options(command, [output("result file of one packing, *.json; or table of several, *.md")])
+    add_options(command, [output("what --json prints, *.json; or a table, *.md")])
     command.epilog = "\n".join(
         f"{q.name}: {q.definition} ({q.unit}){', on request' * q.asked}"
         for q in QUANTITIES.values()
     )
 
 
-def _write(path: Path, found: dict[str, Measurement]) -> None:
-    """A result file of one packing, or a table of several: one line a quantity."""
-    if path.suffix == ".json":
-        if len(found) > 1:
-            raise InputError(f"-o {path}: a result file is of one packing; give *.md for a table")
-        for one in found.values():
-            one.write(path)
-        return
+def _table(found: dict[str, Measurement]) -> str:
+    """All packings side by side, one line a quantity, as Markdown."""
     stems = [Path(name).name.split(".h5")[0] for name in found]
     first = next(iter(found.values()))
     rows = [[name, *(one[name].text() for one in found.values())] for name in first]
-    write_text(path, Table("Quantities", ["quantity", *stems], rows).markdown())
+    return Table("Quantities", ["quantity", *stems], rows).markdown()
+
+
+def _json(found: dict[str, Measurement], mean: Measurement | None) -> str:
+    """By file, and `mean`; of one packing without its file."""
+    told: dict[str, Any] = {path: each.as_json() for path, each in found.items()}
+    if mean is None:
+        (told,) = told.values()
+    else:
+        told["mean"] = mean.as_json()
+    return json_text(told)
 
 
 def _measure(options: argparse.Namespace) -> int:
     names = QUICK if options.quick else options.quantities
     found, mean = measure_files(options.files, names, options.keep, options.amplitudes)
     if options.output:
-        _write(Path(options.output), found)
+        as_json = options.output.endswith(".json")
+        write_text(options.output, _json(found, mean) + "\n" if as_json else _table(found))
     if options.json:
-        told: dict[str, Any] = {path: each.as_json() for path, each in found.items()}
-        if mean is None:
-            (told,) = told.values()
-        else:
-            told["mean"] = mean.as_json()
-        put(json_text(told))
+        put(_json(found, mean))
     else:
         parts = [*found.items(), *([("mean", mean)] if mean is not None else [])]
         put("\n\n".join(f"{path}\n{each}" for path, each in parts))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,7 @@ def read_result(path: str | Path) -> Row:
         found = _numbers(json.loads(Path(path).read_text()))
         if (found["schema"], found["version"]) != (SCHEMA, VERSION):
             raise ValueError(f"schema {found['schema']}, version {found['version']}")
-        row = Row(**{f.name: found[f.name] for f in fields(Row) if f.name in found})
+        row = Row(**{name: own for name, own in found.items() if name not in ("schema", "version")})
         row.values = {name: estimate(**cell) for name, cell in found["values"].items()}
         curves = found.get("curves", {})
         row.curves = {n: tuple(np.array(v, float) for v in each) for n, each in curves.items()}
