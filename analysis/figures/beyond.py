@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from analysis.estimators.fits import straight_line
-from analysis.figures.groups import (
-    AXES,
-    ISOSTATIC,
-    LOG,
-    column,
-    legend,
-    mark,
-    scatter,
-    styles,
-    with_curve,
-)
+from analysis.figures import groups
+from analysis.figures.groups import LOG, column, legend, mark, random_of, scatter, styles
 from analysis.figures.picture import Panel, Picture
 from analysis.rows import Row, of_one_producer
 from modal.tools.errors import InputError
@@ -28,8 +21,8 @@ ON_CONTACTS = "contacts a force-bearing sphere"
 
 def isostaticity(rows: list[Row]) -> Picture:
     """Beyond the paper: three frequencies over the highest against contacts beyond isostaticity."""
-    random, panels = [row for row in rows if not row.crystal], []
-    z, top = column(random, AXES[BEYOND]), column(random, "f_max_khz")
+    random, panels = random_of(rows), list[Panel]()
+    z, top = column(random, groups.AXES[BEYOND]), column(random, "f_max_khz")
     along = np.array([0.0, np.nanmax([0.0, *z])])
     for name, title in (
         ("f_low_pass_2_linear_khz", "low-pass frequency, 2 %"),
@@ -40,7 +33,7 @@ def isostaticity(rows: list[Row]) -> Picture:
         panel = Panel(BEYOND, "", title, legend="upper left")
         if (np.isfinite(y) & np.isfinite(z)).sum() > 2:
             slope, offset = straight_line(z, y)[0]
-            text = f"{slope:.3f} (z - {ISOSTATIC - offset / slope:.2f})"
+            text = f"{slope:.3f} (z - {groups.ISOSTATIC - offset / slope:.2f})"
             panel.line(along, slope * along + offset, text, color="k", lw=0.8)
         scatter(panel, random, name, over="f_max_khz")
         panels.append(panel)
@@ -88,20 +81,19 @@ def scattering(rows: list[Row]) -> Picture:
     Frequencies are in units of V_P / D. Curves are of one stress, and end at the limit: beyond it
     the ridge's width is that of no wave.
     """
-    members = with_curve(rows, "ridge", "structure factor")
+    members = groups.with_curve(rows, "ridge", "structure factor")
     common = _common_stress(members)
     axis, title = "frequency, $f D / V_P$", f"{common / 1e3:g} kPa"
     width = Panel(axis, "full width of the ridge over $f$", f"(a) {title}", **LOG)
     path = Panel(axis, "mean free path / D", f"(b) {title}", legend="outside", **LOG)
     limit = Panel("void ratio", "Ioffe-Regel frequency (kHz)", "(c)", yscale="log")
     ratio = Panel(ON_CONTACTS, "Ioffe-Regel over $f_{low-pass}$, 2 %", "(d)", legend="outside")
-    width.add("hline", [0], [1 / np.pi], None, r"$l = \lambda / 2$ (Ioffe-Regel)", color="k")
-    for _, group, style in styles(members):
-        for row in (row for row in group if row.stress == common):
-            f, w, free = row.curves["ridge"]
-            look = style | {"marker": mark(row), "ms": 3, "lw": 0.8, "ls": "-"}
-            width.line(f, w, **look)
-            path.line(f, free, **look)
+    width.hline(1 / np.pi, r"$l = \lambda / 2$ (Ioffe-Regel)", color="k")
+    for row, style in _of_stress(members, common):
+        f, w, free = row.curves["ridge"]
+        look = style | {"marker": mark(row), "ms": 3, "lw": 0.8, "ls": "-"}
+        width.line(f, w, **look)
+        path.line(f, free, **look)
     scatter(limit, members, "ioffe_regel_khz")
     scatter(ratio, members, "ioffe_regel_khz", over="f_low_pass_2_linear_khz")
     legend(path, members, stresses=False)
@@ -129,13 +121,17 @@ def _density(rows: list[Row]) -> Panel:
     common, axis = _common_stress(rows), "$f / f_{max}$"
     title = f"{common / 1e3:g} kPa"
     panel = Panel(axis, "$D f_{max}^3 / f^2$", title, ylim=(0.1, 2e3), **LOG)
-    for _, group, style in styles(rows):
-        for row in (row for row in group if row.stress == common):
-            f, reduced = row.curves["excess"]
-            every = np.unique(np.geomspace(1, len(f), 60).astype(int)) - 1
-            look = style | {"ls": "-", "lw": 0.9, "marker": mark(row), "markevery": 6}
-            panel.line(f[every], reduced[every], **look)
+    for row, style in _of_stress(rows, common):
+        f, reduced = row.curves["excess"]
+        every = np.unique(np.geomspace(1, len(f), 60).astype(int)) - 1
+        look = style | {"ls": "-", "lw": 0.9, "marker": mark(row), "markevery": 6}
+        panel.line(f[every], reduced[every], **look)
     return panel
+
+
+def _of_stress(rows: list[Row], stress: float) -> list[tuple[Row, dict[str, Any]]]:
+    """The cases under one stress, each with the look of its group."""
+    return [(row, look) for _, group, look in styles(rows) for row in group if row.stress == stress]
 
 
 def _common_stress(rows: list[Row]) -> float:
@@ -146,7 +142,7 @@ def _common_stress(rows: list[Row]) -> float:
 
 def low_pass_rules(rows: list[Row]) -> Picture:
     """Beyond the paper: f_low-pass by each rule over that by the paper's words."""
-    random, panels = [row for row in rows if not row.crystal], []
+    random, panels = random_of(rows), []
     base, producer = of_one_producer(random, "f_low_pass_2_khz")
     own = "yade" if producer == "YADE" else "linear"
     for name, text in (
@@ -159,7 +155,7 @@ def low_pass_rules(rows: list[Row]) -> Picture:
     ):
         panel = Panel(ON_CONTACTS, "over 2 %, one chain", text, yscale="log", ylim=(0.5, 20))
         scatter(panel, random, name, over=base)
-        panel.add("hline", [0], [1.0], None, "", color="0.6", lw=0.8)
+        panel.hline(1.0, color="0.6", lw=0.8)
         panels.append(panel)
     panels[2].legend = panels[5].legend = "outside"
     legend(panels[2], random, stresses=False)

@@ -7,21 +7,12 @@ from typing import Any
 import numpy as np
 
 from analysis.estimators.fits import straight_to
-from analysis.figures.groups import (
-    AXES,
-    LOG,
-    THIN,
-    column,
-    legend,
-    points,
-    scatter,
-    styles,
-    with_curve,
-)
-from analysis.figures.picture import Panel, Picture, each
+from analysis.figures import groups
+from analysis.figures.groups import LOG, THIN, column, legend, points, random_of, scatter, styles
+from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, each
 from analysis.rows import Row, law_of, of_one_producer
 
-STRESS = AXES["stress (kPa)"]
+STRESS = groups.AXES["stress (kPa)"]
 
 
 def velocity_cases(rows: list[Row]) -> Picture:
@@ -49,8 +40,7 @@ def velocity_cases(rows: list[Row]) -> Picture:
 
 def _trend(panel: Panel, rows: list[Row], name: str) -> None:
     """The straight line through a quantity of random packings over e, to that of the crystal."""
-    crystal = [row for row in rows if row.crystal]
-    random = [row for row in rows if not row.crystal]
+    crystal, random = [row for row in rows if row.crystal], random_of(rows)
     if not crystal or len(random) < 2:
         return
     x, y, at = column(random, "void_ratio"), column(random, name), crystal[0].value("void_ratio")
@@ -83,8 +73,7 @@ def low_pass_cases(rows: list[Row]) -> Picture:
     label = f"$f_{{low-pass}}$, 2 %, {producer} (kHz)"
     left = Panel("void ratio", label, "(a)", yscale="log", legend="lower left")
     right = Panel("stress (kPa)", label, "(b)", legend="outside", **LOG)
-    for panel in (left, right):
-        beside = panel is right
+    for panel, beside in ((left, False), (right, True)):
         scatter(panel, rows, name, side_by_side=beside, stated="f_low_pass_2_khz")
         legend(panel, rows, frictions=beside, stresses=not beside)
     return Picture([left, right], columns=2, shape=(12, 4.2))
@@ -93,12 +82,9 @@ def low_pass_cases(rows: list[Row]) -> Picture:
 def velocity_low_pass(rows: list[Row]) -> Picture:
     """Fig. 17: f_low-pass, 2 %, against V_P by first peaks; slope through each group."""
     velocity, producer = of_one_producer(rows, "v_p_first_peaks_m_per_s")
-    name = of_one_producer(rows, "f_low_pass_2_khz")[0]
-    panel = Panel(
-        f"$V_P$, first peaks, {producer} (m/s)", f"$f_{{low-pass}}$, 2 %, {producer} (kHz)",
-        legend="outside", **LOG,
-    )  # fmt: skip
-    random = [row for row in rows if not row.crystal]
+    name, random = of_one_producer(rows, "f_low_pass_2_khz")[0], random_of(rows)
+    axes = f"$V_P$, first peaks, {producer} (m/s)", f"$f_{{low-pass}}$, 2 %, {producer} (kHz)"
+    panel = Panel(*axes, legend="outside", **LOG)
     v, f = np.log(column(random, velocity)), np.log(column(random, name))
     known = np.isfinite(v) & np.isfinite(f)
     slopes = next((s for row in random if (s := row.stated.get("low_pass_power_of_v_p"))), ())
@@ -119,8 +105,7 @@ def velocity_low_pass(rows: list[Row]) -> Picture:
 
 def wavelength_cases(rows: list[Row]) -> Picture:
     """Fig. 18: lambda_low-pass / D of random packings against void ratio, 2 % and 1 %."""
-    panels = []
-    random = [row for row in rows if not row.crystal]
+    panels, random = [], random_of(rows)
     seen, width = [*column(random, "void_ratio"), 0.6], column(random, "width_over_d")
     span = np.nanmin(seen) - 0.01, np.nanmax(seen) + 0.01
     for percent, letter in (("2", "(a)"), ("1", "(b)")):
@@ -129,12 +114,11 @@ def wavelength_cases(rows: list[Row]) -> Picture:
         panel = Panel("void ratio", rf"$\lambda_{{low-pass}}/D$, {percent} %, {producer}", letter)
         panel.yscale, panel.xlim, panel.legend = "log", span, "outside"
         for low, high in [row.stated[key] for row in rows if key in row.stated][:1]:
-            text, ends = f"stated: {low:g} to {high:g}", ([low] * 2, [high] * 2)
-            panel.add("band", span, *ends, text, color="0.88", zorder=0)
-        panel.add("hline", [0], [2**0.5], None, r"FCC, $\sqrt{2}$", color="0.5", ls=":")
+            panel.band(span, low, high, f"stated: {low:g} to {high:g}", color="0.88", zorder=0)
+        panel.hline(2**0.5, r"FCC, $\sqrt{2}$", color="0.5", ls=":")
         if np.isfinite(width).any():
             across = float(np.nanmedian(width))
-            panel.add("hline", [0], [across], None, f"width, {across:.3g} D", color="k", lw=0.8)
+            panel.hline(across, f"width, {across:.3g} D", color="k", lw=0.8)
         scatter(panel, random, name)
         panels.append(panel)
     legend(panels[0], rows, frictions=False)
@@ -144,9 +128,9 @@ def wavelength_cases(rows: list[Row]) -> Picture:
 
 def gain_cases(rows: list[Row]) -> Picture:
     """Fig. 19: gain factor of FCC and the lowest friction over stress; below, the resonances."""
-    groups = [members for _, members, _ in styles(with_curve(rows, "gain", "gain factor"))][:2]
-    panels = []
-    for letter, members in zip(("(a)", "(b)"), groups, strict=False):
+    own = styles(groups.with_curve(rows, "gain", "gain factor"))
+    two, panels = [members for _, members, _ in own][:2], []
+    for letter, members in zip(("(a)", "(b)"), two, strict=False):
         title = f"{letter} {members[0].group}"
         title += ", each stress a decade lower" if len(members) > 1 else ""
         panel = Panel("frequency over $f_1$", "gain factor", title, yscale="log", ylim=(1e-6, 10))
@@ -159,9 +143,9 @@ def gain_cases(rows: list[Row]) -> Picture:
             f, height = (values[~(f > edge)] for values in (f, height))
             look = {"color": ("k", "0.5")[k % 2], "ls": "-", "lw": 0.9}
             panel.line(f / row.curves["first"][0], height / 10**k, text, **look)
-            panel.add("hline", [0], [10.0**-k], None, "", color="0.6", lw=0.6)
+            panel.hline(10.0**-k, color="0.6", lw=0.6)
         panels.append(panel)
-    below = gain([members[min(1, len(members) - 1)] for members in groups]).panels
+    below = gain([members[min(1, len(members) - 1)] for members in two]).panels
     for letter, panel in zip(("(c)", "(d)"), below, strict=False):
         panel.title = f"{letter} {panel.title}"
     panels += below
@@ -176,20 +160,16 @@ def gain(row: Row) -> Panel:
     between the resonances sin kappa L = 0, not on them.
     """
     f, height = row.curves["gain"]
-    f_r = row.curves["resonances"][0]
-    top = 10 * row.curves["first"][0][0]
+    f_r, top = row.curves["resonances"][0], 10 * row.curves["first"][0][0]
     keep = f < top
     panel = Panel("frequency (kHz)", "gain factor", row.label, legend="upper right")
     panel.xlim, panel.ylim = (0, top / 1e3), (0, 1.4 * float(height[keep].max()))
     panel.line(f[keep] / 1e3, height[keep], "gain", color="k")
     f_r = f_r[f_r < top] / 1e3
-    middle = 0.5 * (np.append(0, f_r[:-1]) + f_r) if len(f_r) else f_r
-    held: dict[str, Any] = {"color": "#0060a8", "ls": ":", "lw": 1}
-    free: dict[str, Any] = {"color": "#c05000", "ls": "--", "lw": 0.8}
-    for at, text, style in (
-        (f_r, "resonances $f_r$, both walls held", held),
-        (middle, "half way, source free of stress", free),
-    ):
-        if len(at):
-            panel.add("vline", at, 0 * at, None, text, **style)
+    held: dict[str, Any] = {"color": BLUE, "ls": ":", "lw": 1}
+    free: dict[str, Any] = {"color": ORANGE, "ls": "--", "lw": 0.8}
+    if len(f_r):
+        panel.vlines(f_r, "resonances $f_r$, both walls held", **held)
+        middle = 0.5 * (np.append(0, f_r[:-1]) + f_r)
+        panel.vlines(middle, "half way, source free of stress", **free)
     return panel

@@ -19,6 +19,7 @@ SHADES = "#440154", "#463480", "#355f8d", "#25848e", "#22a884", "#5ec962", "#bdd
 STRESS_MARKS = {1e4: "o", 1e5: "s", 1e6: "^", 1e7: "D"}
 EDGE: dict[str, Any] = {"color": "k", "ls": "none", "mec": "k", "mew": 0.5, "ms": 5}
 STATED = EDGE | {"marker": "*", "ms": 11, "mfc": "none", "mew": 1.2}
+BARS: dict[str, Any] = {"color": "k", "lw": 0.6, "capsize": 1.5, "zorder": 1.9}
 THIN: dict[str, Any] = {"lw": 0.7, "ls": "-", "zorder": 1.5}
 LOG: dict[str, Any] = {"xscale": "log", "yscale": "log"}
 CONTACTS = "coordination_number_bearing"
@@ -67,8 +68,13 @@ def styles(rows: list[Row]) -> list[tuple[str, list[Row], dict[str, Any]]]:
 
 def column(members: list[Row], number: Number) -> np.ndarray:
     """A number of each row (n,), NaN where it is unknown."""
-    return np.array([row.value(number) if isinstance(number, str) else number(row)
-                     for row in members])  # fmt: skip
+    of = number if callable(number) else lambda row: row.value(number)
+    return np.array([of(row) for row in members])
+
+
+def random_of(rows: list[Row]) -> list[Row]:
+    """Those that are no crystals."""
+    return [row for row in rows if not row.crystal]
 
 
 def points(
@@ -89,14 +95,13 @@ def points(
     """
     at, scale = column(members, x or AXES[panel.xlabel]), column(members, over)
     value = column(members, y) / scale
-    error = np.nan_to_num(np.array([row.spread(y) for row in members]) / scale)
+    error = np.nan_to_num(column(members, lambda row: row.spread(y)) / scale)
     if moved:
         at = at * moved
         panel.line(at, value, color=style["color"], **THIN)
     known = np.isfinite(value) & (error > 0)
     if (error > 0).any():
-        look: dict[str, Any] = {"color": "k", "lw": 0.6, "capsize": 1.5, "zorder": 1.9}
-        panel.add("error", at[known], value[known], error[known], **look)
+        panel.add("error", at[known], value[known], error[known], **BARS)
     for k in np.flatnonzero(np.isfinite(at) & np.isfinite(value)):
         panel.line(at[k : k + 1], value[k : k + 1], marker=mark(members[k]), **style)
     for row, place, one in zip(members, at, scale, strict=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.figures.picture import Panel, Picture, columns_for, merged
+from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, columns_for, merged
 from analysis.measuring import Measuring
 from analysis.quantities.records import HIGH, LOW
 from analysis.quantities.spectrum import chi_lists, density, f_max, standing, z_shapes
@@ -38,7 +38,7 @@ def natural_frequencies(cases: list[Measuring]) -> Picture:
         elif m.case.has("density"):
             f, per_hertz, below = density(m)
             loose = m.mu_comp > 0.2
-            look = {"color": "#c05000" if loose else "#0060a8", "ls": "-." if loose else "--"}
+            look = {"color": ORANGE, "ls": "-."} if loose else {"color": BLUE, "ls": "--"}
             # Modes of zero frequency, of rattlers and floppy parts, are below the first of these.
             share, height = np.append(0.0, below / dof), np.append(0.0, f / 1e3)
             left.line(share, height, m.label, **look)
@@ -77,7 +77,7 @@ def chi_z(cases: list[Measuring]) -> Picture:
         for k, (frequency, every, along) in enumerate(chi_lists(m)):
             for values, text, style in (
                 (every, "all particles", {"color": "0.45", "marker": ".", "ms": 2}),
-                (along, "chain", {"color": "#c05000", "marker": ".", "ms": 2, "alpha": 0.5}),
+                (along, "chain", {"color": ORANGE, "marker": ".", "ms": 2, "alpha": 0.5}),
             ):
                 f, chi = _distinct(frequency / 1e3, values)
                 panel.line(f, chi, text if k == 0 else "", ls="none", mew=0.6, **style)
@@ -90,10 +90,8 @@ def chi_z(cases: list[Measuring]) -> Picture:
             panel.line(f_r / 1e3, np.full(len(f_r), 1.07), "P resonances", **style)
         for name, ends, ls in (("chi_z_low", (0, LOW), "--"), ("chi_z_high", (HIGH, 0.1), ":")):
             if name in m.stated:
-                level = [m.stated[name][0]] * 2
-                panel.line(
-                    [end * f_max(m) / 1e3 for end in ends], level, "stated", color="k", ls=ls
-                )
+                at, level = np.array(ends) * f_max(m) / 1e3, [m.stated[name][0]] * 2
+                panel.line(at, level, "stated", color="k", ls=ls)
         panels.append(panel)
     return Picture(panels, columns=columns_for(len(panels)))
 
@@ -110,7 +108,7 @@ def _across(panel: Panel, m: Measuring) -> None:
         (longest(m, "linear").value, "$V_P$ / width", ":"),
     ):
         if np.isfinite(velocity):
-            panel.add("vline", [velocity / width / 1e3], [0], None, text, color="#0060a8", ls=ls)
+            panel.vlines([velocity / width / 1e3], text, color=BLUE, ls=ls)
 
 
 TO = 2e4
@@ -126,7 +124,7 @@ def _not_computed(panel: Panel, m: Measuring) -> None:
     text = "not computed"
     for (_, last), first in zip(ends, above, strict=True):
         if first - last > 0.02 * TO:  # more than the distance of two modes
-            panel.add("band", [last / 1e3, first / 1e3], [0, 0], [1, 1], text, color="0.9")
+            panel.band([last / 1e3, first / 1e3], 0, 1, text, color="0.9")
             text = ""
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.figures.picture import Panel, Picture, share_limits
+from analysis.figures.waves import DISTANCE
 from analysis.measuring import Measuring
 from modal.packing.state import contacts_per_particle, void_ratio
+from modal.waves.source import Pulse
 
 
 def samples(cases: list[Measuring]) -> Picture:
@@ -14,25 +16,23 @@ def samples(cases: list[Measuring]) -> Picture:
     panels = []
     for m in cases:
         network, d = m.network, m.diameter
-        y, middle = network.position[:, 1], 0.5 * float(network.cell_size[1])
-        near = np.argsort(abs((y % network.cell_size[1]) - middle))
-        chosen = near[abs((y[near] % network.cell_size[1]) - middle) < 0.5 * d]
+        off = abs(network.position[:, 1] % network.cell_size[1] - 0.5 * network.cell_size[1])
+        near = np.argsort(off)
+        chosen = near[off[near] < 0.5 * d]
         x = network.position[chosen, 0] % network.cell_size[0]
         z = network.position[chosen, 2] - network.wall_position[0]
         number = contacts_per_particle(network)
         known = np.isfinite(m.mu_comp) and not m.crystal
         title = m.label + (f", friction {m.mu_comp:g}" if known else "")
         title += f": void ratio {void_ratio(network):.3f}, {number.mean():.2f} contacts a sphere"
-        panel = Panel(
-            "distance from the source wall (mm)", "x (mm)", title=title, equal=True,
-            colour_label="contacts", xlim=(0, 1e3 * network.length),
-            ylim=(-500 * d, 1e3 * float(network.cell_size[0]) + 500 * d),
-        )  # fmt: skip
+        panel = Panel(DISTANCE, "x (mm)", title, equal=True, colour_label="contacts")
+        panel.xlim = (0, 1e3 * network.length)
+        panel.ylim = (-500 * d, 1e3 * float(network.cell_size[0]) + 500 * d)
         panel.add("spheres", 1e3 * z, 1e3 * x, number[chosen], diameter=1e3 * d, cmap="viridis")
         panels.append(panel)
     random = [panel for m, panel in zip(cases, panels, strict=True) if not m.crystal]
-    seen = [panel.series[0].z for panel in random or panels]
-    ends = float(min(z.min() for z in seen)), float(max(z.max() for z in seen))
+    seen = np.concatenate([panel.series[0].z for panel in random or panels])
+    ends = float(seen.min()), float(seen.max())
     for panel in panels:  # one scale; the crystal's twelve contacts would waste half of it
         panel.series[0].style["clim"] = ends if ends[1] > ends[0] else (ends[0] - 1, ends[0])
     return Picture(share_limits(panels, "x"), shape=(11, 0.4 + 1.6 * len(panels)))
@@ -49,14 +49,11 @@ def source(cases: list[Measuring]) -> Picture:
     pulses = sorted({(m.linear.input_frequency, m.linear.amplitude) for m in cases})
     for input_frequency, amplitude in pulses:
         style = LINES.get(input_frequency, ":")
-        time = np.linspace(0, 2e-5, 401)
-        inside = time * input_frequency < 1
-        u = amplitude * (1 - np.cos(2 * np.pi * input_frequency * time)) * inside
-        frequency = np.linspace(0, 5e5, 501)
+        pulse, label = Pulse(amplitude, input_frequency), f"{input_frequency / 1e3:g} kHz"
+        time, frequency = np.linspace(0, 2e-5, 401), np.linspace(0, 5e5, 501)
         fine = np.linspace(0, 1 / input_frequency, 2001)
-        pulse = 1 - np.cos(2 * np.pi * input_frequency * fine)
-        spectrum = abs(np.exp(-2j * np.pi * frequency[:, None] * fine) @ pulse)
-        label = f"{input_frequency / 1e3:g} kHz"
-        left.line(1e6 * time, 1e9 * u, label, ls=style, color="k")
+        sent = pulse.displacement(fine)
+        spectrum = abs(np.exp(-2j * np.pi * frequency[:, None] * fine) @ sent)
+        left.line(1e6 * time, 1e9 * pulse.displacement(time), label, ls=style, color="k")
         right.line(frequency / 1e3, spectrum / spectrum.max(), label, ls=style, color="k")
     return Picture([left, right], columns=2)

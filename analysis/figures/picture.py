@@ -24,6 +24,8 @@ from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
 
 Of = TypeVar("Of")
+BLUE, ORANGE = "#0060a8", "#c05000"
+"""Beside black and greys; the three are told apart without colours, too."""
 KINDS = ("line", "map", "spheres", "band", "error", "vline", "hline")
 DIGITS, SHADES = 5, 3
 """Significant digits of coordinates and of a map's values."""
@@ -84,6 +86,19 @@ class Panel:
         """Append a curve with white beneath it: on a map it is told from any shade, in grey too."""
         self.line(x, y, color="w", lw=lw + 2)
         self.line(x, y, label, lw=lw, **style)
+
+    def hline(self, y, label: str = "", **style) -> None:
+        """Append a line across at y."""
+        self.add("hline", [0], [y], None, label, **style)
+
+    def vlines(self, x, label: str = "", **style) -> None:
+        """Append upright lines at x (n,)."""
+        self.add("vline", x, 0 * np.asarray(x), None, label, **style)
+
+    def band(self, x, low, high, label: str = "", **style) -> None:
+        """Append what lies between low and high, which may be numbers, over x (n,)."""
+        ends = np.broadcast_to(low, np.shape(x)), np.broadcast_to(high, np.shape(x))
+        self.add("band", x, *ends, label, **style)
 
     def map(self, x: np.ndarray, y: np.ndarray, z: np.ndarray, **style) -> None:
         """Append a map: z (ny, nx) over x (nx,) and y (ny,)."""
@@ -189,16 +204,14 @@ def read_picture(path: str | Path) -> Picture:
             if "panel" in head:
                 picture.panels.append(Panel(**head["panel"]))
                 continue
-            panel = picture.panels[-1]
-            own = points.get((len(picture.panels) - 1, len(panel.series)), [])
-            y = np.array([float(row[1]) for row in own])
-            if "x" in head["series"]:
-                grid = np.array([[float(v) for v in row[2].split()] for row in own])
-                panel.series.append(Series(y=y, z=grid, **head["series"]))
-                continue
-            x = np.array([float(row[0]) for row in own])
-            z = np.array([float(row[2]) for row in own]) if own and own[0][2] else None
-            panel.series.append(Series(x=x, y=y, z=z, **head["series"]))
+            series = picture.panels[-1].series
+            own = points.get((len(picture.panels) - 1, len(series)), [])
+            x = [float(row[0]) for row in own if row[0]]
+            z = [[float(v) for v in row[2].split()] for row in own if row[2]]
+            found = {"x": x, "y": [float(row[1]) for row in own], "z": np.array(z) if z else None}
+            if z and head["series"]["kind"] != "map":
+                found["z"] = np.ravel(z)
+            series.append(Series(**found | head["series"]))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error}); check the name") from error
     except (ValueError, KeyError, IndexError, TypeError) as error:

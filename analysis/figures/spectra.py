@@ -1,77 +1,120 @@
-"""Figures 14 and 15, and the structure factor: dispersion, and its width."""
+"""Figures 11, 14, 15 and the structure factor: velocities, dispersion, and its width."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from analysis.estimators import damped_transform as disp
 from analysis.estimators.fk import fk_map
-from analysis.figures.picture import Panel, Picture, each
+from analysis.estimators.resonances import mode_velocities
+from analysis.estimators.transfer import wall_velocity
+from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, each
 from analysis.figures.waves import producer_name
 from analysis.measuring import Measuring
 from analysis.quantities.passband import band_edge, low_pass_2, passband, scale, wavelength_at
 from analysis.quantities.scattering import whole_ridge
 from analysis.quantities.spectrum import standing_waves
-from analysis.quantities.velocity import coherent, longest
+from analysis.quantities.velocity import coherent, first_peak, longest, low_frequency
 from modal.theory.fcc import dispersion as eq_9
 from modal.tools.errors import InputError
 from modal.waves.signals import Signals
+
+KHZ = 2e3 * np.pi
+"""rad/s."""
+
+
+@each
+def velocity_frequency(m: Measuring) -> Panel:
+    """Fig. 11: phase and group velocity of the linear wave (walls, layers) and modes; dL/dt."""
+    top, low, speed = 0.9 * scale(m), low_frequency(m), longest(m, "linear").value
+    panel = Panel("frequency (kHz)", "velocity (m/s)", m.label, legend="lower left")
+    panel.ylim = ((0.5 if m.crystal else 0.75) * speed, 1.12 * speed)
+    panel.xlim = (0, top / 1e3)
+    walls = wall_velocity(m.linear, m.network.length)
+    if walls is not None:
+        f, phase, group, _ = walls
+        keep = (f > 0.7 * low) & (f < top)
+        panel.line(f[keep] / 1e3, phase[keep], "phase, walls", color="0.6")
+        if m.crystal:  # of others the derivative is the scatter's, not the wave's
+            panel.line(f[keep] / 1e3, group[keep], "group, walls", color="0.6", ls=":")
+    wave = coherent(m, "linear")
+    # At the lowest frequencies a derivative by differences is a ratio of small numbers.
+    for values, text, first, ls in (
+        (wave.phase_velocity, "phase, layers", 0.2, "-"),
+        (wave.group_velocity, "group, layers", 0.7, ":"),
+    ):
+        keep = (wave.frequency > first * low) & (wave.frequency < top)
+        panel.line(wave.frequency[keep] / 1e3, values[keep], text, color="k", ls=ls)
+    f_r, kappa = standing_waves(m)
+    keep = f_r < top
+    if keep.sum() > 2:
+        every = slice(None, None, max(1, keep.sum() // 25))
+        style = {"ls": "none", "mfc": "none", "color": BLUE, "ms": 5}
+        speeds = zip(("phase", "group"), mode_velocities(f_r[keep], kappa[keep]), "ov", strict=True)
+        for which, values, marker in speeds:
+            text, at = f"{which}, modes (Eq. 4)", f_r[keep][every] / 1e3
+            panel.line(at, values[every], text, marker=marker, **style)
+    panel.hline(first_peak(m, "linear").value, "dL/dt, first peaks", color=ORANGE, ls="--")
+    return panel
 
 
 @each
 def dispersion(m: Measuring) -> Panel:
     """Figs. 14 and 15: f-k amplitude with theory, resonances, and the unbiased estimates."""
-    record, speed = m.shown, longest(m, "linear").value
-    title = f"{m.label}, {producer_name(record.producer)}"
+    record, top = m.shown, 1.1 * band_edge(m, "linear") if m.crystal else 2.2 * scale(m)
     if not m.crystal:  # the means of layers; a chain's scatter hides the ridge
-        if record.layer_displacement is None:
-            record, title = m.linear, f"{m.label}, {producer_name(m.linear.producer)}"
-        record, title = _of_layers(record), f"{title}, layers"
+        record = record if record.layer_displacement is not None else m.linear
+    title = f"{m.label}, {producer_name(record.producer)}{'' if m.crystal else ', layers'}"
+    record = record if m.crystal else _of_layers(record)
     f, k, amplitude = fk_map(record)
-    top = 1.1 * band_edge(m, "linear") if m.crystal else 2.2 * scale(m)
-    widest = np.pi / disp.layer_distance(record)
-    widest = widest if m.crystal else min(widest, 2.5 * np.pi * top / longest(m, "linear").value)
+    widest = float(np.pi / disp.layer_distance(record))
+    if not m.crystal:
+        widest = float(min(widest, 2.5 * np.pi * top / longest(m, "linear").value))
     rows, columns = np.flatnonzero(f < top), np.flatnonzero(k < widest)
     rows, columns = (v[:: max(1, len(v) // 110)] for v in (rows, columns))
     shade = amplitude[np.ix_(rows, columns)]
     sent = np.exp(-2j * np.pi * f[rows, None] * record.time) @ record.source_displacement
     shade = shade / abs(sent)[:, None]  # over the source: what is left of each frequency
     shade = 20 * np.log10(np.maximum(shade / shade.max(), 1e-3))
-    panel = Panel(
-        r"wave number $\kappa$ (rad/m)", "frequency (kHz)", title, legend="lower right",
-        colour_label="amplitude over the source's (dB)", xlim=(0, float(widest)),
-        ylim=(0, top / 1e3),
-    )  # fmt: skip
+    panel = Panel(r"wave number $\kappa$ (rad/m)", "frequency (kHz)", title, legend="lower right")
+    panel.colour_label = "amplitude over the source's (dB)"
+    panel.xlim, panel.ylim = (0, widest), (0, top / 1e3)
     panel.map(k[columns], f[rows] / 1e3, shade, cmap="gray_r", vmin=-50, vmax=0)
-    kappa = kappa_line = np.linspace(0, widest, 101)
-    if m.crystal:
-        lattice = m.lattice
-        theory = eq_9(kappa, lattice.stiffness, lattice.mass, lattice.distance) / (2e3 * np.pi)
-        panel.line_on_map(kappa, theory, "theory (Eq. 9)", 1.0, color="k")
-        ridge = disp.chain_dispersion(record).omega(kappa[:98]) / (2e3 * np.pi)
-        text = f"{producer_name(record.producer)}, damped transform"
-        panel.line(kappa[:98], ridge, text, color="#c05000", ls="--", lw=2)
-    else:
-        wave = coherent(m, "linear")
-        text = "coherent linear wave of the layers"
-        kept = wave.frequency <= _leaves(m)
-        kappa, f_c = wave.wavenumber[kept], wave.frequency[kept] / 1e3
-        panel.line_on_map(kappa, f_c, text, 2, color="#c05000", ls="--")
-        slope = kappa_line * speed / (2e3 * np.pi)
-        panel.line(kappa_line, slope, "long waves", color="k", ls=":", lw=0.9)
-        edge = passband(m).of_yade if m.yade else passband(m).low_pass
-        producer = "yade" if m.yade else "linear"
-        kappa_e = 2 * np.pi / wavelength_at(m, edge[0].value, producer)
-        style = {"marker": "D", "ls": "none", "color": "#c05000", "ms": 6, "mfc": "w"}
-        text = "$f_{low-pass}$ 2 %, one chain"
-        panel.line([kappa_e], [edge[0].value / 1e3], text, **style)
+    (_of_crystal if m.crystal else _of_random)(panel, m, record, np.linspace(0, widest, 101))
     f_r, k_r = standing_waves(m)
     every = slice(None, None, max(1, len(f_r) // 20)) if m.crystal else slice(None)
     if len(f_r):
         text = "resonances" if m.crystal else "resonances: modes, then their ridge"
-        style = {"marker": "o", "ls": "none", "mfc": "w", "color": "#0060a8", "ms": 4}
+        style = {"marker": "o", "ls": "none", "mfc": "w", "color": BLUE, "ms": 4}
         panel.line(k_r[every], f_r[every] / 1e3, text, **style)
     return panel
+
+
+def _of_crystal(panel: Panel, m: Measuring, record: Signals, kappa: np.ndarray) -> None:
+    """Theory, and what the damped transform reads of the record, at wave numbers (k,), rad/m."""
+    theory = eq_9(kappa, m.lattice.stiffness, m.lattice.mass, m.lattice.distance) / KHZ
+    panel.line_on_map(kappa, theory, "theory (Eq. 9)", 1.0, color="k")
+    ridge = disp.chain_dispersion(record).omega(kappa[:98]) / KHZ
+    text = f"{producer_name(record.producer)}, damped transform"
+    panel.line(kappa[:98], ridge, text, color=ORANGE, ls="--", lw=2)
+
+
+def _of_random(panel: Panel, m: Measuring, record: Signals, kappa: np.ndarray) -> None:
+    """The coherent wave, that of long waves, and f_low-pass."""
+    wave = coherent(m, "linear")
+    kept = wave.frequency <= _leaves(m)
+    at, text = wave.wavenumber[kept], "coherent linear wave of the layers"
+    panel.line_on_map(at, wave.frequency[kept] / 1e3, text, 2, color=ORANGE, ls="--")
+    slope = kappa * longest(m, "linear").value / KHZ
+    panel.line(kappa, slope, "long waves", color="k", ls=":", lw=0.9)
+    band = passband(m)
+    producer, edges = ("yade", band.of_yade) if m.yade else ("linear", band.low_pass)
+    edge = edges[0].value
+    style = {"marker": "D", "ls": "none", "color": ORANGE, "ms": 6, "mfc": "w"}
+    at_edge = [2 * np.pi / wavelength_at(m, edge, producer)]
+    panel.line(at_edge, [edge / 1e3], "$f_{low-pass}$ 2 %, one chain", **style)
 
 
 def _leaves(m: Measuring) -> float:
@@ -85,18 +128,14 @@ def _leaves(m: Measuring) -> float:
     wave = coherent(m, "linear")
     rising = np.maximum.accumulate(np.nan_to_num(f_r)) == f_r
     own = np.interp(wave.frequency, f_r[rising], kappa[rising], np.nan, np.nan)
-    off = np.flatnonzero(
-        (abs(wave.wavenumber / own - 1) > 0.05) & (wave.frequency > 0.3 * scale(m))
-    )
-    return float(wave.frequency[off[0]]) if len(off) else np.inf
+    off = (abs(wave.wavenumber / own - 1) > 0.05) & (wave.frequency > 0.3 * scale(m))
+    return float(wave.frequency[np.argmax(off)]) if off.any() else np.inf
 
 
 def _of_layers(record: Signals) -> Signals:
     """The record with layers in place of the chain's particles, for the f-k map."""
-    changed = Signals(**vars(record))
-    changed.chain_position = record.layer_position
-    changed.chain_displacement = record.layer_displacement
-    return changed
+    z, u = record.layer_position, record.layer_displacement
+    return replace(record, chain_position=z, chain_displacement=u)
 
 
 def structure(cases: list[Measuring]) -> Picture:
@@ -106,38 +145,41 @@ def structure(cases: list[Measuring]) -> Picture:
         found = m.case.read("structure")
         if found is None:
             continue
-        peak = found.ridge()[0]
+        peak, kappa = found.ridge()[0], found.wavenumber
         f, top = found.frequency, 1.2 * np.nanmax(peak)
         rows = np.flatnonzero(f < top)
         rows = rows[:: max(1, len(rows) // 200)]
         shade = found.power[:, rows] / found.power[:, rows].max(axis=1, keepdims=True)
-        grid = np.linspace(found.wavenumber[0], found.wavenumber[-1], 120)
-        nearest = np.argmin(abs(found.wavenumber[:, None] - grid), axis=0)
-        panel = Panel(
-            r"wave number $\kappa_r = \pi r / L$ (rad/m)", "frequency (kHz)", m.label,
-            colour_label="$S_r(f)$ over its maximum", ylim=(0, top / 1e3), legend="lower right",
-        )  # fmt: skip
+        grid = np.linspace(kappa[0], kappa[-1], 120)
+        nearest = np.argmin(abs(kappa[:, None] - grid), axis=0)
+        axes = r"wave number $\kappa_r = \pi r / L$ (rad/m)", "frequency (kHz)", m.label
+        panel = Panel(*axes, ylim=(0, top / 1e3), legend="lower right")
+        panel.colour_label = "$S_r(f)$ over its maximum"
         panel.map(grid, f[rows] / 1e3, shade[nearest].T, cmap="gray_r")
-        panel.line_on_map(
-            found.wavenumber, peak / 1e3, "ridge", 1, marker="o", mfc="w", ms=3, color="#c05000"
-        )
-        line = found.wavenumber * longest(m, "linear").value / (2e3 * np.pi)
-        panel.line_on_map(found.wavenumber, line, "long waves", 1, color="#0060a8", ls="--")
-        narrow = Panel("frequency (kHz)", "full width (kHz)", m.label, xscale="log", yscale="log")
-        text, style = "structure factor", {"marker": "o", "mfc": "w", "color": "k"}
-        if whole_ridge(m) is not None:
-            f_ridge, own, _ = whole_ridge(m).of_waves()
-            narrow.line(f_ridge / 1e3, own / 1e3, text, **style)
-            if len(own):  # a tenth of the resolution is no width any more
-                narrow.ylim = (1e-4 * found.resolution, 3e-3 * float(own.max()))
-        wave = coherent(m, "linear")
-        rate = wave.attenuation * wave.group_velocity / np.pi
-        seen = (rate > 0) & (wave.frequency > 0.1 * scale(m))
-        text = "2 Im(q) $V_g$ / 2$\\pi$ of the coherent wave"
-        narrow.line(wave.frequency[seen] / 1e3, rate[seen] / 1e3, text, color="#c05000", ls="--")
-        narrow.add("vline", [low_pass_2(m) / 1e3], [0], None, "$f_{low-pass}$, 2 %", ls=":")
-        narrow.add("hline", [0], [found.resolution / 2e3], None, "half a resolution", color="0.7")
-        panels += [panel, narrow]
+        look = {"marker": "o", "mfc": "w", "ms": 3, "color": ORANGE}
+        panel.line_on_map(kappa, peak / 1e3, "ridge", 1, **look)
+        line = kappa * longest(m, "linear").value / KHZ
+        panel.line_on_map(kappa, line, "long waves", 1, color=BLUE, ls="--")
+        panels += [panel, _width(m, found.resolution)]
     if not panels:
         raise InputError("no case has a structure factor; keep one: measure FILE --keep DIR")
     return Picture(panels, columns=2, shape=(11, 0.4 + 3.6 * len(panels) / 2))
+
+
+def _width(m: Measuring, resolution: float) -> Panel:
+    """Width of the ridge over frequency, beside that which the coherent wave's decay makes."""
+    panel = Panel("frequency (kHz)", "full width (kHz)", m.label, xscale="log", yscale="log")
+    if (ridge := whole_ridge(m)) is not None:
+        f, own, _ = ridge.of_waves()
+        style = {"marker": "o", "mfc": "w", "color": "k"}
+        panel.line(f / 1e3, own / 1e3, "structure factor", **style)
+        if len(own):  # a tenth of the resolution is no width any more
+            panel.ylim = (1e-4 * resolution, 3e-3 * float(own.max()))
+    wave = coherent(m, "linear")
+    rate = wave.attenuation * wave.group_velocity / np.pi
+    seen = (rate > 0) & (wave.frequency > 0.1 * scale(m))
+    text = "2 Im(q) $V_g$ / 2$\\pi$ of the coherent wave"
+    panel.line(wave.frequency[seen] / 1e3, rate[seen] / 1e3, text, color=ORANGE, ls="--")
+    panel.vlines([low_pass_2(m) / 1e3], "$f_{low-pass}$, 2 %", ls=":")
+    panel.hline(resolution / 2e3, "half a resolution", color="0.7")
+    return panel

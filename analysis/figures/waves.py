@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.low_pass import threshold_curves
-from analysis.figures.picture import Panel, Picture, columns_for, each, share_limits
+from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, columns_for, each, share_limits
 from analysis.measuring import Measuring
 from analysis.quantities.passband import passband
 from analysis.quantities.velocity import longest
@@ -16,10 +14,9 @@ from modal.packing.rattlers import firmly_held
 from modal.packing.state import void_ratio
 from modal.waves.signals import Signals
 
+DISTANCE = "distance from the source wall (mm)"
 POINTS = 130
 """About as many points on a side of a map, and twice as many of a curve."""
-
-
 SHOWN = 1.3
 """Longest time that is drawn, in passages of the affine wave from wall to wall."""
 
@@ -53,14 +50,15 @@ def _signal(m: Measuring, wanted: float) -> Panel:
     u = 1e9 * record.chain_displacement[:, n]
     panel = Panel("time (ms)", "$u_z$ (nm)", title)
     end = _end(m, record)
-    panel.xlim = (0, 1e3 * end)
     # The legend stands above the wave.
-    panel.ylim = (min(-0.4, 1.15 * float(u.min())), 1.5 * float(u.max()))
+    panel.xlim, panel.ylim = (
+        (0, 1e3 * end),
+        (min(-0.4, 1.15 * float(u.min())), 1.5 * float(u.max())),
+    )
     _curve(panel, record, n, end, producer_name(record.producer), color="0.6", lw=2.2)
     thin = {"color": "k", "ls": "--", "lw": 0.9}
     if m.crystal:
-        twin = exact_twin(record, m.lattice)
-        _curve(panel, twin, n, end, "exact lattice", **thin)
+        _curve(panel, exact_twin(record, m.lattice), n, end, "exact lattice", **thin)
     elif record is not m.linear:
         own = int(np.flatnonzero(m.linear.chain_particle == record.chain_particle[n])[0])
         _curve(panel, m.linear, own, end, "linear wave", **thin)
@@ -93,7 +91,7 @@ def signals(cases: list[Measuring]) -> Picture:
     return Picture(panels, columns=3, shape=(11, 0.6 + 2.2 * len(cases)))
 
 
-LOOKS = ("0.5", "-"), ("k", "-"), ("#0060a8", "--"), ("#c05000", ":")
+LOOKS = ("0.5", "-"), ("k", "-"), (BLUE, "--"), (ORANGE, ":")
 """Colour and line of a stress, by its power of ten."""
 
 
@@ -138,11 +136,11 @@ def motion(m: Measuring, record: Signals, speed: float, name: str, end: float) -
     u = 1e9 * record.chain_displacement[: len(time)][step][:, order]
     time = time[step]
     top = float(f"{np.percentile(abs(u), 99.9):.3g}") or 1.0
-    panel = Panel(
-        "distance from the source wall (mm)", "time (ms)", title=m.label,
-        colour_label=f"$u_{record.direction}$ (nm)", legend="upper left",
-        xlim=(float(z.min()), float(z.max())),
-    )  # fmt: skip
+    panel = Panel(DISTANCE, "time (ms)", m.label, legend="upper left")
+    panel.colour_label, panel.xlim = (
+        f"$u_{record.direction}$ (nm)",
+        (float(z.min()), float(z.max())),
+    )
     panel.map(z[order], 1e3 * time, u, cmap="gray_r", vmin=-top, vmax=top)
     line = z / speed
     seen = line < 1e3 * time[-1]
@@ -165,31 +163,24 @@ def spectrum_distance(m: Measuring) -> Panel:
     top = min(max([top, *(1.4 * value for value in found)]), band.highest)  # the legend's room
     rows = np.flatnonzero(frequency < top)[:: max(1, int((frequency < top).sum() // 150))]
     shade = 20 * np.log10(np.maximum(amplitude[rows] / amplitude.max(), 3e-3))
-    panel = Panel(
-        "distance from the source wall (mm)", "frequency (kHz)",
-        title=f"{m.label}, {producer_name(record.producer)}", colour_label="amplitude (dB)",
-        ylim=(0, top / 1e3), legend="lower left" if m.crystal else "upper right",
-    )  # fmt: skip
+    title = f"{m.label}, {producer_name(record.producer)}"
+    panel = Panel(DISTANCE, "frequency (kHz)", title, ylim=(0, top / 1e3))
+    panel.colour_label, panel.legend = "amplitude (dB)", ("upper right", "lower left")[m.crystal]
     # A layer is drawn only with all others: every third alone would show a false band.
     panel.map(1e3 * distance, frequency[rows] / 1e3, shade, cmap="gray_r")
     curves = threshold_curves(frequency, amplitude)
     ends = np.array(band.stretch) * m.network.length
-    for row, edge, text, style in zip(
-        curves[:2], edges[:2], ("2 %", "1 %"), ("-", ":"), strict=True
-    ):
-        look = {"color": "#c05000", "ls": style}
+    for row, edge, text, ls in zip(curves, edges, ("2 %", "1 %"), ("-", ":"), strict=False):
         middle, level = _slabs(distance, row, m.network.length)
         text_of = f"{text} threshold, medians"
-        panel.line_on_map(1e3 * middle, level / 1e3, text_of, 1.2, **look)
-        value = f"{text}: {edge.value / 1e3:.1f} kHz" + ("" if edge.flat else ", no plateau")
+        panel.line_on_map(1e3 * middle, level / 1e3, text_of, 1.2, color=ORANGE, ls=ls)
         if not np.isfinite(edge.value):
-            panel.line([np.nan], [np.nan], f"{text}: no answer", color="#0060a8", ls=style)
+            panel.line([np.nan], [np.nan], f"{text}: no answer", color=BLUE, ls=ls)
             continue
-        place = [edge.value / 1e3] * 2
-        panel.line(1e3 * ends, place, value, color="#0060a8", ls=style, lw=3)
+        value = f"{text}: {edge.value / 1e3:.1f} kHz" + ("" if edge.flat else ", no plateau")
+        panel.line(1e3 * ends, [edge.value / 1e3] * 2, value, color=BLUE, ls=ls, lw=3)
     if said := m.stated.get("f_low_pass_2_khz"):
-        dashed: dict[str, Any] = {"color": "k", "ls": "--", "lw": 0.8}
-        panel.add("hline", [0], said[:1], None, f"stated: {said[0]:g} kHz", **dashed)
+        panel.hline(said[0], f"stated: {said[0]:g} kHz", color="k", ls="--", lw=0.8)
     return panel
 
 
@@ -197,16 +188,13 @@ def spectrum_distance(m: Measuring) -> Panel:
 def low_pass_chains(m: Measuring) -> Panel:
     """Beyond the paper: f_low-pass (2 %) over distance by one chain, each of it, and the layers."""
     band = passband(m)
-    panel = Panel(
-        "distance from the source wall (mm)", "$f_{low-pass}$, 2 % (kHz)", m.label,
-        ylim=(0, 0.5 * band.highest / 1e3), legend="lower center", legend_columns=2,
-    )  # fmt: skip
-    if m.crystal:
-        panel.ylim = (0, band.highest / 1e3)
+    panel = Panel(DISTANCE, "$f_{low-pass}$, 2 % (kHz)", m.label, legend="lower center")
+    panel.ylim = (0, (1.0 if m.crystal else 0.5) * band.highest / 1e3)
+    panel.legend_columns = 2
     for whose, reference, text, style in (
         ("chain", "map", "chain, whole map", {"color": "k"}),
         ("chain", "own", "chain, own maxima", {"color": "0.55", "ls": "-."}),
-        ("layers", "map", "layers, whole map", {"color": "#c05000", "ls": "--"}),
+        ("layers", "map", "layers, whole map", {"color": ORANGE, "ls": "--"}),
     ):
         distance, frequency, amplitude = band.map(m.linear, whose, band.common)
         curve = threshold_curves(frequency, amplitude, reference)[0]
@@ -215,9 +203,8 @@ def low_pass_chains(m: Measuring) -> Panel:
     ends = 1e3 * np.array(band.stretch) * m.network.length
     values = band.of_columns[:, 0]
     if np.isfinite(values).any():
-        low, high = np.nanpercentile(values, (16, 84)) / 1e3
-        look = {"color": "#0060a8", "alpha": 0.4}
-        panel.add("band", ends, [low] * 2, [high] * 2, "columns, 16-84 %", **look)
+        quartiles = np.nanpercentile(values, (16, 84)) / 1e3
+        panel.band(ends, *quartiles, "columns, 16-84 %", color=BLUE, alpha=0.4)
     return panel
 
 
@@ -226,9 +213,7 @@ def _slabs(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Middle, m, and median of the values of each fortieth of the length, or of three particles."""
     edges = np.linspace(0, length, 1 + max(1, min(40, len(distance) // 3)))
-    groups = [
-        values[(distance >= a) & (distance < b)] for a, b in zip(edges[:-1], edges[1:], strict=True)
-    ]
-    groups = [g[np.isfinite(g)] for g in groups]
+    place = np.where(np.isfinite(values), np.searchsorted(edges, distance, "right"), 0)
+    groups = [values[place == k] for k in range(1, len(edges))]
     medians = [np.median(g) if len(g) > 1 else np.nan for g in groups]
     return 0.5 * (edges[1:] + edges[:-1]), np.array(medians)

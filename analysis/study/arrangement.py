@@ -52,7 +52,7 @@ def arrange(
                 picture, away = _of_cases(spec, select(cases, spec["cases"]).index, panels)
                 caption += f" Absent: {', '.join(away)}." if away else ""
             else:
-                picture = FIGURES[spec["figure"]].function([row for row in rows if not row.state])
+                picture = FIGURES[spec["figure"]]([row for row in rows if not row.state])
             drawn.append((save(picture, output / spec["name"])[0], caption))
         except InputError as error:
             absent.append(f"{spec['name']}: {error}")
