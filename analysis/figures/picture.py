@@ -93,7 +93,7 @@ class Panel:
 
     def vlines(self, x, label: str = "", **style) -> None:
         """Append upright lines at x (n,)."""
-        self.add("vline", x, 0 * np.asarray(x), None, label, **style)
+        self.add("vline", x, np.zeros(np.shape(x)), None, label, **style)
 
     def band(self, x, low, high, label: str = "", **style) -> None:
         """Append what lies between low and high, which may be numbers, over x (n,)."""
