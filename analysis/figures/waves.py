@@ -51,10 +51,8 @@ def _signal(m: Measuring, wanted: float) -> Panel:
     panel = Panel("time (ms)", "$u_z$ (nm)", title)
     end = _end(m, record)
     # The legend stands above the wave.
-    panel.xlim, panel.ylim = (
-        (0, 1e3 * end),
-        (min(-0.4, 1.15 * float(u.min())), 1.5 * float(u.max())),
-    )
+    panel.xlim = (0, 1e3 * end)
+    panel.ylim = (min(-0.4, 1.15 * float(u.min())), 1.5 * float(u.max()))
     _curve(panel, record, n, end, producer_name(record.producer), color="0.6", lw=2.2)
     thin = {"color": "k", "ls": "--", "lw": 0.9}
     if m.crystal:
@@ -137,10 +135,8 @@ def motion(m: Measuring, record: Signals, speed: float, name: str, end: float) -
     time = time[step]
     top = float(f"{np.percentile(abs(u), 99.9):.3g}") or 1.0
     panel = Panel(DISTANCE, "time (ms)", m.label, legend="upper left")
-    panel.colour_label, panel.xlim = (
-        f"$u_{record.direction}$ (nm)",
-        (float(z.min()), float(z.max())),
-    )
+    panel.colour_label = f"$u_{record.direction}$ (nm)"
+    panel.xlim = (float(z.min()), float(z.max()))
     panel.map(z[order], 1e3 * time, u, cmap="gray_r", vmin=-top, vmax=top)
     line = z / speed
     seen = line < 1e3 * time[-1]
