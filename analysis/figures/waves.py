@@ -100,7 +100,7 @@ def signals_stress(cases: list[Measuring]) -> Picture:
     """
     panels: dict[str, Panel] = {}
     for m in sorted(cases, key=lambda m: (not m.crystal, m.mu_comp, m.stress)):
-        record = m.record_of(1e5)
+        record = m.case.read("100kHz.signals") or m.shown
         n, depth = _nearest(m, record, distances(m)[1])
         group = "FCC" if m.crystal else rf"$\mu_{{comp}}$ = {m.mu_comp:g}"
         group += f", pulse {record.input_frequency / 1e3:.3g} kHz, {depth:.0f} D"
