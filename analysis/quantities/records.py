@@ -27,8 +27,14 @@ PRODUCERS = {"yade": "run", "linear": "linear wave"}
 Number = Callable[[Measuring], float | Value]
 
 
-def _of_lattice(m: Measuring, name: str) -> float:
-    return float(getattr(m.lattice, name)) if m.crystal else np.nan
+def _of_crystal(number: Callable[[Measuring], float | Value]) -> Number:
+    """A number that only crystals have."""
+    return lambda m: number(m) if m.crystal else NOTHING
+
+
+def _of_file(kind: str, number: Callable[[Measuring], float | Value]) -> Number:
+    """A number that is known where there is a file of this kind."""
+    return lambda m: number(m) if m.case.has(kind) else NOTHING
 
 
 def _f_max(m: Measuring) -> Value:
@@ -38,7 +44,7 @@ def _f_max(m: Measuring) -> Value:
 
 def _f_min(m: Measuring) -> Value:
     modes = m.case.read("modes")
-    return NOTHING if modes is None else spectrum.natural_frequency(modes.frequency[0], modes)
+    return spectrum.natural_frequency(modes.frequency[0], modes)
 
 
 def _resonance(m: Measuring, r: int) -> Value:
@@ -50,10 +56,8 @@ def _resonance(m: Measuring, r: int) -> Value:
 
 
 def _translations(m: Measuring) -> float:
-    only = m.case.read("translations.modes")
-    if only is None or not m.crystal:
-        return np.nan
-    return float(only.frequency[-1] / m.lattice.low_pass_frequency)
+    highest = m.case.read("translations.modes").frequency[-1]
+    return float(highest / m.lattice.low_pass_frequency)
 
 
 def _chi(m: Measuring, low: float, high: float, chain: bool = True) -> float:
@@ -61,20 +65,19 @@ def _chi(m: Measuring, low: float, high: float, chain: bool = True) -> float:
     return spectrum.largest_chi(m, low * top, high * top, chain)[0]
 
 
-def _of_excess(m: Measuring, name: str) -> float:
-    """A number of a file's density of states; NaN without one."""
-    return float(getattr(spectrum.excess(m), name)) if m.case.has("density") else np.nan
-
-
 def _limit(m: Measuring) -> float:
     found = scattering.whole_ridge(m)
     return np.nan if found is None else found.limit
 
 
-def _of_balance(m: Measuring, name: str) -> float:
-    """A number of the energy balance of the YADE run; NaN without one."""
-    books = None if m.yade is None else m.yade.balance
-    return np.nan if books is None else float(getattr(books, name))
+def _of_balance(name: str) -> Number:
+    """A number of the energy balance of the YADE run."""
+
+    def found(m: Measuring) -> float:
+        books = None if m.yade is None else m.yade.balance
+        return np.nan if books is None else float(getattr(books, name))
+
+    return found
 
 
 def _off_linear(m: Measuring) -> float:
@@ -117,19 +120,7 @@ def _shear_edge(m: Measuring, key: str) -> Value:
     return estimate(edge.value, edge.error)
 
 
-def _columns(m: Measuring) -> Value:
-    return estimate(*velocity.columns(m, "linear"))
-
-
-def _first(m: Measuring, pair: Callable[[Measuring], tuple[float, float]]) -> float:
-    return pair(m)[0]
-
-
-def _second(m: Measuring, pair: Callable[[Measuring], tuple[float, float]]) -> float:
-    return pair(m)[1]
-
-
-def _of(function: Callable[..., float | Value], *given: object) -> Number:
+def _by(function: Callable[..., float | Value], *given: object) -> Number:
     """A function of a packing and more, as one of the packing alone."""
     return lambda m: function(m, *given)
 
@@ -138,55 +129,51 @@ FOUND: dict[str, tuple[str, str, Number]] = {
     "particles": ("1", "spheres", lambda m: m.network.n_particles),
     "length_over_d": ("1", "length, D", lambda m: m.network.length / m.diameter),
     "width_over_d": ("1", "width, D", lambda m: m.network.cell_size[0] / m.diameter),
-    "v_p_first_peaks_yade": ("m/s", "V_P of first peaks, run", _of(velocity.first_peak, "yade")),
-    "v_p_first_peaks_linear": ("m/s", "V_P of first peaks", _of(velocity.first_peak, "linear")),
-    "v_p_first_peaks_all_columns": ("m/s", "the same, mean of columns", _columns),
-    "v_p_long_waves_yade": ("m/s", "V_P of the longest waves, run", _of(velocity.longest, "yade")),
-    "v_p_long_waves_linear": ("m/s", "V_P of the longest waves", _of(velocity.longest, "linear")),
+    "v_p_first_peaks_yade": ("m/s", "V_P of first peaks, run", _by(velocity.first_peak, "yade")),
+    "v_p_first_peaks_linear": ("m/s", "V_P of first peaks", _by(velocity.first_peak, "linear")),
+    "v_p_first_peaks_all_columns": (
+        *("m/s", "the same, mean of columns"),
+        lambda m: estimate(*velocity.columns(m, "linear")),
+    ),
+    "v_p_long_waves_yade": ("m/s", "V_P of the longest waves, run", _by(velocity.longest, "yade")),
+    "v_p_long_waves_linear": ("m/s", "V_P of the longest waves", _by(velocity.longest, "linear")),
     "v_p_modes_first": ("m/s", "2 L f_1 of the first resonance", spectrum.modal_first),
     "v_p_modes_eq_4": ("m/s", "V_P of modes, kappa = pi r / L", spectrum.modal_velocity),
     "v_p_modes_fitted": ("m/s", "V_P of modes, kappa fitted", spectrum.modal_fitted),
-    "v_p_walls_phase": ("m/s", "phase velocity wall to wall, L / 5", _of(_first, velocity.walls)),
-    "v_p_walls_group": ("m/s", "group velocity wall to wall, L / 5", _of(_second, velocity.walls)),
-    "v_p_emt_contacts": ("m/s", "V_P of even strains, contacts", _of(_first, velocity.effective)),
-    "v_p_emt_means": (
-        *("m/s", "V_P of even strains, means of e and Z"),
-        _of(_second, velocity.effective),
-    ),
-    "v_p_theory": ("m/s", "V_P of the lattice", _of(_of_lattice, "velocity")),
+    "v_p_walls_phase": ("m/s", "phase velocity wall to wall", lambda m: velocity.walls(m)[0]),
+    "v_p_walls_group": ("m/s", "group velocity wall to wall", lambda m: velocity.walls(m)[1]),
+    "v_p_emt_contacts": ("m/s", "V_P of even strains", lambda m: velocity.effective(m)[0]),
+    "v_p_emt_means": ("m/s", "the same of means of e and Z", lambda m: velocity.effective(m)[1]),
+    "v_p_theory": ("m/s", "V_P of the lattice", _of_crystal(lambda m: m.lattice.velocity)),
     "f_max": ("Hz", "highest natural frequency, of a list where there is one", _f_max),
-    "f_max_spheres": ("1", "spheres that move in that mode", _of(_first, spectrum.highest_seat)),
-    "f_max_contacts": ("1", "contacts of the first of them", _of(_second, spectrum.highest_seat)),
-    "f_min": ("Hz", "lowest natural frequency", _f_min),
-    "f_1": ("Hz", "first P resonance", _of(_resonance, 1)),
-    "f_200": (
-        *("Hz", "200th P resonance of a crystal"),
-        lambda m: _resonance(m, 200) if m.crystal else NOTHING,
-    ),
+    "f_max_spheres": ("1", "spheres that move there", lambda m: spectrum.highest_seat(m)[0]),
+    "f_max_contacts": ("1", "contacts of the first", lambda m: spectrum.highest_seat(m)[1]),
+    "f_min": ("Hz", "lowest natural frequency", _of_file("modes", _f_min)),
+    "f_1": ("Hz", "first P resonance", _by(_resonance, 1)),
+    "f_200": ("Hz", "200th P resonance of a crystal", _of_crystal(_by(_resonance, 200))),
     "resonances_found": (
         *("1", "number of P resonances"),
-        lambda m: len(spectrum.standing_waves(m)[0]) if m.case.has("modes") else np.nan,
+        _of_file("modes", lambda m: len(spectrum.standing_waves(m)[0])),
     ),
-    "band_edge_linear": ("Hz", "end of a crystal's band", _of(passband.band_edge, "linear")),
-    "band_edge_yade": ("Hz", "end of a crystal's band, run", _of(passband.band_edge, "yade")),
+    "band_edge_linear": ("Hz", "end of a crystal's band", _by(passband.band_edge, "linear")),
+    "band_edge_yade": ("Hz", "end of a crystal's band, run", _by(passband.band_edge, "yade")),
     "band_edge_modes": ("Hz", "end of a crystal's band, modes", passband.modal_edge),
     "band_edge_theory": (
         *("Hz", "end of a crystal's band, lattice"),
-        _of(_of_lattice, "low_pass_frequency"),
+        _of_crystal(lambda m: m.lattice.low_pass_frequency),
     ),
     "lambda_edge_linear_over_d": (
-        "1",
-        "wavelength there, D",
-        _of(passband.edge_wavelength, "linear"),
+        *("1", "wavelength there, D"),
+        _by(passband.edge_wavelength, "linear"),
     ),
-    "lambda_edge_yade_over_d": ("1", "the same of the run", _of(passband.edge_wavelength, "yade")),
-    "translations_only_over_edge": ("1", "highest mode without rotations over it", _translations),
-    "chi_z_low": ("1", "largest chi_z of the chain's modes below 0.05 f_max", _of(_chi, 0.0, LOW)),
-    "chi_z_high": (
-        *("1", "largest chi_z of the chain's modes above 0.07 f_max"),
-        _of(_chi, HIGH, np.inf),
+    "lambda_edge_yade_over_d": ("1", "the same of the run", _by(passband.edge_wavelength, "yade")),
+    "translations_only_over_edge": (
+        *("1", "highest mode without rotations over it"),
+        _of_crystal(_of_file("translations.modes", _translations)),
     ),
-    "chi_z_high_all": ("1", "the same of all spheres", _of(_chi, HIGH, np.inf, False)),
+    "chi_z_low": ("1", "largest chi_z of the chain's modes below 0.05 f_max", _by(_chi, 0.0, LOW)),
+    "chi_z_high": ("1", "largest of them above 0.07 f_max", _by(_chi, HIGH, np.inf)),
+    "chi_z_high_all": ("1", "the same of all spheres", _by(_chi, HIGH, np.inf, False)),
     "chi_z_high_mean": (
         *("1", "mean chi_z there"),
         lambda m: spectrum.mean_chi(m, HIGH * spectrum.f_max(m), np.inf),
@@ -197,14 +184,23 @@ FOUND: dict[str, tuple[str, str, Number]] = {
     "free_path_at_f_low_pass_over_d": ("1", "mean free path there, D", scattering.free_path),
     "ridge_width_power": ("1", "power of f in the ridge's width there", scattering.width_power),
     "ioffe_regel_of_ridge": ("Hz", "the Ioffe-Regel frequency of a kept structure factor", _limit),
-    "excess_at_a_tenth": ("1", "D f_max^3 / f^2 at 0.1 f_max", _of(_of_excess, "at_a_tenth")),
-    "excess_largest": ("1", "largest D f_max^3 / f^2", _of(_of_excess, "peak")),
-    "excess_largest_at": ("Hz", "where it is", _of(_of_excess, "peak_frequency")),
-    "energy_drift": ("1", "drift of the run's energy", _of(_of_balance, "drift")),
-    "energy_to_friction": ("1", "of it to friction", _of(_of_balance, "friction")),
-    "energy_gap": ("1", "gap to the wall's work", _of(_of_balance, "gap")),
-    "contacts_opened": ("1", "contacts that opened", _of(_of_balance, "opened")),
-    "contacts_slid": ("1", "contacts that slid", _of(_of_balance, "slid")),
+    "excess_at_a_tenth": (
+        *("1", "D f_max^3 / f^2 at 0.1 f_max"),
+        _of_file("density", lambda m: spectrum.excess(m).at_a_tenth),
+    ),
+    "excess_largest": (
+        *("1", "largest D f_max^3 / f^2"),
+        _of_file("density", lambda m: spectrum.excess(m).peak),
+    ),
+    "excess_largest_at": (
+        *("Hz", "where it is"),
+        _of_file("density", lambda m: spectrum.excess(m).peak_frequency),
+    ),
+    "energy_drift": ("1", "drift of the run's energy", _of_balance("drift")),
+    "energy_to_friction": ("1", "of it to friction", _of_balance("friction")),
+    "energy_gap": ("1", "gap to the wall's work", _of_balance("gap")),
+    "contacts_opened": ("1", "contacts that opened", _of_balance("opened")),
+    "contacts_slid": ("1", "contacts that slid", _of_balance("slid")),
     "yade_less_linear_layers": ("1", "run less linear wave, relative", _off_linear),
     "record_passages": ("1", "passages of the record", lambda m: passband.passband(m).common),
 }
@@ -213,24 +209,24 @@ LOW_PASS: dict[str, tuple[str, str]] = {}
 """Thresholds' quantities: name of f_low-pass, and of lambda / D there, by NUMBER_RULEPRODUCER."""
 SHEAR: dict[str, str] = {}
 """Quantities of S-waves, and whose record they need."""
-for _producer, _by in PRODUCERS.items():
+for _producer, _told in PRODUCERS.items():
     for _rule, (_whose, _reference) in MAPS.items():
         for _threshold, _percent in PERCENT.items():
             _key, _which = f"{_percent}_{_rule}{_producer}", (_producer, _rule, _threshold)
-            _text = f"{_percent} % of the maximum, {_whose}, {_reference}; {_by}"
+            _text = f"{_percent} % of the maximum, {_whose}, {_reference}; {_told}"
             LOW_PASS[_key] = f"f_low_pass_{_key}", f"lambda_{_key}_over_d"
             FOUND[LOW_PASS[_key][1]] = (
                 *("1", f"wavelength there, D, {_text}"),
-                _of(_wavelength, *_which),
+                _by(_wavelength, *_which),
             )
-            on_request(LOW_PASS[_key][0], "Hz", f"f_low-pass, {_text}")(_of(_low_pass, *_which))
+            on_request(LOW_PASS[_key][0], "Hz", f"f_low-pass, {_text}")(_by(_low_pass, *_which))
     for _name, _unit, _text, _rule_of in (
         ("v_s_long_waves", "m/s", "V_S of the longest waves", velocity.longest),
         ("v_s_first_peaks", "m/s", "V_S of first peaks", velocity.first_peak),
         ("f_low_pass_2_shear", "Hz", "f_low-pass of S-waves, 2 %", _shear_edge),
     ):
         SHEAR[f"{_name}_{_producer}"] = _producer
-        _found = _unit, f"{_text}, {_by}", _of(_rule_of, f"shear_{_producer}")
+        _found = _unit, f"{_text}, {_told}", _by(_rule_of, f"shear_{_producer}")
         FOUND[f"{_name}_{_producer}"] = _found
 for _name, (_unit, _text, _number) in FOUND.items():
     on_request(_name, _unit, _text)(_number)
