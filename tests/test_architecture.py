@@ -16,8 +16,8 @@ ORDER = {
     ),
     "analysis": (
         *("table", "watch", "estimators", "agreement", "case"),
-        *("belonging", "value", "measuring", "prepare", "quantities", "measurement"),
-        *("status", "crystal", "rows", "figures", "study"),
+        *("belonging", "value", "packing", "measuring", "prepare", "quantities", "measurement"),
+        *("crystal", "rows", "figures", "study"),
         *("cli", "__main__"),
     ),
 }

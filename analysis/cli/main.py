@@ -8,37 +8,42 @@ import sys
 from collections.abc import Sequence
 
 from modal.cli.options import Parser, check_files, check_text, say_error
+from modal.cli.table import add_options
 from modal.tools.errors import InputError
 
 GROUPS = {
     "your packing": {
-        "measure": ("measure", "start here: velocities, low-pass, moduli ... with errors"),
-        "figure": ("figure", "when a number is not enough: one figure, or again from its CSV"),
-        "watch": ("waves", "to see a wave or modes move: one page, in three dimensions"),
-        "agreement": ("waves", "when a DEM run is in doubt: against the linear wave, by cause"),
+        "measure": "start here: velocities, low-pass, moduli ... with errors",
+        "figure": "when a number is not enough: one figure, or again from its CSV",
+        "watch": "to see a wave or modes move: one page, in three dimensions",
+        "agreement": "when a DEM run is in doubt: against the linear wave, by cause",
     },
-    "the study": {
-        "study": ("study", "of many packings: tables, figures, targets, one page; its stages"),
-    },
+    "the study": {"study": "of many packings: tables, figures, targets, one page; its stages"},
 }
-"""Commands by group: the module of each in this room, loaded when it is called; when to use it."""
-COMMANDS = {name: told for group in GROUPS.values() for name, told in group.items()}
+"""Commands by group, and when to use each. Its module has the same name in this room, is loaded
+when it is called, and has what modules of `modal.cli` have: `EXAMPLE`, `OPTIONS`, `run`."""
+COMMANDS = {name: when for group in GROUPS.values() for name, when in group.items()}
 
 
 def parser(called: str = "") -> argparse.ArgumentParser:
     """The parser of the command that is `called`; with the names of all where it is none."""
     lines = ["Any packing measured, and the study of many; COMMAND --help has options, an example."]
     for title, group in GROUPS.items():
-        lines += ["", f"{title}:", *(f"  {name:12s} {when}" for name, (_, when) in group.items())]
+        lines += ["", f"{title}:", *(f"  {name:12s} {when}" for name, when in group.items())]
     whole = Parser(prog="python -m analysis", description="\n".join(lines))
     commands = whole.add_subparsers(
         dest="command", required=True, parser_class=Parser, metavar="COMMAND"
     )
-    if called in COMMANDS:
-        importlib.import_module(f"analysis.cli.{COMMANDS[called][0]}").add(commands)
-    else:
+    if called not in COMMANDS:
         for name in COMMANDS:
             commands.add_parser(name)
+        return whole
+    module = importlib.import_module(f"analysis.cli.{called}")
+    said = (module.__doc__ or "").split("\n")[0].rstrip(".")
+    more = {"example": module.EXAMPLE, "epilog": getattr(module, "EPILOG", None)}
+    command = commands.add_parser(called, description=said, **more)
+    add_options(command, module.OPTIONS)
+    command.set_defaults(run=module.run)
     return whole
 
 

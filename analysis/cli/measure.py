@@ -1,45 +1,38 @@
-"""The command measure: what a packing is like, with errors and caveats."""
+"""Velocities, low-pass frequency, moduli ... of any packing, with errors and caveats."""
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
-from analysis.cli.options import add_command
 from analysis.measurement import Measurement, measure_files
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.amplitude import AMPLITUDE
 from analysis.table import Table
 from modal.cli.options import json_text, say
-from modal.cli.table import add_options, output
+from modal.cli.table import ANY_NUMBER, Given, Group, Option, flag, output
 from modal.cli.terminal import put
 from modal.formats.hdf5 import write_text
 
-
-def add(commands: Any) -> None:
-    """The command's options."""
-    text = "velocities, low-pass frequency, moduli ... of any packing, with errors and caveats"
-    command = add_command(commands, "measure", text, "measure mine.network.h5 --quick", _measure)
-    command.add_argument(
-        "files", nargs="+", metavar="FILE", help="packings, and waves recorded in them"
-    )
-    which = command.add_mutually_exclusive_group()
-    which.add_argument("--quick", action="store_true", help=f"only {', '.join(QUICK)}")
-    which.add_argument(
-        "--quantities", nargs="+", choices=QUANTITIES, metavar="NAME", help=", ".join(QUANTITIES)
-    )
-    command.add_argument("--json", action="store_true", help="print JSON")
-    command.add_argument(
-        "--amplitudes", nargs="+", type=float, default=(), metavar="A",
-        help=f"of pulses through a sample, m: {', '.join(AMPLITUDE)}",
-    )  # fmt: skip
-    command.add_argument("--keep", metavar="DIR", help="folder that keeps costly spectra")
-    add_options(command, [output("what --json prints, *.json; or a table, *.md")])
-    command.epilog = "\n".join(
-        f"{q.name}: {q.definition} ({q.unit}){', on request' * q.asked}"
-        for q in QUANTITIES.values()
-    )
+EXAMPLE = "measure mine.network.h5 --quick"
+EPILOG = "\n".join(
+    f"{q.name}: {q.definition} ({q.unit}){', on request' * q.asked}" for q in QUANTITIES.values()
+)
+NAMES, OF_PULSES = ", ".join(QUANTITIES), ", ".join(AMPLITUDE)
+OPTIONS = [
+    Option("files", "FILE", "packings, and waves recorded in them", kind=str, more=ANY_NUMBER),
+    Group(
+        "",
+        [
+            flag("--quick", f"only {', '.join(QUICK)}"),
+            Option("--quantities", "NAME", NAMES, kind=tuple(QUANTITIES), more=ANY_NUMBER),
+        ],
+    ),
+    flag("--json", "print JSON"),
+    Option("--amplitudes", "A", f"of pulses through a sample, m: {OF_PULSES}", (), more=ANY_NUMBER),
+    Option("--keep", "DIR", "folder that keeps costly spectra", kind=str),
+    output("what --json prints, *.json; or a table, *.md"),
+]
 
 
 def _table(found: dict[str, Measurement]) -> str:
@@ -60,7 +53,8 @@ def _json(found: dict[str, Measurement], mean: Measurement | None) -> str:
     return json_text(told)
 
 
-def _measure(options: argparse.Namespace) -> int:
+def run(options: Given) -> int:
+    """Measure; 3 where a quantity that was asked for could not be."""
     names = QUICK if options.quick else options.quantities
     found, mean = measure_files(options.files, names, options.keep, options.amplitudes)
     if options.output:

@@ -1,55 +1,52 @@
-"""The command study: its cases measured, what of them is stale, and all results on one page."""
+"""All results of a study: tables, figures, targets, a page, in seconds; or one of its stages."""
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
-from typing import Any
 
-from analysis.cli.options import add_command, add_products
 from analysis.study.beside import table_of
 from analysis.study.description import Study
 from analysis.study.measuring import measure_case
 from analysis.study.whole import case_of, write_study
-from modal.cli.table import NewFile, NewFolder
+from modal.cli.table import Given, Group, NewFile, NewFolder, Option, flag, output
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
 
-
-def add(commands: Any) -> None:
-    """The command's options: of the whole, then of its stages."""
-    text = (
-        "all results of a study: tables, figures, targets, a page, in seconds; or one of its stages"
-    )
-    example = "study studies/friction_width.yaml --results products/results"
-    study = add_command(commands, "study", text, example, _study)
-    study.add_argument("study", metavar="YAML", help="the study")
-    study.add_argument("file", nargs="*", metavar="FILE", help="packing and waves to --measure")
-    study.add_argument("--results", default="products/results", metavar="DIR", help="to read")
-    study.add_argument(
-        *("-o", "--output"),
-        type=lambda text: NewFile(text) if text.endswith(".json") else NewFolder(text),
-        default=NewFolder("products/study"),
-        metavar="DIR",
-        help="folder to write to; with --measure the file, *.json",
-    )
-    add_products(study)
-    stage = study.add_mutually_exclusive_group()
-    stage.add_argument("--measure", metavar="NAME", help="write the result of a case, of a state")
-    stage.add_argument("--case", metavar="NAME", help="print the table of a case, write nothing")
-    text = "measure only numbers that show a scatter"
-    study.add_argument("--scatter", action="store_true", help=text)
+EXAMPLE = "study studies/friction_width.yaml --results products/results"
 
 
-def _study(options: argparse.Namespace) -> int:
-    results, output, products = map(Path, (options.results, options.output, options.products))
+def _new(text: str) -> NewFile | NewFolder:
+    return NewFile(text) if text.endswith(".json") else NewFolder(text)
+
+
+TO = "folder to write to; with --measure the file, *.json"
+OPTIONS = [
+    Option("study", "YAML", "the study", kind=str),
+    Option("file", "FILE", "packing and waves to --measure", kind=str, more={"nargs": "*"}),
+    Option("--results", "DIR", "to read", "products/results", str),
+    output(TO, "DIR")._replace(default="products/study", kind=_new),
+    Option("--products", "DIR", "folder to read", "products", str),
+    Group(
+        "",
+        [
+            Option("--measure", "NAME", "write the result of a case, of a state", kind=str),
+            Option("--case", "NAME", "print the table of a case, write nothing", kind=str),
+        ],
+    ),
+    flag("--scatter", "measure only numbers that show a scatter"),
+]
+
+
+def run(options: Given) -> int:
+    """One stage, or the whole; 3 for a page that lacks cases."""
+    results, folder, products = map(Path, (options.results, options.output, options.products))
     study = Study(options.study)
     if options.measure:
         if not isinstance(options.output, NewFile):
-            raise InputError(f"-o {output}: a result is a file; name it *.json")
+            raise InputError(f"-o {folder}: a result is a file; name it *.json")
         files = list(map(Path, options.file))
-        measure_case(study, options.measure, files, products, output, options.scatter)
-        put(output)
+        measure_case(study, options.measure, files, products, folder, options.scatter)
+        put(folder)
         return 0
     if not results.is_dir():
         raise InputError(f"{results}: no such folder; give --results DIR")
@@ -58,12 +55,12 @@ def _study(options: argparse.Namespace) -> int:
         table = table_of(row, frame, rules)
         put(f"{table.title}\n{table.text()}")
         put("".join(f"note: {note}\n" for note in row.notes), end="")
-    else:
-        command = ["python", "-m", "analysis", *options.argv]
-        try:
-            page, missing = write_study(study, results, output, command)
-        except OSError as error:
-            raise InputError(f"{output}: cannot be written ({error}); choose another -o") from error
-        put(page)
-        return 3 if missing else 0
-    return 0
+        return 0
+    try:
+        page, missing = write_study(
+            study, results, folder, ["python", "-m", "analysis", *options.argv]
+        )
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error}); choose another -o") from error
+    put(page)
+    return 3 if missing else 0

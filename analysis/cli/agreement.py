@@ -1,0 +1,51 @@
+"""A YADE run or a non-linear wave against the linear one, the difference split by cause."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from analysis.agreement import OTHER_RUNS, Agreement, report
+from modal.cli.options import say, typed
+from modal.cli.table import Given, Option, output
+from modal.cli.terminal import put
+from modal.exchange.registry import read_packing
+from modal.formats.hdf5 import write_text
+from modal.formats.provenance import packing_of, require_same_packing
+from modal.tools.errors import InputError
+from modal.waves.signals import read_signals
+
+EXAMPLE = "agreement case02.network.h5 case02.signals.h5 -o agreement.md"
+OPTIONS = [
+    Option("network", "NETWORK", "*.network.h5 or *.sample.h5 of the run", kind=str),
+    Option("signals", "SIGNALS", "*.signals.h5 of the run", kind=str),
+    *(Option(typed(name), "FILE", what, kind=str) for name, what in OTHER_RUNS.items()),
+    Option("--first", "N", "up to the chain's N-th particle", kind=int),
+    output("write the tables, *.md"),
+]
+
+
+def run(options: Given) -> None:
+    """Print the tables, and write them where --output says."""
+    if options.output and options.output.endswith(".csv"):
+        raise InputError(f"-o {options.output}: the tables are text, a *.csv is put beside; *.md")
+    network, first = read_packing(options.network), read_signals(options.signals)
+    within = np.inf
+    if options.first is not None:
+        if not 1 <= options.first <= len(first.chain_position):
+            raise InputError(f"--first {options.first}: the chain has {len(first.chain_position)}")
+        z = np.sort(first.chain_position)[options.first - 1]
+        within = (z - network.wall_position[0]) * (1 + 1e-9)
+    paths = {name: path for name in OTHER_RUNS if (path := getattr(options, name))}
+    packing = packing_of(options.network)
+    for path in (options.signals, *paths.values()):
+        if note := require_same_packing(path, packing):
+            say(f"note: {note}")
+    others = {name: read_signals(path) for name, path in paths.items()}
+    found = report(Agreement(network, first, within), **others)
+    text = "\n".join(table.markdown() for table in found)
+    put(text, end="")
+    if options.output:
+        write_text(options.output, text)
+        found[0].write_csv(Path(options.output).with_suffix(".csv"))

@@ -1,0 +1,26 @@
+"""A wave or modes in three dimensions: one HTML page that opens without a network."""
+
+from __future__ import annotations
+
+from analysis.watch import watch_page
+from modal.cli.options import say
+from modal.cli.table import ANY_NUMBER, Given, Option, output
+from modal.cli.terminal import put
+
+EXAMPLE = "watch mine.signals.h5 mine.network.h5 -o wave.html"
+BESIDE = "what it was made from; the one beside it"
+OPTIONS = [
+    Option("product", "FILE", "*.signals.h5 or *.modes.h5", kind=str),
+    Option("packing", "PACKING", BESIDE, kind=str, more={"nargs": "?"}),
+    Option("--frames", "N", "times of a wave; 100 or more", kind=int),
+    Option("--modes", "K", "which, from 1; all", kind=int, more=ANY_NUMBER),
+    output("*.html", required=True),
+]
+
+
+def run(options: Given) -> None:
+    """Write the page, and say what its reader should know."""
+    asked = (options.packing, options.frames, options.modes)
+    for note in watch_page(options.product, options.output, *asked):
+        say(f"note: {note}")
+    put(options.output)
