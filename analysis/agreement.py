@@ -51,11 +51,6 @@ class Motion(NamedTuple):
     layers: np.ndarray | None
     particles: np.ndarray | None
 
-    def mean(self, other: Motion) -> Motion:
-        """With another, field by field: of two waves pushed both ways their odd part."""
-        pairs = zip(self, other, strict=True)
-        return Motion(*(None if a is None or b is None else 0.5 * a + 0.5 * b for a, b in pairs))
-
 
 class Difference(NamedTuple):
     """Relative L2 norms over all times: chain, layer means, particles; and the median particle."""
@@ -64,7 +59,7 @@ class Difference(NamedTuple):
     chain: float | None
     layers: float | None
     particles: float | None
-    median: float | None
+    median: float | None = None
 
 
 def relative(a: np.ndarray | None, b: np.ndarray | None) -> float | None:
@@ -76,12 +71,12 @@ def relative(a: np.ndarray | None, b: np.ndarray | None) -> float | None:
 
 def compare(cause: str, found: Motion, reference: Motion) -> Difference:
     """The difference of two motions under the name of its cause."""
-    median = None
+    each = list(map(relative, found, reference))
     if found.particles is not None and reference.particles is not None:
         size = np.linalg.norm(reference.particles, axis=0)
         apart = np.linalg.norm(found.particles - reference.particles, axis=0)
-        median = float(np.median(apart[size > 0] / size[size > 0]))
-    return Difference(cause, *[*map(relative, found, reference), median])
+        each.append(float(np.median(apart[size > 0] / size[size > 0])))
+    return Difference(cause, *each)
 
 
 class Agreement:
@@ -92,10 +87,9 @@ class Agreement:
     """
 
     def __init__(self, network: Network, run: Signals, within: float = np.inf) -> None:
-        n = network.n_particles
-        if run.chain_particle.max(initial=-1) >= n or (
-            run.particle_displacement is not None and run.particle_displacement.shape[1] != n
-        ):
+        n, every = network.n_particles, run.particle_displacement
+        wrong = every is not None and every.shape[1] != n
+        if wrong or run.chain_particle.max(initial=-1) >= n:
             raise InputError("the signals are not of this network; give the network of the run")
         self.network, self.run, self.source = network, run, recorded_motion(run)
         self.every = max(1, round(float(run.time[1] - run.time[0]) / run.time_step))
@@ -130,24 +124,22 @@ class Agreement:
 
     def linear(self, pre_stress: str = "full", *, exact_in_time: bool = False) -> Motion:
         """The linear wave at the run's times, with its time step or exact in time."""
-        interval = self.run.time_step * self.every
-        duration = interval * (len(self.run.time) - 1)
-        every_one = self.run.particle_displacement is not None
+        run, interval = self.run, self.run.time_step * self.every
         settings: dict[str, Any] = {"motion": self.source, "pre_stress": pre_stress}
-        settings["direction"] = self.run.direction
-        settings["particles"] = every_one  # at full size some GB, where nothing is held against it
+        settings |= {"direction": run.direction, "interval": interval}
+        # At full size some GB, where nothing is held against it.
+        settings["particles"] = run.particle_displacement is not None
         if not exact_in_time:
-            settings["time_step"] = self.run.time_step
-        wave = propagate(self.network, duration, interval=interval, **settings).signals
-        if every_one:
-            chain = wave.particle_displacement[:, self.run.chain_particle]
-        elif np.array_equal(wave.chain_particle, self.run.chain_particle):
-            chain = wave.chain_displacement
-        else:
+            settings["time_step"] = run.time_step
+        wave = propagate(self.network, interval * (len(run.time) - 1), **settings).signals
+        chain = wave.chain_displacement
+        if wave.particle_displacement is not None:
+            chain = wave.particle_displacement[:, run.chain_particle]
+        elif not np.array_equal(wave.chain_particle, run.chain_particle):
             raise InputError(
                 "the run's chain is not the network's own; record every particle (WAVE_PARTICLES=1)"
             )
-        return self._motion(chain, wave, 1 / self.run.amplitude)
+        return self._motion(chain, wave, 1 / run.amplitude)
 
     def _motion(self, chain: np.ndarray, signals: Signals, factor: float) -> Motion:
         everything, layers = signals.particle_displacement, signals.layer_displacement
@@ -188,20 +180,15 @@ def split_by_cause(pair: Agreement, **others: Signals) -> list[Difference]:
     runs = {"run": pair.run, **others}
     odd = {"odd": ("run", "reverse"), "small_odd": ("small", "small_reverse")}
     odd = {name: both for name, both in odd.items() if runs.keys() >= {*both}}
-    waves: dict[str, dict[str, Any]] = {
-        "linear": {"pre_stress": "full"},
-        "exact": {"pre_stress": "full", "exact_in_time": True},
-        "none": {"pre_stress": "none"},
-        "normal": {"pre_stress": "normal"},
-    }
+    waves = {"linear": "full", "exact": "full", "none": "none", "normal": "normal"}
 
     @lru_cache(4)  # of every particle each takes GB: those that are held against one another
     def motion(name: str) -> Motion:
         if name in waves:
-            return pair.linear(**waves[name])
+            return pair.linear(waves[name], exact_in_time=name == "exact")
         if name in odd:
-            ahead, back = map(motion, odd[name])
-            return ahead.mean(back)
+            pairs = zip(*map(motion, odd[name]), strict=True)
+            return Motion(*(None if a is None else 0.5 * a + 0.5 * b for a, b in pairs))
         return pair.measured(runs[name])
 
     by, known = OTHER_PROGRAMS.get(pair.run.producer, "YADE"), {*runs, *waves, *odd}
@@ -242,43 +229,32 @@ def by_frequency(
     return rows
 
 
-def table_of_causes(rows: list[Difference]) -> Table:
-    """A row a cause, per cent."""
-    header = ["cause", "chain %", "layer means %", "particles %", "median particle %"]
-    lines = [
-        [cause, *("" if share is None else f"{100 * share:.4g}" for share in shares)]
-        for cause, *shares in rows
-    ]
-    return Table("The difference by cause", header, lines)
-
-
 def report(pair: Agreement, **others: Signals) -> list[Table]:
     """Three tables: by cause, over time, and over frequency (f-k spectra of the chain).
 
     The f-k table takes the layer means where the run has them: in a random packing they carry the
     coherent wave.
     """
+    header = ["cause", "chain %", "layer means %", "particles %", "median particle %"]
+    causes = [
+        [cause, *("" if share is None else f"{100 * share:.4g}" for share in shares)]
+        for cause, *shares in split_by_cause(pair, **others)
+    ]
+    of_cause = Table("The difference by cause", header, causes)
     found, linear = pair.measured(pair.run), pair.linear("full")
     parts = over_time(found, linear)
-    of_time = Table(
-        "The difference over time",
-        ["part of the record", "chain, difference % of its mean size"],
-        [[f"{k + 1} of {len(parts)}", f"{100 * part:.4g}"] for k, part in enumerate(parts)],
-    )
+    lines = [[f"{k} of {len(parts)}", f"{100 * part:.4g}"] for k, part in enumerate(parts, 1)]
+    header = ["part of the record", "chain, difference % of its mean size"]
+    of_time = Table("The difference over time", header, lines)
     field, position = "chain", pair.chain_position
     if found.layers is not None:
         field, position = "layers", pair.layer_position
-    top = 0.5 / float(pair.run.time[1] - pair.run.time[0])
-    bands = np.append(np.arange(0, min(top, 2.5e5), 2.5e4), min(top, 2.5e5))
-    order = np.argsort(position)
+    top = min(2.5e5, 0.5 / float(pair.run.time[1] - pair.run.time[0]))
+    bands, order = np.append(np.arange(0, top, 2.5e4), top), np.argsort(position)
     spectra = [getattr(motion, field)[:, order] for motion in (found, linear)]
-    rows = by_frequency(spectra[0], spectra[1], pair.run.time, position[order], bands)
-    of_frequency = Table(
-        "The difference over frequency",
-        ["band, kHz", "share of the energy %", f"difference in f-k ({field}) %"],
-        [
-            [f"{low / 1e3:g} to {high / 1e3:g}", f"{100 * share:.3g}", f"{100 * apart:.4g}"]
-            for low, high, share, apart in rows
-        ],
-    )
-    return [table_of_causes(split_by_cause(pair, **others)), of_time, of_frequency]
+    lines = [
+        [f"{low / 1e3:g} to {high / 1e3:g}", f"{100 * share:.3g}", f"{100 * apart:.4g}"]
+        for low, high, share, apart in by_frequency(*spectra, pair.run.time, position[order], bands)
+    ]
+    header = ["band, kHz", "share of the energy %", f"difference in f-k ({field}) %"]
+    return [of_cause, of_time, Table("The difference over frequency", header, lines)]

@@ -11,24 +11,9 @@ from collections import defaultdict
 import numpy as np
 
 from analysis.estimators import damped_transform as disp
+from analysis.estimators import low_pass, transfer
 from analysis.estimators.layer_lattice import LayerLattice, exact_twin, lattice_signals
-from analysis.estimators.low_pass import (
-    REACH,
-    STRETCH,
-    at_stretch,
-    spectra,
-    threshold_curves,
-    wavelength,
-)
 from analysis.estimators.resonances import mode_velocities
-from analysis.estimators.transfer import (
-    TRAVELS,
-    Gain,
-    at_frequency,
-    gain_factor,
-    network_gain,
-    wall_velocity,
-)
 from analysis.estimators.travel_time import arrival_times, travelled
 from analysis.measuring import Measuring
 from analysis.quantities.passband import edge_wavelength
@@ -92,7 +77,9 @@ def _texts(inside: float) -> dict[str, tuple[str, str, str]]:
         "first_peak": ("V_P, first peaks, middle half", "m/s", BIASED),
         "arrival": ("V_P, 5 % arrival, middle half", "m/s", BIASED),
     }
-    stretch = "at {:g}-{:g} % of the length".format(*(100 * part for part in STRETCH[True]))
+    stretch = "at {:g}-{:g} % of the length".format(
+        *(100 * part for part in low_pass.STRETCH[True])
+    )
     for percent in (2, 1):
         text, key = f"f_low-pass, {percent} % rule", f"f_low_pass_{percent}_khz"
         found[key] = f"{text}, {stretch}", "kHz", BIASED
@@ -126,7 +113,7 @@ def _theory(m: Measuring, values: Values) -> None:
         "resonances": lattice.layers,
         "band_edge_theory_khz": edge / 1e3,
         "velocity": lattice.velocity,
-        "lambda_edge_yade_over_d": wavelength(lattice.velocity, edge) / m.diameter,
+        "lambda_edge_yade_over_d": low_pass.wavelength(lattice.velocity, edge) / m.diameter,
         "phase": lattice.velocity * np.sin(half) / half,
         "group": lattice.velocity * np.cos(half),
     }.items():
@@ -152,7 +139,7 @@ def _modes(m: Measuring, values: Values, notes: dict[str, str]) -> None:
         if modes.resonance_wavenumber is not None:
             speeds = mode_velocities(f, modes.resonance_wavenumber)
             for name, speed in zip(("phase", "group"), speeds, strict=True):
-                found[name] = at_frequency(f, speed, _inside(lattice))
+                found[name] = transfer.at_frequency(f, speed, _inside(lattice))
                 notes[name] = "modal: lambda = 2 L / r (Eq. 4)"
     if (only := m.case.read("translations.modes")) is not None:
         found["translations_only_over_edge"] = only.frequency[-1] / lattice.low_pass_frequency
@@ -189,24 +176,26 @@ def _by_rule(m: Measuring, record: Signals, origin: float) -> dict[str, float]:
         "first_peak": travelled(record, origin, length)[0],
         "arrival": travelled(record, origin, length, arrival_times)[0],
     }
-    highest = REACH[True] * lattice.velocity / m.diameter
-    curves = threshold_curves(*spectra(record.time, record.chain_displacement, highest))
+    highest = low_pass.REACH[True] * lattice.velocity / m.diameter
+    curves = low_pass.threshold_curves(
+        *low_pass.spectra(record.time, record.chain_displacement, highest)
+    )
     for percent, row in zip((2, 1), curves, strict=False):
         key, distance = f"f_low_pass_{percent}_khz", record.chain_position - origin
-        found[key] = at_stretch(distance, row, length, STRETCH[True]).value / 1e3
+        found[key] = low_pass.at_stretch(distance, row, length, low_pass.STRETCH[True]).value / 1e3
         found |= {f"{key}_{layer}": row[layer] / 1e3 for layer in LAYERS if layer < len(row)}
-    if (walls := wall_velocity(record, length)) is not None:
-        found["walls"] = at_frequency(walls[0], walls[1], _inside(lattice))
+    if (walls := transfer.wall_velocity(record, length)) is not None:
+        found["walls"] = transfer.at_frequency(walls[0], walls[1], _inside(lattice))
     return found
 
 
 def _gains(m: Measuring, values: Values, notes: dict[str, str]) -> None:
     passage = m.network.length / m.lattice.velocity
-    duration = TRAVELS * passage
+    duration = transfer.TRAVELS * passage
     time = np.arange(0, duration * (1 + 1e-3), 1e-6)  # ten samples of the pulse of 100 kHz
-    gains: dict[str, Gain | None] = {"linear": network_gain(m.network, passage)}
-    gains["theory"] = gain_factor(lattice_signals(m.lattice, time), duration)
-    gains["yade"] = gain_factor(m.yade, duration) if m.yade else None
+    gains: dict[str, transfer.Gain | None] = {"linear": transfer.network_gain(m.network, passage)}
+    gains["theory"] = transfer.gain_factor(lattice_signals(m.lattice, time), duration)
+    gains["yade"] = transfer.gain_factor(m.yade, duration) if m.yade else None
     for column, found in gains.items():
         if found is not None:
             same = found.undamped(passage)
