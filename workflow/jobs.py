@@ -200,15 +200,15 @@ class Jobs(Commands):
         """What is asked for, by the cases and the stage."""
         if self.stage == "page":
             return [f"{self.folder}/study/study.html"]
-        if self.stage == "result":
-            return [f"{self.results}/{case}.json" for case in self.cases]
-        if self.stage == "split":
-            return [f"{self.results}/{case}.agreement.csv" for case in self.cases]
-        found = []
-        for case in self.cases:
-            kinds = {*self.made(case), *(k for s in ON_REQUEST for k in STAGES[s])}
-            found += [self.product(case, kind) for kind in STAGES[self.stage] if kind in kinds]
-        return found
+        if end := {"result": "json", "split": "agreement.csv"}.get(self.stage):
+            return [f"{self.results}/{case}.{end}" for case in self.cases]
+        requested = {kind for stage in ON_REQUEST for kind in STAGES[stage]}
+        return [
+            self.product(case, kind)
+            for case in self.cases
+            for kind in STAGES[self.stage]
+            if kind in {*self.made(case), *requested}
+        ]
 
     def needs(self, rule: str) -> dict[str, Callable[..., int]]:
         """What a rule's jobs ask for, by their size: memory, MB, and minutes, times the try."""

@@ -196,21 +196,22 @@ class Passband:
         """Distance (nc,) m, frequency (nf,) Hz and amplitude (nf, nc) of a record cut short."""
         key = id(record), whose, passages, fade
         if key not in self._maps:
-            self._maps[key] = self._map(record, whose, passages, fade)
+            z, u = record.chain_position, record.chain_displacement
+            if whose == "chain":
+                bearing = self._bearing[record.chain_particle]
+                z, u = z[bearing], u[:, bearing]
+            elif not self.crystal:
+                z, u = record.layer_position, record.layer_displacement
+            found = self._spectra(record, u, passages, fade)
+            self._maps[key] = z - self.network.wall_position[0], *found
         return self._maps[key]
 
-    def _map(
-        self, record: Signals, whose: str, passages: float, fade: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        kept = record.time <= self.end(record, passages) * (1 + 1e-9)
-        z, u = record.chain_position, record.chain_displacement
-        if whose == "chain":
-            bearing = self._bearing[record.chain_particle]
-            z, u = z[bearing], u[:, bearing]
-        elif not self.crystal:
-            z, u = record.layer_position, record.layer_displacement
-        frequency, amplitude = spectra(record.time[kept], u[kept], self.highest, fade)
-        return z - self.network.wall_position[0], frequency, amplitude
+    def _spectra(
+        self, record: Signals, u: np.ndarray, passages: float, fade: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Of motions u (nt, p) of a record cut short: `spectra`."""
+        kept = slice(int((record.time <= self.end(record, passages) * (1 + 1e-9)).sum()))
+        return spectra(record.time[kept], u[kept], self.highest, fade)
 
     def edges(
         self,
@@ -228,20 +229,14 @@ class Passband:
         distance, frequency, amplitude = self.map(record, whose, passages, fade)
         curves = threshold_curves(frequency, amplitude, reference)
         found = [at_stretch(distance, row, self.network.length, self.stretch) for row in curves]
-        sent = self._sent(record, passages, fade)
+        frequency, sent = self._spectra(record, record.source_displacement[:, None], passages, fade)
+        sent = frequency, sent / sent.max()
         return [
             replace(UNKNOWN, why=f"above {end / 1e3:.3g} kHz the source sends too little")
             if edge.value > (end := last_crossing(*sent, SENT * threshold)[0])
             else edge
             for edge, threshold in zip(found, THRESHOLDS, strict=True)
         ]
-
-    def _sent(self, record: Signals, passages: float, fade: float) -> tuple[np.ndarray, np.ndarray]:
-        """Frequency (nf,), Hz, and the source's amplitude (nf, 1) there over its largest."""
-        kept = record.time <= self.end(record, passages) * (1 + 1e-9)
-        source = record.source_displacement[kept, None]
-        frequency, amplitude = spectra(record.time[kept], source, self.highest, fade)
-        return frequency, amplitude / amplitude.max()
 
     @cached_property
     def low_pass(self) -> list[Edge]:
@@ -274,19 +269,16 @@ class Passband:
         """
         if self.wave.particle_displacement is None:
             return np.empty((0, len(THRESHOLDS)))
-        network, length = self.network, self.network.length
+        network, found = self.network, list[np.ndarray]()
         bearing = np.flatnonzero(self._bearing)
-        end = self.end(self.wave, self.common) * (1 + 1e-9)
-        kept = slice(int(np.searchsorted(self.wave.time, end, "right")))
-        u = self.wave.particle_displacement[kept][:, bearing]
-        frequency, amplitude = spectra(self.wave.time[kept], u, self.highest)
+        u = self.wave.particle_displacement[:, bearing]
+        frequency, amplitude = self._spectra(self.wave, u, self.common)
         distance = network.position[bearing, 2] - network.wall_position[0]
-        low, high = self.stretch[0] * length, self.stretch[1] * length
-        column, found = columns_of(network, bearing), []
+        low, high = np.array(self.stretch) * network.length
+        inside, column = (distance >= low) & (distance < high), columns_of(network, bearing)
         for number in np.unique(column):
-            own = np.flatnonzero(column == number)
-            top = amplitude[:, own].max()
-            part = amplitude[:, own[(distance[own] >= low) & (distance[own] < high)]]
+            own = column == number
+            top, part = amplitude[:, own].max(), amplitude[:, own & inside]
             if part.shape[1] > 4:
                 curves = [last_crossing(frequency, part, t * top) for t in THRESHOLDS]
                 found.append(np.median(curves, axis=1))

@@ -114,8 +114,8 @@ def wave_vectors(network: Network, orders: np.ndarray) -> np.ndarray:
     orders = np.asarray(orders)
     if orders.ndim != 2 or orders.shape[1] != 3 or orders.dtype.kind != "i" or len(orders) == 0:
         raise InputError("wave vectors: give three whole numbers of periods for each")
-    if walls := [axis for axis in np.flatnonzero(orders.any(axis=0))
-                 if not network.cell_periodic[axis]]:  # fmt: skip
+    walls = np.flatnonzero(orders.any(axis=0) & ~np.asarray(network.cell_periodic))
+    if len(walls):
         raise InputError(
             f"no plane wave goes along {'xyz'[walls[0]]}, where the packing is not periodic; take "
             "standing waves (whole numbers r) between walls"
