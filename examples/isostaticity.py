@@ -12,26 +12,25 @@ states of the eight committed samples, with its error, is that of `results/isost
 which `python -m analysis measure` made.
 """
 
-import csv
 import json
 import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 
 RESULTS = Path(sys.argv[0]).resolve().parents[1] / "results"
 WIDTH = 14.08  # of the study's cells, D
 DRAWS = 4000  # of frictions, for the intervals
 LOW_PASS, PEAK, IOFFE_REGEL = "low-pass frequency (2 %)", "peak of D(f) / f²", "Ioffe-Regel limit"
 
-with open(RESULTS / "study/table1.csv") as file:
-    rows = [row for row in csv.DictReader(file) if row["packing"] == "random"]
+rows = pd.read_csv(RESULTS / "study/table1.csv").query("packing == 'random'")
 
 
 def column(name):
     """Numbers of all random cases; NaN where there is none."""
-    return np.array([float(row[name] or "nan") for row in rows])
+    return rows[name].to_numpy(float)
 
 
 z = column("coordination_number_bearing")
@@ -41,8 +40,8 @@ wavelength, wavelength_error = (column(f"lambda_2_linear_over_d{end}") for end i
 columns = {LOW_PASS: "f_low_pass_2_linear", PEAK: "excess_peak", IOFFE_REGEL: "ioffe_regel"}
 value = {name: column(f"{key}_khz") / top for name, key in columns.items()}
 error = {name: column(f"{key}_khz_error") / top for name, key in columns.items()}
-for k, row in enumerate(rows):
-    own = RESULTS / f"isostaticity/{row['name']}.json"
+for k, name in enumerate(rows["name"]):
+    own = RESULTS / f"isostaticity/{name}.json"
     if own.exists():
         measured = json.loads(own.read_text())
         value[PEAK][k] = measured["excess_peak"]["value"] / 1e3 / top[k]
@@ -270,16 +269,6 @@ plt.show()
 # As files, where a folder is named.
 
 
-def write_table(path, table):
-    """Rows as CSV, five digits a number."""
-    with open(path, "w", newline="") as out:
-        writer = csv.DictWriter(out, table[0], lineterminator="\n")
-        writer.writeheader()
-        for row in table:
-            texts = {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()}
-            writer.writerow(texts)
-
-
 def markdown(header, table):
     """A table as pages include it."""
     lines = [header, ["---"] * len(header), *table]
@@ -299,8 +288,10 @@ if __name__ == "__main__" and len(sys.argv) == 2:
     for figure, name in ((headline, "headline"), (among, "seeds"), (residuals, "residuals")):
         figure.savefig(folder / f"{name}.png", dpi=200)
         figure.savefig(folder / f"{name}.pdf", metadata={"CreationDate": None})
-    write_table(folder / "fits.csv", [{"quantity": name} | fit for name, fit in fits.items()])
-    write_table(folder / "residuals.csv", tests)
+    as_csv = {"index": False, "float_format": "%.5g"}
+    table = pd.DataFrame([{"quantity": name} | fit for name, fit in fits.items()])
+    table.to_csv(folder / "fits.csv", **as_csv)
+    pd.DataFrame(tests).to_csv(folder / "residuals.csv", **as_csv)
     header = ["quantity", "cases", "slope", "z_c", "R²", "slope with z_c = 4", "power of z - 4"]
     lines = [
         [name, f"{fit['cases']}", with_ends(fit, "slope", 3), with_ends(fit, "z_c", 2)]
@@ -325,11 +316,5 @@ if __name__ == "__main__" and len(sys.argv) == 2:
     points_of |= {"wavelength_error": wavelength_error}
     for name in value:
         points_of |= {f"{name} / f_max": value[name], f"{name}, error": error[name]}
-    write_table(
-        folder / "headline.csv",
-        [
-            {"case": row["case"], "packings": row["packings"]}
-            | {name: float(numbers[k]) for name, numbers in points_of.items()}
-            for k, row in enumerate(rows)
-        ],
-    )
+    table = rows[["case", "packings"]].assign(**points_of)
+    table.to_csv(folder / "headline.csv", na_rep="nan", **as_csv)

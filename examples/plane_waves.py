@@ -10,13 +10,13 @@ both over the frequency f* at which soft modes set in.
 `results/plane_waves/friction*.json`, the results of `studies/plane_waves.yaml`.
 """
 
-import csv
 import json
 import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 
 HOME = Path(sys.argv[0]).resolve().parents[1] / "results/plane_waves"
 SLOPE = 0.058  # f* = SLOPE (z - 4) f_max: the peak of D(f) / f^2 of the study's packings
@@ -204,14 +204,9 @@ if __name__ == "__main__" and len(sys.argv) == 2:
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / "plane_waves.png", dpi=200)
     figure.savefig(folder / "plane_waves.pdf", metadata={"CreationDate": None})
+    as_csv = {"index": False, "float_format": "%.4g", "na_rep": "nan"}
     for name, table in (("limits", rows), ("two_ways", ratios), ("collapse", scatter)):
-        with open(folder / f"{name}.csv", "w", newline="") as out:
-            writer = csv.DictWriter(out, table[0], lineterminator="\n")
-            writer.writeheader()
-            for row in table:
-                writer.writerow(
-                    {k: v if isinstance(v, str) else f"{v:.4g}" for k, v in row.items()}
-                )
+        pd.DataFrame(table).to_csv(folder / f"{name}.csv", **as_csv)
     header = ["z", "friction", "f*, kHz", "limit of P-waves / f*", "limit of S-waves / f*"]
     header += [f"pulse / plane waves, {low:g} to {high:g} f*" for low, high in SPANS]
     lines = [header, ["---"] * len(header), *(shown(row) for row in reversed(rows))]

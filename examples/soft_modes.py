@@ -10,15 +10,14 @@ spheres move in each, and how much they turn. Three frictions give three numbers
 makes these two tables of them.
 """
 
-import csv
 import gzip
-import io
 import json
 import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 
 HOME = Path(sys.argv[0]).resolve().parents[1] / "results/soft_modes"
 DRAWS = 400  # of packings, for the errors
@@ -47,12 +46,10 @@ def gather(results):
         modes += [(len(packings), *mode) for mode in zip(*columns, strict=True)]
         packings.append([f"{x:.7g}" for x in number])
     HOME.mkdir(parents=True, exist_ok=True)
-    with open(HOME / "packings.csv", "w", newline="") as out:
-        csv.writer(out, lineterminator="\n").writerows([OF_PACKING, *packings])
-    text = io.StringIO("packing,frequency_hz,spheres,rotation,contacts\n")
-    text.seek(0, io.SEEK_END)
-    text.writelines(f"{k},{f:.5g},{p:.3g},{r:.2g},{c:.0f}\n" for k, f, p, r, c in modes)
-    packed = gzip.compress(text.getvalue().encode(), mtime=0)
+    pd.DataFrame(packings, columns=OF_PACKING).to_csv(HOME / "packings.csv", index=False)
+    lines = ["packing,frequency_hz,spheres,rotation,contacts"]
+    lines += [f"{k},{f:.5g},{p:.3g},{r:.2g},{c:.0f}" for k, f, p, r, c in modes]
+    packed = gzip.compress("\n".join([*lines, ""]).encode(), mtime=0)
     (HOME / "modes.csv.gz").write_bytes(packed)
 
 
@@ -175,10 +172,8 @@ if __name__ == "__main__" and len(sys.argv) > 1:
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / "soft_modes.png", dpi=200)
     figure.savefig(folder / "soft_modes.pdf", metadata={"CreationDate": None})
-    with open(folder / "powers.csv", "w", newline="") as out:
-        writer = csv.DictWriter(out, rows[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({name: f"{value:.4g}" for name, value in row.items()} for row in rows)
+    as_csv = {"index": False, "float_format": "%.4g", "na_rep": "nan"}
+    pd.DataFrame(rows).to_csv(folder / "powers.csv", **as_csv)
     cells = []
     for r in rows:
         line = [f"{r['z']:.2f}", f"{r['friction']:g}", f"{r['packings']} of {r['spheres']:,.0f}"]

@@ -10,13 +10,13 @@ of four widths W: where further waves set in, how far modes are pure P-waves, an
 study that are 72 D long, measured one by one, as the low-pass frequency needs 50 D.
 """
 
-import csv
 import json
 import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 
 HOME = Path(sys.argv[0]).resolve().parents[1] / "results/width"
 DIAMETER = 2.54e-3  # m
@@ -137,9 +137,6 @@ if __name__ == "__main__" and len(sys.argv) == 2:
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / "width.png", dpi=200)
     figure.savefig(folder / "width.pdf", metadata={"CreationDate": None})
+    as_csv = {"index": False, "float_format": "%.4g", "na_rep": "nan"}
     for name, table in (("cut_ons", rows), ("long", long)):
-        with open(folder / f"{name}.csv", "w", newline="") as out:
-            writer = csv.DictWriter(out, table[0], lineterminator="\n")
-            writer.writeheader()
-            for row in table:
-                writer.writerow({k: f"{v:.4g}" for k, v in row.items()})
+        pd.DataFrame(table).to_csv(folder / f"{name}.csv", **as_csv)
