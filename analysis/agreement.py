@@ -251,10 +251,11 @@ def report(pair: Agreement, **others: Signals) -> list[Table]:
         field, position = "layers", pair.layer_position
     top = min(2.5e5, 0.5 / float(pair.run.time[1] - pair.run.time[0]))
     bands, order = np.append(np.arange(0, top, 2.5e4), top), np.argsort(position)
-    spectra = [getattr(motion, field)[:, order] for motion in (found, linear)]
+    both = [getattr(motion, field)[:, order] for motion in (found, linear)]
+    rows = by_frequency(both[0], both[1], pair.run.time, position[order], bands)
     lines = [
         [f"{low / 1e3:g} to {high / 1e3:g}", f"{100 * share:.3g}", f"{100 * apart:.4g}"]
-        for low, high, share, apart in by_frequency(*spectra, pair.run.time, position[order], bands)
+        for low, high, share, apart in rows
     ]
     header = ["band, kHz", "share of the energy %", f"difference in f-k ({field}) %"]
     return [of_cause, of_time, Table("The difference over frequency", header, lines)]

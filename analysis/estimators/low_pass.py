@@ -229,13 +229,14 @@ class Passband:
         distance, frequency, amplitude = self.map(record, whose, passages, fade)
         curves = threshold_curves(frequency, amplitude, reference)
         found = [at_stretch(distance, row, self.network.length, self.stretch) for row in curves]
-        frequency, sent = self._spectra(record, record.source_displacement[:, None], passages, fade)
-        sent = frequency, sent / sent.max()
+        source = record.source_displacement[:, None]
+        at, sent = self._spectra(record, source, passages, fade)
+        ends = [last_crossing(at, sent, SENT * t * sent.max())[0] for t in THRESHOLDS]
         return [
             replace(UNKNOWN, why=f"above {end / 1e3:.3g} kHz the source sends too little")
-            if edge.value > (end := last_crossing(*sent, SENT * threshold)[0])
+            if edge.value > end
             else edge
-            for edge, threshold in zip(found, THRESHOLDS, strict=True)
+            for edge, end in zip(found, ends, strict=True)
         ]
 
     @cached_property

@@ -199,8 +199,8 @@ def low_pass_chains(m: Measuring) -> Panel:
     ends = 1e3 * np.array(band.stretch) * m.network.length
     values = band.of_columns[:, 0]
     if np.isfinite(values).any():
-        quartiles = np.nanpercentile(values, (16, 84)) / 1e3
-        panel.band(ends, *quartiles, "columns, 16-84 %", color=BLUE, alpha=0.4)
+        low, high = np.nanpercentile(values, (16, 84)) / 1e3
+        panel.band(ends, low, high, "columns, 16-84 %", color=BLUE, alpha=0.4)
     return panel
 
 
