@@ -61,10 +61,8 @@ def kind_of(path: str | Path) -> str:
     them.
     """
     with open_h5(path) as file:
-        schema = _text(file.attrs.get("schema", ""))
-        slid = schema == SIGNALS and _text(file.attrs.get("direction", "z")) != "z"
-        other = file.attrs.get("schema_version") == 2 and schema == SIGNALS
-        by_yade = _text(file.attrs.get("producer", "")) == "yade"
+        noted = {name: _text(value) for name, value in file.attrs.items()}
+        schema = noted.get("schema", "")
         with complete(path):
             choice = Choice.of_attributes(dict(file.attrs)) if schema == MODES else Choice("all")
     if schema == MODES:
@@ -74,10 +72,10 @@ def kind_of(path: str | Path) -> str:
         if choice.kind == "highest":
             return "highest.modes"
         return "band.modes" if choice.low > 0 else "modes"
-    if other:
+    if schema == SIGNALS and noted.get("schema_version") == "2":
         raise InputError(f"{path}: not a wave from wall to wall; a report reads no other")
-    if slid:
-        return "shear_yade.signals" if by_yade else "shear.signals"
+    if schema == SIGNALS and noted.get("direction", "z") != "z":
+        return "shear_yade.signals" if noted.get("producer") == "yade" else "shear.signals"
     if schema not in KIND_OF:
         raise InputError(f"{path}: schema is {schema!r}, of no product that a report reads")
     return KIND_OF[schema]

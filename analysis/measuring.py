@@ -240,14 +240,19 @@ class Measuring(Packing):
             return self.shear.get(key.removeprefix("shear_"))
         return getattr(self, key)
 
+    def needed(self, key: str) -> Signals:
+        """The same where it is known to be there."""
+        record = self.record(key)
+        assert record is not None, key
+        return record
+
     @once
     def cut(self, key: str) -> Signals:
         """A P-wave up to when the affine one has come a third of the way back.
 
         The linear wave as far as a run's record goes; a run as it is.
         """
-        record, run = self.record(key), self.yade
-        assert record is not None
+        record, run = self.needed(key), self.yade
         if key == "yade":
             return record
         as_run = key == "linear" and run is not None

@@ -13,15 +13,8 @@ import numpy as np
 
 from analysis.estimators.fits import PowerLaw, power_law
 from analysis.measuring import Measuring, once
-from analysis.quantities import QUANTITIES, gain, spectrum
-from analysis.quantities.records import (
-    HIGH,
-    LOW_PASS,
-    OF_CASE,
-    OF_MODULI,
-    PERCENT,
-    SHEAR,
-)
+from analysis.quantities import QUANTITIES, gain, records, spectrum
+from analysis.quantities.records import LOW_PASS, PERCENT
 from analysis.quantities.registry import ABSENT
 from analysis.quantities.scattering import whole_ridge
 from analysis.quantities.velocity import longest
@@ -111,11 +104,8 @@ class Row:
         keys = {name: key for key, (name, _) in LOW_PASS.items()}
         recorded = {"", *m.shear}
         for name in names:
-            if (
-                name in OF_MODULI
-                and not m.case.has("moduli")
-                or SHEAR.get(name, "") not in recorded
-            ):
+            without = name in records.OF_MODULI and not m.case.has("moduli")
+            if without or records.SHEAR.get(name, "") not in recorded:
                 continue
             value = QUANTITIES[name].measured(m)
             end, factor = UNITS[value.unit]
@@ -161,14 +151,15 @@ def of_one_producer(members: Iterable[Row], column: str) -> tuple[str, str]:
 def row_of(m: Measuring) -> Row:
     """All numbers that a case's products allow, each measured once."""
     case, row = m.case, Row.of(m)
-    row.add(m, OF_CASE)
+    row.add(m, records.OF_CASE)
     for percent in PERCENT.values():
         row.flat[percent] = row.flat[f"{percent}_{row.record}"]
     row.values |= {
         name: row.values[column.format(row.record)] for name, column in OF_RECORD.items()
     }
     row.texts["gain_height"] = gain.height(m)
-    row.texts["chi_z_high"] = spectrum.largest_chi(m, HIGH * spectrum.f_max(m), np.inf)[1]
+    above = records.HIGH * spectrum.f_max(m)
+    row.texts["chi_z_high"] = spectrum.largest_chi(m, above, np.inf)[1]
     _curves(m, row)
     lacking = [kind for kind in MAY_LACK if not case.has(kind)]
     row.absent = [k for k in lacking if not (m.crystal and k in ("density", "structure"))]
@@ -179,9 +170,8 @@ def row_of(m: Measuring) -> Row:
 def _curves(m: Measuring, row: Row) -> None:
     """What figures over several cases draw."""
     row.curves["gain"] = (gain.gain_of(m).frequency, gain.gain_of(m).gain)
-    row.curves["gain_orders"] = gain.orders(m)
-    for k, order in enumerate(gain.orders(m)[0][:5]):
-        row.values[f"gain_order_{k + 1}"] = estimate(float(order))
+    row.curves["gain_orders"] = orders = gain.orders(m)
+    row.values |= {f"gain_order_{k}": estimate(one) for k, one in enumerate(orders[0][:5], 1)}
     row.curves["free_held"] = (gain.free_held(m),)
     row.curves["first"] = (np.array([gain.first_resonance(m)]),)
     row.curves["resonances"] = spectrum.standing_waves(m)

@@ -108,12 +108,8 @@ class Commands:
             line["mu_wave"] = 10
         elif run == "half_step":
             # Every step is recorded, and for longer: the case's own times are then among them.
-            passage = 1.02 * line.get("passage", 1.0)
-            line |= {
-                "fraction": 0.5 * line.get("fraction", 0.05),
-                "passage": passage,
-                "interval": 0,
-            }
+            line["fraction"] = 0.5 * line.get("fraction", 0.05)
+            line |= {"passage": 1.02 * line.get("passage", 1.0), "interval": 0}
         return line
 
     def duration(self, case: str) -> float:

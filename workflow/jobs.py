@@ -127,11 +127,8 @@ class Jobs(Commands):
 
     def ready(self, case: str) -> bool:
         """Whether the finished sample is at rest with the friction of the wave."""
-        path = self.committed(case)
-        return path is not None and _noted(Path(path), "mu_wave") in (
-            None,
-            float(self.rows[case]["mu_wave"]),
-        )
+        path, friction = self.committed(case), float(self.rows[case]["mu_wave"])
+        return path is not None and _noted(Path(path), "mu_wave") in (None, friction)
 
     def start(self, case: str) -> str:
         """What the sample of a random case is made from."""
@@ -161,27 +158,26 @@ class Jobs(Commands):
         """Files that a case's result is made of: those of its kind, and on request, if there."""
         further = [self.product(case, kind) for stage in ON_REQUEST for kind in STAGES[stage]]
         kinds = dict.fromkeys(self.made(case))
-        return [self.product(case, kind) for kind in kinds] + [p for p in further if _there(p)]
+        return [self.product(case, kind) for kind in kinds] + [
+            p for p in further if Path(p).exists()
+        ]
 
     @property
     def results(self) -> str:
         """Folder of the results; other seeds' stand in one of theirs, among the study's own."""
-        if self.seed is None:
-            return f"{self.folder}/results"
-        return f"{Path(self.folder).parent}/results/seed_{self.seed}"
+        folder, seed = Path(self.folder), self.seed
+        return str(folder / "results" if seed is None else folder.parent / f"results/seed_{seed}")
 
     def of_page(self) -> list[str]:
         """Results that the page is made of: of all cases and states, and what else is there."""
         found = [f"{self.results}/{case}.json" for case in self.cases]
         walks = {self.walk_of(case) for case in self.cases if case in self.of_kind("random")}
-        extra = set(map(float, self.study.settings["states"]))
-        states = [(walk, stress) for walk in sorted(walks) for stress in sorted(extra)]
+        extra = set(map(float, self.study.settings["states"])) if self.seed is None else ()
         # Of a case that starts from a finished sample no compression is made for a state alone.
-        if self.seed is not None:
-            states = []
         found += [
             f"{self.results}/{walk}_{stress:g}Pa.json"
-            for walk, stress in states
+            for walk in sorted(walks)
+            for stress in sorted(extra)
             if self.finished(walk, stress) or not all(map(self.committed, self.walks[walk]))
         ]
         there = ("seed_*/*.json", "*.agreement.csv")
@@ -254,10 +250,6 @@ def _chosen(wanted: Any, rows: Mapping[str, Any]) -> list[str]:
             raise InputError(f"case {one}: none of the study's: {names[0]} to {names[-1]}")
         found.append(name)
     return list(dict.fromkeys(found))
-
-
-def _there(path: str) -> bool:
-    return Path(path).exists()
 
 
 @cache

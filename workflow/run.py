@@ -87,9 +87,8 @@ def page_without(jobs: Jobs, study: str, reasons: list[str]) -> int:
     lines = []
     for reason in reasons:
         job, _, why = reason.partition(": ")
-        made = [
-            name for name in (*jobs.rows, *jobs.walks) if re.search(rf" {re.escape(name)}\b", job)
-        ]
+        names = (*jobs.rows, *jobs.walks)
+        made = [name for name in names if re.search(rf" {re.escape(name)}\b", job)]
         name = max(made, key=len, default=job)
         lines += [[case, why] for case in jobs.walks.get(name, [name])]
     results = Path(jobs.results)

@@ -50,13 +50,6 @@ class Coherent:
         """d omega / d kappa (nf,), m/s, by central differences."""
         return np.gradient(2 * np.pi * self.frequency) / np.gradient(self.wavenumber)
 
-    def at(self, frequency: float, values: np.ndarray) -> float:
-        """`values` (nf,) at one frequency, Hz; NaN where there is no coherent wave."""
-        known = np.isfinite(values)
-        if not known.any() or not self.frequency[known][0] <= frequency:
-            return np.nan
-        return float(np.interp(frequency, self.frequency[known], values[known], right=np.nan))
-
 
 def coherent_wave(
     signals: Signals,

@@ -9,16 +9,6 @@ from analysis.quantities.registry import QUANTITIES as QUANTITIES
 from analysis.quantities.registry import QUICK as QUICK
 
 # In the order in which results are shown.
-for _room in (
-    "velocity",
-    "passband",
-    "scattering",
-    "spectrum",
-    "soft_modes",
-    "gain",
-    "elasticity",
-    "packing",
-    "records",
-    "amplitude",
-):
+WAVES = "velocity", "passband", "scattering", "spectrum", "soft_modes", "gain"
+for _room in *WAVES, "elasticity", "packing", "records", "amplitude":
     import_module(f"analysis.quantities.{_room}")

@@ -11,27 +11,21 @@ from analysis.estimators.settled import residual_of
 from analysis.measuring import Measuring
 from analysis.quantities.registry import on_request, without_signal
 from analysis.value import Value, unknown
+from modal.packing import state
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
-from modal.packing.state import (
-    contacts_per_particle,
-    coordination_without_rattlers,
-    fabric_tensor,
-    profile,
-    stress_tensor,
-    void_ratio,
-)
+from modal.packing.state import profile, stress_tensor, void_ratio
 from modal.packing.summary import crystalline_shares
 from modal.tools.arrays import Floats
 
 EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
     "void_ratio": (void_ratio, "volume of voids over that of spheres, from wall to wall"),
     "coordination": (
-        lambda network: contacts_per_particle(network).mean(),
+        lambda network: state.contacts_per_particle(network).mean(),
         "contacts of a sphere, rattlers and contacts with walls included",
     ),
     "coordination_of_bearing": (
-        lambda network: coordination_without_rattlers(network)[0],
+        lambda network: state.coordination_without_rattlers(network)[0],
         "contacts among force-bearing spheres, of one",
     ),
     "rattlers": (
@@ -39,7 +33,7 @@ EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
         "share of spheres that bear no force",
     ),
     "fabric_zz": (
-        lambda network: fabric_tensor(network)[2, 2],
+        lambda network: state.fabric_tensor(network)[2, 2],
         "mean n_z^2 of contact normals; 1/3 where none is preferred",
     ),
     "lateral_stress": (

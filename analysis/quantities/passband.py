@@ -75,9 +75,7 @@ def modal_edge(m: Measuring) -> float:
 @once
 def ridge(m: Measuring, key: str) -> Ridge:
     """Frequency over wave number along the chain of a crystal."""
-    record = m.record(key)
-    assert record is not None
-    return ridge_of(record)
+    return ridge_of(m.needed(key))
 
 
 def edge_wavelength(m: Measuring, key: str) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from analysis.measuring import Measuring, once
 from analysis.prepare import kept_file
 from analysis.quantities.passband import low_pass_2, scale
 from analysis.quantities.registry import DISORDER, on_request, quantity
-from analysis.quantities.velocity import LOST, coherents, longest, of_frequency, velocity_of
+from analysis.quantities.velocity import LOST, coherents, longest, of_frequency, v_p
 from analysis.value import NOTHING, Value, estimate, hertz, unknown
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
@@ -152,7 +153,7 @@ def _width_of_lines(packing: Measuring, polarisation: str) -> Value:
     if most < 1:
         return unknown("Hz", "the cell is narrower than the shortest waves that are read")
     orders = np.concatenate([n * np.eye(3, dtype=int) for n in range(1, most + 1)])
-    highest = 1.5 * velocity_of(packing) / (SHORTEST * packing.diameter)
+    highest = 1.5 * v_p(packing).value / (SHORTEST * packing.diameter)
     found = structure_factor(network, orders, packing.line, highest, polarisation)
     places, widths = (each.reshape(most, 3) for each in found.ridge())
     power = found.power.reshape(most, 3, -1).mean(axis=1)
@@ -165,16 +166,12 @@ def _width_of_lines(packing: Measuring, polarisation: str) -> Value:
     return Value(width[told], "Hz", {"fit": error}, packing.of_one_sample, peak[told])
 
 
-@on_request("scattering_of_p", "Hz", "full width of the line of plane P-waves, over its frequency")
-def scattering_of_p(packing: Measuring) -> Value:
-    """2 pi times it is the rate at which disorder takes the energy of a plane wave."""
-    return _width_of_lines(packing, "L")
-
-
-@on_request("scattering_of_s", "Hz", "full width of the line of plane S-waves, over its frequency")
-def scattering_of_s(packing: Measuring) -> Value:
-    """The same of both directions across."""
-    return _width_of_lines(packing, "T")
+# 2 pi times it is the rate at which disorder takes the energy of a plane wave.
+for _wave, _polarisation in (("p", "L"), ("s", "T")):
+    _text = f"full width of the line of plane {_wave.upper()}-waves, over its frequency"
+    on_request(f"scattering_of_{_wave}", "Hz", _text)(
+        partial(_width_of_lines, polarisation=_polarisation)
+    )
 
 
 @once
@@ -183,7 +180,7 @@ def scattering(m: Measuring) -> Scattering:
 
     Of some waves first, then of those on both sides of where the width reaches the frequency.
     """
-    velocity, kept = velocity_of(m), kept_file(m, "structure")
+    velocity, kept = v_p(m).value, kept_file(m, "structure")
     if not velocity > 0:
         raise InputError(LOST)
     if kept is not None:

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.estimators import resonances as resonant
 from analysis.estimators.damped_transform import mode_dispersion
 from analysis.estimators.excess import Excess
-from analysis.estimators.resonances import (
-    Standing,
-    fitted_wavenumbers,
-    long_wave_velocity,
-    standing_modes,
-)
+from analysis.estimators.resonances import Standing, long_wave_velocity, standing_modes
 from analysis.measuring import Measuring, once
 from analysis.prepare import DENSITY_TOLERANCE, kept_file
 from analysis.quantities.registry import DISORDER, on_request, quantity, without_signal
@@ -129,7 +125,7 @@ def modal_fitted(m: Measuring) -> Value:
     bearing = force_bearing(m.network)
     depth = m.network.position[bearing, 2] - m.network.wall_position[0]
     rows = bearers.row[:LOW_ORDER]
-    kappa = fitted_wavenumbers(z_shapes(m)[rows][:, bearing], depth, m.network.length)
+    kappa = resonant.fitted_wavenumbers(z_shapes(m)[rows][:, bearing], depth, m.network.length)
     return estimate(*long_wave_velocity(bearers.frequency[:LOW_ORDER], kappa))
 
 

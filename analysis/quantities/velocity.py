@@ -46,14 +46,14 @@ def _exact(lattice: LayerLattice) -> float:
 @once
 def chain(m: Measuring, key: str, order: int = 0) -> Dispersion:
     """The dispersion of a crystal's chain, to an order of its neighbour ratio."""
-    record = _needed(m, key)
+    record = m.needed(key)
     return chain_dispersion(record, order=order or ORDERS[record.direction][0])
 
 
 @once
 def coherent(m: Measuring, key: str, decay: float = DECAY) -> Coherent:
     """The coherent wave of a record, of S-waves as far as they are long."""
-    record, length = _needed(m, key), m.network.length
+    record, length = m.needed(key), m.network.length
     if record.direction != "z":
         first = _travelled(m, record)[0]
         highest = first / (LONGEST * m.diameter) if first > 0 else None
@@ -80,12 +80,6 @@ def longest(m: Measuring, key: str) -> Value:
         return Value(value, "m/s", {"fit": abs(value - other)})
     value, error = longest_waves(coherent(m, key))
     return Value(value, "m/s", {"fit": error}) if np.isfinite(value) else unknown("m/s", LOST)
-
-
-def _needed(m: Measuring, key: str) -> Signals:
-    record = m.record(key)
-    assert record is not None, key
-    return record
 
 
 def _travelled(m: Measuring, record: Signals, *times) -> tuple[float, float]:
@@ -155,17 +149,12 @@ def effective(m: Measuring) -> tuple[float, float]:
     return of_contacts(network).velocity, means.velocity
 
 
-def velocity_of(m: Measuring) -> float:
-    """V_P, m/s, that is quoted; NaN where none is read."""
-    return float(v_p(m).value)
-
-
 def of_frequency(m: Measuring, frequency: float) -> tuple[str, ...]:
     """What to know of what is read at a frequency, Hz, where the wave may be wider than the cell.
 
     As the wave of V_P has it, of which none is shorter at this frequency.
     """
-    length = velocity_of(m) / frequency / m.diameter
+    length = v_p(m).value / frequency / m.diameter
     if m.crystal or not length > m.width:
         return m.of_waves
     text = (
@@ -175,8 +164,10 @@ def of_frequency(m: Measuring, frequency: float) -> tuple[str, ...]:
     return (*m.of_waves, text)
 
 
-def _by_moduli(m: Measuring, places: slice) -> Value:
-    """Of a cell without walls, that no wall can push."""
+def _quoted(m: Measuring, key: str, places: slice) -> Value:
+    """By a wave; of a cell without walls, that no wall can push, by its moduli."""
+    if m.walls:
+        return longest(m, key).with_caveats(*m.of_waves)
     value = float(m.moduli.velocities((0, 0, 1))[places].mean())
     why = "by the elastic moduli: there are no walls"
     return Value(value, "m/s", {"fit": 0.5 * value * m.moduli.error}, (why, *m.of_waves))
@@ -185,7 +176,7 @@ def _by_moduli(m: Measuring, places: slice) -> Value:
 @quantity("v_p", "m/s", "velocity of the longest P-waves along z; the one to quote", exact=_exact)
 def v_p(m: Measuring) -> Value:
     """Of the coherent wave from the wall; of a cell without walls by its moduli."""
-    return longest(m, "wave").with_caveats(*m.of_waves) if m.walls else _by_moduli(m, slice(0, 1))
+    return _quoted(m, "wave", slice(0, 1))
 
 
 @quantity(
@@ -196,9 +187,7 @@ def v_p(m: Measuring) -> Value:
 )
 def v_s(m: Measuring) -> Value:
     """The same of a wall that slides along x."""
-    if not m.walls:
-        return _by_moduli(m, slice(1, 3))
-    return longest(m, "shear_wave").with_caveats(*m.of_waves)
+    return _quoted(m, "shear_wave", slice(1, 3))
 
 
 @without_signal("v_p_static", "m/s", "velocity of P-waves by the springs' answer to a steady push")

@@ -46,8 +46,7 @@ def read_result(path: str | Path) -> Row:
             raise ValueError(f"schema {found['schema']}, version {found['version']}")
         row = Row(**{name: own for name, own in found.items() if name not in ("schema", "version")})
         row.values = {name: estimate(**cell) for name, cell in found["values"].items()}
-        curves = found.get("curves", {})
-        row.curves = {n: tuple(np.array(v, float) for v in each) for n, each in curves.items()}
+        row.curves = {n: tuple(np.array(v, float) for v in c) for n, c in row.curves.items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: no result of a case ({error}); measure the case again") from None
     return row

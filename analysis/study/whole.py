@@ -5,19 +5,23 @@ A case that is not there is said to be missing; nothing stands in for it.
 
 from __future__ import annotations
 
+import base64
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+import jinja2
 import pandas as pd
 
 from analysis.rows import Row
 from analysis.study.arrangement import arrange
 from analysis.study.description import Study
-from analysis.study.page import page
 from analysis.study.results import frame_of, read_results
+from analysis.study.selection import runs
 from analysis.study.tables import tables, whole
 from analysis.study.targets import Rules, answers, second_verdicts, targets
-from analysis.table import Table
+from analysis.table import Table, number
 from analysis.value import estimate
 from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
@@ -73,6 +77,22 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
     path = output / "study.html"
     write_text(path, page(study.folder, content))
     return path, int((~frame["there"]).sum())
+
+
+TEMPLATES = Path(__file__).parent
+
+
+def page(folder: Path, content: Mapping[str, Any]) -> str:
+    """The page by the study's page.html.j2, which may extend plain.html.j2, else by that.
+
+    It refers to nothing outside it.
+    """
+    loader = jinja2.FileSystemLoader([str(folder), str(TEMPLATES)])
+    own = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    own.filters["base64"] = lambda path: base64.b64encode(path.read_bytes()).decode()
+    own.filters["anchor"] = lambda title: "".join(c if c.isalnum() else "-" for c in title.lower())
+    own.globals |= {"runs": runs, "number": number}
+    return own.select_template(["page.html.j2", "plain.html.j2"]).render(content)
 
 
 def _absent(path: Path, frame: pd.DataFrame) -> Table:

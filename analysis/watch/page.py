@@ -149,12 +149,10 @@ def _from_zero(values: np.ndarray) -> tuple[str, float]:
 
 
 def _of_wave(network: Network, signals: Signals, name: str, frames: int | None) -> dict[str, Any]:
-    moved = signals.particle_displacement
+    moved, most = signals.particle_displacement, len(signals.time)
     if moved is None:
-        raise InputError(
-            f"{name}: without the motion of every sphere; make it again with wave --particles"
-        )
-    most = len(signals.time)
+        why = "without the motion of every sphere; make it again with wave --particles"
+        raise InputError(f"{name}: {why}")
     if frames is None:
         frames = int(np.clip(MOTION // (2 * network.n_particles), *FRAMES))
     elif frames < 2:
@@ -206,14 +204,12 @@ def _of_slip(network: Network, signals: Signals) -> dict[str, Any]:
     if not top > 0:
         return {}
     deep = np.log10(np.maximum(lost, 10.0**-DECADES * top) / top) / DECADES + 1
+    whole, count = quantity(float(signals.slip_energy.sum()), "J", 3), len(signals.slip_energy)
     return {
         "slip": coded(np.round(255 * deep), "u1"),
         "slip_ends": [f"{10.0**-DECADES:g} of it or less", quantity(top, "J", 3)],
         "slip_decades": DECADES,
-        "slip_told": (
-            f"Slip dissipated {quantity(float(signals.slip_energy.sum()), 'J', 3)} in "
-            f"{len(signals.slip_energy)} contacts."
-        ),
+        "slip_told": f"Slip dissipated {whole} in {count} contacts.",
     }
 
 
@@ -239,17 +235,15 @@ def _of_modes(
             raise InputError(f"--modes {number}: the file has modes 1 to {len(modes.frequency)}")
     fits = max(1, MOTION // (6 * network.n_particles))
     if len(numbers) > fits:
-        raise InputError(
-            f"{len(numbers)} modes of {network.n_particles} spheres make too large a page; choose "
-            f"up to {fits} with --modes"
-        )
+        many = f"{len(numbers)} modes of {network.n_particles} spheres"
+        raise InputError(f"{many} make too large a page; choose up to {fits} with --modes")
     index = np.array(numbers) - 1
     shape = modes.mode_shape[index][:, :, :3]
     largest = np.maximum(np.linalg.norm(shape, axis=2).max(axis=1), np.finfo(float).tiny)
     main = (shape**2).sum(axis=1).argmax(axis=1)  # the axis along which a mode moves most
     count = max(2, round(network.length / (2 * float(network.radius.mean()))))
-    source, receiver = network.wall_position
-    edges = np.linspace(source, receiver, count + 1)
+    low, high = network.wall_position
+    edges = np.linspace(low, high, count + 1)
     layer = np.clip(np.searchsorted(edges, network.position[:, 2], side="right") - 1, 0, count - 1)
     members = np.maximum(np.bincount(layer, minlength=count), 1)
     return {
