@@ -20,13 +20,8 @@ from modal.waves import response, signals
 PACKINGS = "network", "sample"
 SHEAR = "shear_yade.signals", "signals", "shear.signals"
 """Where S-waves are: by YADE as a further run, or as the case's own run; and the linear one."""
-OTHER_WAVES = tuple(
-    f"{run}.signals"
-    for run in (
-        *("100kHz", "shear_yade"),
-        *("reverse", "tenth", "small", "small_reverse", "no_slip", "half_step"),
-    )
-)
+SPLIT = "reverse", "tenth", "small", "small_reverse", "no_slip", "half_step"
+OTHER_WAVES = tuple(f"{run}.signals" for run in ("100kHz", "shear_yade", *SPLIT))
 """Further YADE runs of a case: its pulse at 100 kHz where its own is another, an S-wave, and those
 that split its difference to the linear wave (`analysis.agreement.OTHER_RUNS`)."""
 KINDS = (
@@ -42,10 +37,8 @@ def _read_gain(path: Path) -> response.Response:
     """A response of elastic contacts and P-waves; InputError for another."""
     found = response.read_response(path)
     if found.damping or found.direction != "z":
-        raise InputError(
-            f"{path}: of viscous contacts or of an S-wave, which the report's "
-            "gain is not; leave it out, or make it without --damping and --direction"
-        )
+        why = "of viscous contacts or of an S-wave, which the report's gain is not"
+        raise InputError(f"{path}: {why}; leave it out, or make it without --damping, --direction")
     return found
 
 
@@ -61,11 +54,6 @@ FORMATS: dict[str, tuple[Any, Callable[[Path], Any]]] = {
     "moduli": (moduli, moduli.read_moduli),
 }
 """Kind, or last word of one: the module that has its SCHEMA and VERSION, and its reader."""
-
-
-def format_of(kind: str) -> tuple[Any, Callable[[Path], Any]]:
-    """Of a kind of file, from `FORMATS`."""
-    return FORMATS[kind if kind in FORMATS else kind.split(".")[-1]]
 
 
 def case_name(text: str) -> str:
@@ -126,10 +114,8 @@ class Case:
         for kind in PACKINGS:
             if self.has(kind):
                 return self.path(kind)
-        raise InputError(
-            f"{self.path('network')}: no such file; run the case first, give --products DIR, "
-            "or name the files"
-        )
+        told = "no such file; run the case first, give --products DIR, or name the files"
+        raise InputError(f"{self.path('network')}: {told}")
 
     @cached_property
     def packing(self) -> tuple[Source, ...]:
@@ -154,6 +140,6 @@ class Case:
     def read(self, kind: str) -> Any:
         """What the file of a kind holds, modes without shapes; None where there is none."""
         if kind not in self.held:
-            read = format_of(kind)[1]
+            read = FORMATS[kind if kind in FORMATS else kind.split(".")[-1]][1]
             self.held[kind] = read(self.product(kind)) if self.has(kind) else None
         return self.held[kind]

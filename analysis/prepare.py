@@ -71,9 +71,5 @@ def _settings(m: Measuring, kind: str) -> dict[str, Any]:
     # Every order at long waves, then steps of a tenth of kappa, to one order a layer.
     orders = np.round(1.1 ** np.arange(0, np.log(layers) / np.log(1.1)))
     orders = np.union1d(np.arange(1, 31), orders)
-    highest = 1.5 * layers / (2 * m.affine_passage)
-    return {
-        "resolution": m.line,
-        "highest": highest,
-        "orders": orders[orders <= layers].astype(int),
-    }
+    orders, highest = orders[orders <= layers].astype(int), 0.75 * layers / m.affine_passage
+    return {"resolution": m.line, "highest": highest, "orders": orders}

@@ -141,8 +141,7 @@ def _refuse_damaged(signals: Signals) -> None:
     if len(z) < SHORTEST:
         raise InputError(f"the chain has {len(z)} particles; a dispersion needs {SHORTEST}")
     spacing = np.diff(z)
-    uneven = abs(spacing - spacing.mean()) > UNEVEN * abs(spacing.mean())
-    if spacing.mean() <= 0 or uneven.any():
+    if not abs(spacing - spacing.mean()).max() < UNEVEN * spacing.mean():
         raise InputError(
             "the chain's spacing is uneven or falls: a particle is missing or out of order, or it "
             "is no crystal's chain; record it again"

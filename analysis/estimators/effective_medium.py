@@ -55,12 +55,10 @@ def of_contacts(network: Network, margin: float = 5.0) -> EffectiveMedium:
             f"the packing is {network.length / (zone / margin):.1f} diameters long: it has no bulk "
             f"{margin:g} diameters away from both walls; take one of more than {2 * margin:g}"
         )
-    area = network.area
     per_length = np.polyfit(z[inside], np.flatnonzero(inside), 1)[0]
-    density = float(network.mass.mean()) * per_length / area
-    return EffectiveMedium(
-        float(part @ affine_stiffness(network) / (area * (high - low))), float(density)
-    )
+    density = float(network.mass.mean()) * per_length / network.area
+    modulus = part @ affine_stiffness(network) / (network.area * (high - low))
+    return EffectiveMedium(float(modulus), float(density))
 
 
 HERTZ = 1e-2
@@ -75,10 +73,8 @@ def moduli_of(network: Network) -> Moduli:
     pair, force = ~network.with_wall, network.force_normal
     if force is None or not pair.any() or not (force[pair] > 0).all():
         return Moduli(np.nan, np.nan)
-    first, second = (
-        network.radius[network.particle_i[pair]],
-        network.radius[network.particle_j[pair]],
-    )
+    ends = network.particle_i[pair], network.particle_j[pair]
+    first, second = (network.radius[each] for each in ends)
     kn, kt = network.stiffness_normal[pair], network.stiffness_tangential[pair]
     young = np.sqrt(kn**3 / (6 * first * second / (first + second) * force[pair]))
     if young.std() > HERTZ * young.mean():
@@ -103,9 +99,6 @@ def of_means(
     force = 4 * np.pi * radius**2 * (1 + void_ratio) * stress / coordination
     law = HertzMindlin(material.effective_young, material.effective_shear)
     overlap = law.overlap_of_force(force, radius / 2)
-    kn, kt = (
-        law.stiffness_normal(overlap, radius / 2),
-        law.stiffness_tangential(overlap, radius / 2),
-    )
+    kn, kt = (of(overlap, radius / 2) for of in (law.stiffness_normal, law.stiffness_tangential))
     modulus = coordination * (3 * kn + 2 * kt) / (10 * np.pi * radius * (1 + void_ratio))
     return EffectiveMedium(float(modulus), density / (1 + void_ratio))

@@ -60,13 +60,8 @@ def fk_map(signals: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     Returns frequency (nf,) Hz, wavenumber (nk,) rad/m (both from 0 up, waves towards high z) and
     amplitude (nf, nk) relative to its maximum.
     """
-    frequency, wavenumber, spectrum = frequency_wavenumber(
-        signals.chain_displacement,
-        signals.time,
-        signals.chain_position,
-        window=far_end,
-        padding=PADDING,
-    )
-    amplitude = abs(spectrum)[frequency < 4 * signals.input_frequency][:, wavenumber >= 0]
-    frequency = frequency[frequency < 4 * signals.input_frequency]
-    return frequency, wavenumber[wavenumber >= 0], amplitude / amplitude.max()
+    u, z = signals.chain_displacement, signals.chain_position
+    f, k, spectrum = frequency_wavenumber(u, signals.time, z, window=far_end, padding=PADDING)
+    low, ahead = f < 4 * signals.input_frequency, k >= 0
+    amplitude = abs(spectrum)[low][:, ahead]
+    return f[low], k[ahead], amplitude / amplitude.max()

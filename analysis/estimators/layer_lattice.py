@@ -31,8 +31,7 @@ def is_fcc(network: Network) -> bool:
     45 degrees. What its case is called does not matter.
     """
     z, radius = np.sort(network.position[:, 2]), float(network.radius.mean())
-    starts = np.flatnonzero(np.diff(z, prepend=-np.inf) > 0.5 * radius)
-    layers = len(starts)
+    layers = 1 + int((np.diff(z) > 0.5 * radius).sum())
     if layers < 3 or len(z) % layers or np.ptp(network.radius) > 1e-9 * radius:
         return False
     rows = z.reshape(layers, -1)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.estimators.fits import summit
 from analysis.estimators.structure_factor import standing_waves
 from modal.packing.network import Network
 
@@ -74,8 +75,7 @@ def fitted_wavenumbers(shape: np.ndarray, depth: np.ndarray, length: float) -> n
             kappa, missed = kappa[kept], missed[kept]
         at = int(np.argmin(missed))
         if 0 < at < len(kappa) - 1:
-            before, least, behind = missed[at - 1 : at + 2]
-            shift = 0.5 * (before - behind) / (before - 2 * least + behind)
+            shift = summit(*missed[at - 1 : at + 2])
             found[k] = kappa[at] + shift * (kappa[1] - kappa[0])
     return found
 

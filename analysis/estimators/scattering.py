@@ -70,10 +70,9 @@ class Scattering:
         """
         known = np.isfinite(self.width)
         f, width = self.frequency[known], self.width[known]
-        lost = width < 0.5 * np.maximum.accumulate(width)
-        f, width = (v[: np.argmax(lost) if lost.any() else None] for v in (f, width))
-        beyond = np.flatnonzero(np.pi * width >= f)
-        kept = slice(0, beyond[0] + 1 if len(beyond) else None)
+        lost = np.append(width < 0.5 * np.maximum.accumulate(width), True)
+        beyond = np.append(np.pi * width >= f, True)
+        kept = slice(0, min(int(np.argmax(lost)), int(np.argmax(beyond)) + 1))
         f, width = f[kept], width[kept]
         return f, width, self.velocity / (2 * np.pi * width) / self.diameter
 

@@ -44,10 +44,8 @@ def recorded_motion(record: Signals) -> Motion:
     if abs(d - pulse.displacement(time)).max() <= SAME * abs(record.amplitude):
         return pulse
     if abs(d[0]) > SAME * abs(d).max():
-        raise InputError(
-            f"the source wall is at {d[0]:.3g} m where the record begins, {time[0]:.3g} s: how it "
-            "came there is not known; record it from rest on"
-        )
+        at = f"the source wall is at {d[0]:.3g} m where the record begins, {time[0]:.3g} s"
+        raise InputError(f"{at}: how it came there is not known; record it from rest on")
     if time[0] > 0:
         time, d = np.append(0.0, time), np.append(0.0, d)
     if len(time) <= ORDER:

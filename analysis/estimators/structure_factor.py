@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.estimators.fits import summit
 from modal.formats.product import Column, Product
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
@@ -77,8 +78,7 @@ class StructureFactor:
             if not 0 < k < len(row) - 1:
                 continue
             near = np.log(np.maximum(row[k - 1 : k + 2], np.finfo(float).tiny))
-            bend = near[0] - 2 * near[1] + near[2]
-            peak[n] = f[k] + 0.5 * step * (near[0] - near[2]) / bend
+            peak[n] = f[k] + step * summit(*near)
             low, high = np.flatnonzero(row[:k] < row[k] / 2), np.flatnonzero(row[k:] < row[k] / 2)
             if len(low) and len(high):
                 a, b = low[-1], k + high[0]

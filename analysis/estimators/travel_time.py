@@ -132,6 +132,5 @@ def first_peaks_of_columns(record: Signals, network: Network) -> tuple[float, fl
     column = columns_of(network, bearing)
     members = [np.flatnonzero((column == c) & np.isfinite(times)) for c in np.unique(column)]
     speeds = [travel_velocity(distance[m], times[m])[0] for m in members if len(m) > 9]
-    if not speeds:
-        return np.nan, np.nan
-    return float(np.mean(speeds)), float(np.std(speeds, ddof=1)) if len(speeds) > 1 else np.nan
+    scatter = float(np.std(speeds, ddof=1)) if len(speeds) > 1 else np.nan
+    return (float(np.mean(speeds)), scatter) if speeds else (np.nan, np.nan)
