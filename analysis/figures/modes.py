@@ -50,9 +50,8 @@ def natural_frequencies(cases: list[Measuring]) -> Picture:
             left.line([1.0], top[:1], text, marker="*", ls="none", ms=9, color="k", mfc="#ffd000")
         panels += [left, right]
     if not panels:
-        raise InputError(
-            "no case has all its modes or a density of states; keep one: measure FILE --keep DIR"
-        )
+        lack = "no case has all its modes or a density of states"
+        raise InputError(f"{lack}; keep one: measure FILE --keep DIR")
     return Picture(merged(panels), columns=2, shape=(10, 4))
 
 

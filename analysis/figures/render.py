@@ -32,8 +32,7 @@ def draw_panel(ax: Axes, panel: Panel) -> None:
     for series in panel.series:
         _draw_series(ax, series, panel.colour_label)
     ax.set(xlabel=panel.xlabel, ylabel=panel.ylabel)
-    if panel.title:
-        ax.set_title(panel.title, loc="left")
+    ax.set_title(panel.title, loc="left")
     if panel.xlim:
         ax.set_xlim(panel.xlim)
     if panel.ylim:

@@ -165,9 +165,7 @@ def low_pass_unbiased(m: Measuring) -> Value:
         value, other = (chain(m, "wave", order).low_pass_frequency for order in (2, 3))
         return Value(value, "Hz", {"fit": abs(value - other)}, m.of_waves)
     wanted = np.log(1 / LEFT) / (SHORTEST * m.diameter)
-    ends = np.array(
-        [_rise(w.frequency, w.attenuation, wanted) for w in coherents(m)]  # (windows, 3)
-    )
+    ends = np.array([_rise(w.frequency, w.attenuation, wanted) for w in coherents(m)])
     if not np.isfinite(ends).all():
         return unknown("Hz", "the coherent wave is lost before it fades as much", *m.of_waves)
     first, value, last = ends[0]

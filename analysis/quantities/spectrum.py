@@ -105,8 +105,7 @@ def standing_waves(m: Measuring) -> tuple[Floats, Floats]:
 
 def modal_first(m: Measuring) -> float:
     """V_P, m/s, of the first resonance by Eqs. 3 and 4: 2 L f_1; NaN without modes."""
-    f = standing_waves(m)[0]
-    return 2 * m.network.length * float(f[0]) if len(f) else np.nan
+    return 2 * m.network.length * float(np.append(standing_waves(m)[0], np.nan)[0])
 
 
 def modal_velocity(m: Measuring) -> Value:
@@ -265,10 +264,8 @@ def excess_peak(m: Measuring) -> Value:
         return unknown("Hz", text, *m.of_one_sample)
     first, count = np.interp([2.5 * line, found.peak_frequency], frequency, below)
     if count - first < FEWEST:
-        text = (
-            f"resolution: fewer than {FEWEST:g} modes lie below the largest value, at "
-            f"{hertz(found.peak_frequency)}: the packing is too small to tell a peak"
-        )
+        text = f"resolution: fewer than {FEWEST:g} modes lie below the largest value, at "
+        text += f"{hertz(found.peak_frequency)}: the packing is too small to tell a peak"
         return unknown("Hz", text, *m.of_one_sample)
     return Value(found.peak_frequency, "Hz", {"resolution": line / 2}, m.of_one_sample)
 

@@ -168,11 +168,9 @@ class Study:
         """Stated numbers: `quantity`, `select` (cases), `value`, its ends `low` and `high`."""
         path = self.folder / "stated.csv"
         columns = ["quantity", "select", "value", "low", "high", "unit", "where"]
-        found = (
-            pd.read_csv(path, dtype={"select": object})
-            if path.is_file()
-            else pd.DataFrame(columns=columns)
-        )
+        found = pd.DataFrame(columns=columns)
+        if path.is_file():
+            found = pd.read_csv(path, dtype={"select": object})
         ends = {name: found[name].fillna(found["value"]) for name in ("low", "high")}
         return found.assign(select=found["select"].fillna(""), **ends)
 

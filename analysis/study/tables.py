@@ -84,10 +84,8 @@ def _column(cases: pd.DataFrame, text: str) -> list[str]:
     cells = [number(*pair) if form == "±" else _cell(pair[0], form or "g") for pair in values]
     if not flag:
         return cells
-    return [
-        f"{cell} *" if cell and not yes else cell
-        for cell, yes in zip(cells, cases[flag], strict=True)
-    ]
+    pairs = zip(cells, cases[flag], strict=True)
+    return [f"{cell} *" if cell and not yes else cell for cell, yes in pairs]
 
 
 def _cell(value: Any, form: str = "g") -> str:
@@ -168,9 +166,8 @@ def checks(spec: Spec, rules: Rules) -> Cells:
     lines = []
     for line in spec["rows"]:
         text = json.dumps(list(spec["columns"].values()))
-        for name, quantity in (
-            {n: q.format(**line) for n, q in spec["names"].items()} | line
-        ).items():
+        names = {name: text.format(**line) for name, text in spec["names"].items()} | line
+        for name, quantity in names.items():
             text = text.replace(f"<{name}>", quantity)
         found = [rules.find(check) for check in json.loads(text)]
         cells = [f"{one.word}: {one.short}" if np.isfinite(one.value) else "" for one in found]

@@ -107,9 +107,7 @@ class Rules:
         met = met and (seen.slope[0] > 2 * seen.slope[1] or not grows)
         off = _off(value, wanted, rule.get("within")) if len(values) == 1 else ""
         short = f"{inside.sum()} of {len(values)} inside, {values.min():.5g} to {values.max():.5g}"
-        away = [
-            f"{name}: {number(values[name], seen.errors[name])}" for name in values[~inside].index
-        ]
+        away = [f"{n}: {number(values[n], seen.errors[n])}" for n in values[~inside].index]
         outside = f"outside: {', '.join(away)}" if away and not off else ""
         told = [f"off by {off}" if off else short, outside, seen.head, *seen.bars]
         for name, within in rule.get("also", {}).items():
@@ -149,9 +147,8 @@ class Rules:
         several = f"case {runs(cases['case'][values.index])}" if len(cases) > 1 else ""
         absent = missing(cases, name) if len(values) < len(cases) else ""
         texts = cases.get(rule.get("unsettled", "unsettled"), pd.Series(dtype=object))
-        bars = [
-            f"{case} has not settled: {text}" for case, text in texts[texts.notna()].items() if text
-        ]
+        told = texts[texts.notna()].items()
+        bars = [f"{case} has not settled: {text}" for case, text in told if text]
         head = "; ".join(filter(None, [several if len(values) else "", absent]))
         bars += _no_plateau(cases, flat)
         return Seen(values, spreads(cases, name)[values.index], head, not absent, bars)
