@@ -13,7 +13,6 @@ from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.resonances import standing_modes
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES, passband, spectrum, velocity
-from analysis.quantities.gain import gain_of
 from analysis.rows import law_of, of_one_producer, row_of
 from analysis.table import number
 from modal.modes.eigenmodes import modes_of
@@ -76,14 +75,6 @@ def test_crystal_from_its_network_alone(crystal):
     order = np.argsort(THRESHOLDS)
     assert (np.diff(np.array(low)[order]) <= 0).all()  # a higher threshold passes less
     assert low[0] == pytest.approx(chain.low_pass_frequency, rel=0.01)
-
-
-def test_gain_peaks_midway_between_resonances(crystal):
-    """1 / |cos kappa L| between rigid walls; the wall springs and the blur shift it a little."""
-    place = (
-        gain_of(crystal).first_maximum()[0] * 2 * crystal.network.length / crystal.lattice.velocity
-    )
-    assert place == pytest.approx(0.5, abs=0.03)
 
 
 def test_crystal_is_found_from_the_packing_not_from_its_number():

@@ -20,8 +20,6 @@ from analysis.estimators.low_pass import (
     spectra,
     threshold_curves,
 )
-from analysis.measuring import Measuring
-from analysis.quantities.passband import band_edge, low_pass_2
 from modal.packing.contact_law import RADIUS
 from modal.packing.crystal import fcc
 from modal.waves.propagate import propagate
@@ -151,18 +149,6 @@ def test_columns_of_a_crystal_agree():
     assert np.isnan(band.of_yade[0].value)
     names = [name for name, _ in band.choices()]
     assert len(set(names)) == len(names)
-
-
-@pytest.mark.parametrize("factor", [0.2, 3.0])
-def test_spheres_of_any_size_are_heard(factor):
-    """V of a crystal does not depend on the size of its spheres: all frequencies go as 1 / R."""
-    found = []
-    for radius in (RADIUS, factor * RADIUS):
-        m = Measuring(fcc(cells=(1, 1, 120), radius=radius))
-        exact = m.lattice.low_pass_frequency
-        assert band_edge(m, "linear") == pytest.approx(exact, rel=1e-4)  # unbiased
-        found.append(low_pass_2(m))
-    assert found[1] == pytest.approx(found[0] / factor, rel=1e-6)
 
 
 def test_the_end_of_the_source_is_not_taken_for_the_packings():

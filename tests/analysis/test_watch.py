@@ -159,16 +159,6 @@ def test_a_browser_shows_what_slip_dissipated(slid, tmp_path):
     assert ">dissipated by slip</option>" in dom and "0.0001 of it or less" in dom
 
 
-def test_a_full_size_page_stays_below_15_megabytes(folder):
-    """Bytes: 2 a sphere and time, 14 a sphere, 15 a contact; in base64 a third more; the rest."""
-    from analysis.watch.page import FRAMES, MOTION
-
-    n, contacts, rest = 35_201, 119_507, (folder[0] / "signals.html").stat().st_size
-    times = max(MOTION // (2 * n), FRAMES[0])
-    assert times >= 100
-    assert (2 * n * times + 14 * n + 15 * contacts) * 4 / 3 + rest < 15e6
-
-
 def test_nothing_comes_from_a_network(folder):
     """No element of the page loads anything; addresses stand only in texts of the libraries."""
     for name in ("signals", "modes"):
