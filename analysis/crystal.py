@@ -49,51 +49,45 @@ def compare(m: Measuring) -> list[list[str]]:
     return lines
 
 
-def _texts(inside: float) -> dict[str, tuple[str, str, str]]:
-    """Rows by id: quantity, unit, note."""
-    found = {
-        "f_min_khz": ("lowest natural frequency", "kHz", ""),
-        "f_max_khz": ("highest natural frequency", "kHz", ""),
-        "f_1_khz": ("first P resonance", "kHz", ""),
-        "f_200_khz": ("last P resonance", "kHz", ""),
-        "resonances": ("number of P resonances", "1", ""),
-        "band_edge_theory_khz": (
-            *("f_low-pass", "kHz"),
-            "theory Eq. 10; others: band edge, unbiased",
-        ),
-        "velocity": (
-            *("V_P, long waves", "m/s"),
-            "theory Eq. 6; others: slope at long waves, unbiased",
-        ),
-        "lambda_edge_yade_over_d": (
-            *("lambda_low-pass / D, band edge", "1"),
-            "theory Eq. 7; modal: last resonance; others: where the waves turn round",
-        ),
-        "void_ratio": ("void ratio, wall to wall", "1", "of the contact network"),
-        "rms": ("dispersion, RMS deviation from Eq. 9", "%", "up to kappa l = 0.9 pi"),
-        "phase": (f"phase velocity at {inside / 1e3:g} kHz", "m/s", ""),
-        "group": (f"group velocity at {inside / 1e3:g} kHz", "m/s", ""),
-        "translations_only_over_edge": ("f_max without rotations / f_low-pass", "1", ""),
-        "first_peak": ("V_P, first peaks, middle half", "m/s", BIASED),
-        "arrival": ("V_P, 5 % arrival, middle half", "m/s", BIASED),
-    }
-    stretch = "at {:g}-{:g} % of the length".format(
-        *(100 * part for part in low_pass.STRETCH[True])
-    )
-    for percent in (2, 1):
-        text, key = f"f_low-pass, {percent} % rule", f"f_low_pass_{percent}_khz"
-        found[key] = f"{text}, {stretch}", "kHz", BIASED
-        for layer in LAYERS:
-            found[f"{key}_{layer}"] = f"{text}, layer {layer}", "kHz", BIASED
-    return found | {
-        "walls": (f"phase velocity at {inside / 1e3:g} kHz, walls", "m/s", ""),
-        "velocity_full": (
-            *("V_P, long waves, with pre-stress", "m/s"),
-            "exact tangent of the contact law, not the springs alone",
-        ),
-        "gain_f": ("gain factor, first maximum", "kHz", ""),
-        "gain": ("gain factor at its first maximum", "1", ""),
-    }
+ROWS = """
+f_min_khz | lowest natural frequency | kHz
+f_max_khz | highest natural frequency | kHz
+f_1_khz | first P resonance | kHz
+f_200_khz | last P resonance | kHz
+resonances | number of P resonances | 1
+band_edge_theory_khz | f_low-pass | kHz | theory Eq. 10; others: band edge, unbiased
+velocity | V_P, long waves | m/s | theory Eq. 6; others: slope at long waves, unbiased
+lambda_edge_yade_over_d | lambda_low-pass / D, band edge | 1 | \
+theory Eq. 7; modal: last resonance; others: where the waves turn round
+void_ratio | void ratio, wall to wall | 1 | of the contact network
+rms | dispersion, RMS deviation from Eq. 9 | % | up to kappa l = 0.9 pi
+phase | phase velocity at {inside:g} kHz | m/s
+group | group velocity at {inside:g} kHz | m/s
+translations_only_over_edge | f_max without rotations / f_low-pass | 1
+first_peak | V_P, first peaks, middle half | m/s | {biased}
+arrival | V_P, 5 % arrival, middle half | m/s | {biased}
+{low_pass}
+walls | phase velocity at {inside:g} kHz, walls | m/s
+velocity_full | V_P, long waves, with pre-stress | m/s | \
+exact tangent of the contact law, not the springs alone
+gain_f | gain factor, first maximum | kHz
+gain | gain factor at its first maximum | 1
+"""
+"""A row a line: id, quantity, unit, and a note."""
+
+
+def _texts(inside: float) -> dict[str, list[str]]:
+    """Rows by id: quantity, unit, note; `inside` the band is a frequency, Hz."""
+    stretch = "at {:g}-{:g} % of the length".format(*(100 * p for p in low_pass.STRETCH[True]))
+    places = {"": stretch} | {f"_{layer}": f"layer {layer}" for layer in LAYERS}
+    rules = [
+        f"f_low_pass_{percent}_khz{end} | f_low-pass, {percent} % rule, {place} | kHz | {BIASED}"
+        for percent in (2, 1)
+        for end, place in places.items()
+    ]
+    told = {"inside": inside / 1e3, "biased": BIASED, "low_pass": "\n".join(rules)}
+    lines = [line.split(" | ") for line in ROWS.format(**told).strip().splitlines()]
+    return {key: [*cells, ""][:3] for key, *cells in lines}
 
 
 def _inside(lattice: LayerLattice) -> float:

@@ -13,7 +13,7 @@ from analysis.case import Case
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES
 from analysis.quantities.amplitude import AMPLITUDE
-from analysis.value import Value, plain
+from analysis.value import Value
 from modal.exchange.programs.own import is_sample
 from modal.exchange.registry import read_remarked
 from modal.packing.network import Network
@@ -28,11 +28,11 @@ SAME_STATE = ("mu_comp", "mu_wave", "stress")
 
 
 class Measurement(dict[str, Value]):
-    """Quantities of a packing by name, and what the packing is: `about`, plain facts by name."""
+    """Quantities of a packing by name; `state` is what samples of one state have in common."""
 
-    def __init__(self, values: Mapping[str, Value], about: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, values: Mapping[str, Value], state: tuple[str, ...] = ()) -> None:
         super().__init__(values)
-        self.about = dict(about or {})
+        self.state = state
 
     def as_json(self) -> dict[str, dict[str, Any]]:
         """{quantity: {value, error, unit, caveats}}; what is not known is None."""
@@ -132,18 +132,8 @@ def _measured(
             raise InputError(f"quantity {name!r}: unknown; choose from {', '.join(QUANTITIES)}")
     if any(wave.chain_particle.max() >= network.n_particles for wave in packing.records):
         raise InputError("a record's chain leaves the packing; give the packing it is of")
-    about = {
-        "packing": network.fingerprint,
-        "particles": network.n_particles,
-        "length_over_d": network.length / packing.diameter,
-        "width_over_d": packing.width,
-        "diameter_m": packing.diameter,
-        "crystal": packing.crystal,
-        "records": [wave.producer for wave in packing.records],
-    }
-    about |= {key: network.study[key] for key in SAME_STATE if key in network.study}
-    values = {name: QUANTITIES[name].measured(packing) for name in names}
-    return Measurement(values, plain(about))
+    state = tuple(str(network.study.get(key)) for key in SAME_STATE)
+    return Measurement({name: QUANTITIES[name].measured(packing) for name in names}, state)
 
 
 def measure_files(
@@ -168,7 +158,7 @@ def measure_files(
         found[_as_given(case.packing_path, paths)] = one
     if len(found) < 2:
         return found, None
-    states = {tuple(str(one.about.get(key)) for key in SAME_STATE) for one in found.values()}
+    states = {one.state for one in found.values()}
     return found, mean_of(list(found.values()), same=len(states) == 1)
 
 
@@ -201,7 +191,7 @@ def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
             mean, scatter = float(mean), float(scatter)
         value = Value(mean, first.unit, told, (), at, scatter)
         values[name] = value.with_caveats(*caveats)
-    return Measurement(values, {"packings": len(measurements)})
+    return Measurement(values)
 
 
 def _at(value: Value, at: Any) -> np.ndarray:

@@ -43,12 +43,6 @@ class Table:
         write_text(path, text.getvalue())
         return path
 
-    def write(self, stem: Path) -> list[Path]:
-        """Write stem.csv and stem.md; returns their paths."""
-        text = stem.with_name(stem.name + ".md")
-        write_text(text, self.markdown())
-        return [self.write_csv(stem.with_name(stem.name + ".csv")), text]
-
 
 NONE = 1e-6
 """In parts of a value: an uncertainty that no reader is shown."""

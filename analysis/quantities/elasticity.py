@@ -12,39 +12,29 @@ from modal.elasticity.plane_waves import isotropic_mean
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import coordination_without_rattlers
 
+ALONG_Z, OVER_AFFINE = (0, 0, 1), "over that of spheres that follow the mean strain"
 POWER = {"Pa": 1.0, "1": 1.0, "m/s": 0.5}
 """Of the moduli that a number goes as, by its unit."""
+
+
+def _over_affine(m: ElasticModuli) -> tuple[float, float]:
+    bulk, shear = isotropic_mean(m.affine)
+    return m.bulk_modulus / bulk, m.shear_modulus / shear
+
+
 OF_MODULI: dict[str, tuple[str, Callable[[ElasticModuli], float], str]] = {
     "bulk_modulus": ("Pa", lambda m: m.bulk_modulus, "bulk modulus, mean over directions"),
     "shear_modulus": ("Pa", lambda m: m.shear_modulus, "shear modulus, mean over directions"),
     "poisson": ("1", lambda m: m.poisson, "Poisson's ratio of the isotropic solid nearest"),
     "anisotropy": ("1", lambda m: m.anisotropy, "how far from isotropic it is, 0 to 1"),
     "c_axial": ("Pa", lambda m: m.stiffness[2, 2], "stiffness of strain along z alone, C_zz"),
-    "c_lateral": (
-        *("Pa", lambda m: m.stiffness.diagonal()[:2].mean()),
-        "the same along x and y, mean",
-    ),
-    "g_axial": (
-        *("Pa", lambda m: m.stiffness.diagonal()[3:5].mean()),
-        "shear modulus in planes along z, mean of yz and zx",
-    ),
+    "c_lateral": ("Pa", lambda m: m.stiffness.diagonal()[:2].mean(), "the same, mean of x and y"),
+    "g_axial": ("Pa", lambda m: m.stiffness.diagonal()[3:5].mean(), "shear, mean of yz and zx"),
     "g_lateral": ("Pa", lambda m: m.stiffness[5, 5], "shear modulus in the plane across z, xy"),
-    "v_p_moduli": (
-        *("m/s", lambda m: m.velocities((0, 0, 1))[0]),
-        "V_P along z by the moduli, from no wave",
-    ),
-    "v_s_moduli": (
-        *("m/s", lambda m: m.velocities((0, 0, 1))[1:].mean()),
-        "the same of both S-waves, mean",
-    ),
-    "bulk_over_affine": (
-        *("1", lambda m: m.bulk_modulus / isotropic_mean(m.affine)[0]),
-        "bulk modulus over that of spheres that follow the mean strain",
-    ),
-    "shear_over_affine": (
-        *("1", lambda m: m.shear_modulus / isotropic_mean(m.affine)[1]),
-        "shear modulus over that of spheres that follow the mean strain",
-    ),
+    "v_p_moduli": ("m/s", lambda m: m.velocities(ALONG_Z)[0], "V_P along z by the moduli"),
+    "v_s_moduli": ("m/s", lambda m: m.velocities(ALONG_Z)[1:].mean(), "V_S, mean of both waves"),
+    "bulk_over_affine": ("1", lambda m: _over_affine(m)[0], f"bulk modulus {OVER_AFFINE}"),
+    "shear_over_affine": ("1", lambda m: _over_affine(m)[1], f"shear modulus {OVER_AFFINE}"),
 }
 """By name: unit, what it is of the moduli, in words.
 

@@ -18,44 +18,41 @@ from modal.packing.state import profile, stress_tensor, void_ratio
 from modal.packing.summary import crystalline_shares
 from modal.tools.arrays import Floats
 
+
+def _forces(network: Network) -> Floats:
+    """Normal forces (m,), N, between spheres."""
+    return network.require("force_normal", "distribution of forces")[~network.with_wall]
+
+
+def _lateral(network: Network) -> float:
+    stress = np.diag(stress_tensor(network))
+    return stress[:2].mean() / stress[2]
+
+
 EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
     "void_ratio": (void_ratio, "volume of voids over that of spheres, from wall to wall"),
     "coordination": (
-        lambda network: state.contacts_per_particle(network).mean(),
+        lambda n: state.contacts_per_particle(n).mean(),
         "contacts of a sphere, rattlers and contacts with walls included",
     ),
     "coordination_of_bearing": (
-        lambda network: state.coordination_without_rattlers(network)[0],
+        lambda n: state.coordination_without_rattlers(n)[0],
         "contacts among force-bearing spheres, of one",
     ),
-    "rattlers": (
-        lambda network: 1 - force_bearing(network).mean(),
-        "share of spheres that bear no force",
-    ),
-    "fabric_zz": (
-        lambda network: state.fabric_tensor(network)[2, 2],
-        "mean n_z^2 of contact normals; 1/3 where none is preferred",
-    ),
-    "lateral_stress": (
-        lambda network: np.diag(stress_tensor(network))[:2].mean() / stress_tensor(network)[2, 2],
-        "mean lateral stress over that along z",
-    ),
+    "rattlers": (lambda n: 1 - force_bearing(n).mean(), "share of spheres that bear no force"),
+    "fabric_zz": (lambda n: state.fabric_tensor(n)[2, 2], "mean n_z^2 of contact normals"),
+    "lateral_stress": (_lateral, "mean lateral stress over that along z"),
     "force_squared": (
-        lambda network: (_forces(network) ** 2).mean() / _forces(network).mean() ** 2,
+        lambda n: (_forces(n) ** 2).mean() / _forces(n).mean() ** 2,
         "mean squared normal force between spheres over squared mean",
     ),
     "weak_forces": (
-        lambda network: (_forces(network) < 0.5 * _forces(network).mean()).mean(),
+        lambda n: (_forces(n) < 0.5 * _forces(n).mean()).mean(),
         "share of normal forces between spheres below half the mean",
     ),
     "residual": (residual_of, "mean net force of a sphere over mean contact force"),
 }
 """Numbers without an error, exact for the packing, and what they are."""
-
-
-def _forces(network: Network) -> Floats:
-    """Normal forces (m,), N, between spheres."""
-    return network.require("force_normal", "distribution of forces")[~network.with_wall]
 
 
 def _exact(number: Callable[[Network], Any]) -> Callable[[Measuring], Value]:

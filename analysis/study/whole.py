@@ -48,10 +48,9 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
         shown.append(Table(title, *_read(path), f"split_{case}"))
     shown = [table for table in shown if table.rows]
     of_pages = {"targets", "second_verdicts", *(s["name"] for s in specs if s.get("page"))}
-    for table in (whole(frame, rows), goals, *shown):
-        if table.rows:
-            table.write_csv(output / f"{table.name}.csv")
-        if table.rows and table.name in of_pages:
+    for table in (each for each in (whole(frame, rows), goals, *shown) if each.rows):
+        table.write_csv(output / f"{table.name}.csv")
+        if table.name in of_pages:
             write_text(output / f"{table.name}.md", table.markdown())
     for row in rows:
         if row.name in frame.index:
