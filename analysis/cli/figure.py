@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from analysis.belonging import cases_of
-from analysis.figures import FIGURES, draw
+from analysis.figures import FIGURES, compose
 from analysis.figures.picture import read_picture
 from analysis.figures.render import save
 from analysis.measuring import Measuring
@@ -37,10 +37,11 @@ def run(options: Given) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if again:
-            paths = save(read_picture(name), folder / Path(name).stem)
+            picture, stem = read_picture(name), Path(name).stem
         else:
-            stem = folder / ".".join([*(case.name for case in cases), name])
-            paths = draw(name, [Measuring.of(case) for case in cases], stem)
+            picture = compose(name, [Measuring.of(case) for case in cases])
+            stem = ".".join([*(case.name for case in cases), name])
+        paths = save(picture, folder / stem)
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error}); choose another -o") from error
     put("\n".join(map(str, paths)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from analysis.figures import beyond, modes, packing, spectra, waves
@@ -44,10 +43,3 @@ def compose(name: str, cases: list[Measuring]) -> Picture:
             f"{name}: nothing to draw, for no case here has {what}{why}; add a longer packing"
         )
     return picture
-
-
-def draw(name: str, cases: list[Measuring], stem: Path) -> list[Path]:
-    """Draw one figure; returns the PNG and CSV files written."""
-    from analysis.figures.render import save  # Matplotlib, which a figure's numbers do not need
-
-    return save(compose(name, cases), stem)
