@@ -124,8 +124,11 @@ class Measuring(Packing):
     @cached_property
     def shear(self) -> dict[str, Signals]:
         """Recorded S-waves: the first of each producer, by its name."""
-        slid = [record for record in self.records if record.direction != "z"]
-        return {record.producer: record for record in reversed(slid)}
+        found: dict[str, Signals] = {}
+        for record in self.records:
+            if record.direction != "z":
+                found.setdefault(record.producer, record)
+        return found
 
     @cached_property
     def yade(self) -> Signals | None:
