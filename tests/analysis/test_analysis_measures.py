@@ -118,7 +118,7 @@ def test_no_digit_beyond_the_error(value, error, text):
 @pytest.fixture(scope="module")
 def two_producers():
     """FCC at three stresses, one of them with a YADE record 10 % slower than its springs."""
-    cases = [Measuring(fcc(stress, (1, 1, 200))) for stress in (1e4, 1e5, 1e6)]
+    cases = [Measuring(fcc(stress, (1, 1, 100))) for stress in (1e4, 1e5, 1e6)]
     lattice = cases[1].lattice
     time = np.arange(0, cases[1].network.length / lattice.velocity, 5e-7)
     slow = replace(lattice, mass=lattice.mass / 0.81)
