@@ -269,16 +269,8 @@ def test_a_frequency_beyond_the_modes_is_remarked_on(packing, tmp_path, capsys):
 
 def test_bad_input():
     network = gallery.column(3)
-    for wrong in (
-        {"resolution": 0},
-        {"resolution": np.nan},
-        {"resolution": np.inf},
-        {"tolerance": 2},
-        {"tolerance": 1.0},
-        {"tolerance": 0.0},
-        {"resolution": 1e-9},
-        {"seed": -1},
-        {"seed": 1.5},
-    ):
-        with pytest.raises(InputError):
-            density_of_states(network, **wrong)
+    wrong = {"resolution": (0, np.nan, np.inf, 1e-9), "tolerance": (2, 1.0, 0.0), "seed": (-1, 1.5)}
+    for name, values in wrong.items():
+        for value in values:
+            with pytest.raises(InputError):
+                density_of_states(network, **{name: value})
