@@ -181,24 +181,42 @@ def test_unsettled_state_is_marked(tmp_path, monkeypatch, capsys):
     assert all(re.search(words, shown.err) for words in told)
 
 
-@pytest.mark.parametrize(
-    "wrong, said",
-    [
-        (["--friction", "-0.1"], "mu_comp"),
-        (["--spheres", "99"], "at least 100"),
-        (["--width", "60"], "width"),
-        (["--aspect", "0"], "width"),
-        (["--stress", "1e5", "1e4"], "rising order"),
-        (["--stress", "-1"], "stress -1 Pa"),
-        (["--time-step-fraction", "2"], "fraction"),
-        (["--peak", "1e8"], "no meaning with friction"),
-        (["--friction", "0", "--local-damping", "0.1"], "no meaning without friction"),
-    ],
-)
-def test_bad_input_is_one_line(wrong, said, tmp_path, capsys):
-    assert pack(tmp_path / "new", *wrong) == 2
+WRONG = {
+    "--spheres 3": "no packing",
+    "--aspect 1e-3": "narrower than two",
+    "--aspect 500": "no packing",
+    "--stress -5": "stress -5 Pa: outside",
+    "--stress 1e12": "outside",
+    "--residual 2": "between 0 and 1",
+    "--stress 1e6 1e7 1e6": "twice",
+    "--seed -1": "negative",
+    "--peak 1e5": "below one of the stresses",
+    "--peak 1e12": "above 2e+09 Pa",
+    "--local-damping 0.1": "no meaning without friction",
+    "--oedometric": "need friction",
+    "--densities 2.23 7.8": "--densities 2.23 7.8: give kg/m^3",
+    "--walls 2.1e11 0.5": "--walls 2.1e11 0.5: give Young's modulus, Pa",
+    "--young 6": "Young's modulus",
+    "--friction -0.1": "mu_comp",
+    "--friction 0.4 --spheres 99": "at least 100",
+    "--friction 0.4 --width 60": "width",
+    "--friction 0.4 --aspect 0": "width",
+    "--friction 0.4 --stress 1e5 1e4": "rising order",
+    "--friction 0.4 --time-step-fraction 2": "fraction",
+    "--friction 0.4 --peak 1e8": "no meaning with friction",
+    "--friction 0.4 --densities glass": "--densities glass: give kg/m^3",
+    "--friction 0.4 --walls 210 0.3": "--walls 210 0.3: give Young's modulus, Pa",
+    "--friction 0.3 --stress-ratio 0": "few packings hold",
+    "--friction 0.3 --stress-ratio 0.5 --oedometric": "leave one out",
+}
+"""What no packing can be, and what is said of it."""
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_bad_input_is_one_line(wrong, tmp_path, capsys):
+    assert main([*SHAPE, "--stress", "1e6", *wrong.split(), "-o", str(tmp_path / "new")]) == 2
     shown = capsys.readouterr().err
-    assert len(shown.splitlines()) == 1 and said in shown
+    assert len(shown.splitlines()) == 1 and WRONG[wrong] in shown
     assert not (tmp_path / "new").exists()
 
 

@@ -84,17 +84,3 @@ def test_k0_of_one_dimensional_compression(folder, capsys):
     assert main([*words.split(), "-o", str(folder), "--json"]) == 0
     k0 = json.loads(capsys.readouterr().out)["k0"]
     assert list(k0.values()) == [first.study["stress_ratio"], second.study["stress_ratio"]]
-
-
-@pytest.mark.parametrize(
-    ("words", "reason"),
-    [
-        ("--oedometric", "need friction"),
-        ("--friction 0.3 --stress-ratio 0", "few packings hold"),
-        ("--friction 0.3 --stress-ratio 0.5 --oedometric", "leave one out"),
-    ],
-)
-def test_what_no_packing_has_is_refused(words, reason, tmp_path, capsys):
-    out = str(tmp_path / "packing")
-    assert main(["pack", "--spheres", "100", *words.split(), "--stress", "1e5", "-o", out]) == 2
-    assert reason in capsys.readouterr().err
