@@ -12,20 +12,23 @@ from modal.packing.neighbours import periodic_pairs, tangents
 from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
 from modal.tools.errors import InputError
 
+SIDES = [(0.9, 1.3), (2.2, 3.1), (6.0, 5.0), (1.3, 1.6, 1.4), (3.6, 3.3, 4.0)]
 
-@pytest.mark.parametrize("side", [(0.9, 1.3), (2.2, 3.1), (6.0, 5.0)])
+
+@pytest.mark.parametrize("side", SIDES)
 def test_pairs_equal_those_of_all_images(side):
     """The slow way: every pair of images within three periods; also cells narrower than reach."""
-    position = np.random.default_rng(1).random((30, 3)) * (*side, 4.0)
+    axes = len(side)
+    position = np.random.default_rng(1).random((30, 3)) * (*side, 4.0)[:3]
     i, j, shift = periodic_pairs(position, np.array(side), 1.0)
-    found = {(*pair, *moved[:2]) for *pair, moved in zip(i, j, shift.tolist(), strict=True)}
+    found = {(*pair, *moved[:axes]) for *pair, moved in zip(i, j, shift.tolist(), strict=True)}
     slow = set()
-    for a, b in product(range(-3, 4), repeat=2):
-        image = position + (a * side[0], b * side[1], 0)
+    for turns in product(range(-3, 4), repeat=axes):
+        image = position.copy()
+        image[:, :axes] += np.multiply(turns, side)
         near = np.linalg.norm(image[None] - position[:, None], axis=2) <= 1.0
-        upward = a > 0 or (a == 0 and b > 0)
-        kept = np.triu(near, 0 if upward else 1)
-        slow |= {(i, j, a, b) for i, j in np.argwhere(kept)}
+        kept = np.triu(near, 0 if turns > (0,) * axes else 1)
+        slow |= {(i, j, *turns) for i, j in np.argwhere(kept)}
     assert len(found) == len(i) and found == slow
 
 

@@ -111,18 +111,6 @@ def test_wedged_sphere_is_freed():
     assert network.force_normal == pytest.approx(network.force_normal[0], rel=1e-6)
 
 
-def test_stress_from_contacts_equals_wall_force_per_area(sheared):
-    """Virial theorem: V sigma_zz = sum F_z b_z = wall force times length, exact in balance."""
-    network = sheared.network()
-    force = network.force_tangential - network.force_normal[:, None] * network.normal
-    branch = network.lever_i - network.lever_j
-    virial = -(force * branch)[:, 2].sum()
-    # The branch of a wall contact ends at the contact point, half an overlap beyond the wall.
-    beyond = (network.force_normal * network.overlap)[network.with_wall].sum() / 2
-    wall = network.force_normal[network.particle_j == -2].sum()
-    assert virial == pytest.approx(wall * network.length + beyond, rel=1e-8)
-
-
 def test_shift_across_the_periods_changes_forces_at_the_walls_only(sheared):
     motion = np.zeros((len(sheared.position), 6))
     motion[:, 0], motion[:, 1] = 0.4 * sheared.side[0], -0.3 * sheared.side[1]

@@ -1,6 +1,5 @@
-"""Cells without walls: contacts by brute force, steps that know no place, packings to be used."""
+"""Cells without walls: their stress, steps that know no place, packings to be used."""
 
-import itertools
 import json
 from dataclasses import replace
 
@@ -10,7 +9,6 @@ import pytest
 import modal
 from modal.__main__ import main
 from modal.dem.motion import Dynamics
-from modal.packing.neighbours import touching
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.state import net_forces
 from modal.preparation.durations import time_step
@@ -33,23 +31,6 @@ def smooth(tmp_path_factory):
 @pytest.fixture(scope="module")
 def rough(tmp_path_factory):
     return packed(tmp_path_factory.mktemp("rough"), friction=0.3, periodic=True)
-
-
-@pytest.mark.parametrize("side", [[1.3, 1.6, 1.4], [3.6, 3.3, 4.0]])
-def test_contacts_are_those_of_all_images(side):
-    """Narrow cells, in which spheres touch two images of one, and some that cells divide."""
-    side, random = np.array(side), np.random.default_rng(3)
-    n = round(6 * side.prod() / 4)
-    position, radius = random.random((n, 3)) * side, 0.5
-    found = touching(position, side, None, radius)
-    rows = set(zip(found.particle_i, found.particle_j, *found.cell_shift.T, strict=True))
-    expected = set()
-    for i, j in itertools.combinations_with_replacement(range(n), 2):
-        for shift in itertools.product(*(range(-2, 3) for _ in range(3))):
-            apart = np.linalg.norm(position[j] + shift * side - position[i])
-            if apart < 2 * radius and (i < j or shift > (0, 0, 0)):
-                expected.add((i, j, *shift))
-    assert rows == expected and len(rows) == len(found.particle_i)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
