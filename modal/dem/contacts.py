@@ -13,7 +13,6 @@ import numpy as np
 
 from modal.dem.forces import TOTALS, UPRIGHT, WITHOUT_HISTORY, forces_by_loop
 from modal.dem.near_contacts import contacts_in_reach, longest_ways, still_complete
-from modal.packing.neighbours import tangents
 from modal.packing.sample import Sample
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
@@ -280,6 +279,4 @@ class MovingContacts:
         before, after = _matching(_numbers(i, j, shift), here)
         force = np.zeros((len(here), 3))
         force[after] = self._shear[before]
-        first, second = tangents(contact.normal)
-        shear = np.column_stack([(force * first).sum(axis=1), (force * second).sum(axis=1)])
-        return replace(bare, shear=shear)
+        return replace(bare, shear=contact.along(force))

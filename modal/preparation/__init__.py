@@ -1,6 +1,5 @@
 """How random packings are made, with friction and without, and brought to rest.
 
-With friction: `protocol`, its `cloud`, and the stages of `compression`, which need numpy alone, as
-YADE's script and modal's own motion go through them the same way; without friction:
-`random_packing`.
+`protocol` has the stages of a path and `compression` goes through them, in YADE's motion or modal's
+own; without friction these are descents of the enthalpy (`frictionless`).
 """

@@ -18,7 +18,7 @@ from modal.preparation.compression import compress_to_stresses, in_motion
 from modal.preparation.frictionless import Descent, Pressure
 from modal.preparation.protocol import NOMINAL_FRACTION, PEAK, STRESSES, Study
 from modal.preparation.sizes import NO_WALLS, Mixture, solid_of, words
-from modal.preparation.unequal_stress import check_ratio, load_further
+from modal.preparation.unequal_stress import RATIOS, load_further
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
 
@@ -100,8 +100,11 @@ def pack(
         raise InputError("a stress ratio of one-dimensional compression comes about: leave one out")
     if friction == 0 and (oedometric or stress_ratio is not None):
         raise InputError("unequal stresses need friction, without which spheres flow: give some")
-    if stress_ratio is not None:
-        check_ratio(stress_ratio)
+    if stress_ratio is not None and not RATIOS[0] <= stress_ratio <= RATIOS[1]:
+        raise InputError(
+            f"stress ratio {stress_ratio:g}: lateral over axial stress, {RATIOS[0]:g} to "
+            f"{RATIOS[1]:g}; few packings hold less than 0.3"
+        )
     if seed < 0:
         raise InputError(f"seed {seed}: negative; give 0, 1, 2 ...")
     if periodic and walls:

@@ -33,15 +33,6 @@ RATIOS = 0.05, 20.0
 """Ratios of lateral to axial stress that are tried at all."""
 
 
-def check_ratio(ratio: float) -> None:
-    """Refuse a ratio of lateral to axial stress that no packing holds."""
-    if not RATIOS[0] <= ratio <= RATIOS[1]:
-        raise InputError(
-            f"stress ratio {ratio:g}: lateral over axial stress, {RATIOS[0]:g} to {RATIOS[1]:g}; "
-            "few packings hold less than 0.3"
-        )
-
-
 def load_further(
     folder: Path,
     study: Study,
