@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from modal.elasticity.plane_waves import anisotropy, isotropic_mean, plane_waves
 from modal.elasticity.slab import GRIP, Bulk, stiffness_of
 from modal.elasticity.steady import steady_motion
-from modal.elasticity.strain import STRAINED, STRAINS, has_walls, refuse_walls, stressed_stiffness
+from modal.elasticity.strain import STRAINED, STRAINS, has_walls, stressed_stiffness
 from modal.formats.product import Column, Product
 from modal.formats.provenance import Provenance
 from modal.modes.zero_modes import by_structure
@@ -279,9 +279,7 @@ def elastic_moduli(
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance {tolerance:g}: outside 0 to 1; it is relative to the moduli")
     carrying = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding)
-    network = carrying.network
-    refuse_walls(carrying)
-    walls = has_walls(network)
+    network, walls = carrying.network, has_walls(carrying)
     if not network.length > 0:
         raise InputError("the cell has no volume; give walls/position, its bounds along z")
     volume = network.area * network.length

@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from modal.elasticity.plane_waves import INDEX
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.system.imposed import Gradients
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
@@ -50,12 +50,13 @@ def voigt(tensor: Floats) -> Floats:
     return np.array([tensor[a, b] for a, b in AXES])
 
 
-def has_walls(network: Network) -> bool:
+def has_walls(system: LinearSystem) -> bool:
     """Whether the packing stands between two walls along z, and is periodic sideways.
 
     False where it is periodic in all directions. InputError where it is neither, since there is no
-    way to strain it.
+    way to strain it, and for a slab that carries forces.
     """
+    network = system.network
     for axis in np.flatnonzero(~network.cell_periodic[:2]):
         raise InputError(
             f"no strain {STRAINS[axis]} can be put on this packing: it is not periodic along "
@@ -68,20 +69,16 @@ def has_walls(network: Network) -> bool:
             "no strain zz can be put on this packing: it is not periodic along z and does not "
             "touch two walls there"
         )
+    if system.pre_stress != "none":
+        raise InputError(
+            f"pre-stress {system.pre_stress!r}: in a slab the springs alone are known; take none, "
+            "or a cell periodic in all directions"
+        )
     return True
 
 
 NINE = Gradients(np.eye(9).reshape(9, 3, 3))
 """The gradients du_k / dx_l, l the faster."""
-
-
-def refuse_walls(system: LinearSystem) -> None:
-    """InputError for a slab that carries forces."""
-    if system.pre_stress != "none" and has_walls(system.network):
-        raise InputError(
-            f"pre-stress {system.pre_stress!r}: in a slab the springs alone are known; take none, "
-            "or a cell periodic in all directions"
-        )
 
 
 def stressed_stiffness(system: LinearSystem, non_affine: Floats) -> Floats:

@@ -91,18 +91,15 @@ class Response(Recording):
         width = f"resolution {quantity(self.resolution, 'Hz')}"
         if self.damping:
             width = f"damping {self.damping.normal:g} {self.damping.tangential:g}"
-        return f"<Response: {len(self.frequency)} frequencies from {ends}, {width}, {self._most}>"
+        most = f"layers move up to {abs(self.layer_displacement).max():.4g} times the source"
+        if self.from_wall_to_wall:
+            most = f"gain up to {self.gain.max():.4g}"
+        return f"<Response: {len(self.frequency)} frequencies from {ends}, {width}, {most}>"
 
     @property
     def from_wall_to_wall(self) -> bool:
         """Whether there is a stress on the source and on a receiver wall."""
         return bool(len(self.receiver_stress) and len(self.source_stress))
-
-    @property
-    def _most(self) -> str:
-        if self.from_wall_to_wall:
-            return f"gain up to {self.gain.max():.4g}"
-        return f"layers move up to {abs(self.layer_displacement).max():.4g} times the source"
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the gain factor over frequency; returns the Axes."""
