@@ -46,7 +46,7 @@ FORMAT = Product(
 )
 POLARISATIONS = ("L", "T")
 BLOCK = 8
-"""Patterns that share one pass over the contacts: bounds the memory."""
+"""Patterns that are made at once: bounds the memory."""
 FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
 
 
@@ -201,16 +201,20 @@ def _power(
 def _moments(
     operator: ContactOperator, start: np.ndarray, top: float, count: int, label: str
 ) -> np.ndarray:
-    """Shape (R, count): <e|T_k(X)|e>; T_2k = 2 T_k T_k - 1 halves the products."""
-    found = np.empty((count + 2, start.shape[1]))
-    states = chebyshev(operator, np.array(operator.inward(start), order="C"), 2 / top, -1.0)
-    before = next(states)
-    for k in progress((count + 1) // 2, label):
-        now = next(states)
-        both = np.array([np.einsum("ij,ij->j", before, other) for other in (before, now)])
-        found[2 * k : 2 * k + 2] = both if k == 0 else 2 * both - found[:2]
-        before = now
-    return found[:count].T
+    """Shape (R, count): <e|T_k(X)|e>; T_2k = 2 T_k T_k - 1 halves the products.
+
+    One pattern after the other, whose sums the products make on their way.
+    """
+    found, sums = np.empty((start.shape[1], count + 2)), np.empty((2, 6))
+    for own, column in zip(found, start.T, strict=True):
+        states = chebyshev(operator, operator.inward(column.copy()), 2 / top, -1.0, sums)
+        for _ in range(2):
+            next(states)
+        for k in progress((count + 1) // 2, label):
+            next(states)
+            both = sums.sum(axis=1)
+            own[2 * k : 2 * k + 2] = both if k == 0 else 2 * both - own[:2]
+    return found[:, :count]
 
 
 def _jackson(count: int) -> np.ndarray:
