@@ -1,5 +1,6 @@
 """Packings as other programs write them, for the tests of imports."""
 
+import packings
 import program_files
 import pytest
 from places import PACKINGS
@@ -64,8 +65,8 @@ def mixture():
 
 
 @pytest.fixture
-def tables(given, mixture):
-    """Two tables, of contacts five columns, with normal forces."""
-    files = given("tables", mixture)
+def tables(given):
+    """Two tables of a committed packing, of contacts five columns, with normal forces."""
+    files = given("tables", packings.sheared())
     files.rewrite("contacts", lambda words: words[:5], 0)
     return files

@@ -114,7 +114,7 @@ SPOILT = {
         ("spheres", 3, slice(9), ["# walls 0"], ENDS),
         ("contacts", 7, 3, "inf", "contacts.csv, line 7, column kt: inf is no finite number"),
         ("contacts", 9, 4, "-2", "contacts.csv, line 9, column fn: -2 pulls; write compression"),
-        ("spheres", 9, 3, "1e-9", r"contacts.csv, line \d+: sphere.* 14 .*do not touch, there are"),
+        ("spheres", 9, 3, "5e-3", r"contacts.csv, line \d+: sphere.* 14 .*do not touch, there are"),
         ("spheres", PERIODS, "# periodic 1 1\n", "csv, line 2: '1' is no axis; write # periodic x"),
         ("spheres", PERIODS, 2 * PERIODS, r"spheres.csv, line 3: # periodic again \(line 2\)"),
         ("spheres", "# periodic", "# peridoic", r"line \d+: .* not touch, .* with the cell's per"),
