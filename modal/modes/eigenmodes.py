@@ -110,7 +110,7 @@ def eigenmodes(
 
 def modes_of(system: LinearSystem, *, certify: bool = True, **asked: Any) -> ModeSet:
     """As `eigenmodes`, of a system that is at hand; the last lists are kept with its network."""
-    given = {name: which for name, which in asked.items() if which not in (None, False)}
+    given = {name: which for name, which in asked.items() if not (which is None or which is False)}
     if len(given) > 1:
         raise InputError(f"{' and '.join(given)}: which modes? Ask for one of them")
     kind: str = next(iter(given), "lowest")
@@ -138,12 +138,9 @@ def _listed(system: LinearSystem, kind: str, value: Any, certify: bool) -> ModeS
     elif kind == "all":
         choice = Choice("all")
     else:
-        elastic = system.size - every_floppy(system).held if value is None else 0
-        choice = Choice(kind, min(FEW, elastic) if value is None else value)
+        few = min(FEW, system.size - every_floppy(system).held) if value is None else 0
+        choice = Choice(kind, few if value is None else value)
     modes = listed_modes(system, choice, certify=certify)
-    if "floppy_modes" not in modes.attributes:
-        floppy = every_floppy(system)
-        modes.with_zero_modes(floppy.total, floppy.unstable)
     modes.attributes |= {"packing": system.network.fingerprint, "pre_stress": system.pre_stress}
     for data in vars(modes).values():
         if isinstance(data, np.ndarray):

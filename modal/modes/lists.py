@@ -104,7 +104,9 @@ def _highest(system: LinearSystem, choice: Choice, certify: bool) -> ModeSet:
             because = f"no exact count: {error}"
     if because:
         missing = max(search.search_until(choice.count), 0)
-    return _of_search(search, choice, missing, because)
+    floppy = every_floppy(system)
+    modes = _of_search(search, choice, missing, because)
+    return modes.with_zero_modes(floppy.total, floppy.unstable)
 
 
 def _of_search(search: Search, choice: Choice, missing: int, because: str = "") -> ModeSet:

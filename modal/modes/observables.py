@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -77,14 +78,6 @@ def resonances(waves: Floats, network: Network) -> dict[str, Any]:
     }
 
 
-def chain_of(network: Network) -> Ints | None:
-    """The particles of the wall-to-wall chain, or None if there is none."""
-    try:
-        return wall_to_wall_chain(network)
-    except InputError:
-        return None
-
-
 class Piece(NamedTuple):
     """A part of a list: p modes that are found together.
 
@@ -108,7 +101,9 @@ def found_modes(
     The places of all pieces go up to `count` at most, without a gap. `choice` is what was asked
     for. `Limits.together` modes are measured at a time, which bounds the memory.
     """
-    n, chain, said = system.network.n_particles, chain_of(system.network), choice.attributes
+    n, said, chain = system.network.n_particles, choice.attributes, None
+    with suppress(InputError):  # where no chain joins the walls
+        chain = wall_to_wall_chain(system.network)
     needed, limit = 48.0 * count * n, system.limits.shapes
     keep = system.shapes and needed <= limit
     if system.shapes and not keep:

@@ -167,6 +167,7 @@ def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypat
     ("arguments", "message"),
     [
         (["--lowest", "9999"], "modes asked"),
+        (["--highest", "0"], "0 modes asked"),
         (["--between", "200", "100"], "is empty"),
         (["--solver", "magic"], "invalid choice"),
         (["--below", "nan"], "is empty"),
