@@ -208,11 +208,9 @@ def stages_of(study: Study, stresses: Sequence[float]) -> list[str]:
 
     From one to the next by way of others at most ten times apart, which settle faster.
     """
-    first = JAMMING_STRESS if study.mu_comp else study.peak
-    names, before = (
-        list(PREPARATION if study.mu_comp else [SQUEEZE]),
-        first * study.mixture.hardness,
-    )
+    loads = study.mu_comp > 0
+    names = [*PREPARATION] if loads else [SQUEEZE]
+    before = (JAMMING_STRESS if loads else study.peak) * study.mixture.hardness
     for stress in stresses:
         *way, _ = by_tens(before, stress)
         names += [*(f"{station:g} for {stress:g}" for station in way), f"{stress:g}"]
@@ -229,18 +227,16 @@ class Stage:
     def __init__(self, name: str, study: Study) -> None:
         self.name, self.study, mixture = name, study, study.mixture
         self.damping, self.limits = study.damping, (-math.inf, -math.inf)
-        rates = {
-            CLOUD_STAGE: COMPACTION_RATE * mixture.tempo,
-            "approach": study.approach_rate * mixture.tempo,
-            "cool": 0.0,
+        hot = inertial_time(HOT * mixture.hardness, mixture.radius, mixture.mean)
+        constant = {
+            CLOUD_STAGE: (COMPACTION_RATE, 0.0, math.inf),
+            "approach": (study.approach_rate, study.agitated_damping, math.inf),
+            "cool": (0.0, study.damping, COOLING * hot),
         }
-        if name in rates:
-            self.control: ConstantRate | Servo = ConstantRate(rates[name])
+        if name in constant:
+            rate, self.damping, self.patience = constant[name]
+            self.control: ConstantRate | Servo = ConstantRate(rate * mixture.tempo)
             self.control.target *= mixture.hardness
-            hot = inertial_time(HOT * mixture.hardness, mixture.radius, mixture.mean)
-            self.patience = COOLING * hot if name == "cool" else math.inf
-            if name != "cool":
-                self.damping = study.agitated_damping if name == "approach" else 0.0
         else:
             jams = name == "jam"
             target = JAMMING_STRESS * mixture.hardness if jams else stress_of(name)
