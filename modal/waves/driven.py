@@ -30,7 +30,7 @@ from modal.packing.repeats import Repeats, lateral_repeats, undivided
 from modal.system.imposed import WallMoves
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
-from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 from modal.waves.receivers import Receivers
 from modal.waves.signals import COMPONENT
@@ -108,11 +108,11 @@ class Driven:
         if source.alike and not whole:
             small, part = one_part(system, duration, tolerance)
         springs = small.renumbered
-        # Which body of the operator moves as each of the packing does; and which are its first.
+        # Which freedom of the operator moves as each of the packing does.
         place = np.argsort(springs.order)[part.member] if springs.order is not None else part.member
-        every = np.arange(len(place))
-        alike = _bodies(every, place, part)
-        firsts = _bodies(part.first, place[part.first], part)
+        column = (6 * place[:, None] + np.arange(6)).ravel()
+        entries = np.ones(len(column)), column, np.arange(len(column) + 1)
+        alike = sp.csr_matrix(entries, (len(column), 6 * len(part.first)))
         beyond = WallMoves(RECEIVER_WALL, COMPONENT[direction]) if receivers.walls else None
         # What holds the source against the bodies, and what these do to the wall beyond.
         ends = ("source_stress", moved, -1.0), ("receiver_stress", beyond, 1.0)
@@ -127,7 +127,8 @@ class Driven:
                 if wall is moved:
                     push, held[k] = coupling.push.T.tocsr(), coupling.held[0, 0]
             reading, under = sp.vstack([*rows, *more], format="csr"), system.root.under
-            return Link(operator, under(push) @ firsts, under(reading) @ alike, held)
+            # Of the pushes on equal parts the mean is that on one.
+            return Link(operator, under(push) @ alike / part.count, under(reading) @ alike, held)
 
         load, dashpots = source.load(network, direction), None
         by_springs = link(system, springs, load, receivers.rows)
@@ -172,9 +173,3 @@ class Driven:
     def _each(self, sizes: Floats) -> Floats:
         """Of numbers (count,) that of each force, and the largest of all others."""
         return np.maximum.reduceat(sizes, np.arange(self.walls + 1))
-
-
-def _bodies(whole: Ints, small: Ints, part: Repeats) -> sp.csr_matrix:
-    """Ones where motions of bodies of the `whole` packing are those of the `small` one's."""
-    shape = len(part.member), len(part.first)
-    return sp.kron(sp.csr_matrix((np.ones(len(whole)), (whole, small)), shape), sp.eye(6), "csr")
