@@ -26,7 +26,7 @@ from modal.formats.product import Column, Product
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
-from modal.solvers.chebyshev import chebyshev
+from modal.solvers.chebyshev import chebyshev, jackson
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools.errors import InputError
@@ -192,7 +192,7 @@ def _power(
     ]
     frequency = np.arange(resolution / 5, min(highest or f_top, 0.999 * f_top), resolution / 5)
     angle = np.arccos(frequency / f_top)
-    wave = np.cos(2 * angle[:, None] * np.arange(count)) * _jackson(count)
+    wave = np.cos(2 * angle[:, None] * np.arange(count)) * jackson(count)
     wave[:, 1:] *= 2
     power = np.concatenate(moments) @ (wave * (2 / (np.pi * f_top * np.sin(angle)))[:, None]).T
     return frequency, power
@@ -215,14 +215,6 @@ def _moments(
             both = sums.sum(axis=1)
             own[2 * k : 2 * k + 2] = both if k == 0 else 2 * both - own[:2]
     return found[:, :count]
-
-
-def _jackson(count: int) -> np.ndarray:
-    """Shape (count,): damping of the even orders, which makes a delta a positive near-Gaussian."""
-    orders = 2 * count
-    k, step = np.arange(0, orders, 2), np.pi / (orders + 1)
-    turn = np.cos(k * step) * (orders + 1 - k) + np.sin(k * step) / np.tan(step)
-    return turn / (orders + 1)
 
 
 def write_structure(

@@ -25,7 +25,7 @@ from modal.formats.provenance import Provenance
 from modal.modes.collective import every_floppy
 from modal.modes.counts import frequencies, refuse_unstable
 from modal.packing.network import Network
-from modal.solvers.chebyshev import chebyshev
+from modal.solvers.chebyshev import chebyshev, jackson
 from modal.solvers.spectrum import largest_growth
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator, component_sums
@@ -135,7 +135,7 @@ class DensityOfStates:
         Returns values and standard errors (nf, 7): the six components, then their sum; of a single
         frequency (7,). Zero from `highest` on. InputError for what is no frequency.
         """
-        weight = self._jackson()
+        weight = jackson(self.moments.shape[2])
         weight[1:] *= 2
 
         def terms(theta: Floats) -> Floats:
@@ -162,7 +162,7 @@ class DensityOfStates:
 
         Returns values and standard errors (nf, 7), as `density`.
         """
-        order, weight = np.arange(self.moments.shape[2]), 2 / np.pi * self._jackson()
+        order, weight = np.arange(self.moments.shape[2]), 2 / np.pi * jackson(self.moments.shape[2])
 
         def terms(theta: Floats) -> Floats:
             wave = np.empty((len(theta), len(order)))
@@ -176,13 +176,6 @@ class DensityOfStates:
     def grid(self) -> Floats:
         """Frequencies, Hz, four to a resolution, from zero to just below `highest`."""
         return np.arange(0, self.highest, self.resolution / 4)
-
-    def _jackson(self) -> Floats:
-        """Shape (N,): damping of the even orders 0, 2, ..., 2N - 2."""
-        orders = 2 * self.moments.shape[2]
-        k, step = np.arange(0, orders, 2), np.pi / (orders + 1)
-        turn = np.cos(k * step) * (orders + 1 - k) + np.sin(k * step) / np.tan(step)
-        return turn / (orders + 1)
 
     def _mean_and_error(
         self, frequency: ArrayLike, terms: Callable[[Floats], Floats]

@@ -63,3 +63,15 @@ def chebyshev(
         yield now
         operator.combine(now, before, 2 * slope, beta=2 * offset, gamma=-1.0, sums=sums)
         before, now = now, before
+
+
+def jackson(count: int) -> Floats:
+    """Shape (count,): damping of the even orders, which makes a delta a positive near-Gaussian.
+
+    Jackson's kernel (Weisse et al., Rev. Mod. Phys. 78, 275, 2006), of orders 0, 2, ..., 2 `count`
+    - 2, odd ones left out as they vanish.
+    """
+    orders = 2 * count
+    k, step = np.arange(0, orders, 2), np.pi / (orders + 1)
+    turn = np.cos(k * step) * (orders + 1 - k) + np.sin(k * step) / np.tan(step)
+    return turn / (orders + 1)
