@@ -31,7 +31,7 @@ OF_WALK = (
     *("agitated_damping", "inertial_number", "damping", "residual"),
 )
 """Columns that shape a compression, by YADE or its twin."""
-OF_PACK = "contact_model", "periodic", "stress_ratio", "oedometric", "time_step_fraction"
+OF_PACK = "contact_model", "periodic", "stress_ratio", "oedometric", "dilate", "time_step_fraction"
 """Those that only the twin, `modal pack`, knows; none says of its states what was asked for."""
 AMPLITUDES = {"reverse": -1.0, "tenth": 0.1, "small": 0.01, "small_reverse": -0.01}
 """Further YADE waves that split the difference to the linear one: in parts of the amplitude."""

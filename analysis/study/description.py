@@ -35,7 +35,7 @@ OF_CASE = {
     *(*NEEDED, *WORDS, "factors", "width", "seed", "spheres", "layers", "amplitude"),
     *("input_frequency", "fraction", "passage", "duration", "interval", "particles"),
     *("approach_rate", "agitated_damping", "inertial_number", "hot_stress", "damping"),
-    *("residual", "periodic", "stress_ratio", "oedometric", "time_step_fraction"),
+    *("residual", "periodic", "stress_ratio", "oedometric", "dilate", "time_step_fraction"),
 }
 DEFAULTS: dict[str, Any] = {
     "name": "",

@@ -10,7 +10,7 @@ from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS
 from modal.packing.contact_models import MODELS
 from modal.packing.plausibility import WIDE
 from modal.packing.sample import ELASTIC, read_sample
-from modal.preparation.protocol import OF_FRICTION, PEAK, Study
+from modal.preparation.protocol import OF_FRICTION, PEAK, Study, unused
 from modal.preparation.random_packing import ASPECT
 from modal.preparation.random_packing import pack as packed
 from modal.preparation.sizes import DENSITIES, KINDS, MIXTURE, WALLS
@@ -33,12 +33,17 @@ SLENDER = (
 )
 AT_REST = f"mean net force over mean contact force of a settled state (default {Study.residual:g})"
 DENSE = f"without friction: sets the density (default {PEAK:g})"
+DILATE = (
+    "from spheres packed without friction, all lengths then 1 + X times as long, stirred and "
+    "compressed again: dense with few contacts"
+)
 MODEL = f"{', '.join(MODELS)}; rough with its roughness, m, as rough 1e-6 (default {HERTZ_MINDLIN})"
 LATERAL = "then the lateral stresses go to K times the axial one, which stays"
 ALONG_Z = "from a tenth of the first stress compressed along z alone; K0 is told"
 OF_COMPRESSION = (
     Option("--stress-ratio", "K", LATERAL),
     flag("--oedometric", ALONG_Z),
+    Option("--dilate", "X", DILATE),
     *(
         Option(option, "X", f"{text} (default {getattr(Study, name):g})", more={"dest": name})
         for name, (option, text) in WITH_FRICTION.items()
@@ -79,12 +84,13 @@ def option_of(name: str) -> str:
 
 def run(options: Given) -> Result:
     """Run or continue a compression; names of the files that hold its states."""
-    names = ("aspect", "width", "residual", "peak", "stress_ratio", *MIXTURE, *OF_FRICTION)
+    names = "aspect", "width", "residual", "peak", "dilate", "stress_ratio", *MIXTURE, *OF_FRICTION
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
-    kind = "without" if options.friction == 0 else "with"
-    for name in ("stress_ratio", *OF_FRICTION) if options.friction == 0 else ("peak",):
-        if name in given:
-            raise InputError(f"{option_of(name)}: has no meaning {kind} friction; leave it out")
+    kind = "without friction" if options.friction == 0 else "with friction"
+    kind = "with --dilate" if options.friction and options.dilate else kind
+    none = unused(options.friction, options.dilate or 0.0)
+    for name in given.keys() & {*none, *(("stress_ratio",) if options.friction == 0 else ())}:
+        raise InputError(f"{option_of(name)}: has no meaning {kind}; leave it out")
     solid = {name: x for name in SOLID if (x := getattr(options, name)) is not None}
     model = options.contact_model or []
     model = [] if model == [HERTZ_MINDLIN] else model

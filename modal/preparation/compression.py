@@ -15,6 +15,8 @@ from itertools import count, pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+
 from modal.dem.motion import Dynamics
 from modal.formats.provenance import Provenance
 from modal.packing.sample import Sample, read_sample, validate, void_ratio, write_sample
@@ -72,6 +74,34 @@ def compacted(study: Study, begin: Begin) -> Sample:
         more = (part + 1) * steps // parts - packing.steps
         packing.advance(more, dt, steps_of(stage.interval, dt))
     sample = packing.sample(moving=False)
+    sample.study = study.attributes | _cost({}, stage.name, packing, sample, started)
+    return sample
+
+
+def stirred(dense: Sample, study: Study, begin: Begin) -> Sample:
+    """A packing at rest, its spheres drawn apart and stirred: all contacts it had are forgotten.
+
+    At random velocities, with which they push the cell by the stress of agitated ones, and without
+    friction or damping, that none of them comes to rest before its neighbours.
+    """
+    started, stage, mixture = time.perf_counter(), Stage(protocol.STIR, study), study.mixture
+    stress, grown = study.hot_stress * mixture.hardness, 1 + study.dilate
+    solid = 1 / (1 + void_ratio(len(dense.position), dense.sizes, dense.side, dense.length))
+    # Hard spheres push by their kinetic energy over the gap, as a share of the diameter.
+    speed = math.sqrt(study.dilate * stress / (solid * mixture.mean.density))
+    velocity = np.random.default_rng(study.seed).normal(0.0, speed, dense.position.shape)
+    apart = replace(
+        dense,
+        position=grown * dense.position,
+        side=grown * dense.side,
+        walls=grown * dense.walls,
+        friction=0.0,
+        velocity=velocity - velocity.mean(axis=0),
+    )
+    packing, dt = begin(apart, stage), study.time_step(protocol.ABOVE * stress)
+    steps = steps_of(protocol.STIRRED * study.dilate * 2 * mixture.radius / speed, dt)
+    packing.advance(steps, dt, steps)
+    sample = replace(packing.sample(moving=True), friction=study.mu_comp, shear=None)
     sample.study = study.attributes | _cost({}, stage.name, packing, sample, started)
     return sample
 
@@ -145,13 +175,14 @@ def compress_to_stresses(
     begin: Begin,
     say: Say,
     stage_of: Callable[[str, Study], Stage] = Stage,
+    dense: Path | None = None,
 ) -> list[tuple[float, Path]]:
     """Follow the path to each stress, Pa; each with its file STRESSPa.sample.h5 in `folder`.
 
-    Goes on from the checkpoint, or from the cloud; states that are there stay. InputError for a
-    stress that comes twice or, with friction, does not rise, and where the checkpoint or one of
-    the files is of another study or was made by another command (one program's steps are not the
-    other's), or the checkpoint has gone another way.
+    Goes on from the checkpoint, or from the cloud, or from a `dense` packing to dilate; states that
+    are there stay. InputError for a stress that comes twice or, with friction, does not rise, and
+    where the checkpoint or one of the files is of another study or was made by another command (one
+    program's steps are not the other's), or the checkpoint has gone another way.
     """
     if any(lower >= higher for lower, higher in pairwise(stresses)) and study.mu_comp:
         raise InputError(
@@ -173,7 +204,11 @@ def compress_to_stresses(
         sample, *_ = [_of_study(path, study, made.command) for path in there]
         way = _way_so_far(checkpoint, sample, stages)
     else:
-        sample, way = compacted(study, begin) if study.mu_comp else cloud(study), stages[:1]
+        if dense:
+            sample = stirred(read_sample(dense), study, begin)
+        else:
+            sample = compacted(study, begin) if study.mu_comp else cloud(study)
+        way = stages[:1]
         sample.study = study.attributes | sample.study | {"stage": stages[0], "stage_time": 0.0}
         keep(sample)
     while (name := sample.study["stage"]) != END:

@@ -39,9 +39,9 @@ CHECKPOINT = "checkpoint.h5"
 END = "end"
 """Name of the stage after the last."""
 PREPARATION = "approach", "cool", "jam"
-CLOUD_STAGE, SQUEEZE = "cloud", "peak"
-"""Names of the stage before these, which has no checkpoint, and of that before all states without
-friction."""
+CLOUD_STAGE, STIR, SQUEEZE = "cloud", "stir", "peak"
+"""Names of the stage before these, which has no checkpoint; of the one that stands in its place for
+spheres that have been dense before; and of that before all states without friction."""
 STRESSES = (1e3, 1e4, 1e5, 1e6, 1e7)
 CLOUD, LOOSE = 0.2, 0.5
 """Solid fractions of the cloud (no overlaps) and of its compaction at rest."""
@@ -66,6 +66,9 @@ JAMMED = 0.1, 1e-2
 SETTLED = 3e-3, 1e-3
 """When jamming is over, when a state is reached: largest relative error of a principal stress, mean
 residual over contact force."""
+STIRRED = 50.0
+"""Times in which a stirred sphere, on average, goes as far as the gap between two; four times as
+long leave the same contacts."""
 PEAK = 2e8
 """Pressure, Pa, under which spheres without friction are packed before they are unloaded."""
 NOMINAL_FRACTION = 0.6
@@ -87,10 +90,25 @@ def by_tens(before: float, stress: float) -> list[float]:
     return [*way, stress]
 
 
-OF_FRICTION = (
-    *("approach_rate", "agitated_damping", "inertial_number", "fraction", "hot_stress", "damping"),
-)
-"""Numbers of a study that say nothing of a descent without friction."""
+OF_CLOUD = "approach_rate", "agitated_damping"
+OF_FRICTION = *OF_CLOUD, "inertial_number", "fraction", "hot_stress", "damping"
+"""Numbers of a study that say nothing of a descent without friction; the first ones say nothing of
+spheres that were dense before, either."""
+
+
+def unused(friction: float, dilate: float) -> tuple[str, ...]:
+    """Names of a study's numbers that say nothing of such a path.
+
+    >>> unused(0.3, 0.0), unused(0.3, 0.005)
+    (('peak',), ('approach_rate', 'agitated_damping'))
+    """
+    if friction == 0:
+        return *OF_FRICTION, "dilate"
+    return OF_CLOUD if dilate else ("peak",)
+
+
+UNSAID = dict[str, Any](dict.fromkeys((*MIXTURE, "solid"), "")) | {"dilate": 0.0}
+"""What attributes leave out where it stands like this."""
 
 
 @dataclass
@@ -100,6 +118,8 @@ class Study:
     width: diameters; approach_rate: 1/s; fraction: time step over its limit; hot_stress: Pa, see
     `HOT`; damping: local, after it; residual: mean residual over contact force of a settled state;
     peak: Pa, of spheres without friction, of whose path the other numbers but residual say nothing;
+    dilate: share by which all lengths of spheres that are dense, as without friction, grow before
+    these are stirred and jam with friction; 0 is the path from a cloud;
     sizes, densities, walls: words as `modal.preparation.sizes` has them, none for equal spheres, of
     glass between walls of glass; walls are `NO_WALLS` of a cell that is periodic along z. `solid`
     has words as `solid_of`, none for the study's glass: stresses of the protocol, `hot_stress`
@@ -119,6 +139,7 @@ class Study:
     damping: float = DAMPING
     residual: float = SETTLED[1]
     peak: float = PEAK
+    dilate: float = 0.0
     sizes: str = ""
     densities: str = ""
     walls: str = ""
@@ -151,6 +172,11 @@ class Study:
                 f"agitated and {self.damping:g} later: the rate must be positive, each damping "
                 "below 1, the later one above 0"
             )
+        if not (0 <= self.dilate <= 0.1 and (self.mu_comp or not self.dilate)):
+            raise InputError(
+                f"dilate {self.dilate:g}: the share by which lengths grow before spheres jam with "
+                "friction, 0 to 0.1; 0.005 leaves them nearly as dense as they are without"
+            )
         if not (100 <= self.hot_stress <= 1e8 and 0 < self.residual < 1):
             raise InputError(
                 f"hot stress {self.hot_stress:g} Pa, residual {self.residual:g}: the stress must "
@@ -175,10 +201,11 @@ class Study:
     @property
     def attributes(self) -> dict[str, float | int | str]:
         """The study as a file's attributes; `protocol` 2 counts times, 1 counted steps."""
-        unused = OF_FRICTION if self.mu_comp == 0 else ("peak",)
-        own = {name: getattr(self, name) for name in Study.__annotations__ if name not in unused}
-        # Equal spheres of glass say nothing of mixtures, as earlier files do not.
-        return {name: value for name, value in own.items() if value != ""} | {"protocol": 2}
+        none = unused(self.mu_comp, self.dilate)
+        own = {name: getattr(self, name) for name in Study.__annotations__ if name not in none}
+        # Equal spheres of glass from a cloud say nothing of others, as earlier files do not.
+        said = {name: value for name, value in own.items() if value != UNSAID.get(name)}
+        return said | {"protocol": 2}
 
     def provenance(self, command: str, **programs: str) -> Provenance:
         """What a state is made from: the study alone; `programs` with their versions."""
@@ -186,9 +213,9 @@ class Study:
 
     def refuse_other(self, found: dict[str, Any], path: object) -> None:
         """InputError if a checkpoint's attributes are those of another study."""
-        mixture = {name: getattr(self, name) for name in (*MIXTURE, "solid")}
-        found = dict.fromkeys(mixture, "") | found  # which files of equal spheres leave out
-        for name, value in (mixture | self.attributes).items():
+        own = {name: getattr(self, name) for name in UNSAID}
+        found = UNSAID | found
+        for name, value in (own | self.attributes).items():
             if found.get(name) != value:
                 raise InputError(
                     f"{path}: it belongs to another study ({name} is {found.get(name)}, not "
@@ -209,7 +236,7 @@ def stages_of(study: Study, stresses: Sequence[float]) -> list[str]:
     From one to the next by way of others at most ten times apart, which settle faster.
     """
     loads = study.mu_comp > 0
-    names = [*PREPARATION] if loads else [SQUEEZE]
+    names = [SQUEEZE] if not loads else [PREPARATION[-1]] if study.dilate else [*PREPARATION]
     before = (JAMMING_STRESS if loads else study.peak) * study.mixture.hardness
     for stress in stresses:
         *way, _ = by_tens(before, stress)
@@ -230,6 +257,7 @@ class Stage:
         hot = inertial_time(HOT * mixture.hardness, mixture.radius, mixture.mean)
         constant = {
             CLOUD_STAGE: (COMPACTION_RATE, 0.0, math.inf),
+            STIR: (0.0, 0.0, math.inf),
             "approach": (study.approach_rate, study.agitated_damping, math.inf),
             "cool": (0.0, study.damping, COOLING * hot),
         }

@@ -16,7 +16,7 @@ from modal.packing.plausibility import WIDE
 from modal.packing.sample import Sample, read_sample
 from modal.preparation.compression import compress_to_stresses, in_motion
 from modal.preparation.frictionless import Descent, Pressure
-from modal.preparation.protocol import NOMINAL_FRACTION, PEAK, STRESSES, Study
+from modal.preparation.protocol import JAMMING_STRESS, NOMINAL_FRACTION, PEAK, STRESSES, Study
 from modal.preparation.sizes import NO_WALLS, Mixture, solid_of, words
 from modal.preparation.unequal_stress import RATIOS, load_further
 from modal.tools.arguments import checked
@@ -28,6 +28,8 @@ ASPECT = 10.05
 """Length over width: 35,201 spheres then reach 141 to 146 diameters, as in the study."""
 SHRINKS = 1.08
 """Width at the nominal solid fraction over that of a packing without friction at 10 MPa."""
+DENSE = "dense"
+"""Folder of the packing without friction that is dilated, within that of the states."""
 COMMAND = "python -m modal pack"
 """What makes the same packing again, whoever has called."""
 
@@ -120,7 +122,12 @@ def pack(
     if friction == 0:
         return compress_to_stresses(folder, study, targets, made, Descent, say, Pressure)
     first = [targets[0] / 10] if oedometric else targets
-    files = compress_to_stresses(folder, study, first, made, in_motion, say)
+    dense = None
+    if study.dilate:
+        bare = replace(study, mu_comp=0.0, dilate=0.0)
+        own = folder / DENSE, bare, [JAMMING_STRESS * hardness], bare.provenance(COMMAND)
+        [(_, dense)] = compress_to_stresses(*own, Descent, say, Pressure)
+    files = compress_to_stresses(folder, study, first, made, in_motion, say, dense=dense)
     if not oedometric and stress_ratio is None:
         return files
     ratio = math.nan if stress_ratio is None else stress_ratio

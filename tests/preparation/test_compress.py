@@ -16,6 +16,7 @@ from places import ROOT
 from modal.__main__ import main
 from modal.packing.contact_law import Elasticity
 from modal.packing.sample import read_sample, write_sample
+from modal.packing.state import coordination_without_rattlers
 from modal.packing.summary import summary
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
@@ -108,6 +109,26 @@ def test_contacts_obey_friction(walked):
     shear = np.linalg.norm(network.force_tangential, axis=1)
     assert (shear <= 0.4 * network.force_normal * (1 + 1e-9)).all()
     assert shear.max() > 0.3 * network.force_normal.mean()
+
+
+def test_dilated_packing_is_dense_with_few_contacts(tmp_path):
+    """The states A and C of Agnolin and Roux: 6.0 and 4.6 contacts at nearly one density.
+
+    Denser than it was dilated to, looser than without friction; both at 10 kPa.
+    """
+    command = ["pack", "--spheres", "300", "--aspect", "1", "--periodic", "--friction", "0.3"]
+    command += ["--dilate", "0.005", "--stress", "1e4", "-o", str(tmp_path)]
+    assert main(command) == 0
+    found = [
+        read_sample(tmp_path / name) for name in ("dense/10000Pa.sample.h5", "10000Pa.sample.h5")
+    ]
+    dense, few = (summary(sample.network()) for sample in found)
+    loosest = (1 + dense["void_ratio"]) * 1.005**3 - 1
+    assert dense["void_ratio"] < few["void_ratio"] < 0.5 * (dense["void_ratio"] + loosest)
+    z = [coordination_without_rattlers(sample.network())[0] for sample in found]
+    assert z[0] > 5.8 and z[1] < 4.9
+    assert found[1].friction == 0.3 and found[1].study["dilate"] == 0.005
+    assert main([*command[:-4], "--stress", "1e4", "--dilate", "0.006", "-o", str(tmp_path)]) == 2
 
 
 def the_same(one, other):

@@ -104,6 +104,8 @@ def test_what_a_study_may_change_changes_its_stages():
         {"agitated_damping": 1.0},
         {"damping": 0.0},
         {"hot_stress": 10.0},
+        {"dilate": 0.2},
+        {"mu_comp": 0.0, "dilate": 0.005},
         {"residual": 1.0},
     ],
 )
