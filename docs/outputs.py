@@ -2,9 +2,11 @@
 
 A page of `PAGES` is a text that a reader can type: `console` blocks are commands, `python` blocks
 share their names, both run in one folder, in the page's order. Pictures (*.png) that a block has
-written follow it. `tests/test_docs.py` runs the same blocks, of all pages.
+written follow it. `tests/test_docs.py` runs the same blocks, of all pages. Of `modal` the rooms and
+the imports among them are drawn on the page of the layout.
 """
 
+import ast
 import contextlib
 import io
 import os
@@ -12,9 +14,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 from docutils import nodes
+from matplotlib.figure import Figure
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ("tutorial", "lammps", "attenuation")
@@ -46,6 +50,62 @@ def run_python(text, folder, names):
     with contextlib.chdir(folder), contextlib.redirect_stdout(out):
         exec(compile(text, "page", "exec"), names)
     return out.getvalue()
+
+
+def imports_of_rooms(package):
+    """Of each room, a folder or module of a package, those that it imports, in functions too."""
+    rooms = {}
+    for path in sorted((ROOT / package).rglob("*.py")):
+        room = path.relative_to(ROOT / package).parts[0].removesuffix(".py")
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [alias.name for alias in getattr(node, "names", ()) if hasattr(alias, "name")]
+            if isinstance(node, ast.ImportFrom):
+                names = [f"{node.module}.{name}" for name in names]
+            used = {name.split(".")[1] for name in names if name.startswith(f"{package}.")}
+            rooms[room] = rooms.get(room, set()) | used
+    return {room: used & {*rooms} - {room} for room, used in rooms.items()}
+
+
+def draw_rooms(picture):
+    """Rooms of `modal`, each above those that it imports; dark where no other room is between."""
+    rooms, boxes, level = imports_of_rooms("modal"), {}, 0
+    names = {"__init__": "modal", "__main__": "python -m modal"}
+    figure = Figure(figsize=(7.5, 5.5))
+    ax = figure.add_axes((0, 0, 1, 0.94))
+    order = TopologicalSorter(rooms)
+    order.prepare()
+    while ready := sorted(order.get_ready()):
+        for k, room in enumerate(ready):
+            place, look = (k - (len(ready) - 1) / 2, level), {"boxstyle": "round", "fc": "white"}
+            text = names.get(room, room)
+            boxes[room] = ax.text(*place, text, ha="center", va="center", bbox=look, zorder=3)
+        order.done(*ready)
+        level += 1
+    for room, used in rooms.items():
+        for below in used:
+            dark = not any(below in rooms[other] for other in used)
+            style = {"arrowstyle": "->", "color": "0.2" if dark else "0.8"}
+            style["connectionstyle"] = f"arc3,rad={0 if dark else 0.12}"
+            style |= {
+                "patchA": boxes[room].get_bbox_patch(),
+                "patchB": boxes[below].get_bbox_patch(),
+            }
+            places = (boxes[one].get_position() for one in (below, room))
+            ax.annotate("", *places, arrowprops=style, zorder=1 + dark)
+    title = f"{len(rooms)} rooms, {sum(map(len, rooms.values()))} arrows"
+    ax.set(xlim=(-2, 2), ylim=(-0.4, level - 0.6), title=title)
+    ax.set_axis_off()
+    figure.savefig(picture, dpi=100)
+
+
+def show_rooms(app, doctree):
+    """Put the picture of the rooms below the paragraph that speaks of its arrows."""
+    if app.env.docname == "layout":
+        (told,) = (p for p in doctree.findall(nodes.paragraph) if "arrows" in p.astext())
+        (Path(app.srcdir) / FOLDER).mkdir(exist_ok=True)
+        draw_rooms(Path(app.srcdir) / FOLDER / "rooms.png")
+        image = nodes.image(uri=f"/{FOLDER}/rooms.png", alt="rooms of modal and their imports")
+        told.parent.insert(told.parent.index(told) + 1, image)
 
 
 def show(app, doctree):
@@ -81,4 +141,5 @@ def show(app, doctree):
 def setup(app):
     """Before Sphinx collects a page's pictures."""
     app.connect("doctree-read", show, priority=400)
+    app.connect("doctree-read", show_rooms, priority=400)
     return {"parallel_read_safe": False}
