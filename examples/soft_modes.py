@@ -19,57 +19,48 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from analysis.table import Table
+
 HOME = Path(sys.argv[0]).resolve().parents[1] / "results/soft_modes"
 DRAWS = 400  # of packings, for the errors
 RANGES = (0.1, 0.5), (0.2, 0.5), (0.5, 0.8)  # of f / f*, in which a power is told
 SLOPE = 0.058  # f* = SLOPE (z - 4) f_max: the peak of D(f) / f^2 of the study's packings
-OF_PACKING = ("friction", "seed", "spheres", "z", "void_ratio", "rattlers", "f_max_hz")
-OF_PACKING += ("first_wave_hz", "settled")
 
 
 def gather(results):
     """Tables of packings and of their modes, from the results of the study."""
-    packings, modes = [], []
-    for path in sorted(results.glob("*.json")):
+    packings, modes = [], ["packing,frequency_hz,spheres,rotation,contacts"]
+    for k, path in enumerate(sorted(results.glob("*.json"))):
         found = json.loads(path.read_text())
         value = {name: each["value"] for name, each in found["values"].items()}
         seed = int(found["name"].partition("seed")[2])
-        number = [found["mu_comp"], seed, 1000 if seed < 1001 else 2000]
-        number += [value[n] for n in ("coordination_of_bearing", "void_ratio", "rattlers")]
-        number += [value["highest_frequency"], value["first_wave"], int(not found["unsettled"])]
+        row = {"friction": found["mu_comp"], "seed": seed, "spheres": 1000 if seed < 1001 else 2000}
+        row |= {"z": value["coordination_of_bearing"], "void_ratio": value["void_ratio"]}
+        row |= {"rattlers": value["rattlers"], "f_max_hz": value["highest_frequency"]}
+        row |= {"first_wave_hz": value["first_wave"], "settled": int(not found["unsettled"])}
+        packings.append({name: f"{x:.7g}" for name, x in row.items()})
         at, spheres, _ = found["curves"]["soft_participation"]
-        columns = [
-            at,
-            spheres,
-            *(found["curves"][f"soft_{n}"][1] for n in ("rotation", "contacts")),
-        ]
-        modes += [(len(packings), *mode) for mode in zip(*columns, strict=True)]
-        packings.append([f"{x:.7g}" for x in number])
+        of_mode = (found["curves"][f"soft_{name}"][1] for name in ("rotation", "contacts"))
+        for f, p, r, c in zip(at, spheres, *of_mode, strict=True):
+            modes.append(f"{k},{f:.5g},{p:.3g},{r:.2g},{c:.0f}")
     HOME.mkdir(parents=True, exist_ok=True)
-    pd.DataFrame(packings, columns=OF_PACKING).to_csv(HOME / "packings.csv", index=False)
-    lines = ["packing,frequency_hz,spheres,rotation,contacts"]
-    lines += [f"{k},{f:.5g},{p:.3g},{r:.2g},{c:.0f}" for k, f, p, r, c in modes]
-    packed = gzip.compress("\n".join([*lines, ""]).encode(), mtime=0)
+    pd.DataFrame(packings).to_csv(HOME / "packings.csv", index=False)
+    packed = gzip.compress("\n".join([*modes, ""]).encode(), mtime=0)
     (HOME / "modes.csv.gz").write_bytes(packed)
 
 
 if __name__ == "__main__" and len(sys.argv) == 3:
     gather(Path(sys.argv[2]))
 
-packings = np.genfromtxt(HOME / "packings.csv", delimiter=",", names=True)
-of, frequency, spheres, rotation, contacts = np.loadtxt(
-    HOME / "modes.csv.gz", delimiter=",", skiprows=1, unpack=True
-)
-of = of.astype(int)
-group = packings["friction"] + 1e-3 * (packings["spheres"] > 1000)
-star = np.zeros(len(packings))
-for one in np.unique(group):
-    in_it = group == one
-    z, top = packings["z"][in_it].mean(), packings["f_max_hz"][in_it].mean()
-    star[in_it] = SLOPE * (z - 4) * top
-over_star = frequency / star[of]
+packings = pd.read_csv(HOME / "packings.csv")
+modes = pd.read_csv(HOME / "modes.csv.gz")
+packings["large"] = packings["spheres"] > 1000
+groups = packings.groupby(["friction", "large"])
+packings["f_star"] = SLOPE * (groups["z"].transform("mean") - 4)
+packings["f_star"] *= groups["f_max_hz"].transform("mean")
 # The first wave of any packing of a group is an end of what is seen of all of them.
-end = {one: (packings["first_wave_hz"] / star)[group == one].min() for one in np.unique(group)}
+packings["end"] = packings["first_wave_hz"] / packings["f_star"]
+modes["x"] = modes["frequency_hz"] / packings["f_star"].to_numpy()[modes["packing"]]
 
 # %%
 # **The power of the density of states.** D ~ f^b between two frequencies, by maximum likelihood:
@@ -88,7 +79,7 @@ def power(x, low, high):
 
 def with_error(chosen, low, high):
     """The power of the modes of the chosen packings, its standard error, and their number."""
-    members = [over_star[of == k] for k in np.flatnonzero(chosen)]
+    members = [modes["x"].to_numpy()[modes["packing"] == k] for k in chosen]
     random, every = np.random.default_rng(1), np.concatenate(members)
     draws = random.integers(len(members), size=(DRAWS, len(members)))
     found = [power(np.concatenate([members[k] for k in draw]), low, high) for draw in draws]
@@ -96,27 +87,24 @@ def with_error(chosen, low, high):
 
 
 rows = []
-for one in np.unique(group):
-    chosen = group == one
-    row = {"friction": packings["friction"][chosen][0], "spheres": packings["spheres"][chosen][0]}
-    row |= {"packings": chosen.sum(), "z": packings["z"][chosen].mean()}
-    row |= {"f_star_khz": star[chosen][0] / 1e3, "first_wave_over_f_star": end[one]}
+for (friction, _), some in packings.groupby(["friction", "large"]):
+    end = some["end"].min()
+    row = {"friction": friction, "spheres": some["spheres"].iloc[0], "packings": len(some)}
+    row |= {"z": some["z"].mean(), "f_star_khz": some["f_star"].iloc[0] / 1e3}
+    row |= {"first_wave_over_f_star": end}
     for low, high in RANGES:
-        b, error, count = with_error(chosen, low, min(high, end[one]))
-        settled, _, _ = with_error(chosen & (packings["settled"] == 1), low, min(high, end[one]))
+        b, error, count = with_error(some.index, low, min(high, end))
+        settled, _, _ = with_error(some.index[some["settled"] == 1], low, min(high, end))
         name = f"{low:g}_to_{high:g}"
         row |= {f"power_{name}": b, f"error_{name}": error, f"modes_{name}": count}
         row |= {f"power_settled_{name}": settled}
-        print(
-            f"friction {row['friction']:g}, {row['spheres']:.0f}: D ~ f^({b:.2f} +- {error:.2f})",
-            end=" ",
-        )
-        print(f"between {low:g} and {high:g} f*, {count} modes; settled alone {settled:.2f}")
-    lowest = chosen[of] & (over_star > 0.1) & (over_star < 0.5)
-    row |= {"per_1000_spheres": 1000 * lowest.sum() / packings["spheres"][chosen].sum()}
-    row |= {"spheres_that_move": np.median(spheres[lowest]), "rotation": rotation[lowest].mean()}
-    row |= {"at_most_three_contacts": (contacts[lowest] <= 3).mean()}
+    lowest = modes[modes["packing"].isin(some.index)].query("0.1 < x < 0.5")
+    row |= {"per_1000_spheres": 1000 * len(lowest) / some["spheres"].sum()}
+    row |= {"spheres_that_move": lowest["spheres"].median(), "rotation": lowest["rotation"].mean()}
+    row |= {"at_most_three_contacts": (lowest["contacts"] <= 3).mean()}
     rows.append(row)
+rows = pd.DataFrame(rows)
+print(rows.T.to_string(header=False, float_format="%.4g"))
 
 # %%
 # **The figure.** Over f*, the line on which the peak of D(f) / f^2 lies.
@@ -124,35 +112,23 @@ for one in np.unique(group):
 plt.rcParams.update({"font.size": 8, "axes.linewidth": 0.6, "pdf.fonttype": 42})
 plt.rcParams.update({"xtick.direction": "in", "ytick.direction": "in"})
 figure, axes = plt.subplots(1, 3, figsize=(7, 2.6), layout="constrained")
-shades = dict(zip(np.unique(packings["friction"]), ("0.1", "0.45", "0.75"), strict=True))
-for row, one, mark in zip(rows, np.unique(group), "os^D", strict=True):
-    chosen, small = (group == one)[of], row["spheres"] < 1500
-    edges = np.geomspace(0.1, end[one], 12)
-    count, _ = np.histogram(over_star[chosen], edges)
-    middle, seen = np.sqrt(edges[1:] * edges[:-1]), count > 0
-    per = np.diff(edges) * packings["spheres"][group == one].sum()
+shades = dict(zip(rows["friction"].unique(), ("0.1", "0.45", "0.75"), strict=True))
+for (_, row), (_, some), mark in zip(rows.iterrows(), groups, "os^D", strict=True):
+    mine, small = modes[modes["packing"].isin(some.index)], row["spheres"] < 1500
+    edges = np.geomspace(0.1, row["first_wave_over_f_star"], 12)
+    parts = [part for _, part in mine.groupby(pd.cut(mine["x"], edges), observed=False)]
+    middle, count = np.sqrt(edges[1:] * edges[:-1]), np.array([len(part) for part in parts])
+    per = np.diff(edges) * some["spheres"].sum()
     style = {"color": shades[row["friction"]] if small else "w", "mec": "k", "mew": 0.4, "ms": 3.5}
+    style |= {"fmt": mark, "elinewidth": 0.5}
     label = f"{row['z']:.2f}" + ("" if small else ", 2,000 spheres")
-    bars = (np.sqrt(count) / per)[seen]
-    axes[0].errorbar(
-        middle[seen],
-        (count / per)[seen],
-        bars,
-        fmt=mark,
-        ecolor="k",
-        elinewidth=0.5,
-        label=label,
-        **style,
-    )
-    for ax, number in ((axes[1], spheres), (axes[2], rotation)):
-        ends = zip(edges[:-1], edges[1:], strict=True)
-        parts = [number[chosen & (over_star > a) & (over_star < b)] for a, b in ends]
-        enough = [len(part) > 7 for part in parts]
-        quarters = np.array([np.percentile(p, (25, 50, 75)) for p in parts if len(p) > 7]).T
-        spread = abs(quarters[[0, 2]] - quarters[1])
-        ax.errorbar(
-            middle[enough], quarters[1], spread, fmt=mark, ecolor="0.6", elinewidth=0.5, **style
-        )
+    x, y, bars = (each[count > 0] for each in (middle, count / per, np.sqrt(count) / per))
+    axes[0].errorbar(x, y, bars, ecolor="k", label=label, **style)
+    for ax, name in ((axes[1], "spheres"), (axes[2], "rotation")):
+        enough = [part[name].quantile((0.25, 0.5, 0.75)) for part in parts if len(part) > 7]
+        low, median, high = np.transpose(enough)
+        bars = (median - low, high - median)
+        ax.errorbar(middle[count > 7], median, bars, ecolor="0.6", **style)
 for ax in axes:
     ax.set(xscale="log", xlabel="f / f*", xlim=(0.07, 2.2))
     ax.set_xticks([0.1, 0.2, 0.5, 1, 2], ["0.1", "0.2", "0.5", "1", "2"])
@@ -172,21 +148,22 @@ if __name__ == "__main__" and len(sys.argv) > 1:
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / "soft_modes.png", dpi=200)
     figure.savefig(folder / "soft_modes.pdf", metadata={"CreationDate": None})
-    as_csv = {"index": False, "float_format": "%.4g", "na_rep": "nan"}
-    pd.DataFrame(rows).to_csv(folder / "powers.csv", **as_csv)
-    cells = []
-    for r in rows:
-        line = [f"{r['z']:.2f}", f"{r['friction']:g}", f"{r['packings']} of {r['spheres']:,.0f}"]
+    rows.to_csv(folder / "powers.csv", index=False, float_format="%.4g", na_rep="nan")
+    header = ["z", "friction", "packings, spheres", "f*, kHz"]
+    header += [f"power, {a:g} to {b:g} f*" for a, b in RANGES]
+    header += ["modes from 0.1 to 0.5 f*, of 1,000 spheres", "spheres that move", "rotation"]
+    header += ["first mover has 2 or 3 contacts"]
+    lines = []
+    for _, r in rows.iterrows():
+        line = [
+            f"{r['z']:.2f}",
+            f"{r['friction']:g}",
+            f"{r['packings']:.0f} of {r['spheres']:,.0f}",
+        ]
         line += [f"{r['f_star_khz']:.1f}"]
         for name in (f"{a:g}_to_{b:g}" for a, b in RANGES):
             line += [f"{r[f'power_{name}']:.2f} ± {r[f'error_{name}']:.2f}"]
         line += [f"{r['per_1000_spheres']:.2f}", f"{r['spheres_that_move']:.1f}"]
         line += [f"{r['rotation']:.2f}", f"{100 * r['at_most_three_contacts']:.0f} %"]
-        cells.append(line)
-    head = ["z", "friction", "packings, spheres", "f*, kHz"]
-    head += [f"power, {a:g} to {b:g} f*" for a, b in RANGES]
-    head += ["modes from 0.1 to 0.5 f*, of 1,000 spheres", "spheres that move", "rotation"]
-    head += ["first mover has 2 or 3 contacts"]
-    lines = [head, ["---"] * len(head), *cells]
-    text = "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
-    (folder / "powers.md").write_text(text)
+        lines.append(line)
+    (folder / "powers.md").write_text(Table("", header, lines).markdown())
