@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import scipy.sparse as sp
 
-from modal.modes.collective import counted_floppy, every_floppy
+from modal.modes.collective import counted_floppy, every_floppy, settle_floppy
 from modal.modes.counts import check_count, count_below
 from modal.modes.dense import dense_modes
 from modal.modes.mode_set import Choice, ModeSet, certificate
@@ -27,8 +27,6 @@ from modal.tools.errors import InputError
 
 SHIFT = 1e-7
 """Shift below zero, relative to the largest diagonal entry, that keeps the factor definite."""
-NEAR_ZERO = 1e3
-"""Times the bound of zero: up to there a search may have found a zero mode, to its round-off."""
 NARROW = 1e-6
 """Relative width of an interval that is not cut further: a degenerate frequency, mostly."""
 FURTHER = 1.1
@@ -63,14 +61,12 @@ def listed_modes(system: LinearSystem, choice: Choice, *, certify: bool = True) 
 def _beside(system: LinearSystem, listed: Callable[[FloppyModes], ModeSet]) -> ModeSet:
     """A list of the modes beside the zero modes, as `listed` makes it for these.
 
-    Where these are not counted, and the list does not agree with them, they are.
+    Where these are not counted, and the list is not complete, they are, and it is made anew.
     """
+    modes = listed(every_floppy(system))
+    if not modes.certified and not every_floppy(system).counted:
+        modes = listed(counted_floppy(system))
     floppy = every_floppy(system)
-    modes = listed(floppy)
-    near = np.sqrt(NEAR_ZERO) * system.zero_frequency
-    if not floppy.counted and (not modes.certified or (modes.frequency <= near).any()):
-        floppy = counted_floppy(system)
-        modes = listed(floppy)
     return modes.with_zero_modes(floppy.total, floppy.unstable)
 
 
@@ -84,6 +80,8 @@ def _lowest(system: LinearSystem, choice: Choice, floppy: FloppyModes) -> ModeSe
             "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
             "below round-off; ask for the highest, or for an interval further up"
         )
+    if not missing:
+        settle_floppy(system, search.at_zero)
     return _of_search(search, choice, missing)
 
 
@@ -103,7 +101,7 @@ def _highest(system: LinearSystem, choice: Choice, certify: bool) -> ModeSet:
         except InputError as error:
             because = f"no exact count: {error}"
     if because:
-        missing = max(search.search_until(choice.count), 0)
+        missing = max(search.search_until(choice.count, np.isfinite), 0)
     floppy = every_floppy(system)
     modes = _of_search(search, choice, missing, because)
     return modes.with_zero_modes(floppy.total, floppy.unstable)
@@ -111,7 +109,7 @@ def _highest(system: LinearSystem, choice: Choice, certify: bool) -> ModeSet:
 
 def _of_search(search: Search, choice: Choice, missing: int, because: str = "") -> ModeSet:
     """The modes of a choice that a search has found, less those that are `missing`."""
-    which = search.sorted()
+    which = search.sorted(search.system.zero_frequency if choice.kind == "lowest" else -np.inf)
     short = choice.count - len(which)
     missing = max(missing, short) if short > 0 else missing
     enough = min(choice.count - max(missing, 0), len(which))
@@ -159,7 +157,7 @@ def _between(
         return dense_modes(system, choice)
     asked.refuse_endless()
     most = min(wanted, choice.count or wanted)
-    missing, solvers = list[int](), list[str]()
+    missing, solvers, at_zero = list[int](), list[str](), [np.empty((system.size, 0))]
 
     def pieces() -> Iterator[Piece]:
         first = 0
@@ -175,7 +173,10 @@ def _between(
             source = FromBelow(asked.low_end) if lifted else AboutShift(system, middle)
             search = Search(system, source, floppy.basis)
             missing.append(search.search_until(below[b] - below[a], inside))
-            which = search.sorted(max(a, interval.low), min(b, interval.high))
+            at_zero.append(search.at_zero)
+            which = search.sorted(
+                max(a, interval.low, system.zero_frequency), min(b, interval.high)
+            )
             which = which[: most - first]
             solvers.append(source.solver)
             yield search.piece(which, first)
@@ -184,6 +185,8 @@ def _between(
     modes = found_modes(system, pieces(), most, choice)
     short = sum(max(lack, 0) for lack in missing)
     modes.attributes |= certificate(short or min(missing, default=0))
+    if low == 0 and modes.certified:
+        settle_floppy(system, np.concatenate(at_zero, axis=1))
     slices = f"; {len(solvers)} slices" * (len(solvers) > 1)
     modes.attributes["solver"] = "".join(solvers[:1]) + slices or "count"
     return modes

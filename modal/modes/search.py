@@ -24,7 +24,7 @@ from modal.solvers.lanczos import (
     modes_nearest,
 )
 from modal.solvers.low_end import LowEnd
-from modal.solvers.spectrum import top_mode
+from modal.solvers.spectrum import dot, top_mode
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Bools, Floats, Ints
 
@@ -34,6 +34,9 @@ PRODUCTS = 300
 """Products with A after which the highest mode is looked for about a shift instead."""
 PRODUCTS_EACH = 30
 """The same for each further mode. A factor costs about as much as a few hundred products."""
+NEAR_ZERO = 1e3
+"""Times the threshold of zero: up to there a search may have found a zero mode, to its round-off.
+Which ones are is told by their Rayleigh quotients, whose error is the square of a vector's."""
 
 
 class AboutShift:
@@ -134,7 +137,8 @@ class FromTop:
 class Search:
     """What the rounds have found: omega^2 (k,), 1/s^2, and unit vectors (size, k) of A.
 
-    The modes `null` (size, z), orthonormal, are held out of all rounds.
+    The modes `null` (size, z), orthonormal, are held out of all rounds. Of a motion without energy
+    that was not among them omega^2 is zero exactly.
     """
 
     def __init__(
@@ -144,11 +148,12 @@ class Search:
         self.square = np.empty(0)
         self.vector = np.empty((null.shape[0], 0))
 
-    def search_until(self, wanted: int, inside: Callable[[Floats], Bools] = np.isfinite) -> int:
+    def search_until(self, wanted: int, inside: Callable[[Floats], Bools]) -> int:
         """Search until `wanted` modes are found, or a round finds none that converges or counts.
 
         Only modes whose omega^2 fulfil `inside` count; it takes omega^2 (k,) and gives bool (k,).
-        As the nearest come first, a round that finds others alone has seen all that are inside.
+        As the nearest come first, a round that finds others alone has seen all that are inside,
+        unless these are zero modes, which lie below the lowest.
         Returns how many are missing: 0 if all were found, negative if more were found than wanted.
         """
         going = True
@@ -156,23 +161,28 @@ class Search:
             known = len(self.square)
             ask = min(wanted - int(inside(self.square).sum()), self._held().free)
             going = ask > 0 and self.run_round(ask)
-            new = inside(self.square[known:])
-            going &= not len(new) or bool(new.any())
+            new = self.square[known:]
+            going &= not len(new) or bool((inside(new) | (new == 0)).any())
         return wanted - int(inside(self.square).sum())
 
     def complete(self, count: int, direction: int, counted: Callable[[float], int]) -> int:
         """Search until an exact count confirms the `count` lowest or highest modes.
 
-        `direction` is 1 for the lowest and -1 for the highest modes. `counted` gives the exact
-        number of modes below (for -1: above) a frequency in Hz. The list is complete if it has as
-        many modes beyond its last frequency; of several modes at that frequency it may have a part.
-        The search ends early where a round finds none that converges. Returns how many modes are
-        missing, as `search_until` does.
+        `direction` is 1 for the lowest modes beside those at zero, and -1 for the highest ones.
+        `counted` gives the exact number of modes below (for -1: above) a frequency in Hz. The list
+        is complete if it has as many modes beyond its last frequency; of several modes at that
+        frequency it may have a part. The search ends early where a round finds none that converges.
+        Returns how many modes are missing, as `search_until` does.
         """
-        missing = self.search_until(count)
+
+        def listed(square: Floats) -> Bools:
+            return np.isfinite(square) if direction < 0 else square != 0
+
+        missing = self.search_until(count, listed)
         while missing <= 0:
             self.source.release()
-            last = direction * np.sort(direction * self.square)[count - 1]
+            square = self.square[listed(self.square)]
+            last = direction * np.sort(direction * square)[count - 1]
             edge = float(frequency_of(last)) * (1 - direction * self.system.count_uncertainty(last))
 
             def beyond(square: Floats, edge: float = edge) -> Bools:
@@ -191,8 +201,13 @@ class Search:
         near = self.source.near(count, self._held())
         every, some = near.converged.all(), near.converged.any()
         vector = near.vector if every else near.vector[:, near.converged]
-        first = not len(self.square)
-        self.square = np.concatenate([self.square, near.square[near.converged]])
+        first, square = not len(self.square), near.square[near.converged]
+        zero = self.system.zero_threshold
+        for k in np.flatnonzero(abs(square) <= NEAR_ZERO * zero):
+            lowest = vector[:, k]
+            quotient = dot(lowest, self.system.operator.apply(lowest))
+            square[k] = 0.0 if abs(quotient) <= zero else quotient
+        self.square = np.concatenate([self.square, square])
         self.vector = vector if first else np.concatenate([self.vector, vector], axis=1)
         return bool(some)
 
@@ -207,6 +222,11 @@ class Search:
         """The modes `which`, in ascending order, as a piece of a list from its place `first` on."""
         places = first + np.arange(len(which))
         return Piece(self.square[which], places, lambda some: self.vector[:, which[some]])
+
+    @property
+    def at_zero(self) -> Floats:
+        """Shape (size, z): the zero modes that were found, beside those held out."""
+        return self.vector[:, self.square == 0]
 
     def _held(self) -> Held:
         return Held(self.null, self.vector)
