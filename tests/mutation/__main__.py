@@ -102,12 +102,12 @@ def tested(folder: Path, module: str, timeout: float) -> str:
 def judged(folder: Path, mutant: Mutant, timeout: float) -> str:
     """What the tests say with the mutant in place of the module."""
     path = folder / mutant.path
-    source = path.read_bytes()
-    path.write_bytes(mutant.apply(source))
+    source = path.read_text()
+    path.write_text(mutant.apply(source))
     try:
         return tested(folder, mutant.module, timeout)
     finally:
-        path.write_bytes(source)
+        path.write_text(source)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -141,7 +141,7 @@ def main(arguments: list[str] | None = None) -> int:
             by = judged(folder, mutant, limits[module])
             outcome = "noticed" if by else "equivalent" if str(mutant) in same else "SURVIVED"
             told[module, outcome] += 1
-            print(f"{number}/{len(mutants)} {outcome} {mutant.line} {mutant} {by}", flush=True)
+            print(f"{number}/{len(mutants)} {outcome} {mutant} {by}", flush=True)
     for (module, outcome), count in sorted(told.items()):
         print(f"{module}: {count} {outcome}")
     return 0

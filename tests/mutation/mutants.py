@@ -1,51 +1,46 @@
-"""Small wrong changes of a module's source, listed by its syntax tree.
+"""Small wrong changes of a module, made in its syntax tree.
 
-Every change is a replaced stretch of text, so that comments and line numbers stay: another
-operator, another side of a comparison, a constant one more or of the other sign, a statement left
-out, indices swapped, a slice shifted, a function's counterpart called. Annotations, imports,
-decorators, texts and what draws or prints are left alone: they do not change what is computed.
+Another operator, another side of a comparison, a constant one more or of the other sign, a
+statement left out, indices swapped, a slice shifted, a function's counterpart called. Annotations,
+imports, decorators, texts and what draws or prints are left alone: they do not change what is
+computed.
 """
 
 import ast
 import random
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 
 OPERATORS = {
-    **{ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*")},
-    **{ast.Pow: ("**", "*"), ast.FloorDiv: ("//", "*"), ast.Mod: ("%", "*")},
-    **{ast.BitAnd: ("&", "|"), ast.BitOr: ("|", "&"), ast.And: ("and", "or")},
-    **{ast.Or: ("or", "and"), ast.USub: ("-", ""), ast.Invert: ("~", ""), ast.Not: ("not", "")},
+    **{ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult},
+    **{ast.Pow: ast.Mult, ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult},
+    **{ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd, ast.And: ast.Or, ast.Or: ast.And},
 }
 COMPARISONS = {
-    **{ast.Lt: ("<", "<=", ">="), ast.LtE: ("<=", "<", ">"), ast.Eq: ("==", "!=")},
-    **{ast.Gt: (">", ">=", "<="), ast.GtE: (">=", ">", "<"), ast.NotEq: ("!=", "==")},
-    **{ast.Is: ("is", "is not"), ast.IsNot: ("is not", "is")},
-    **{ast.In: ("in", "not in"), ast.NotIn: ("not in", "in")},
+    **{ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt), ast.Eq: (ast.NotEq,)},
+    **{ast.Gt: (ast.GtE, ast.LtE), ast.GtE: (ast.Gt, ast.Lt), ast.NotEq: (ast.Eq,)},
+    **{ast.Is: (ast.IsNot,), ast.IsNot: (ast.Is,), ast.In: (ast.NotIn,), ast.NotIn: (ast.In,)},
 }
 COUNTERPARTS = {
-    **{"cos": "sin", "sin": "cos", "tan": "sin", "arccos": "arcsin", "sqrt": "abs", "abs": ""},
+    **{"cos": "sin", "sin": "cos", "tan": "sin", "arccos": "arcsin", "sqrt": "abs"},
     **{"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "ceil": "floor"},
     **{"any": "all", "all": "any", "zeros": "ones", "ones": "zeros", "zeros_like": "ones_like"},
     **{"full": "zeros", "eye": "ones", "inf": "nan", "sum": "max", "mean": "sum", "std": "var"},
     **{"triu": "tril", "argsort": "argmax", "cumsum": "array", "flatnonzero": "unique"},
 }
-
-
+LEFT_ALONE = ("annotation", "returns", "decorator_list")
 SHOWN = ("plot", "__str__", "__repr__")
 """Functions that show results only."""
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change of the module at `path`: the bytes from `start` to `end` become `text`."""
+    """Change number `number` of the module at `path`, in a statement whose first line it turns."""
 
     path: str
-    line: int
-    start: int
-    end: int
-    text: str
+    number: int
     before: str
     after: str
 
@@ -55,128 +50,95 @@ class Mutant:
         return self.path.removeprefix("modal/").removesuffix(".py")
 
     def __str__(self) -> str:
-        """The same wherever the line stands in its module."""
+        """The same wherever the statement stands in its module."""
         return f"{self.path}: {self.before} -> {self.after}"
 
-    def apply(self, source: bytes) -> bytes:
+    def apply(self, source: str) -> str:
         """The changed module."""
-        return source[: self.start] + self.text.encode() + source[self.end :]
+        tree = ast.parse(source)
+        next(mutant for mutant in mutants(tree, self.path) if mutant.number == self.number)
+        return ast.unparse(tree)
 
 
-class Changes:
-    """Walks over a module and yields (start, end, text) for all changes, in bytes."""
+def changed(node: ast.AST, **fields: object) -> ast.AST:
+    """A copy of a node with other fields."""
+    node = copy(node)
+    vars(node).update(fields)
+    return node
 
-    def __init__(self, source: bytes) -> None:
-        self.source = source
-        self.line_start = [0]
-        for line in source.splitlines(keepends=True):
-            self.line_start.append(self.line_start[-1] + len(line))
 
-    def start(self, node: ast.AST) -> int:
-        """First byte of a node."""
-        return self.line_start[node.lineno - 1] + node.col_offset
+def alternatives(node: ast.AST) -> Iterator[ast.AST]:
+    """What may stand in place of a node."""
+    match node:
+        case ast.BinOp(op=op) | ast.BoolOp(op=op) | ast.AugAssign(op=op) if type(op) in OPERATORS:
+            yield changed(node, op=OPERATORS[type(op)]())
+        case ast.UnaryOp(ast.USub() | ast.Invert() | ast.Not(), operand):
+            yield operand
+        case ast.Compare(ops=ops):
+            for k, op in enumerate(ops):
+                for other in COMPARISONS[type(op)]:
+                    yield changed(node, ops=[*ops[:k], other(), *ops[k + 1 :]])
+        case ast.Constant(bool() as value):
+            yield ast.Constant(not value)
+        case ast.Constant(int() as value):
+            yield from (ast.parse(str(value + step), mode="eval").body for step in (1, -1))
+        case ast.Constant(float() as value):
+            yield ast.UnaryOp(ast.USub(), node) if value else ast.Constant(1.0)
+        case ast.Slice(lower, upper):
+            for name, bound in (("lower", lower), ("upper", upper)):
+                if bound is not None and not isinstance(bound, ast.Constant):
+                    yield changed(node, **{name: ast.BinOp(bound, ast.Add(), ast.Constant(1))})
+        case ast.Subscript(slice=ast.Tuple([first, second, *rest])):
+            yield changed(node, slice=changed(node.slice, elts=[second, first, *rest]))
+        case ast.Call(func=ast.Attribute(attr="cross"), args=[first, second]):
+            yield changed(node, args=[second, first])
+        case ast.Call(func=ast.Name("abs"), args=[value]):
+            yield value
+        case ast.Name(name) if name in COUNTERPARTS:
+            yield changed(node, id=COUNTERPARTS[name])
+        case ast.Attribute(attr=name) if name in COUNTERPARTS:
+            yield changed(node, attr=COUNTERPARTS[name])
+        case ast.If(test) | ast.While(test) | ast.IfExp(test):
+            yield changed(node, test=ast.UnaryOp(ast.Not(), test))
+    match node:
+        case (
+            ast.AugAssign() | ast.Raise() | ast.Break() | ast.Continue()
+            | ast.Expr(ast.Call() | ast.Yield()) | ast.Assign([ast.Subscript() | ast.Attribute()])
+        ):  # fmt: skip
+            yield ast.Pass()
 
-    def end(self, node: ast.AST) -> int:
-        """The byte after a node."""
-        return self.line_start[node.end_lineno - 1] + node.end_col_offset
 
-    def text(self, node: ast.AST) -> str:
-        """Source of a node."""
-        return self.source[self.start(node) : self.end(node)].decode()
-
-    def below(self, node: ast.AST) -> Iterator[tuple[int, int, str]]:
-        """The changes of a node and of all its parts."""
-        if isinstance(node, ast.FunctionDef) and node.name in SHOWN:
-            return
-        yield from self.of(node)
-        for name, value in ast.iter_fields(node):
-            if name in ("annotation", "returns", "decorator_list"):
+def mutants(node: ast.AST, path: str, first: int = 0, line: ast.AST | None = None) -> Iterator:
+    """The mutants of all that stands below a node, which has the change while each is told."""
+    number = first
+    for name, value in ast.iter_fields(node):
+        of, keys = (value, range(len(value))) if isinstance(value, list) else (vars(node), [name])
+        for key in keys if name not in LEFT_ALONE else ():
+            part = of[key]
+            shown = isinstance(part, ast.FunctionDef) and part.name in SHOWN
+            if not isinstance(part, ast.AST) or isinstance(part, ast.JoinedStr) or shown:
                 continue
-            for part in value if isinstance(value, list) else [value]:
-                if isinstance(part, ast.AST) and not isinstance(part, ast.JoinedStr):
-                    yield from self.below(part)
+            own = isinstance(part, ast.stmt | ast.match_case)
+            statement = part if own else line
+            for other in alternatives(part):
+                if ast.dump(other) != ast.dump(part):
+                    before, of[key] = heading(statement), other
+                    yield Mutant(path, number, before, heading(other if own else statement))
+                    of[key], number = part, number + 1
+            for mutant in mutants(part, path, number, statement):
+                yield mutant
+                number = mutant.number + 1
 
-    def between(self, low: int, high: int, old: str, new: str) -> Iterator[tuple[int, int, str]]:
-        """Replace an operator that stands between two operands."""
-        at = self.source.index(old.encode(), low, high)
-        yield at, at + len(old), new
 
-    def of(self, node: ast.AST) -> Iterator[tuple[int, int, str]]:
-        """The changes of one node."""
-        here = (self.start(node), self.end(node)) if hasattr(node, "lineno") else (0, 0)
-        match node:
-            case ast.BinOp(left, op, right) if type(op) in OPERATORS:
-                yield from self.between(self.end(left), self.start(right), *OPERATORS[type(op)])
-            case ast.BoolOp(op, values):
-                for left, right in zip(values, values[1:], strict=False):
-                    yield from self.between(self.end(left), self.start(right), *OPERATORS[type(op)])
-            case ast.UnaryOp(op, operand) if type(op) in OPERATORS:
-                yield from self.between(here[0], self.start(operand), *OPERATORS[type(op)])
-            case ast.Compare(left, ops, right):
-                for op, a, b in zip(ops, [left, *right], right, strict=False):
-                    old, *others = COMPARISONS[type(op)]
-                    for new in others:
-                        yield from self.between(self.end(a), self.start(b), old, new)
-            case ast.Constant(bool() as value):
-                yield *here, str(not value)
-            case ast.Constant(int() as value):
-                yield *here, str(value + 1)
-                yield *here, str(value - 1)
-            case ast.Constant(float() as value):
-                yield *here, f"-{self.text(node)}" if value else "1.0"
-            case ast.Slice(lower, upper):
-                for bound in (lower, upper):
-                    if bound is not None and not isinstance(bound, ast.Constant):
-                        yield self.end(bound), self.end(bound), " + 1"
-            case ast.Subscript(slice=ast.Tuple([first, second, *_])):
-                yield from self.swapped(first, second)
-            case ast.Call(func=ast.Attribute(attr="cross"), args=[first, second]):
-                yield from self.swapped(first, second)
-            case ast.Name(id=name) if name in COUNTERPARTS:
-                yield *here, COUNTERPARTS[name]
-            case ast.Attribute(attr=name) if name in COUNTERPARTS:
-                yield here[1] - len(name), here[1], COUNTERPARTS[name] or "real"
-            case ast.If(test) | ast.While(test) | ast.IfExp(test):
-                yield self.start(test), self.end(test), f"not ({self.text(test)})"
-            case ast.AugAssign(op=op) if type(op) in OPERATORS:
-                low, high = self.end(node.target), self.start(node.value)
-                old, new = OPERATORS[type(op)]
-                yield from self.between(low, high, old + "=", new + "=")
-                yield *here, "pass"
-            case ast.Raise() | ast.Break() | ast.Continue():
-                yield *here, "pass"
-            case ast.Expr(ast.Call() | ast.Yield() as call):
-                yield self.start(call), self.end(call), "pass"
-            case ast.Assign([ast.Subscript() | ast.Attribute()]):
-                yield *here, "pass"
-
-    def swapped(self, first: ast.AST, second: ast.AST) -> Iterator[tuple[int, int, str]]:
-        """Two neighbours the other way round."""
-        middle = self.source[self.end(first) : self.start(second)].decode()
-        if self.text(first) != self.text(second):
-            text = self.text(second) + middle + self.text(first)
-            yield self.start(first), self.end(second), text
+def heading(statement: ast.AST) -> str:
+    """A statement in one line; of a compound one its first, decorators left out."""
+    lines = ast.unparse(statement).splitlines()
+    return next(line.strip() for line in lines if line and not line.startswith("@"))
 
 
 def mutants_of(root: Path, path: str) -> list[Mutant]:
-    """All mutants of a module that Python compiles, in the order of the source."""
-    source = (root / path).read_bytes()
-    tree = ast.parse(source)
-    found = []
-    for start, end, text in sorted(set(Changes(source).below(tree))):
-        first = source.rfind(b"\n", 0, start) + 1
-        last = source.find(b"\n", end)
-        changed = source[first:start] + text.encode() + source[end:last]
-        before, after = (" ".join(part.decode().split()) for part in (source[first:last], changed))
-        line = source.count(b"\n", 0, start) + 1
-        mutant = Mutant(path, line, start, end, text, before, after)
-        try:
-            other = ast.parse(mutant.apply(source))
-        except SyntaxError:
-            continue
-        if ast.dump(other) != ast.dump(tree):
-            found.append(mutant)
-    return found
+    """All mutants of a module, in the order of its syntax tree."""
+    return list(mutants(ast.parse((root / path).read_text()), path))
 
 
 def drawn(pools: list[list[Mutant]], count: int, seed: int) -> list[Mutant]:
