@@ -13,7 +13,7 @@ from modal.packing.sample import read_sample
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.system.assembly import block
-from modal.system.contacts import Contacts, terms_of
+from modal.system.contacts import contact_tangent, terms_of
 from modal.system.imposed import WallMoves, put_on
 from modal.system.linear_system import LinearSystem
 from modal.waves.propagate import propagate
@@ -325,7 +325,7 @@ def wall_pattern(network: Network, wall: int, pre_stress: str = "none", axis: in
 def contact_matrices(network: Network, pre_stress: str | tuple[str, ...] = "none") -> np.ndarray:
     """Shape (m, 12, 12): of each contact on (u_i, theta_i, u_j, theta_j); zero for a wall's."""
     terms = terms_of(pre_stress) if isinstance(pre_stress, str) else pre_stress
-    tangent, pair = Contacts.of(network, terms).tangent(), network.particle_j >= 0
+    tangent, pair = contact_tangent(network, terms), network.particle_j >= 0
     whole = np.block([[block(tangent, a, b) for b in (0, 1)] for a in (0, 1)])
     whole[~pair, 6:] = 0
     whole[~pair, :, 6:] = 0

@@ -13,7 +13,7 @@ from modal.modes.zero_modes import by_structure
 from modal.packing.network import RECEIVER_WALL, Network
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
-from modal.system.contacts import Contacts
+from modal.system.contacts import motion_of_contacts, slip, springs
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.waves.source import INPUT_FREQUENCY
 
@@ -61,10 +61,9 @@ def by_energy(system: LinearSystem, first: int, count: int) -> np.ndarray:
     _, vectors = eigh(system.scaled.toarray(), subset_by_index=[first, first + count - 1])
     u = system.root.over(vectors).reshape(-1, 6, count)
     network = system.network
-    contacts = Contacts.of(network)
-    motion = np.stack([contacts.motion(mode) for mode in np.moveaxis(u, 2, 0)], axis=2)
-    d = contacts.slip() @ motion
-    energy = (d * (contacts.springs() @ d)).sum(axis=(0, 1))
+    motion = np.stack([motion_of_contacts(network, mode) for mode in np.moveaxis(u, 2, 0)], axis=2)
+    d = slip(network) @ motion
+    energy = (d * (springs(network) @ d)).sum(axis=(0, 1))
     return frequency_of(energy / (vectors**2).sum(axis=0))
 
 

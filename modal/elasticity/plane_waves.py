@@ -34,13 +34,9 @@ def christoffel(stiffness: Floats, direction: ArrayLike) -> Floats:
     In Voigt's order (6, 6); or (3, 3, 3, 3), that of a cell which carries forces.
     """
     n = unit_vector(direction)
-    full = stiffness if stiffness.ndim == 4 else four_axes(stiffness)
-    return np.einsum("ijkl,j,l->ik", full, n, n)
-
-
-def four_axes(stiffness: Floats) -> Floats:
-    """Shape (3, 3, 3, 3), from Voigt's order (6, 6)."""
-    return stiffness[INDEX[:, :, None, None], INDEX[None, None]]
+    if stiffness.ndim == 2:
+        stiffness = stiffness[INDEX[:, :, None, None], INDEX]
+    return np.einsum("ijkl,j,l->ik", stiffness, n, n)
 
 
 def plane_waves(stiffness: Floats, density: float, direction: ArrayLike) -> tuple[Floats, Floats]:

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.elasticity.steady import steady_motion
-from modal.elasticity.strain import AXES, STRAINED, gradients, voigt
+from modal.elasticity.strain import AXES, STRAINED, voigt
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import WALL_ZONE
-from modal.system.contacts import Contacts
+from modal.system.contacts import contact_tangent, motion_of_contacts
 from modal.system.imposed import WallMoves
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
@@ -96,15 +96,16 @@ def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, 
     affine stiffness is that if all spheres followed the strain, by the energy of it: such spheres
     are not in balance, and the torques on them would make the stress unsymmetric.
     """
-    contacts, strained = Contacts.of(network), STRAINED.on(network)
-    tangent, branch, layers = contacts.tangent(), network.branch, Layers(network)
+    tangent, strained = contact_tangent(network), STRAINED.on(network)
+    branch, layers = network.branch, Layers(network)
     # The share of each contact that lies in the bulk, over its volume, 1/m^3.
     share = bulk.share(network.position[network.particle_i, 2], branch[:, 2])
     share /= network.area * bulk.length
     stress, strain = np.empty((6, 6)), np.eye(6)
-    for case, gradient in enumerate(gradients()):
+    for case, gradient in enumerate(STRAINED.gradient):
         free = motion[:, case].reshape(-1, 6)
-        pull = np.einsum("cab,cb->ca", tangent[:, :3], contacts.motion(free) + strained[case])
+        moved = motion_of_contacts(network, free) + strained[case]
+        pull = np.einsum("cab,cb->ca", tangent[:, :3], moved)
         # Rows zz, yz, zx are what planes across z carry, the same in every layer at rest.
         stress[:, case] = voigt((pull * share[:, None]).T @ branch)
         for row in (2, 3, 4):

@@ -32,17 +32,10 @@ STRAINS = ("xx", "yy", "zz", "yz", "zx", "xy")
 """Names of the strains, in the order of Voigt."""
 AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Of each: the direction that moves, and that along which the displacement grows."""
-
-
-def gradients() -> Floats:
-    """Shape (6, 3, 3): displacement gradients of unit strains; shear strains are angles."""
-    gradient = np.zeros((6, 3, 3))
-    gradient[(range(6), *zip(*AXES, strict=True))] = 1
-    return gradient
-
-
-STRAINED = Gradients(gradients())
-"""All spheres follow the six strains."""
+NINE = Gradients(np.eye(9).reshape(9, 3, 3))
+"""The gradients du_k / dx_l, l the faster."""
+STRAINED = Gradients(NINE.gradient[[3 * moving + along for moving, along in AXES]])
+"""All spheres follow the six unit strains; shear strains are angles."""
 
 
 def voigt(tensor: Floats) -> Floats:
@@ -75,10 +68,6 @@ def has_walls(system: LinearSystem) -> bool:
             "or a cell periodic in all directions"
         )
     return True
-
-
-NINE = Gradients(np.eye(9).reshape(9, 3, 3))
-"""The gradients du_k / dx_l, l the faster."""
 
 
 def stressed_stiffness(system: LinearSystem, non_affine: Floats) -> Floats:

@@ -10,7 +10,7 @@ from modal.exchange.import_result import ImportResult
 from modal.packing.network import Network
 from modal.packing.plausibility import plausibility
 from modal.packing.state import has_forces, stress_tensor
-from modal.system.contacts import GROWTH, SHEAR, TANGENTS, Contacts
+from modal.system.contacts import GROWTH, SHEAR, TANGENTS, contact_tangent
 
 ROUND_OFF = 1e-14
 """A share below which a term is none."""
@@ -55,7 +55,7 @@ def law_term_sizes(network: Network) -> dict[str, float]:
     scale = np.repeat([1.0, arc, arc], 3)
 
     def tangent(*terms: str) -> Any:
-        return Contacts.of(network, terms).tangent() * scale[:, None] * scale
+        return contact_tangent(network, terms) * scale[:, None] * scale
 
     springs = tangent()
     unknown = (SHEAR, GROWTH) if network.force_tangential is None else ()

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.packing.network import Network
-from modal.system.contacts import Contacts, terms_of
+from modal.system.contacts import contact_tangent, terms_of
 from modal.tools.arrays import Floats, Ints
 
 ENDS = (np.array([0, 1, 2, 3, 4, 5]), -1.0), (np.array([0, 1, 2, 6, 7, 8]), 1.0)
@@ -26,14 +26,13 @@ def stiffness_matrix(network: Network, dof: int = 6, pre_stress: str = "none") -
     particle that touches itself through a period has both sides of the contact on one block;
     repeated pairs add up.
     """
-    tangent = Contacts.of(network, terms_of(pre_stress)).tangent()
-    return assembled(network, tangent, dof)
+    return assembled(network, contact_tangent(network, terms_of(pre_stress)), dof)
 
 
 def block(tangent: Floats, row: int, column: int, size: int = 6) -> Floats:
     """Shape (m, size, size): what end `column` of each contact does to end `row`; 0 is i, 1 is j.
 
-    `tangent` (m, 9, 9) as of `Contacts.tangent`; `size` of 3 keeps the translations alone.
+    `tangent` (m, 9, 9) as of `contact_tangent`; `size` of 3 keeps the translations alone.
     """
     (a, sign_a), (b, sign_b) = ENDS[row], ENDS[column]
     signs = np.ones((2, 6))
@@ -72,7 +71,7 @@ def own_blocks(network: Network, pre_stress: str = "none") -> Floats:
     """Shape (n, 6, 6): K's block of each particle with itself, part by part of the contacts."""
     blocks = np.zeros((network.n_particles, 6, 6))
     for part in network.parts():
-        tangent = Contacts.of(part, terms_of(pre_stress)).tangent()
+        tangent = contact_tangent(part, terms_of(pre_stress))
         i, j = part.particle_i, part.particle_j
         # Both sides of a contact with an own image are on one block, with what couples them.
         own = np.where(i == j, i, -1)

@@ -26,12 +26,13 @@ path-dependent and have no energy.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
 from modal.packing.network import Network
-from modal.tools.arrays import Bools, Floats
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 NORMAL, SHEAR, TWIST = "normal force", "shear force", "twist"
@@ -43,6 +44,13 @@ TANGENTS: dict[str, tuple[str, ...]] = {
     "law": (NORMAL, SHEAR, GROWTH, ARMS),
 }
 """Terms beside the springs: none; symmetric; YADE's law; of imported packings, their own law."""
+NEEDS = {
+    NORMAL: ("force_normal",),
+    SHEAR: ("force_tangential",),
+    GROWTH: ("force_tangential", "shear_growth"),
+    ARMS: ("overlap", "motion_shortening", "torque_shortening"),
+}
+"""Columns of a network that a term needs."""
 SYMMETRIC = ("none", "normal")
 """Those whose stiffness is symmetric."""
 SLIDING = ("elastic", "slip")
@@ -77,144 +85,92 @@ def _times(vector: Floats, form: Floats) -> Floats:
     return vector[:, :, None] * form[:, None, :]
 
 
-@dataclass(frozen=True)
-class Carried:
-    """What contacts carry already, each None where no term asks for it.
-
-    normal (m,), N, compression positive; shear (m, 3), N, on i; growth (m,), 1/m, of the shear
-    force per overlap; motion, torque (m,), m, by which another program's arms are longer than to
-    the middle of the overlap; shortening (m,), which share of the overlap its torque arm lacks.
-    """
-
-    normal: Floats | None = None
-    shear: Floats | None = None
-    growth: Floats | None = None
-    motion: Floats | None = None
-    torque: Floats | None = None
-    shortening: Floats | None = None
-
-    @classmethod
-    def of(cls, network: Network, terms: tuple[str, ...]) -> Carried:
-        """What these terms need of a network; InputError where it does not know it."""
-        if terms and network.inertia_tensor is not None:
-            raise InputError(
-                "pre-stress of bodies that are no spheres: carried forces turn with the spheres in "
-                "contact, whose centres a network of bodies does not have; take 'none'"
-            )
-        law = GROWTH in terms or ARMS in terms
-        purpose = "pre-stress 'law' (of imported packings; there is 'full')"
-        if not law:
-            purpose = f"pre-stress {'full' if SHEAR in terms else 'normal'!r} (there is 'none')"
-
-        def asked(name: str, *by: str) -> Floats | None:
-            return network.require(name, purpose) if set(by) & set(terms) else None
-
-        carried = {"shortening": asked("torque_shortening", ARMS)}
-        if ARMS in terms:
-            overlap = network.require("overlap", purpose)
-            for name in ("motion", "torque"):
-                share = network.require(f"{name}_shortening", purpose)
-                carried[name] = (0.5 - share) * overlap
-        return cls(
-            normal=asked("force_normal", NORMAL),
-            shear=asked("force_tangential", SHEAR, GROWTH),
-            growth=asked("shear_growth", GROWTH),
-            **carried,
+def carried(network: Network, terms: tuple[str, ...]) -> dict[str, Floats]:
+    """What the terms need of a network, by column; InputError where it does not know it."""
+    if terms and network.inertia_tensor is not None:
+        raise InputError(
+            "pre-stress of bodies that are no spheres: carried forces turn with the spheres in "
+            "contact, whose centres a network of bodies does not have; take 'none'"
         )
+    purpose = f"pre-stress {'full' if SHEAR in terms else 'normal'!r} (there is 'none')"
+    if GROWTH in terms or ARMS in terms:
+        purpose = "pre-stress 'law' (of imported packings; there is 'full')"
+    needs = (name for term in terms for name in NEEDS.get(term, ()))
+    return {name: network.require(name, purpose) for name in needs}
 
 
-@dataclass(frozen=True)
-class Contacts:
-    """The m contacts of a network with some of the `terms` above beside the springs."""
+def springs(network: Network) -> Floats:
+    """Shape (m, 3, 3), N/m: kn n n^T + kt (1 - n n^T)."""
+    kn, kt = network.stiffness_normal, network.stiffness_tangential
+    return along_and_across(network.normal, kn, kt)
 
-    network: Network
-    terms: tuple[str, ...]
-    carried: Carried
 
-    @classmethod
-    def of(cls, network: Network, terms: tuple[str, ...] = ()) -> Contacts:
-        """Those of a network; InputError where it does not know what the terms need."""
-        return cls(network, terms, Carried.of(network, terms))
+def slip(network: Network, longer: Floats | float = 0.0) -> Floats:
+    """Shape (m, 3, 9): from a contact's motion to that of its two ends against each other.
 
-    @property
-    def pair(self) -> Bools:
-        """Shape (m,) bool: contacts between two bodies."""
-        return ~self.network.with_wall
+    `longer` (m,), m, is added to both arms, along the normal.
+    """
+    arm_i, arm_j = _arms(network, longer)
+    eye = np.broadcast_to(np.eye(3), (len(arm_i), 3, 3))
+    return np.concatenate([eye, cross_matrix(arm_i), -cross_matrix(arm_j)], axis=2)
 
-    def springs(self) -> Floats:
-        """Shape (m, 3, 3), N/m: kn n n^T + kt (1 - n n^T)."""
-        network = self.network
-        kn, kt = network.stiffness_normal, network.stiffness_tangential
-        return along_and_across(network.normal, kn, kt)
 
-    def slip(self, longer: Floats | None = None) -> Floats:
-        """Shape (m, 3, 9): from a contact's motion to that of its two ends against each other.
+def _arms(network: Network, longer: Floats | float) -> tuple[Floats, Floats]:
+    """Both arms (m, 3), m, made longer along the normal; the one to a wall stays zero."""
+    more, pair = np.asarray(longer)[..., None] * network.normal, ~network.with_wall[:, None]
+    return network.lever_i + more, np.where(pair, network.lever_j - more, 0.0)
 
-        `longer` (m,), m, is added to both arms, along the normal.
-        """
-        arm_i, arm_j = self._arms(longer)
-        eye = np.broadcast_to(np.eye(3), (len(arm_i), 3, 3))
-        return np.concatenate([eye, cross_matrix(arm_i), -cross_matrix(arm_j)], axis=2)
 
-    def _arms(self, longer: Floats | None) -> tuple[Floats, Floats]:
-        """Both arms (m, 3), m, made longer along the normal; the one to a wall stays zero."""
-        more = 0.0 if longer is None else longer[:, None] * self.network.normal
-        pair = self.pair[:, None]
-        return self.network.lever_i + more, np.where(pair, self.network.lever_j - more, 0.0)
+def motion_of_contacts(network: Network, u: Floats) -> Floats:
+    """Shape (m, 9): that of the contacts for motions u (n, 6) of the bodies; walls at rest."""
+    i, j, pair = network.particle_i, network.partner, ~network.with_wall[:, None]
+    return np.hstack([u[j, :3] * pair - u[i, :3], u[i, 3:], u[j, 3:] * pair])
 
-    def motion(self, u: Floats) -> Floats:
-        """Shape (m, 9): that of the contacts for motions u (n, 6) of the bodies; walls at rest."""
-        i, j, pair = self.network.particle_i, self.network.partner, self.pair[:, None]
-        return np.hstack([u[j, :3] * pair - u[i, :3], u[i, 3:], u[j, 3:] * pair])
 
-    def tangent(self) -> Floats:
-        """Shape (m, 9, 9), N/m, N, N m: minus the forces per motion (w, theta_i, theta_j).
+def contact_tangent(network: Network, terms: tuple[str, ...] = ()) -> Floats:
+    """Shape (m, 9, 9), N/m, N, N m: minus the forces per motion (w, theta_i, theta_j).
 
-        Its rows are minus the force on j, which is the force on i, and minus the torques on i and
-        on j. At a wall theta_j is the wall's own turn, whose shift of the contact is part of w.
-        """
-        n, carried, m = self.network.normal, self.carried, self.network.n_contacts
-        motion = np.zeros((m, 3, 9))
-        motion[:, :, :3] = np.eye(3)
-        across = np.eye(3) - n[:, :, None] * n[:, None, :]
-        dn = across @ motion / centre_distance(self.network)[:, None, None]
-        deeper = np.zeros((m, 9))
-        deeper[:, :3] = -n
-        force = self.springs() @ self.slip(carried.motion)
-        if carried.growth is not None and carried.shear is not None:
-            force += _times(carried.shear * carried.growth[:, None], deeper)
-        arms = self._arms(carried.torque)
-        K = np.zeros((m, 9, 9))
-        for at, arm, way in ((3, arms[0], -1.0), (6, arms[1], 1.0)):
-            K[:, at : at + 3] = way * cross_matrix(arm) @ force
-        if SHEAR in self.terms and carried.shear is not None:
-            t, pair = carried.shear, self.pair
-            twist = np.zeros((m, 9))
-            if TWIST in self.terms:
-                twist[:, 3:6] = twist[:, 6:9] = n / 2
-            shortening = 0.5 if carried.shortening is None else carried.shortening[:, None]
-            common = _times(np.cross(n, t) * shortening, deeper)
-            turning = cross_matrix(t) @ dn + _times(t, twist)
-            for at, arm, there in ((3, arms[0], np.ones(m)), (6, -arms[1], 1.0 * pair)):
-                reach = np.einsum("ci,ci->c", n, arm)[:, None, None]
-                K[:, at : at + 3] += reach * turning + there[:, None, None] * common
-            force -= _times(n, np.einsum("ci,cij->cj", t, dn))
-            force += _times(np.cross(n, t), twist)
-        if carried.normal is not None:
-            force -= carried.normal[:, None, None] * dn
-        K[:, :3] = force
-        self._add_rolling(K)
-        return K
-
-    def _add_rolling(self, K: Floats) -> None:
-        """Add the moments between bodies that turn against each other to tangents (m, 9, 9)."""
-        kr, kw = self.network.stiffness_rolling, self.network.stiffness_twisting
-        if kr is None or kw is None:
-            return
-        resists = along_and_across(self.network.normal, kw, kr)
-        for a in (3, 6):
-            for b in (3, 6):
-                K[:, a : a + 3, b : b + 3] += resists if a == b else -resists
+    Of the springs and of the `terms` above. Its rows are minus the force on j, which is the force
+    on i, and minus the torques on i and on j. At a wall theta_j is the wall's own turn, whose shift
+    of the contact is part of w. InputError where the network does not know what the terms need.
+    """
+    known, n, m = carried(network, terms), network.normal, network.n_contacts
+    # By how much another program's arms are longer than to the middle of the overlap.
+    moving, turned = (
+        (0.5 - known[f"{arm}_shortening"]) * known["overlap"] if ARMS in terms else 0.0
+        for arm in ("motion", "torque")
+    )
+    dn, deeper = np.zeros((m, 3, 9)), np.zeros((m, 9))
+    dn[:, :, :3] = np.eye(3) - n[:, :, None] * n[:, None, :]
+    dn /= centre_distance(network)[:, None, None]
+    deeper[:, :3] = -n
+    force = springs(network) @ slip(network, moving)
+    if GROWTH in terms:
+        force += _times(known["force_tangential"] * known["shear_growth"][:, None], deeper)
+    arms, K = _arms(network, turned), np.zeros((m, 9, 9))
+    for at, arm, way in ((3, arms[0], -1.0), (6, arms[1], 1.0)):
+        K[:, at : at + 3] = way * cross_matrix(arm) @ force
+    if SHEAR in terms:
+        t, pair, twist = known["force_tangential"], ~network.with_wall, np.zeros((m, 9))
+        if TWIST in terms:
+            twist[:, 3:6] = twist[:, 6:9] = n / 2
+        shortening = known["torque_shortening"][:, None] if ARMS in terms else 0.5
+        common = _times(np.cross(n, t) * shortening, deeper)
+        turning = cross_matrix(t) @ dn + _times(t, twist)
+        for at, arm, there in ((3, arms[0], np.ones(m)), (6, -arms[1], 1.0 * pair)):
+            reach = np.einsum("ci,ci->c", n, arm)[:, None, None]
+            K[:, at : at + 3] += reach * turning + there[:, None, None] * common
+        force -= _times(n, np.einsum("ci,cij->cj", t, dn))
+        force += _times(np.cross(n, t), twist)
+    if NORMAL in terms:
+        force -= known["force_normal"][:, None, None] * dn
+    K[:, :3] = force
+    kr, kw = network.stiffness_rolling, network.stiffness_twisting
+    if kr is not None and kw is not None:
+        resists = along_and_across(n, kw, kr)
+        for a, b in product((3, 6), repeat=2):
+            K[:, a : a + 3, b : b + 3] += resists if a == b else -resists
+    return K
 
 
 def centre_distance(network: Network) -> Floats:
@@ -227,12 +183,12 @@ def with_sliding(network: Network, sliding: str) -> Network:
     """The network with contacts at the friction limit as one of `SLIDING` holds them."""
     if sliding not in SLIDING:
         raise InputError(f"sliding {sliding!r}: choose one of {', '.join(SLIDING)}")
-    return (
-        network if sliding == "elastic" else network.cached("slipping", lambda: _slipping(network))
-    )
+    if sliding == "elastic":
+        return network
 
+    def slipping() -> Network:
+        at_limit = network.require("sliding", "knowing which contacts slip")
+        tangential = np.where(at_limit, 0.0, network.stiffness_tangential)
+        return replace(network, stiffness_tangential=tangential)
 
-def _slipping(network: Network) -> Network:
-    sliding = network.require("sliding", "knowing which contacts slip")
-    tangential = np.where(sliding, 0.0, network.stiffness_tangential)
-    return replace(network, stiffness_tangential=tangential)
+    return network.cached("slipping", slipping)

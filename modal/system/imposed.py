@@ -22,7 +22,7 @@ import scipy.sparse as sp
 
 from modal.packing.network import Network
 from modal.system.assembly import ENDS, gathered
-from modal.system.contacts import SHEAR, Contacts
+from modal.system.contacts import SHEAR, contact_tangent
 from modal.tools.arrays import Bools, Floats, Ints
 
 TURN = 5
@@ -165,7 +165,7 @@ def put_on(network: Network, terms: tuple[str, ...], imposed: Imposed) -> Coupli
     held, bodies = np.zeros((s, s)), gathered(touched.particle_i, touched.particle_j)[0]
     push, pull, squares = np.zeros((3, len(bodies), 6, s))
     for part in touched.parts():
-        e, k = imposed.on(part), Contacts.of(part, terms).tangent()
+        e, k = imposed.on(part), contact_tangent(part, terms)
         pushed = np.einsum("cab,scb->cas", k, e)
         felt = np.einsum("cba,scb->cas", k, e)
         if SHEAR in terms:

