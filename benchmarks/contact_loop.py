@@ -85,7 +85,8 @@ def by_turns(path: str, rounds: int) -> Callable[[], dict[str, Any]]:
     def turn(k: int) -> list[float]:
         at = k * length % max(1, len(source) - length)
         copying = seconds_of(copy, source[at : at + length], target[at : at + length], threads)
-        first, again = (seconds_of(operator.accumulate, u.ravel(), out.ravel()) for _ in range(2))
+        added_to = u.ravel(), out.ravel(), 1.0, 0.0, 1.0
+        first, again = (seconds_of(operator.combine, *added_to) for _ in range(2))
         _, added = (seconds_of(add, u, sums, on.rows, on.ends, starts, threads) for _ in range(2))
         return [again, first, added, copying]
 

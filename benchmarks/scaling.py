@@ -64,7 +64,7 @@ def products(path: str, compiled: bool) -> Callable[[], float]:
     if compiled:
         compile_loop()
         operator = ContactOperator(network)
-        needs, multiply = bytes_of(operator), lambda: operator.accumulate(u, out)
+        needs, multiply = bytes_of(operator), lambda: operator.combine(u, out, 1.0, 0.0, 1.0)
     else:
         matrix = stiffness_matrix(network)
         needs, multiply = bytes_of(matrix), lambda: matrix @ u

@@ -215,8 +215,7 @@ class LinearSystem:
         return self.cached("renumbered operator", lambda: self._operator().renumbered(), size)
 
     def _operator(self) -> ContactOperator:
-        options: dict[str, Any] = {"mass_scaled": True, "pre_stress": self.pre_stress}
-        return ContactOperator(self.network, self.dof, **options)
+        return ContactOperator(self.network, self.dof, mass_scaled=True, pre_stress=self.pre_stress)
 
     @cached_property
     def dashpots(self) -> LinearSystem | None:

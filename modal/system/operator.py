@@ -180,10 +180,6 @@ class ContactOperator(LinearOperator):
         if sums is not None and of_slabs is not None:
             sums[:] = of_slabs.sum(axis=0)
 
-    def accumulate(self, u: Array, out: Array, alpha: float = 1.0) -> Array:
-        """out += alpha K u in place; arguments as for `combine`."""
-        return self.combine(u, out, alpha, gamma=1.0)
-
     def apply(self, u: Array) -> Array:
         """K u for u of shape (6n,) or (6n, k)."""
         return self.combine(u, np.empty(u.shape), 1.0)
