@@ -57,14 +57,11 @@ def _cheapest(
     i, j = ends
     come, go = np.concatenate([i, j]), np.concatenate([j, i])
     cost = np.concatenate([length, length]) * weight[go]
-    shape = (len(weight),) * 2
-    graph = sp.csr_matrix((cost, (come, go)), shape=shape)
-    if graph.nnz < len(cost):
-        # Pairs that touch twice must not have their costs added up: the cheaper contact counts.
-        order = np.lexsort((cost, go, come))
-        come, go, cost = come[order], go[order], cost[order]
-        once = np.append(True, (np.diff(come) != 0) | (np.diff(go) != 0))
-        graph = sp.csr_matrix((cost[once], (come[once], go[once])), shape=shape)
+    # Pairs that touch twice must not have their costs added up: the cheaper contact counts.
+    order = np.lexsort((cost, go, come))
+    come, go, cost = come[order], go[order], cost[order]
+    once = (np.diff(come, prepend=-1) != 0) | (np.diff(go, prepend=-1) != 0)
+    graph = sp.csr_matrix((cost[once], (come[once], go[once])), shape=2 * (len(weight),))
     distance = dijkstra(graph, indices=first)
     nearest = float(distance[goal].min(initial=np.inf))
     if not np.isfinite(nearest):

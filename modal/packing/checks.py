@@ -242,10 +242,15 @@ def force_ratio(network: Columns) -> Floats:
     """Force over stiffness times overlap of the contacts that push, or empty where unknown."""
     if network.force_normal is None or network.overlap is None:
         return np.empty(0)
-    force, ratio = network.force_normal, network.stiffness_normal * network.overlap
-    told = (force > 0) & (ratio > 0)
-    np.divide(force, ratio, out=ratio, where=told)
-    return ratio if told.all() else ratio[told]
+    force, elastic = network.force_normal, network.stiffness_normal * network.overlap
+    told = (force > 0) & (elastic > 0)
+    return force[told] / elastic[told]
+
+
+def stiffness_ratio(network: Columns) -> Floats:
+    """Tangential over normal stiffness of the contacts that have any."""
+    stiff = network.stiffness_normal > 0
+    return network.stiffness_tangential[stiff] / network.stiffness_normal[stiff]
 
 
 def check_force_ratio(network: Columns) -> None:
@@ -263,14 +268,12 @@ def _of_forces(network: Columns) -> Faults:
     # A packing whose contacts pull or are bonded may have any ratio.
     if force is not None and overlap is not None and min(f.min() for f in (force, overlap, kn)) > 0:
         check_force_ratio(network)
-    stiff = kn > 0
-    yield "", not stiff.any(), "no contact has a normal stiffness"
+    ratio = stiffness_ratio(network)
+    yield "", not len(ratio), "no contact has a normal stiffness"
     fault = (
         "tangential over normal stiffness is {:.3g} in the median contact (elastic bodies: 2/3 to "
         "1); give both in N/m"
     )
-    ratio = np.divide(network.stiffness_tangential, kn, out=np.zeros_like(kn), where=stiff)
-    ratio = ratio if stiff.all() else ratio[stiff]
     yield from _of_median(ratio, (0.0, STIFFNESS_RATIO), fault)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Annotated, Any, TypeVar, get_type_hints
 
 import numpy as np
@@ -22,27 +22,22 @@ VERSION = (1, 2)
 """A reader that would miss a column of `OF_BONDS` refuses a file that says 2."""
 UNKNOWN = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
 """Columns of the contacts that a program may not know."""
-OF_BONDS = ("stiffness_rolling", "stiffness_twisting", "inertia_tensor")
-"""What spheres that touch do not have: contacts that roll or twist, bodies of other shapes."""
-TURN, KG_M2 = "N m/rad", "kg m^2"
+TURN, KG_M2 = {"unit": "N m/rad", "since": 2}, "kg m^2"
 
 
-def stored(folder: str, kind: str, *shape: int | str, unit: str = "1", name: str = "") -> Column:
-    """A column, named as its field unless it has another `name`."""
-    return Column(f"{folder}/{name}", kind, shape, unit)
+def stored(folder: str, kind: str, *shape: int | str, name: str = "", **more: Any) -> Column:
+    """A column, named as its field unless it has another `name`; `more` of `Column`."""
+    return Column(f"{folder}/{name}", kind, shape, **{"unit": "1"} | more)
 
 
 def columns_of(table: type) -> dict[str, Column]:
-    """The columns that the fields of a class are `stored` as; those that may be None are optional.
-
-    With one of `OF_BONDS` a file says version 2.
-    """
-    found = {}
-    for name, hint in get_type_hints(table, include_extras=True).items():
-        for column in getattr(hint, "__metadata__", ()):
-            dataset = column.dataset + name * column.dataset.endswith("/")
-            optional, since = hasattr(table, name), VERSION[name in OF_BONDS]
-            found[name] = column._replace(dataset=dataset, optional=optional, since=since)
+    """The columns that the fields of a class are `stored` as; those with a default are optional."""
+    hints, found = get_type_hints(table, include_extras=True), {}
+    for one in fields(table):
+        for column in getattr(hints[one.name], "__metadata__", ()):
+            dataset = column.dataset + one.name * column.dataset.endswith("/")
+            optional = not one.default is one.default_factory is MISSING
+            found[one.name] = column._replace(dataset=dataset, optional=optional)
     return found
 
 
@@ -78,9 +73,11 @@ class Columns:
     shear_growth: Annotated[Floats | None, stored("contacts", "f", "m", unit="1/m")] = None
     motion_shortening: Annotated[Floats | None, stored("contacts", "f", "m")] = None
     torque_shortening: Annotated[Floats | None, stored("contacts", "f", "m")] = None
-    stiffness_rolling: Annotated[Floats | None, stored("contacts", "f", "m", unit=TURN)] = None
-    stiffness_twisting: Annotated[Floats | None, stored("contacts", "f", "m", unit=TURN)] = None
-    inertia_tensor: Annotated[Floats | None, stored("particles", "f", "n", 3, 3, unit=KG_M2)] = None
+    stiffness_rolling: Annotated[Floats | None, stored("contacts", "f", "m", **TURN)] = None
+    stiffness_twisting: Annotated[Floats | None, stored("contacts", "f", "m", **TURN)] = None
+    inertia_tensor: Annotated[
+        Floats | None, stored("particles", "f", "n", 3, 3, unit=KG_M2, since=2)
+    ] = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -175,14 +172,15 @@ class Columns:
 
     def some(self: Same, kept: Bools | Ints | slice) -> Same:
         """The contacts that `kept` selects, (m,) bool, indices or a slice, unchecked."""
-        columns = {name: getattr(self, name) for name in CONTACTS}
-        own = {name: data[kept] for name, data in columns.items() if data is not None}
+        own = {name: data[kept] for name, data in self._known(CONTACTS).items()}
         return self.unchecked(**frozen(**own))
 
     def bodies(self) -> dict[str, Any]:
         """The columns of the particles that it has, by name."""
-        columns = {name: getattr(self, name) for name in PARTICLES}
-        return {name: data for name, data in columns.items() if data is not None}
+        return self._known(PARTICLES)
+
+    def _known(self, names: list[str]) -> dict[str, Any]:
+        return {name: data for name in names if (data := getattr(self, name)) is not None}
 
     def parts(self: Same) -> Iterator[Same]:
         """`PART` contacts at a time, whose matrices then take little memory."""
@@ -196,6 +194,8 @@ PARTICLES, CONTACTS = (
     [name for name, column in COLUMNS.items() if column.shape[0] == length] for length in "nm"
 )
 """Names of those of the particles and of the contacts."""
+OF_BONDS = tuple(name for name, column in COLUMNS.items() if column.since > 1)
+"""What spheres that touch do not have: contacts that roll or twist, bodies of other shapes."""
 
 
 def frozen(**columns: Array) -> dict[str, Any]:

@@ -86,11 +86,6 @@ class FccPacking:
         return self.spacing / sqrt(2)
 
     @property
-    def contact_force(self) -> float:
-        """Normal force of each contact, N."""
-        return self.stress * self.spacing**2 / (2 * sqrt(2))
-
-    @property
     def wall_overlap(self) -> float:
         """Overlap of a sphere of the outer layers with the flat wall, m (force stress d^2)."""
         force = self.stress * self.spacing**2

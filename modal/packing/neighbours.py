@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from modal.packing.columns import PART, RECEIVER_WALL, SOURCE_WALL
-from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.workload import refuse_above_memory
 
 SPHERE_BYTES, PAIR_BYTES = 800.0, 150.0
@@ -52,23 +52,20 @@ class ContactList:
             found[part] = np.column_stack([(force[part] * each).sum(axis=1) for each in frame])
         return found
 
-    def some(self, kept: Bools) -> ContactList:
-        """Those that are `kept` (m,)."""
-        return self if kept.all() else ContactList(*(data[kept] for data in vars(self).values()))
 
-
-def canonical_order(i: Ints, j: Ints, shift: Ints) -> Ints:
+def canonical_order(i: Ints, j: Ints, shift: Array) -> Ints:
     """Shape (m,): the order of contacts by i, then j, then periods."""
-    return np.lexsort((shift[:, 2], shift[:, 1], shift[:, 0], j, i))
+    return np.lexsort((*shift.T[::-1], j, i))
 
 
-def canonical(i: Ints, j: Ints, shift: Ints) -> tuple[Ints, Ints, Ints, Ints, Bools]:
+def canonical(i: Ints, j: Ints, shift: Array) -> tuple[Ints, Ints, Ints, Array, Bools]:
     """Rows (m,) of contacts in canonical order; their ends and periods; which are turned round.
 
     The lower-numbered end comes first, a sphere meets its own image on one side only, and a wall is
-    behind no period.
+    behind no period. In place of periods (m, 3) any components (m, k) of directions that tell
+    contacts of the same ends apart.
     """
-    own = (i == j) & (shift @ DECIDES < 0)
+    own = (i == j) & (shift @ DECIDES[: shift.shape[1]] < 0)
     turned = (j >= 0) & ((i > j) | own)
     sign = np.where(j < 0, 0, np.where(turned, -1, 1)).astype(shift.dtype)
     shift = sign[:, None] * shift
@@ -165,7 +162,9 @@ def touching(
     del parts
     order = canonical_order(i, j, shift)
     found = between((i[order], j[order], shift[order]), position, side, walls, each)
-    return found.some(found.overlap > 0)
+    if (deep := found.overlap > 0).all():
+        return found
+    return ContactList(*(data[deep] for data in vars(found).values()))
 
 
 def between(

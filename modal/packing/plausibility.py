@@ -11,8 +11,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.linalg import norm
 
-from modal.packing.checks import density_of, force_ratio
+from modal.packing.checks import density_of, force_ratio, stiffness_ratio
 from modal.packing.neighbours import touching
 from modal.packing.network import Network
 from modal.packing.state import profile, residual_forces
@@ -116,14 +117,14 @@ def _of_places(network: Network) -> Remarks:
     i, j, pair = network.particle_i, network.partner, ~network.with_wall
     branch = network.branch
     reach = network.radius[i] + np.where(pair, network.radius[j], 0.0)
-    overlap = reach - _size(branch)
+    overlap = reach - norm(branch, axis=1)
     # Spheres that just touch have overlaps of the round-off of their positions.
     round_off = 8 * float(np.spacing(abs(network.position).max() + reach.max()))
     least = max(TOUCH * float(abs(overlap).mean()), round_off)
     told = overlap if network.overlap is None else network.overlap
     too_few = "overlaps differ from those of positions and radii: too few digits?"
     yield abs(told - overlap).mean() > least, too_few
-    missed = _size(network.lever_i - network.lever_j - branch)[pair]
+    missed = norm(network.lever_i - network.lever_j - branch, axis=1)[pair]
     too_long = "levers do not end in one point: are they as long as the radii?"
     yield pair.any() and missed.mean() > least, too_long
     missing = _overlapping(network, least) - int((overlap > least).sum())
@@ -149,14 +150,13 @@ def _overlapping(network: Network, depth: float) -> int:
 
 def _of_stiffnesses(network: Network, told: dict[str, Any]) -> Remarks:
     """Ratio of stiffnesses, and the law that stiffness, force and overlap follow."""
-    stiff = network.stiffness_normal > 0
-    if stiff.any():
-        ratio = network.stiffness_tangential[stiff] / network.stiffness_normal[stiff]
+    ratio = stiffness_ratio(network)
+    if len(ratio):
         told["tangential_over_normal_stiffness"] = _spread(ratio)
         yield ratio.max() > 1 + UNIFORM, "contacts stiffer across than along their normal"
         differ = "tangential over normal stiffness differs among contacts"
         yield np.ptp(ratio) > UNIFORM * ratio.max(), differ
-    loose = int((~stiff).sum())
+    loose = network.n_contacts - len(ratio)
     yield loose, f"{loose} contacts without normal stiffness"
     ratio = force_ratio(network)
     if len(ratio):
@@ -180,7 +180,6 @@ def _of_forces(network: Network, told: dict[str, Any]) -> Remarks:
         yield idle, f"{idle} contacts overlap without a force"
     if shear is None:
         return
-    across = _size(shear)
     if force.any():
         net = residual_forces(network)
         told["net_force_over_contact_force"] = float(net.mean())
@@ -192,15 +191,14 @@ def _of_forces(network: Network, told: dict[str, Any]) -> Remarks:
         yield net.max() > BALANCE or net.mean() > SETTLED, words
     if sliding is None or not sliding.any():
         return
-    stiff = network.stiffness_normal > 0
-    ratio = network.stiffness_tangential[stiff] / network.stiffness_normal[stiff]
-    if ratio.any():
+    _, median, most = told.get("tangential_over_normal_stiffness", (0, 0, 0))
+    if most > 0:
         told["springs_of_sliding_contacts"] = (
-            f"tangential too, {np.median(ratio):.3g} of the normal ones: modes, moduli and waves "
+            f"tangential too, {median:.3g} of the normal ones: modes, moduli and waves "
             "take a friction of the wave that holds these contacts, whatever that of the packing "
             "was; --sliding slip leaves these springs out"
         )
-    share = across / np.where(force > 0, force, np.inf)
+    share = norm(shear, axis=1) / np.where(force > 0, force, np.inf)
     most = share[sliding].max()
     unequal = np.ptp(share[sliding]) > UNIFORM * most or share[~sliding].max(initial=0.0) > most
     yield unequal, "sliding contacts use unequal shares of friction, or less than others"
@@ -212,11 +210,6 @@ def _law(ratio: Floats) -> str:
         if wanted * (1 - LAW_TOLERANCE) < low and high < wanted * (1 + LAW_TOLERANCE):
             return law
     return "unknown"
-
-
-def _size(vector: Floats) -> Floats:
-    size: Floats = np.sqrt(np.einsum("ck,ck->c", vector, vector))
-    return size
 
 
 def _spread(values: Floats) -> list[float]:

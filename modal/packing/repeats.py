@@ -15,6 +15,7 @@ from math import gcd
 import numpy as np
 
 from modal.packing.columns import OF_BONDS, RECEIVER_WALL, SOURCE_WALL
+from modal.packing.neighbours import canonical
 from modal.packing.network import Network
 from modal.tools.arrays import Array, Floats, Ints
 
@@ -25,7 +26,8 @@ NEAR = 1e-6
 """Smallest radii within which a shifted sphere must fall on another one. Which one that is has to
 be certain; how alike they are is told by their contacts."""
 ASLANT = np.array([1.0, 0.61803, 0.75488])
-"""A direction to which no contact of a crystal is perpendicular."""
+"""A direction to which no contact of a crystal is perpendicular: it tells those apart in which two
+spheres touch more than once."""
 OF_SPRINGS = ("stiffness_normal", "stiffness_tangential")
 OF_PRE_STRESS = ("force_normal", "force_tangential", "overlap", "shear_growth",
                  "motion_shortening", "torque_shortening")  # fmt: skip
@@ -198,16 +200,17 @@ def _compared(network: Network, image: Ints, columns: tuple[str, ...]) -> tuple[
 
     `image` (n,) is the sphere on which each one falls. None where contacts fall on none.
     """
-    i, j, wall = network.particle_i, network.particle_j, network.with_wall
-    here, turned, ends = _sorted(network, i, j)
-    moved = image[i], np.where(wall, j, image[network.partner])
-    there, turned_there, moved_ends = _sorted(network, *moved)
+    i, j = network.particle_i, network.particle_j
+    moved = image[i], np.where(network.with_wall, j, image[network.partner])
+    slant = (network.normal @ ASLANT)[:, None]
+    here, *ends, _, turned = canonical(i, j, slant)
+    there, *moved_ends, _, turned_there = canonical(*moved, slant)
     # What stands at one place of both orders is a contact and what falls on it.
-    if not np.array_equal(ends[here], moved_ends[there]):
+    if not np.array_equal(ends, moved_ends):
         return None
     contact = np.empty_like(here)
     contact[there] = here
-    sign = np.where(turned[here] == turned_there[there], 1.0, -1.0)[:, None]
+    sign = np.where(turned == turned_there, 1.0, -1.0)[:, None]
     reach = float(network.radius.min())
     levers = [network.lever_i[here], network.lever_j[here]]
     other = np.where(sign > 0, *levers), np.where(sign > 0, *levers[::-1])
@@ -235,15 +238,3 @@ def _compared(network: Network, image: Ints, columns: tuple[str, ...]) -> tuple[
 
 def _most(difference: Array, scale: Array | float) -> float:
     return float(abs(difference / scale).max(initial=0.0))
-
-
-def _sorted(network: Network, i: Ints, j: Ints) -> tuple[Ints, Array, Ints]:
-    """Order (m,) of the contacts by their two ends (m, 2), and which are turned (m,).
-
-    Two spheres that touch more than once do so in several directions.
-    """
-    slant = network.normal @ ASLANT
-    turned = (j >= 0) & ((i > j) | ((i == j) & (slant < 0)))
-    low, high = np.where(turned, j, i), np.where(turned, i, j)
-    order = np.lexsort((np.where(turned, -slant, slant), high, low))
-    return order, turned, np.column_stack([low, high])

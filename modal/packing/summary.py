@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,6 @@ from modal.packing.state import (
     profile,
     stress_tensor,
     void_ratio,
-    volume_between_walls,
     wall_stress,
 )
 from modal.tools.errors import InputError
@@ -31,23 +31,8 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
     over the layers of the bulk, relative to their mean. Numbers that need forces are left out where
     forces are absent, and those that need a volume where the cell has none.
     """
-    forces = has_forces(network)
     bearing, rattlers = coordination_without_rattlers(network)
-    result: dict[str, Any] = {}
-    try:
-        volume = volume_between_walls(network)
-    except InputError:
-        volume = None
-    if volume is not None:
-        if forces:
-            stress = stress_tensor(network)
-            diagonal = np.diag(np.diag(stress))
-            result["stress_pa"] = np.diag(stress).tolist()
-            result["largest_off_diagonal_stress_pa"] = float(abs(stress - diagonal).max())
-        if network.force_normal is not None and not network.cell_periodic[2]:
-            result["wall_stress_pa"] = wall_stress(network).tolist()
-        result["void_ratio"] = void_ratio(network)
-    result |= {
+    result = {
         "coordination_number": network.coordination_number,
         "coordination_number_without_rattlers": bearing,
         "rattlers": rattlers,
@@ -56,10 +41,25 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
     if network.sliding is not None:
         result["sliding_contacts"] = int(network.sliding.sum())
     # A contact without friction, or one that pulls, has no limit that its shear could share in.
-    force = network.force_normal if forces else None
+    force = network.force_normal if has_forces(network) else None
     if friction and network.n_contacts > 0 and force is not None and force.min() > 0:
         result["largest_share_of_friction"] = float(friction_used(network, friction).max())
-    return result if volume is None else result | _along_z(network)
+    with suppress(InputError):
+        result |= _of_volume(network)
+    return result
+
+
+def _of_volume(network: Network) -> dict[str, Any]:
+    """Void ratio, stresses, and how the bulk differs along z; InputError without a volume."""
+    result: dict[str, Any] = {"void_ratio": void_ratio(network)}
+    if has_forces(network):
+        stress = stress_tensor(network)
+        diagonal = np.diag(stress)
+        result["stress_pa"] = diagonal.tolist()
+        result["largest_off_diagonal_stress_pa"] = float(abs(stress - np.diag(diagonal)).max())
+    if network.force_normal is not None and not network.cell_periodic[2]:
+        result["wall_stress_pa"] = wall_stress(network).tolist()
+    return result | _along_z(network)
 
 
 def crystalline_shares(network: Network, layers: Profile) -> dict[str, float]:

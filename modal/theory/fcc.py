@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from modal.packing.crystal import FccPacking
+from modal.packing.crystal import NORMALS, STEPS, FccPacking
 from modal.tools.arrays import Complex, Floats
 from modal.tools.display import axes_of, quantity
 
@@ -107,10 +107,8 @@ class FccLattice(FccPacking):
 
     def neighbours(self) -> Floats:
         """Shape (12, 3): unit vectors towards the neighbours."""
-        half = np.sqrt(0.5)
-        in_layer = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]
-        between = [(a, b, c) for a in (-0.5, 0.5) for b in (-0.5, 0.5) for c in (-half, half)]
-        return np.array(in_layer + between)
+        half = NORMALS[: len(STEPS)]
+        return np.concatenate([half, -half])
 
     def bloch_matrix(self, wavevector: Floats) -> Complex:
         """Shape (6, 6), complex Hermitian, 1/s^2: M^-1/2 K(k) M^-1/2 for `wavevector` (3,) 1/m."""
