@@ -109,8 +109,7 @@ class Driven:
             small, part = one_part(system, duration, tolerance)
         springs = small.renumbered
         # Which freedom of the operator moves as each of the packing does.
-        place = np.argsort(springs.order)[part.member] if springs.order is not None else part.member
-        column = (6 * place[:, None] + np.arange(6)).ravel()
+        column = springs.outward(np.arange(small.size)).reshape(-1, 6)[part.member].ravel()
         entries = np.ones(len(column)), column, np.arange(len(column) + 1)
         alike = sp.csr_matrix(entries, (len(column), 6 * len(part.first)))
         beyond = WallMoves(RECEIVER_WALL, COMPONENT[direction]) if receivers.walls else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
@@ -58,13 +58,11 @@ class EnergyBalance:
     @staticmethod
     def of_attributes(found: Mapping[str, Any]) -> EnergyBalance | None:
         """What a file says; None where it says nothing, as the files of earlier versions."""
-        names = EnergyBalance.__dataclass_fields__
-        if not names.keys() - LATER <= found.keys():
+        kinds = get_type_hints(EnergyBalance)
+        if not kinds.keys() - LATER <= found.keys():
             return None
-        said: dict[str, Any] = {name: found[name] for name in names if name in found}
-        counts = {name: int(said[name]) for name in ("contacts", "opened", "slid")}
-        said = {name: float(one) for name, one in said.items()}
-        return EnergyBalance(**said | counts)
+        said = kinds.keys() & found.keys()
+        return EnergyBalance(**{name: kinds[name](found[name]) for name in said})
 
 
 def drift_limit(network: Network, fraction: float, amplitude: float, energy: float) -> float:

@@ -57,7 +57,7 @@ class Receivers:
             "chain_displacement": seen[:, :c],
             "layer_position": self.layers.position,
             "layer_displacement": seen[:, c : c + nl],
-            "particle_displacement": seen[:, c + nl :] if self.particles else None,
+            **({"particle_displacement": seen[:, c + nl :]} if self.particles else {}),
         }
 
     def signals(

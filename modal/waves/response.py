@@ -214,11 +214,9 @@ def frequency_response(
     driven = Driven.of(system, source, receivers, 1 / (np.pi * resolution), tolerance)
     record_of = _damped if driven.dashpots else _windowed
     frequency, record, products = record_of(driven, highest, resolution, tolerance)
-    columns = receivers.columns(record, driven.stresses)
-    del columns["particle_displacement"]
     return Response(
         frequency=frequency,
-        **columns,
+        **receivers.columns(record, driven.stresses),
         resolution=0.0 if driven.dashpots else resolution,
         products=products,
         source=source.name,

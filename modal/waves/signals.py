@@ -20,6 +20,7 @@ import numpy as np
 from modal.formats.hdf5 import complete, open_h5
 from modal.formats.product import Column, Product
 from modal.formats.provenance import Provenance
+from modal.packing.columns import columns_of
 from modal.tools.arrays import Floats, Ints
 from modal.tools.display import axes_of, quantity
 from modal.tools.errors import InputError
@@ -74,16 +75,11 @@ def product_of(schema: str, table: type[Recording], groups: tuple[str, ...] = ()
 
     What has a default may be absent.
     """
-    kinds = get_type_hints(table, include_extras=True)
-    columns, attributes, defaults = dict[str, Column](), dict[str, Any](), dict[str, Any]()
-    for one in fields(table):
-        kind, always = kinds[one.name], one.default is one.default_factory is MISSING
-        for column in getattr(kind, "__metadata__", ()):
-            columns[one.name] = column._replace(optional=not always)
-        if kind in (str, float):
-            attributes[one.name] = kind
-            defaults |= {} if always else {one.name: one.default}
-    return Product(schema, columns, attributes, defaults, groups, versions=VERSION)
+    kinds = get_type_hints(table)
+    plain = [one for one in fields(table) if kinds[one.name] in (str, float)]
+    attributes = {one.name: kinds[one.name] for one in plain}
+    defaults = {one.name: one.default for one in plain if one.default is not MISSING}
+    return Product(schema, columns_of(table), attributes, defaults, groups, versions=VERSION)
 
 
 def along(column: Column, **changed: Any) -> Column:
@@ -206,16 +202,9 @@ class Signals(Recording):
             place, motion = self.chain_position, self.chain_displacement
         order = np.argsort(place)
         largest = float(abs(motion).max()) * 1e9 or 1.0
-        image = ax.pcolormesh(
-            self.time * 1e6,
-            place[order] * 1e3,
-            motion[:, order].T * 1e9,
-            cmap="RdBu_r",
-            vmin=-largest,
-            vmax=largest,
-            shading="nearest",
-            rasterized=True,
-        )
+        style = {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest, "rasterized": True}
+        drawn = self.time * 1e6, place[order] * 1e3, motion[:, order].T * 1e9
+        image = ax.pcolormesh(*drawn, shading="nearest", **style)
         twisted = self.direction == TORSION
         label = r"$\theta_z$, nrad" if twisted else rf"$u_{self.direction}$, nm"
         ax.figure.colorbar(image, ax=ax, label=label)
