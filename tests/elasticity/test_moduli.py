@@ -6,7 +6,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from packings import bare, contact_matrices, levers_of_radii, polydisperse
+from packings import bare, contact_matrices, kinematics, levers_of_radii, polydisperse
 from scipy.linalg import lstsq
 
 from modal.__main__ import main
@@ -71,35 +71,26 @@ def test_velocities_of_the_crystal_are_the_slopes_of_its_bloch_waves(direction):
 
 
 def least_squares_moduli(network: Network) -> np.ndarray:
-    """(6, 6), Pa: the oracle. Springs as weighted equations, one contact after the other.
+    """(6, 6), Pa: the oracle. Springs as weighted equations.
 
     The least energy of strained springs is the least square of root(k) (stretch + B motion): no
     stiffness matrix, no symmetric gradient with sliding planes, no iteration.
     """
-    rows, size = 3 * network.n_contacts, 6 * network.n_particles
-    B, stretch = np.zeros((rows, size)), np.zeros((rows, 6))
-    pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)]
-    for c in range(network.n_contacts):
-        i, j, n = network.particle_i[c], network.particle_j[c], network.normal[c]
-        frame = np.linalg.qr(np.column_stack([n, np.eye(3)[np.argmin(abs(n))]]), "complete")[0].T
-        root = np.sqrt([network.stiffness_normal[c]] + [network.stiffness_tangential[c]] * 2)
-        weighted = root[:, None] * frame
-        place = slice(3 * c, 3 * c + 3)
-        for axis in range(3):
-            e = np.eye(3)[axis]
-            B[place, 6 * i + axis] -= weighted @ e
-            B[place, 6 * j + axis] += weighted @ e
-            B[place, 6 * i + 3 + axis] -= weighted @ np.cross(e, network.lever_i[c])
-            B[place, 6 * j + 3 + axis] += weighted @ np.cross(e, network.lever_j[c])
-        branch = network.position[j] + network.cell_shift[c] * network.cell_size
-        branch = branch - network.position[i]
-        for strain, (a, b) in enumerate(pairs):
-            E = np.zeros((3, 3))
-            E[a, b] += 0.5
-            E[b, a] += 0.5
-            stretch[place, strain] = weighted @ (E @ branch)
+    i, j, m = network.particle_i, network.particle_j, network.n_contacts
+    kn, kt = np.sqrt([network.stiffness_normal, network.stiffness_tangential])[..., None, None]
+    nn = network.normal[:, :, None] * network.normal[:, None]
+    root, B = kn * nn + kt * (np.eye(3) - nn), np.zeros((m, 3, network.n_particles, 6))
+    for end, side in ((i, slice(6)), (j, slice(6, 12))):
+        B[np.arange(m), :, end] += (root @ kinematics(network))[:, :, side]
+    branch = network.position[j] + network.cell_shift * network.cell_size - network.position[i]
+    E = np.zeros((6, 3, 3))
+    for strain, (a, b) in enumerate([(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)]):
+        E[strain, a, b] += 0.5
+        E[strain, b, a] += 0.5
+    stretch = np.einsum("cij,sjk,ck->cis", root, E, branch)
     # Rotations as arcs, so that one threshold tells motions without energy from the others.
-    B *= np.tile(np.repeat([1, 1 / network.radius.mean()], 3), network.n_particles)
+    B[..., 3:] /= network.radius.mean()
+    B, stretch = B.reshape(3 * m, -1), stretch.reshape(3 * m, 6)
     motion = lstsq(B, -stretch, cond=1e-10)[0]
     left = stretch + B @ motion
     return left.T @ left / np.prod(network.cell_size)
@@ -117,16 +108,6 @@ def test_random_cell_against_least_squares(cell):
         assert found.error < 1e-9
         # The affine energy is an upper bound of every strain's; the free spheres give back some.
         assert np.linalg.eigvalsh(found.affine - found.stiffness).min() > 0.05 * scale
-
-
-def test_error_is_that_of_the_moduli(cell):
-    """From above, as the energy, and no less than what is said of it but for a factor."""
-    exact = elastic_moduli(cell, tolerance=1e-12, solver="gradients").stiffness
-    for tolerance in (1e-2, 1e-4, 1e-6):
-        found = elastic_moduli(cell, tolerance=tolerance, solver="gradients")
-        over = np.diag(found.stiffness - exact) / exact.max()
-        assert over.min() > -1e-11 and over.max() <= tolerance
-        assert found.products < 400
 
 
 @pytest.mark.parametrize("solver", ["pardiso", "gradients"])
@@ -240,15 +221,12 @@ def test_non_affine_motion_balances_every_sphere(cell):
     assert abs(total).max() < 1e-5 * abs(force).max()
 
 
-def without_tangential(network: Network) -> Network:
-    return replace(network, stiffness_tangential=0 * network.stiffness_tangential)
-
-
 @pytest.mark.parametrize("solver", ["pardiso", "gradients"])
 def test_a_cell_that_resists_nothing_says_so(solver):
     """Smooth spheres that hardly touch give way to every strain; what is left is round-off."""
     pytest.importorskip("pypardiso" if solver == "pardiso" else "numpy")
-    loose = without_tangential(polydisperse(periodic_z=True, n=60))
+    loose = polydisperse(periodic_z=True, n=60)
+    loose = replace(loose, stiffness_tangential=0 * loose.stiffness_tangential)
     found = elastic_moduli(loose, solver=solver)
     assert len(found.soft_strains()) == 6 and len(found.remarks()) == 6
 

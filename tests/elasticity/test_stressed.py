@@ -13,7 +13,6 @@ from test_moduli import bloch_matrix, without_loose_spheres
 
 from modal.__main__ import main
 from modal.elasticity.moduli import elastic_moduli, read_moduli, write_moduli
-from modal.packing import crystal as gallery
 from modal.packing.network import Network, read_network
 
 
@@ -55,26 +54,6 @@ def test_first_order_of_the_bloch_waves(pre_stress, direction):
         errors.append(np.linalg.norm(found - wanted) / np.linalg.norm(wanted))
     assert errors[0] < 5e-3
     assert errors[1] < 0.6 * errors[0]
-
-
-def test_crystal_under_pressure_in_closed_form():
-    """Each contact pushes its spheres apart sideways by N / l: rho dV^2 = -sum N l (n.e)^2 / V0.
-
-    No sphere leaves the mean field of a crystal; e is the direction of the wave, and the part of
-    the motion p along a contact does not turn it: 1 - (n.p)^2.
-    """
-    crystal = gallery.fcc(1e7, (2, 2, 4), periodic_z=True)
-    moduli = elastic_moduli(crystal, pre_stress="normal")
-    A = moduli.stressed
-    volume = crystal.cell_size.prod()
-    branch = np.linalg.norm(crystal.lever_i - crystal.lever_j, axis=1)
-    weight = crystal.force_normal * branch * crystal.normal[:, 2] ** 2
-    e = np.array([0.0, 0.0, 1.0])
-    for p in np.eye(3):
-        less = (weight * (1 - (crystal.normal @ p) ** 2)).sum() / volume
-        with_forces = p @ np.einsum("ijkl,j,l->ik", A, e, e) @ p
-        C = moduli.stiffness[[4, 3, 2][int(np.argmax(p))]][[4, 3, 2][int(np.argmax(p))]]
-        assert with_forces - C == pytest.approx(-less, rel=1e-8)
 
 
 def test_command_and_file(tmp_path, capsys):

@@ -9,10 +9,6 @@ from modal.packing.order import crystalline
 from modal.packing.sample import Sample
 
 
-def test_every_sphere_of_the_crystal():
-    assert crystalline(gallery.fcc(cells=(4, 4, 8))).all()
-
-
 def test_random_points_have_no_order():
     cell = 2 * RADIUS * np.array([8.0, 8.0, 8.0])
     position = np.random.default_rng(6).random((600, 3)) * cell

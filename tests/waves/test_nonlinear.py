@@ -84,11 +84,8 @@ def test_column_against_an_ode_solver_and_the_order_of_the_step(column):
 
     wave = found(tolerance=1e-4)
     assert off(wave.signals.chain_displacement, expected) < 1e-4
-    assert (
-        wave.error
-        < 1e-4
-        < off(modal.propagate(column, DURATION, motion=motion).signals.chain_displacement, expected)
-    )
+    linear = modal.propagate(column, DURATION, motion=motion).signals
+    assert wave.error < 1e-4 < off(linear.chain_displacement, expected)
     errors = [off(found(time_step=dt).signals.chain_displacement, expected) for dt in (2e-7, 1e-7)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.05)
     # Nothing opens or slides: all of the wall's work is in the wave, to second order of the step.
@@ -253,21 +250,6 @@ def test_energy_of_a_tiny_wave_adds_up(rested):
     assert abs(balance.gap) < 5e-3
 
 
-def test_wall_forces_are_the_momentum_that_the_spheres_gain(rested):
-    """Newton: the walls' pushes, integrated over time, are the momentum along each axis."""
-    for direction, axis in (("x", 0), ("z", 2)):
-        wave = modal.propagate(
-            rested, 2e-5, nonlinear=True, motion=Pulse(1e-8, 1e5), direction=direction,
-            time_step=2e-8, interval=2e-8, particles=True,
-        ).signals  # fmt: skip
-        network = rested.network()
-        push = network.area * (wave.source_stress - wave.receiver_stress)
-        moved = wave.particle_displacement @ network.mass
-        # Leapfrog: the second difference of the centre of mass is the force at the middle.
-        gained = np.diff(moved, 2) / 2e-8**2
-        assert off(gained, push[1:-1]) < 1e-4, axis
-
-
 def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, capsys):
     sample, out = str(tmp_path / "rested.sample.h5"), str(tmp_path / "wave.signals.h5")
     write_sample(sample, rested)
@@ -276,11 +258,8 @@ def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, capsys):
     assert main([*words.split(), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     signals = read_signals(out, of_any_source=True)
-    assert (
-        signals.direction == "x"
-        and signals.source.startswith("plane")
-        and len(signals.time) == said["times"] == 51
-    )
+    assert signals.direction == "x" and signals.source.startswith("plane")
+    assert len(signals.time) == said["times"] == 51
     assert signals.balance.kept and abs(said["energy_gap"]) < 1e-3
     assert said["time_step_error"] < 1e-3
     # Held by friction nothing slides; what slip takes is over what the source gave in all.

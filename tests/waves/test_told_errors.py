@@ -24,7 +24,7 @@ RECORDED = np.array([0, 1.1e-5, 3e-5, 4.7e-5, 1.3e-4, 2.2e-4])
 MOTIONS = {
     "step": step(1e-9, 1e-4),
     "chirp": chirp(1e-9, 1e4, 5e4, 4e-4),
-    "pulse": Pulse(),
+    "pulse": Pulse(cycles=3),
     "recorded": SampledMotion(RECORDED, 1e-9 * np.array([0, 1, -2, 0.5, 1, -1])),
 }
 EVERY, DURATION = 2e-5, 2e-3
