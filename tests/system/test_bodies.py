@@ -5,13 +5,14 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from packings import random_springs
+from packings import PER_CONTACT, polydisperse, random_springs
 from scipy.linalg import eigh
 
 import modal
 from modal.modes.zero_modes import by_structure
-from modal.packing.columns import OF_BONDS, UNKNOWN
+from modal.packing.columns import OF_BONDS
 from modal.packing.network import Network, read_network, write_network
+from modal.packing.rigid_bodies import joined
 from modal.system.assembly import stiffness_matrix
 from modal.system.imposed import TURN, WallMoves, put_on
 from modal.system.linear_system import LinearSystem
@@ -79,86 +80,68 @@ def test_a_chain_of_bonded_spheres_is_a_beam(periods):
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
 
 
-def random_bodies(seed: int, n: int = 6, m: int = 40) -> Network:
-    """Bodies held by contacts that no packing has, some of them at walls, which roll and twist."""
-    network, rng = random_springs(seed, n, m), np.random.default_rng(seed)
-    i, j = network.particle_i, network.particle_j
-    # A contact of the two bodies that will be one, whose levers do not meet, would resist its turn.
-    j = np.where((i == j) | (np.maximum(i, j) < 2), -1, j)
-    return network.unchecked(
-        particle_j=j,
-        lever_j=np.where(j[:, None] < 0, 0, network.lever_j),
-        stiffness_rolling=rng.uniform(0, 1, m),
-        stiffness_twisting=rng.uniform(0, 1, m),
-        **dict.fromkeys(UNKNOWN),
-    )
-
-
 def test_matrix_equals_a_loop_over_contacts(slow_K):
-    network = random_bodies(1)
+    """Contacts that no packing has, which roll and twist."""
+    rolling, twisting = np.random.default_rng(1).uniform(0, 1, (2, 40))
+    network = random_springs(1, 6, 40).unchecked(
+        stiffness_rolling=rolling, stiffness_twisting=twisting
+    )
     wanted = slow_K(network)
     # Sums of at most some forty products.
     assert abs(stiffness_matrix(network).toarray() - wanted).max() <= 1e-14 * abs(wanted).max()
 
 
-def joined(network: Network, stiffness: float | None) -> Network:
-    """Bodies 0 and 1 joined: rigidly, as body 0, or by a contact that is very stiff each way."""
-    if stiffness is not None:
-        line = network.position[1] - network.position[0]
-        half = line / 2
-        more = {
-            "particle_i": 0,
-            "particle_j": 1,
-            "normal": line / np.linalg.norm(line),
-            "lever_i": half,
-            "lever_j": -half,
-            **{f"stiffness_{way}": stiffness for way in ("normal", "tangential")},
-            **{f"stiffness_{way}": stiffness for way in ("rolling", "twisting")},
-        }
-        return network.unchecked(
-            **{k: np.concatenate([getattr(network, k), [value]]) for k, value in more.items()},
-        )
-    mass = network.mass[:2]
-    centre = mass @ network.position[:2] / mass.sum()
-    arm = network.position[:2] - centre
-    tensor = network.inertia[:, None, None] * np.eye(3)
-    tensor[0] = tensor[:2].sum(axis=0)
-    for m, r in zip(mass, arm, strict=True):
-        tensor[0] += m * ((r @ r) * np.eye(3) - np.outer(r, r))
-    number = np.array([0, *range(len(network.mass) - 1)])
-    kept = np.arange(len(network.mass)) != 1
-    tensor = tensor[kept]
-    changed = {}
-    for end in "ij":
-        bodies = getattr(network, f"particle_{end}")
-        lever = getattr(network, f"lever_{end}").copy()
-        for member in (0, 1):
-            lever[bodies == member] += arm[member]
-        changed[f"lever_{end}"] = lever
-        changed[f"particle_{end}"] = np.where(bodies < 0, bodies, number[bodies])
-    rows = {name: getattr(network, name)[kept] for name in ("position", "radius", "mass")}
-    rows["position"][0], rows["mass"][0] = centre, mass.sum()
+def pair_of(seed: int, stiffness: float | None = None) -> Network:
+    """Few spheres that roll and twist, two of which are one body: rigidly, or by a stiff bond.
+
+    The bond is `stiffness` times as stiff as a contact, each way.
+    """
+    network = polydisperse(seed=seed, n=12)
+    reach = network.radius.mean() ** 2 * network.stiffness_normal
+    ways = "stiffness_rolling", "stiffness_twisting"
+    share = np.random.default_rng(seed).uniform(0, 0.1, (2, network.n_contacts))
+    network = replace(network, **dict(zip(ways, share * reach, strict=True)))
+    inside = ~network.with_wall & ~network.cell_shift.any(axis=1)
+    c = int(np.flatnonzero(inside)[0])
+    i, j = int(network.particle_i[c]), int(network.particle_j[c])
+    if stiffness is None:
+        return joined(network, np.isin(np.arange(network.n_particles), (i, j)).astype(int))
+    k = stiffness * network.stiffness_normal.mean()
+    stiff = dict.fromkeys(("stiffness_normal", "stiffness_tangential"), k)
+    stiff |= dict.fromkeys(ways, k * network.radius.mean() ** 2)
+    bond = network.some([c])
     return network.unchecked(
-        **changed, **rows, inertia=np.einsum("naa->n", tensor) / 3, inertia_tensor=tensor
+        **{
+            name: np.concatenate(
+                [getattr(network, name), [stiff.get(name, getattr(bond, name)[0])]]
+            )
+            for name in (*PER_CONTACT, *ways)
+        }
     )
+
+
+def dense_matrix(network: Network) -> np.ndarray:
+    """M^-1/2 K M^-1/2."""
+    return RootMass.of(network).around(stiffness_matrix(network)).toarray()
 
 
 def test_roots_of_tensors_of_inertia():
     """M^1/2 applied twice is M, M^-1/2 undoes it, A is the same as matrix and as operator.
 
-    Masses and moments are of order 1: the limits are some hundred roundings.
+    The limits are some hundred roundings.
     """
-    clump = joined(random_bodies(3), None)
+    clump = pair_of(3)
     mass = np.zeros((6 * clump.n_particles,) * 2)
     for body in range(clump.n_particles):
         at = 6 * body
         mass[at : at + 3, at : at + 3] = clump.mass[body] * np.eye(3)
         mass[at + 3 : at + 6, at + 3 : at + 6] = clump.inertia_tensor[body]
-    root = RootMass.of(clump)
-    A = root.around(stiffness_matrix(clump))
+    root, A = RootMass.of(clump), dense_matrix(clump)
     motions = np.random.default_rng(5).standard_normal((len(mass), 2))
     for u in (motions, motions[:, 0]):
-        assert root.times(root.times(u)) == pytest.approx(mass @ u, rel=1e-12, abs=1e-13)
+        assert root.times(root.times(u)) == pytest.approx(
+            mass @ u, rel=1e-12, abs=1e-13 * clump.inertia.max()
+        )
         assert root.over(root.times(u)) == pytest.approx(u, rel=1e-12, abs=1e-12)
         found = ContactOperator(clump, mass_scaled=True).apply(np.ascontiguousarray(u))
         assert found == pytest.approx(A @ u, rel=1e-12, abs=1e-12 * abs(A).max())
@@ -167,31 +150,27 @@ def test_roots_of_tensors_of_inertia():
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_clump_is_the_limit_of_stiff_bonds(seed):
     """The error of the joined bodies' modes falls as one over the stiffness of the bond."""
-    network = random_bodies(seed)
-    clump = joined(network, None)
-    wanted = np.linalg.eigvalsh(RootMass.of(clump).around(stiffness_matrix(clump)).toarray())
-    errors = []
+    wanted, errors = np.linalg.eigvalsh(dense_matrix(pair_of(seed))), []
     for stiffness in (1e4, 2e4):
-        bonded = joined(network, stiffness)
-        found = np.linalg.eigvalsh(RootMass.of(bonded).around(stiffness_matrix(bonded)).toarray())
+        found = np.linalg.eigvalsh(dense_matrix(pair_of(seed, stiffness)))
         errors.append(abs(found[: len(wanted)] - wanted).max() / wanted.max())
     assert errors[1] < 1e-2
     assert errors[0] / errors[1] == pytest.approx(2, rel=0.1)
 
 
-def test_modes_of_clumps_are_those_of_the_dense_matrices():
+@pytest.mark.parametrize("contacts", [40, 9])
+def test_modes_of_clumps_are_those_of_the_dense_matrices(contacts):
     """All modes, and those without energy of bodies that few contacts hold."""
-    for contacts in (40, 9):
-        clump = joined(random_bodies(3, m=contacts), None)
-        dense = RootMass.of(clump).around(stiffness_matrix(clump)).toarray()
-        wanted = np.linalg.eigvalsh(dense)
-        # Round-off of the matrix, in omega^2.
-        assert (2 * np.pi * modal.eigenmodes(clump, all=True).frequency) ** 2 == pytest.approx(
-            wanted.clip(0), abs=1e-12 * wanted[-1]
-        )
-        zero = by_structure(LinearSystem.of(clump))
-        assert zero.total == (wanted < 1e-11 * wanted[-1]).sum()
-        assert abs(dense @ zero.basis.toarray()).max(initial=0.0) < 1e-12 * wanted[-1]
+    clump = pair_of(3).with_contacts(slice(contacts))
+    dense = dense_matrix(clump)
+    wanted = np.linalg.eigvalsh(dense)
+    # Round-off of the matrix, in omega^2.
+    assert (2 * np.pi * modal.eigenmodes(clump, all=True).frequency) ** 2 == pytest.approx(
+        wanted.clip(0), abs=1e-12 * wanted[-1]
+    )
+    zero = by_structure(LinearSystem.of(clump))
+    assert zero.total == (wanted < 1e-11 * wanted[-1]).sum()
+    assert abs(dense @ zero.basis.toarray()).max(initial=0.0) < 1e-12 * wanted[-1]
 
 
 def test_a_turning_wall_twists_a_beam():

@@ -35,25 +35,28 @@ def renumbered(network: Network, number: np.ndarray) -> Network:
     )
 
 
+NETWORK = crystal()
+NUMBER = np.random.default_rng(3).permutation(NETWORK.n_particles)
+FOREIGN, SIZE = renumbered(NETWORK, NUMBER), 6 * NETWORK.n_particles
+"""The same packing, numbered and listed in two ways."""
+
+
 @pytest.mark.parametrize("pre_stress", PRE_STRESS)
 @pytest.mark.parametrize("slabs", [1, 16])
 def test_any_numbering_gives_the_product_of_its_own_matrix(pre_stress, slabs, monkeypatch):
     """A row of K has some 80 entries; each error is below that many roundings of its terms."""
     pytest.importorskip("numba")
-    network = crystal()
-    number = np.random.default_rng(3).permutation(network.n_particles)
-    foreign = renumbered(network, number)
     if slabs > 1:
         # Cut into slabs, but still without threads, whose loop takes seconds to compile.
         cut = PackedContacts.of
         monkeypatch.setattr(packed_contacts, "slabs_of", in_slabs)
-        assert len(cut(foreign, pre_stress).slabs) > 8
-    x = np.random.default_rng(4).standard_normal(6 * network.n_particles)
-    found = ContactOperator(foreign, pre_stress=pre_stress) @ x
-    K = stiffness_matrix(foreign, pre_stress=pre_stress)
+        assert len(cut(FOREIGN, pre_stress).slabs) > 8
+    x = np.random.default_rng(4).standard_normal(SIZE)
+    found = ContactOperator(FOREIGN, pre_stress=pre_stress) @ x
+    K = stiffness_matrix(FOREIGN, pre_stress=pre_stress)
     assert (abs(found - K @ x) <= 80 * np.finfo(float).eps * (abs(K) @ abs(x))).all()
-    rows = (6 * number[:, None] + np.arange(6)).ravel()
-    same = ContactOperator(network, pre_stress=pre_stress) @ x[rows]
+    rows = (6 * NUMBER[:, None] + np.arange(6)).ravel()
+    same = ContactOperator(NETWORK, pre_stress=pre_stress) @ x[rows]
     assert (abs(found[rows] - same) <= 160 * np.finfo(float).eps * (abs(K) @ abs(x))[rows]).all()
 
 
@@ -61,11 +64,9 @@ def test_any_numbering_gives_the_product_of_its_own_matrix(pre_stress, slabs, mo
 def test_slabs_at_rest_leave_out_no_force(order, monkeypatch):
     """A single moving sphere, anywhere; terms that cancel leave the round-off of the largest."""
     monkeypatch.setattr(packed_contacts, "slabs_of", in_slabs)
-    network = crystal()
-    network = renumbered(network, np.random.default_rng(3).permutation(network.n_particles))
-    operator, K = order(ContactOperator(network)), stiffness_matrix(network)
-    for sphere in range(0, network.n_particles, 7):
-        x = np.zeros((network.n_particles, 6))
+    operator, K = order(ContactOperator(FOREIGN)), stiffness_matrix(FOREIGN)
+    for sphere in range(0, FOREIGN.n_particles, 7):
+        x = np.zeros((FOREIGN.n_particles, 6))
         x[sphere] = np.random.default_rng(sphere).standard_normal(6)
         found = operator.outward(operator @ operator.inward(x.ravel()))
         # Forces and torques differ in their unit, by a radius.
@@ -82,12 +83,10 @@ def test_slabs_at_rest_leave_out_no_force(order, monkeypatch):
 def test_spheres_in_the_order_of_the_loops_change_no_bit(pre_stress, monkeypatch):
     """Every sum is made of the same terms in the same order; only their places in memory differ."""
     monkeypatch.setattr(packed_contacts, "slabs_of", in_slabs)
-    network = crystal()
-    foreign = renumbered(network, np.random.default_rng(3).permutation(network.n_particles))
-    operator = ContactOperator(foreign, mass_scaled=True, pre_stress=pre_stress)
+    operator = ContactOperator(FOREIGN, mass_scaled=True, pre_stress=pre_stress)
     inside = operator.renumbered()
-    assert inside.order is None or (np.sort(inside.order) == np.arange(network.n_particles)).all()
-    x, y = np.random.default_rng(4).standard_normal((2, 6 * network.n_particles))
+    assert inside.order is None or (np.sort(inside.order) == np.arange(SIZE // 6)).all()
+    x, y = np.random.default_rng(4).standard_normal((2, SIZE))
     assert np.array_equal(inside.outward(inside.inward(x)), x)
     found = inside.outward(inside.combine(inside.inward(x), inside.inward(y), 1e-9, -2.0, 0.5))
     assert np.array_equal(found, operator.combine(x, y, 1e-9, -2.0, 0.5))

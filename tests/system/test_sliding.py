@@ -1,4 +1,4 @@
-"""Contacts at the friction limit that slip: every command and function is that of kt = 0."""
+"""Contacts at the friction limit that slip: every command is that of kt = 0."""
 
 import json
 from dataclasses import replace
@@ -24,37 +24,27 @@ def without_kt(network):
 
 
 ANSWERS = {
-    "modes": lambda net, **how: modal.eigenmodes(net, all=True, **how).frequency,
-    "count": lambda net, **how: modal.count_modes(net, [2e4, 1e5, 2e5], **how),
-    "density": lambda net, **how: modal.density_of_states(net, **how).density([5e4, 1e5])[0],
-    "wave": lambda net, **how: modal.propagate(net, 5e-5, **how).signals.receiver_stress,
-    "response": lambda net, **how: modal.frequency_response(net, highest=1e5, **how).gain,
-    "moduli": lambda net, **how: modal.elastic_moduli(net, **how).stiffness,
-}
-COMMANDS = {
     "modes": (["--lowest", "20"], "frequency_hz"),
     "count": (["--at", "2e4", "1e5", "2e5"], "count_below"),
     "density": (["--at", "2e4", "1e5"], "estimated_count_below"),
-    "wave": (["--duration", "2e-5"], "largest_displacement_m"),
-    "response": (["--highest", "5e4"], "gain_maxima_hz"),
+    "wave": (["--duration", "2e-5"], "truncation"),
+    "response": (["--highest", "5e4"], "largest_gain"),
     "moduli": ([], "stiffness_pa"),
 }
+"""Of each command its options, and the numbers that say with which springs it was computed."""
 
 
 @pytest.mark.parametrize("name", ANSWERS)
-def test_every_question_has_the_answer_of_no_tangential_spring(name, tmp_path, capsys):
+def test_every_command_has_the_answer_of_no_tangential_spring(name, tmp_path, capsys):
     """The same springs, so the same bits; the elastic answer is another one."""
-    ask = ANSWERS[name]
-    assert np.array_equal(ask(SLAB, sliding="slip"), ask(without_kt(SLAB)))
-    assert not np.array_equal(ask(SLAB), ask(without_kt(SLAB)))
-    with pytest.raises(modal.InputError, match="choose one of elastic, slip"):
-        ask(SLAB, sliding="yes")
-    told, smooth = [], modal.random_packing(spheres=60, friction=0.0, seed=2)
-    assert smooth.sliding.all()
-    for network, options in ((smooth, ["--sliding", "slip"]), (without_kt(smooth), [])):
-        write_network(tmp_path / "a.network.h5", network)
-        given, key = COMMANDS[name]
-        command = [name, str(tmp_path / "a.network.h5"), *given, *options, "--json"]
-        assert main(command) == 0
+    (given, key), told, path = ANSWERS[name], [], str(tmp_path / "a.network.h5")
+    for network, options in ((SLAB, ["--sliding", "slip"]), (without_kt(SLAB), []), (SLAB, [])):
+        write_network(path, network)
+        assert main([name, path, *given, *options, "--json"]) == 0
         told.append(json.loads(capsys.readouterr().out)[key])
-    assert told[0] == told[1]
+    assert told[0] == told[1] != told[2]
+
+
+def test_other_words_are_refused():
+    with pytest.raises(modal.InputError, match="choose one of elastic, slip"):
+        modal.count_modes(SLAB, 1e5, sliding="yes")
