@@ -14,6 +14,7 @@ from modal.packing import crystal as gallery
 from modal.packing.checks import _of_pairs
 from modal.packing.columns import COLUMNS
 from modal.packing.network import Network, read_network, write_network
+from modal.packing.sample import Sample
 from modal.tools.errors import InputError
 
 CRYSTAL = gallery.fcc(cells=(2, 2, 8))
@@ -64,19 +65,14 @@ ALONG = 0.1 * MIXED.force_normal[:, None] * MIXED.normal
 WRONG = {
     # Each has the network, what is changed, and what the refusal must say.
     "normals permuted": (PLAIN, {"normal": permuted}, "normal"),
-    "normals turned round": (PLAIN, {"normal": times(-1)}, "normal"),
     "normals 2 degrees off": (MIXED, {"normal": lambda n: turned(n, np.radians(2))}, "normal"),
     "levers permuted": (PLAIN, {"lever_i": permuted}, "lever"),
-    "levers of 0.7": (PLAIN, {"lever_i": times(0.7), "lever_j": times(0.7)}, "lever"),
     "levers of 0.9": (PLAIN, {"lever_i": times(0.9), "lever_j": times(0.9)}, "lever"),
     "levers changed places": (MIXED, {"lever_i": lambda _: -MIXED.lever_j}, "lever"),
-    "no levers": (PLAIN, {"lever_i": times(0), "lever_j": times(0)}, "lever"),
     "lever of a wall": (PLAIN, {"lever_j": lambda _: -PLAIN.lever_i}, "is with a wall"),
     "radii are diameters": (PLAIN, {"radius": times(2), "inertia": times(4)}, "overlap"),
     "diameters are radii": (PLAIN, {"radius": times(0.5), "inertia": times(0.25)}, "touch"),
     "radii permuted": (MIXED, {"radius": permuted}, "particle|contact"),
-    "inertia of 1e6": (PLAIN, {"inertia": times(1e6)}, "inertia"),
-    "inertia of 10": (PLAIN, {"inertia": times(10)}, "inertia"),
     "inertia of 0.1": (PLAIN, {"inertia": times(0.1)}, "inertia"),
     "inertia from diameters": (PLAIN, {"inertia": times(4)}, "inertia"),
     "inertia permuted": (MIXED, {"inertia": permuted}, "inertia"),
@@ -98,7 +94,6 @@ WRONG = {
     "tangential in N/mm": (PLAIN, {"stiffness_tangential": times(1e3)}, "tangential"),
     "shear along normals": (MIXED, {"force_tangential": lambda _: ALONG}, "tangential force"),
     "shear forces permuted": (MIXED, {"force_tangential": permuted}, "tangential force"),
-    "positions permuted": (PLAIN, {"position": permuted}, "particle|contact"),
     "positions x and y": (MIXED, {"position": lambda p: p[:, [1, 0, 2]]}, "contact"),
     "another packing's particles": (MIXED, {"position": lambda _: OTHER.position}, "contact"),
 }
@@ -154,22 +149,17 @@ NO_NETWORK = {
     "nothing": ("position", lambda x: None),
     "no spheres": ("position", lambda x: x[:0]),
     "positions on their side": ("position", lambda x: x.T),
-    "a mass of zero": ("mass", first(0.0)),
     "a negative mass": ("mass", times(-1)),
-    "an inertia of zero": ("inertia", times(0)),
     "a negative radius": ("radius", first(-1e-3)),
     "indices with a point": ("particle_i", lambda x: x + 0.0),
     "indices that are yes or no": ("particle_i", lambda x: x > 0),
-    "indices of one more": ("particle_i", lambda x: x + 1),
     "a third wall": ("particle_j", first(-3)),
     "a partner beyond the last": ("particle_j", first(30_000)),
     "a negative particle": ("particle_i", first(-1)),
     "no contacts but their normals": ("particle_i", lambda x: x[:0]),
     "itself without a period": ("particle_j", lambda x: PLAIN.particle_i),
     "normals of length 2": ("normal", times(2)),
-    "normals of length 0": ("normal", times(0)),
     "negative stiffness": ("stiffness_normal", first(-1.0)),
-    "all stiffnesses negative": ("stiffness_normal", times(-1)),
     "no stiffness": ("stiffness_normal", times(0)),
     "negative tangential stiffness": ("stiffness_tangential", times(-1)),
     "sliding as shares": ("sliding", lambda x: 0.3 * x),
@@ -252,23 +242,8 @@ def test_overlaps_above_a_depth_are_refused():
     """Of two spheres: 0.25 of a radius is taken, 0.35 is not; 0.3 is the limit."""
 
     def pair(overlap: float) -> Network:
-        half = np.array([0, 0, 1 - overlap / 2])
-        return Network(
-            position=np.array([[2, 2, 2], [2, 2, 4 - overlap]]),
-            radius=np.ones(2),
-            mass=np.full(2, 4e3),
-            inertia=np.full(2, 1.6e3),
-            particle_i=np.array([0]),
-            particle_j=np.array([1]),
-            normal=np.array([[0, 0, 1.0]]),
-            lever_i=half[None],
-            lever_j=-half[None],
-            stiffness_normal=np.ones(1),
-            stiffness_tangential=np.ones(1),
-            cell_size=np.full(3, 8.0),
-            cell_periodic=np.ones(3, bool),
-            wall_position=np.array([0, 8.0]),
-        )
+        place = np.array([[2, 2, 2], [2, 2, 4 - overlap]])
+        return Sample(place, np.full(2, 8.0), np.array([0, 8.0]), 0.1, radius=1.0).network()
 
     assert pair(0.25).n_contacts == 1
     with pytest.raises(InputError, match="overlap by more than 0.3 of the smaller radius"):

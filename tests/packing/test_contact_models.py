@@ -60,7 +60,9 @@ def test_force_is_the_integral_of_its_stiffness_and_the_energy_that_of_the_force
 def test_rough_contact_at_its_transitions_and_far_beyond():
     """N1 and N2 = 100 N1 where they are said to be; no jump of force or tangent; then Hertz.
 
-    Far beyond, the overlap is that of smooth spheres and 2.06 S.
+    He is right within some per cent where alpha = S R* / a0^2 is below 0.05, of his radius a0
+    (Greenwood, Johnson, Matsubara 1984); farther below the law would be rough for longer than need
+    be. Far beyond, the overlap is that of smooth spheres and 2.06 S.
     """
     pair, wall = laws_of(of(f"rough {ROUGHNESS} {2 * ROUGHNESS}"))
     assert wall.roughness == pytest.approx(np.sqrt(5) * ROUGHNESS, rel=1e-12, abs=0)
@@ -73,6 +75,8 @@ def test_rough_contact_at_its_transitions_and_far_beyond():
         assert pair.normal_force(above, radius) == pytest.approx(force, rel=1e-8)
         jump = pair.stiffness_normal(above, radius) / pair.stiffness_normal(below, radius)
         assert jump == pytest.approx(1, rel=1e-8)
+    contact = (0.75 * 100 * first * radius / GLASS.effective_young) ** (1 / 3)
+    assert 0.04 < s * radius / contact**2 < 0.05
     smooth, _ = laws_of(GLASS)
     force = 1e5 * first
     deep = smooth.overlap_of_force(force, radius) + 2.06 * s
@@ -82,18 +86,6 @@ def test_rough_contact_at_its_transitions_and_far_beyond():
                  for law in (pair, smooth)]  # fmt: skip
     assert (np.diff(stiffness[0] / stiffness[1]) > -1e-12).all()
     assert (stiffness[0] <= stiffness[1] * (1 + 1e-12)).all()
-
-
-def test_rough_contact_becomes_that_of_hertz_where_he_is_right_within_some_per_cent():
-    """Greenwood, Johnson, Matsubara 1984: alpha = S R* / a0^2 below 0.05, of Hertz's radius a0.
-
-    Farther below the law would be rough for longer than need be.
-    """
-    law, _ = laws_of(of(GIVEN["rough"]))
-    radius, roughness = RADIUS / 2, np.hypot(ROUGHNESS, ROUGHNESS)
-    force = law.normal_force(TOUCH_2 * roughness, radius)
-    contact = (0.75 * force * radius / GLASS.effective_young) ** (1 / 3)
-    assert 0.04 < roughness * radius / contact**2 < 0.05
 
 
 def test_two_spheres_bounce_with_their_energy_and_at_the_time_of_the_law(model):
