@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.exchange.input_script import Script
-from modal.exchange.law import SI, Units
+from modal.exchange.input_script import WIDTHS, Script, columns_of_liggghts
+from modal.exchange.law import SI, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import WALLS, Cell, Packing, ends_of
-from modal.exchange.registry import File
-from modal.exchange.rows import Rows, fault, last_step, shown, significant_digits, text_lines
-from modal.exchange.words import Words
+from modal.exchange.text import Rows, fault, last_step, shown, significant_digits, text_lines
 from modal.tools.arrays import Array, Bools, Floats, Ints
 
 UNITS = {"si": SI, "cgs": Units(1e-2, 1e-3, 1.0), "micro": Units(1e-6, 1e-15, 1e-6)}
@@ -34,8 +32,38 @@ ROUNDED = (6, 7)
 stand there when somebody chose them, more when all were written."""
 SHAPED = ("shapex", "quatw", "quat1", "blockiness1", "length", "corner1x")
 """Columns of LAMMPS and LIGGGHTS for ellipsoids, superquadrics, rods and polygons."""
-COMPUTED = "let its compute line write it"
-"""What to do about a column of contacts that is not there."""
+TYPED = "--wall"
+"""The name of walls that are typed on the command line."""
+
+
+RECIPES: dict[int, Sequence[str]] = {
+    4: ("patom1", "patom2", "ptype1", "ptype2"),
+    9: ("dist", "force", "fx", "fy", "fz", "p1", "p2", "p3", "p4"),
+    12: ("dist", "dx", "dy", "dz", "force", "fx", "fy", "fz", "p1", "p2", "p3", "p4"),
+    25: columns_of_liggghts(),
+    32: columns_of_liggghts(tuple(WIDTHS)),
+}
+"""Columns of `write_contacts.lmp`, of a usual recipe, and of LIGGGHTS, where no log names them."""
+QUANTITIES: dict[str, Sequence[str]] = {
+    "force": ("force",),
+    "shear": ("p1", "p2", "p3"),
+    "line": ("fx", "fy", "fz"),
+    "whole": columns_of_liggghts(["force"]),
+    "parts": columns_of_liggghts(["force_normal", "force_tangential"]),
+}
+"""Forces of contacts, and the columns in which they stand; the last two are of LIGGGHTS."""
+
+
+class Wall(NamedTuple):
+    """A wall: z, m, the law between it and a kind of sphere, and the ID of its fix."""
+
+    z: float
+    law: Callable[[int], ProgramLaw]
+    name: str = ""
+
+
+Walls = Mapping[int, Wall]
+"""The walls by their codes."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +82,6 @@ class Frame:
     rounding: float
     units: str
     rows: Rows
-
-
-def of_liggghts(file: File) -> bool:
-    """Whether a dump is of LIGGGHTS, whose dumps look as LAMMPS': by its log, or the typed law."""
-    typed = str(file.options.get("pair", "")).split()[:1] == ["gran"]
-    return typed or b"LIGGGHTS" in file.other("log")
 
 
 def frame_of(path: str | Path, kind: str, step: int | None) -> Frame:
@@ -210,17 +232,12 @@ class Told(NamedTuple):
 
 
 def told_contacts(
-    path: str | Path,
-    frame: Frame,
-    packing: Packing,
-    script: Script,
-    recipes: Mapping[int, Sequence[str]],
-    quantities: Mapping[str, tuple[str, ...]],
+    path: str | Path, frame: Frame, packing: Packing, script: Script, ends: tuple[str, str]
 ) -> Told:
-    """What a dump tells of contacts of spheres: those `quantities` whose columns are all there.
+    """What a dump tells of contacts of spheres: those `QUANTITIES` whose columns are all there.
 
-    The `ends` must be there. `frame` is that of the spheres; the computes of the log say what
-    their columns mean, by their IDs, or the recipe of so many columns.
+    The columns of the `ends` must be there. `frame` is that of the spheres; the computes of the log
+    say what their columns mean, by their IDs, or the recipe of so many columns.
     """
     rows = frame_of(path, "ENTRIES", frame.step).rows
     columns: dict[str, str] = {}
@@ -232,7 +249,7 @@ def told_contacts(
         else:
             columns[column] = column
     for name, members in groups.items():
-        words = script.computes.get(name) or recipes.get(len(members))
+        words = script.computes.get(name) or RECIPES.get(len(members))
         if words is None:
             what = f"what the {len(members)} columns of c_{name} mean stands in a compute line"
             do = "give the log that has it (--log)"
@@ -240,13 +257,10 @@ def told_contacts(
         if name not in script.computes:
             script.remarks.append(f"columns of c_{name} are taken for {' '.join(words)}")
         columns |= {words[k - 1]: column for k, column in members.items() if k <= len(words)}
-    rows.require(quantities["ends"], COMPUTED, columns)
-    named = {what: [columns.get(n, n) for n in names] for what, names in quantities.items()}
+    rows.require(ends, "let its compute line write it", columns)
+    sought = QUANTITIES | {"ends": ends}
+    named = {what: [columns.get(n, n) for n in names] for what, names in sought.items()}
     values = rows.parts(named)
+    if not values.keys() & {"force", "whole", "parts"}:
+        fault(path, "no column tells the forces", "let a compute line write them", rows.line - 1)
     return Told(rows, *ends_of(rows, packing.number, values["ends"].T, named["ends"]), values)
-
-
-def planes_said(words: Words, units: Units) -> dict[int, float]:
-    """z, m, of the walls by their codes: the two words behind zplane, NULL for none."""
-    ends = zip(WALLS, words.numbers("zplane", 2, null=True), strict=True)
-    return {code: units.length * z for code, z in ends if not np.isnan(z)}

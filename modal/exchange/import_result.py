@@ -14,12 +14,12 @@ import numpy as np
 
 from modal.exchange.law import ProgramLaw
 from modal.exchange.particles_and_contacts import Contacts, LawOf, Packing
+from modal.exchange.text import fault
 from modal.formats.hdf5 import named
 from modal.packing.checks import WIDEST
 from modal.packing.network import Network
 from modal.packing.rigid_bodies import Bodies, joined
 from modal.tools.arrays import Bools, Floats, Ints
-from modal.tools.errors import InputError
 
 BLURRED = 1e-6
 """Error of an overlap by the digits of positions, over the median overlap, from which overlaps are
@@ -160,7 +160,7 @@ def _kept(listed: Contacts, packing: Packing, distance: Floats) -> Bools:
     )
     kept &= ~packing.inside_body(listed.i, listed.j)
     if not kept.any():
-        raise InputError(f"{packing.name}: no two spheres touch; dump a packing under stress")
+        fault(packing.name, "no two spheres touch", "dump a packing under stress")
     return kept
 
 
@@ -169,21 +169,19 @@ def _refuse_few_digits(packing: Packing, least: float, size: Floats, what: str, 
     median = float(np.median(size))
     if least > median:
         needed = np.log10(abs(packing.position).max() * least / packing.step / median)
-        raise InputError(
-            f"{packing.name}: positions have {packing.digits} digits, or the cell's bounds, steps "
-            f"of {packing.step:.0e} m, where the {what} is {median:.1e} m; write "
-            f"{int(np.ceil(needed)) + 1} digits or more (17 are all){do}"
-        )
+        what = f"{packing.step:.0e} m, where the {what} is {median:.1e} m"
+        what = f"positions have {packing.digits} digits, or the cell's bounds, steps of {what}"
+        do = f"write {int(np.ceil(needed)) + 1} digits or more (17 are all){do}"
+        fault(packing.name, what, do)
 
 
 def _refuse_other_units(pushed: Floats, overlap: Floats, name: str) -> None:
     """InputError where forces and positions tell overlaps that lie far from each other."""
     if not 1 / UNLIKE < float(pushed.mean() / max(overlap.mean(), 1e-300)) < UNLIKE:
-        raise InputError(
-            f"{name}: the law makes overlaps of {pushed.mean():.3g} m of the forces that are "
-            f"told, positions and radii {overlap.mean():.3g} m; give stiffnesses, forces and "
-            "lengths in one system of units (--scales)"
-        )
+        what = f"told, positions and radii {overlap.mean():.3g} m"
+        what = f"the law makes overlaps of {pushed.mean():.3g} m of the forces that are {what}"
+        do = "give stiffnesses, forces and lengths in one system of units (--scales)"
+        fault(name, what, do)
 
 
 def _turn_to_lines(branch: Floats, line: Floats | None) -> None:

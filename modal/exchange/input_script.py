@@ -12,8 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from modal.exchange.rows import fault, text_lines
-from modal.exchange.words import Words
+from modal.exchange.text import Words, fault, text_lines
 from modal.tools.errors import InputError
 
 VARIABLE = re.compile(r"\$(?:\{[^}]*\}?|\(.*\)|\w)", re.ASCII)
@@ -27,7 +26,12 @@ REFUSED_FIXES = {
     "freeze": "frozen spheres; a network knows free ones alone: make them a wall",
 }
 LOCAL = ("property/local", "pair/local", "pair/gran/local")
-"""Computes whose columns a dump local may have."""
+"""Computes whose columns a dump local may have; the last is of LIGGGHTS."""
+WIDTHS = {"pos": 6, "vel": 6, "id": 3, "force": 3, "force_normal": 3, "force_tangential": 3}
+WIDTHS |= {"torque": 3, "history": 3, "contactArea": 1, "delta": 1}
+"""What that one writes, in this order, and how many columns each takes."""
+UNASKED = ("pos", "vel", "id", "force", "torque", "history", "contactArea")
+"""Of these, what it writes when none is named."""
 STYLES = ("wall/gran", "property/global", "rigid", *LOCAL, *REFUSED_FIXES)
 """Of the fixes and computes that count, with those that go on after a slash (`rigid/nve/small`)."""
 PROPERTIES = ("youngsModulus", "poissonsRatio", "coefficientFriction")
@@ -57,6 +61,12 @@ class Script:
     properties: dict[str, list[float]] = field(default_factory=dict)
     changed: int = 0
     remarks: list[str] = field(default_factory=list)
+
+    @property
+    def by_type(self) -> bool:
+        """Whether the law asks for types."""
+        laws = {tuple(words) for _, _, *words in self.pair}
+        return len(laws) > 1 or any(len(values) > 1 for values in self.properties.values())
 
 
 def read_log(path: str | Path | None, units: str) -> Script:
@@ -93,7 +103,7 @@ def _command(script: Script, words: list[str], where: str) -> None:
         case ["units", name]:
             script.units = name
         case ["dimension", "2"]:
-            raise InputError(f"{where}: dimension 2; a network has spheres that move in space")
+            fault(where, "dimension 2", "a network has spheres that move in space")
         case ["bond_style", style, *_] if style not in ("none", "zero"):
             raise InputError(f"{where}: bond_style {style}: {REFUSED_FIXES['bond']}")
         case ["pair_style", *style] if style:
@@ -115,11 +125,17 @@ def _command(script: Script, words: list[str], where: str) -> None:
             for kept in (script.walls, script.bodies, script.groups, script.refused):
                 kept.pop(name, None)
         case ["compute", name, _, style, *rest] if style in LOCAL:
-            script.computes[name] = tuple(rest)
+            script.computes[name] = columns_of_liggghts(rest) if "gran" in style else rest
         case ["fix", name, _, style, *_]:
             for kind, why in REFUSED_FIXES.items():
                 if _is(style, kind):
                     script.refused[name] = f"{where}: fix {style}: {why}"
+
+
+def columns_of_liggghts(asked: Sequence[str] = ()) -> list[str]:
+    """The columns of `pair/gran/local` whose values are `asked` for, in any order."""
+    asked = asked or UNASKED
+    return [f"{name}{k + 1}" for name, n in WIDTHS.items() if name in asked for k in range(n)]
 
 
 def _lines(path: str | Path) -> Iterator[tuple[int, list[str]]]:

@@ -21,9 +21,8 @@ from typing import Any
 from modal.exchange.input_script import Script
 from modal.exchange.law import DISPLACEMENT, FORCE, MIDDLE, ONE_SIDED, RADIUS, SI, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import LawOf
-from modal.exchange.words import Words
+from modal.exchange.text import Words, fault
 from modal.packing.contact_law import YOUNG, Elasticity
-from modal.tools.errors import InputError
 
 TANGENTIAL = {
     "linear_nohistory": (2, False, FORCE),
@@ -134,7 +133,7 @@ def coefficients(
     if base in GRAN:
         return gran(base, words, where, units)
     known = ", ".join(("granular", *GRAN))
-    raise InputError(f"{where}: {style!r} is no law of contact that is known; give {known}")
+    fault(where, f"{style!r} is no law of contact that is known", f"give {known}")
 
 
 def mixed(first: Coefficients, second: Coefficients) -> ProgramLaw:
@@ -145,7 +144,7 @@ def mixed(first: Coefficients, second: Coefficients) -> ProgramLaw:
     a, b = first.law, second.law
     same = (a.hertz, a.grows, a.keeps, a.marshall) == (b.hertz, b.grows, b.keeps, b.marshall)
     if not same or (first.material is None) != (second.material is None):
-        raise InputError("pair_coeff: two types have different models; give their own pair_coeff")
+        fault("pair_coeff", "two types have different models", "give their own pair_coeff")
 
     def mean(x: float, y: float) -> float:
         return float((x * y) ** 0.5)
@@ -164,12 +163,10 @@ def mixed(first: Coefficients, second: Coefficients) -> ProgramLaw:
 def material_of(young: float, poisson: float, where: str) -> Elasticity:
     """Young's modulus, Pa, and Poisson's ratio; InputError where no material has them."""
     if not YOUNG[0] <= young <= YOUNG[1]:
-        raise InputError(
-            f"{where}: Young's modulus {young:g} Pa is that of no material; write it in Pa "
-            f"({YOUNG[0]:g} to {YOUNG[1]:g}), or give --scales where the units are not SI"
-        )
+        do = f"write it in Pa ({YOUNG[0]:g} to {YOUNG[1]:g}), or give --scales where the units "
+        fault(where, f"Young's modulus {young:g} Pa is that of no material", f"{do}are not SI")
     if not -1 < poisson < 0.5:
-        raise InputError(f"{where}: Poisson's ratio {poisson:g} is outside -1 to 0.5; mend it")
+        fault(where, f"Poisson's ratio {poisson:g} is outside -1 to 0.5", "mend it")
     return Elasticity(young, poisson)
 
 
@@ -185,10 +182,8 @@ def law_of_pairs(script: Script, units: Units) -> LawOf:
         if "*" not in one + two and second[0] < first[0]:
             first, second = second, first
         if second[-1] < first[0]:
-            raise InputError(
-                f"{where}: covers no pair, ranges stand for pairs of rising types alone; "
-                "exchange the two"
-            )
+            what = "covers no pair, ranges stand for pairs of rising types alone"
+            fault(where, what, "exchange the two")
         lines.append((first, second, coefficients(style, words or shared, said, units)))
 
     def told(a: int, b: int) -> Coefficients | None:
@@ -201,7 +196,7 @@ def law_of_pairs(script: Script, units: Units) -> LawOf:
         if own is not None:
             return own.law
         if one is None or two is None:
-            raise InputError(f"{said}: no pair_coeff for types {a} and {b}; give one")
+            fault(said, f"no pair_coeff for types {a} and {b}", "give one")
         return mixed(one, two)
 
     return law_of
@@ -213,7 +208,5 @@ def types_of(word: str, where: str) -> range:
     low = int(found[1] or 1) if found else 0
     high = 0 if found is None else int(found[3] or LAST) if found[2] else low
     if not 1 <= low <= high:
-        raise InputError(
-            f"{where}: {word!r} is no type; give numbers or ranges of them (n, *, n*, *n, m*n)"
-        )
+        fault(where, f"{word!r} is no type", "give numbers or ranges of them (n, *, n*, *n, m*n)")
     return range(low, high + 1)

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from modal.exchange.law import ProgramLaw, Units
-from modal.exchange.rows import Rows, fault, last_step
+from modal.exchange.text import Rows, fault, last_step
 from modal.packing.neighbours import touching
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Array, Bools, Floats, Ints
-from modal.tools.errors import InputError
 
 NARROW = 2.0
 """A period must exceed this many of the largest diameters, or images are not told apart."""
@@ -107,7 +106,7 @@ class Packing:
     def _check(self) -> None:
         """InputError for spheres that no cell can have."""
         if len(self.position) == 0:
-            raise InputError(f"{self.name}: no spheres; dump those of the packing")
+            fault(self.name, "no spheres", "dump those of the packing")
         for what in ("radius", "mass"):
             self.refuse(getattr(self, what) <= 0, f"has {what} <= 0", "dump spheres alone")
         largest, cell = float(self.radius.max()), self.cell
@@ -118,16 +117,14 @@ class Packing:
                 out = (at < low - slack) | (at > high + slack)
                 self.refuse(out, f"lies outside the cell along {axis}", do)
             elif not high - low > reach:
-                raise InputError(
-                    f"{self.name}: the period along {axis}, {high - low:.4g} m, is less than two "
-                    f"of the largest diameters, {reach:.4g} m: images cannot be told apart; take "
-                    "a wider cell"
-                )
+                what = f"two of the largest diameters, {reach:.4g} m: images cannot be told apart"
+                what = f"the period along {axis}, {high - low:.4g} m, is less than {what}"
+                fault(self.name, what, "take a wider cell")
 
     def refuse(self, wrong: Bools, what: str, do: str) -> None:
         """InputError for the first sphere that is `wrong` (n,)."""
         if wrong.any():
-            raise InputError(f"{self.name}: sphere {self.number[np.argmax(wrong)]} {what}; {do}")
+            fault(self.name, f"sphere {self.number[np.argmax(wrong)]} {what}", do)
 
     def inside_body(self, i: Ints, j: Ints) -> Bools:
         """Shape (m,): contacts between two spheres of one body, which are none."""

@@ -1,9 +1,9 @@
 """The programs whose packings can be read: each is one module in `modal.exchange.programs`.
 
 A module, which needs to be named nowhere else, has NAME, what people call the program; OPTIONS,
-what its files need beside the one that is given, by name; `sniff(file)`, whether a `File` is of
-this program; and `read(path, **options)`, what is in it. `modal.read`, the command `import` and all
-commands that take a packing ask here.
+what its files need beside the one that is given, by name; `sniff(path, head)`, whether a file with
+these first bytes is of this program; and `read(path, **options)`, what is in it. `modal.read`, the
+command `import` and all commands that take a packing ask here.
 """
 
 from __future__ import annotations
@@ -11,18 +11,17 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, cast
 
 from modal.exchange import programs
 from modal.exchange.import_result import ImportResult
-from modal.exchange.rows import fault, open_bytes, shown
+from modal.exchange.text import fault, open_bytes, shown
 from modal.formats.hdf5 import refuse_absent
 from modal.packing.network import Network
 from modal.packing.plausibility import plausibility
 from modal.tools.arguments import checked
-from modal.tools.errors import InputError
 
 LOOKED_AT = 2000
 """Bytes of a file by which a program is known."""
@@ -37,28 +36,14 @@ class Option:
     kind: type = str
 
 
-@dataclass(frozen=True)
-class File:
-    """A file that is to be read: its name, its first bytes, and the options that go with it."""
-
-    path: Path
-    head: bytes
-    options: Mapping[str, Any] = field(default_factory=dict)
-
-    def other(self, option: str) -> bytes:
-        """The first bytes of the file that an option names, or none."""
-        name = self.options.get(option)
-        return beginning(name) if name else b""
-
-
 class Program(Protocol):
     """What the module of a program has."""
 
     NAME: str
     OPTIONS: Mapping[str, Option]
 
-    def sniff(self, file: File) -> bool:
-        """Whether a file is of this program."""
+    def sniff(self, path: Path, head: bytes) -> bool:
+        """Whether a file with these first bytes is of this program."""
 
     def read(self, path: Path, **options: Any) -> ImportResult:
         """The packing of a file; InputError in one line for what is wrong."""
@@ -80,19 +65,16 @@ def beginning(path: str | Path) -> bytes:
         return file.read(LOOKED_AT)
 
 
-def program_of(file: File) -> Program:
+def program_of(path: Path) -> Program:
     """The program whose file it is; InputError where none knows it."""
+    head = beginning(path)
     for asked in all_programs():
-        if asked.sniff(file):
+        if asked.sniff(path, head):
             return asked
-    first = file.head.decode("utf-8", "replace").split("\n", 1)[0]
-    fault(
-        file.path,
-        f"begins with {shown(first)}, which no program known here writes",
-        "give a network, a sample, a text dump of LAMMPS or LIGGGHTS, a restart file of "
-        "MercuryDPM, or *.csv",
-        1,
-    )
+    first = head.decode("utf-8", "replace").split("\n", 1)[0]
+    what = f"begins with {shown(first)}, which no program known here writes"
+    do = "give a network, a sample, a text dump of LAMMPS or LIGGGHTS, a restart file of "
+    fault(path, what, f"{do}MercuryDPM, or *.csv", 1)
 
 
 def all_options() -> dict[str, Option]:
@@ -108,14 +90,11 @@ def import_packing(path: str | Path, **options: Any) -> ImportResult:
     refuse_absent(path)
     given = {name: value for name, value in options.items() if value is not None}
     path = Path(path)
-    asked = program_of(File(path, beginning(path), given))
+    asked = program_of(path)
     for name in given:
         if name not in asked.OPTIONS:
-            takes = ", ".join(asked.OPTIONS) or "none"
-            raise InputError(
-                f"{path}: a file of {asked.NAME}, which does not go with {name}; leave it out "
-                f"(options: {takes})"
-            )
+            do = f"leave it out (options: {', '.join(asked.OPTIONS) or 'none'})"
+            fault(path, f"a file of {asked.NAME}, which does not go with {name}", do)
     return asked.read(path, **given)
 
 

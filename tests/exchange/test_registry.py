@@ -27,8 +27,8 @@ NAME = "a program of my own"
 OPTIONS = {"spheres": Option("how many", "N", int), "log": Option("nothing at all")}
 
 
-def sniff(file):
-    return file.head.startswith(b"own")
+def sniff(path, head):
+    return head.startswith(b"own")
 
 
 def read(path, spheres=30, log=None):

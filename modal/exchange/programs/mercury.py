@@ -18,9 +18,7 @@ from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.law import DISPLACEMENT, SI, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import WALLS, Cell, Contacts, Packing, ends_of
 from modal.exchange.programs import lammps
-from modal.exchange.registry import File
-from modal.exchange.rows import Rows, fault, significant_digits, text_lines
-from modal.exchange.words import Words
+from modal.exchange.text import Rows, Words, fault, significant_digits, text_lines
 from modal.tools.arrays import Floats
 
 NAME = "MercuryDPM"
@@ -74,9 +72,9 @@ class Restart:
         return np.array(rows).reshape(-1, count)
 
 
-def sniff(file: File) -> bool:
+def sniff(path: Path, head: bytes) -> bool:
     """A restart file, which begins with the program's name."""
-    return file.head.startswith(b"MercuryDPM")
+    return head.startswith(b"MercuryDPM")
 
 
 def read(path: Path, scales: Sequence[float] | None = None) -> ImportResult:

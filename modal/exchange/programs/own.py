@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from modal.exchange.import_result import ImportResult
-from modal.exchange.registry import File, Option
+from modal.exchange.registry import Option
 from modal.formats.hdf5 import named
 from modal.packing.network import read_network
 from modal.packing.sample import read_sample
@@ -24,9 +24,9 @@ def is_sample(path: str | Path) -> bool:
     return str(path).endswith(".sample.h5")
 
 
-def sniff(file: File) -> bool:
+def sniff(path: Path, head: bytes) -> bool:
     """Any HDF5 file, and what has the name of one."""
-    return file.path.name.endswith(".h5") or file.head.startswith(HDF5)
+    return path.name.endswith(".h5") or head.startswith(HDF5)
 
 
 def read(path: Path) -> ImportResult:

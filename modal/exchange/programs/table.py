@@ -19,12 +19,9 @@ from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.law import SI, Units
 from modal.exchange.particles_and_contacts import WALLS, Cell, Contacts, Packing, ends_of
 from modal.exchange.programs import lammps
-from modal.exchange.registry import File
-from modal.exchange.rows import Rows, fault, shown, text_lines
-from modal.exchange.words import Words
+from modal.exchange.text import Rows, Words, fault, shown, text_lines
 from modal.formats.hdf5 import named
 from modal.packing.checks import check_force_ratio
-from modal.tools.errors import InputError
 
 NAME = "tables (*.csv)"
 OPTIONS = {name: lammps.OPTIONS[name] for name in ("contacts", "scales")}
@@ -43,9 +40,9 @@ Said = dict[str, Words]
 """Key of a line behind #, and the words after it."""
 
 
-def sniff(file: File) -> bool:
+def sniff(path: Path, head: bytes) -> bool:
     """By its name."""
-    return ".csv" in file.path.name
+    return ".csv" in path.name
 
 
 def read(
@@ -53,10 +50,8 @@ def read(
 ) -> ImportResult:
     """A packing of two tables."""
     if contacts is None:
-        raise InputError(
-            f"{path}: a table of spheres alone has no stiffnesses; `import` it with that of the "
-            f"contacts (--contacts FILE with {','.join(CONTACTS)})"
-        )
+        do = f"of the contacts (--contacts FILE with {','.join(CONTACTS)})"
+        fault(path, "a table of spheres alone has no stiffnesses", f"`import` it with that {do}")
     units = Units.typed(scales) or SI
     rows, said = _table(path, SPHERES)
     table = rows.read(*SPHERES)
