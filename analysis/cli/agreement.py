@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.agreement import OTHER_RUNS, Agreement, report
-from modal.cli.options import say, typed
-from modal.cli.table import Given, Option, output
+from modal.cli.options import Given, Option, output, say, typed
 from modal.cli.terminal import put
 from modal.exchange.registry import read_packing
 from modal.formats.hdf5 import write_text

@@ -9,7 +9,7 @@ from analysis.figures import FIGURES, compose
 from analysis.figures.picture import read_picture
 from analysis.figures.render import save
 from analysis.measuring import Measuring
-from modal.cli.table import Given, NewFolder, Option, output
+from modal.cli.options import Given, Option, output
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
 
@@ -20,7 +20,7 @@ OPTIONS = [
     Option("name", "NAME", "a CSV file, or " + ", ".join(FIGURES), kind=str),
     PRODUCTS,
     Option("case", "CASE", CASE, kind=str, more={"nargs": "*"}),
-    output("to write to", "DIR", NewFolder)._replace(default="products"),
+    output("to write to", "DIR")._replace(default="products"),
 ]
 
 

@@ -7,8 +7,7 @@ import importlib
 import sys
 from collections.abc import Sequence
 
-from modal.cli.options import Parser, check_files, check_text, say_error
-from modal.cli.table import add_options
+from modal.cli.options import Parser, add_command, parsed, refused
 from modal.tools.errors import InputError
 
 GROUPS = {
@@ -39,11 +38,8 @@ def parser(called: str = "") -> argparse.ArgumentParser:
             commands.add_parser(name)
         return whole
     module = importlib.import_module(f"analysis.cli.{called}")
-    said = (module.__doc__ or "").split("\n")[0].rstrip(".")
-    more = {"example": module.EXAMPLE, "epilog": getattr(module, "EPILOG", None)}
-    command = commands.add_parser(called, description=said, **more)
-    add_options(command, module.OPTIONS)
-    command.set_defaults(run=module.run)
+    add_command(commands, called, module)
+    commands.choices[called].set_defaults(run=module.run)
     return whole
 
 
@@ -54,12 +50,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     words = sys.argv[1:] if argv is None else argv
     try:
-        check_text(words)
-        options = parser("".join(words[:1])).parse_args(words)
-        check_files(options)
+        options = parsed(parser("".join(words[:1])), words)
         options.argv = words
         status: int | None = options.run(options)
     except InputError as error:
-        say_error(error)
-        return 2
+        return refused(error)
     return status or 0

@@ -9,9 +9,8 @@ from analysis.measurement import Measurement, measure_files
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.amplitude import AMPLITUDE
 from analysis.table import Table
-from modal.cli.options import json_text, say
-from modal.cli.table import ANY_NUMBER, Given, Group, Option, flag, output
-from modal.cli.terminal import put
+from modal.cli.options import Given, Group, Option, flag, output, say
+from modal.cli.terminal import json_text, put
 from modal.formats.hdf5 import write_text
 
 EXAMPLE = "measure mine.network.h5 --quick"
@@ -20,16 +19,16 @@ EPILOG = "\n".join(
 )
 NAMES, OF_PULSES = ", ".join(QUANTITIES), ", ".join(AMPLITUDE)
 OPTIONS = [
-    Option("files", "FILE", "packings, and waves recorded in them", kind=str, more=ANY_NUMBER),
+    Option("files", "FILE ...", "packings, and waves recorded in them", kind=str),
     Group(
         "",
         [
             flag("--quick", f"only {', '.join(QUICK)}"),
-            Option("--quantities", "NAME", NAMES, kind=tuple(QUANTITIES), more=ANY_NUMBER),
+            Option("--quantities", "NAME ...", NAMES, kind=tuple(QUANTITIES)),
         ],
     ),
     flag("--json", "print JSON"),
-    Option("--amplitudes", "A", f"of pulses through a sample, m: {OF_PULSES}", (), more=ANY_NUMBER),
+    Option("--amplitudes", "A ...", f"of pulses through a sample, m: {OF_PULSES}", ()),
     Option("--keep", "DIR", "folder that keeps costly spectra", kind=str),
     output("what --json prints, *.json; or a table, *.md"),
 ]

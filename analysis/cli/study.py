@@ -8,7 +8,7 @@ from analysis.study.beside import table_of
 from analysis.study.description import Study
 from analysis.study.measuring import measure_case
 from analysis.study.whole import case_of, write_study
-from modal.cli.table import Given, Group, NewFile, NewFolder, Option, flag, output
+from modal.cli.options import Given, Group, NewFile, NewFolder, Option, flag, output
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
 

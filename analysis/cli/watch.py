@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from analysis.watch import watch_page
-from modal.cli.options import say
-from modal.cli.table import ANY_NUMBER, Given, Option, output
+from modal.cli.options import Given, Option, output, say
 from modal.cli.terminal import put
 
 EXAMPLE = "watch mine.signals.h5 mine.network.h5 -o wave.html"
@@ -13,7 +12,7 @@ OPTIONS = [
     Option("product", "FILE", "*.signals.h5 or *.modes.h5", kind=str),
     Option("packing", "PACKING", BESIDE, kind=str, more={"nargs": "?"}),
     Option("--frames", "N", "times of a wave; 100 or more", kind=int),
-    Option("--modes", "K", "which, from 1; all", kind=int, more=ANY_NUMBER),
+    Option("--modes", "K ...", "which, from 1; all", kind=int),
     output("*.html", required=True),
 ]
 

@@ -1,7 +1,7 @@
 """Exact number of modes below each frequency, by inertia counts."""
 
+from modal.cli.options import REQUIRED, Given, Group, Option, Result
 from modal.cli.reading import frequencies, packing_of, remark_on_ends, springs
-from modal.cli.table import ANY_NUMBER, REQUIRED, Given, Group, Option, Result
 from modal.modes.collective import summary_at_zero
 from modal.modes.counts import counts_below
 from modal.solvers.factor import SOLVERS
@@ -12,7 +12,7 @@ EXAMPLE = "count mine.network.h5 --at 1000 5000"
 FACTORISES = "what factorises (default: the fastest)"
 OPTIONS = (
     *springs(SYMMETRIC),
-    Option("--at", "HZ", "one or several frequencies", kind=str, more=ANY_NUMBER | REQUIRED),
+    Option("--at", "HZ ...", "one or several frequencies", kind=str, more=REQUIRED),
     Group("advanced", [Option("--solver", "", FACTORISES, kind=SOLVERS)]),
 )
 

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from modal.cli.options import chosen
+from modal.cli.options import Given, Option, Result, chosen
 from modal.cli.reading import frequencies, packing_of, remark_on_ends, springs
-from modal.cli.table import ANY_NUMBER, Given, Option, Result
 from modal.formats.hdf5 import sha256
 from modal.modes.density import density_of_states, write_density
 from modal.system.contacts import SYMMETRIC
@@ -16,7 +15,7 @@ OPTIONS = (
     *springs(SYMMETRIC, "*.density.h5"),
     Option("--resolution", "HZ", "width of a peak", 2e3),
     Option("--tolerance", "T", "error of counts over all modes", 1e-3),
-    Option("--at", "HZ", "print how many modes lie below", [], str, ANY_NUMBER),
+    Option("--at", "HZ ...", "print how many modes lie below", [], str),
 )
 
 read_product = None

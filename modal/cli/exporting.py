@@ -4,17 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from modal.cli.options import Given, Option, Result, output
 from modal.cli.reading import NETWORK
-from modal.cli.table import ANY_NUMBER, Given, Option, Result, output
-from modal.exchange.picture import (
-    WRITERS,
-    Frames,
-    Motion,
-    frames_of,
-    motion_of_mode,
-    motion_of_wave,
-    sphere_fields,
-)
+from modal.exchange import picture
 from modal.exchange.registry import read_remarked
 from modal.formats.hdf5 import open_h5
 from modal.formats.provenance import packing_of, require_same_packing
@@ -29,7 +21,7 @@ SCALE = "factor on displacements (default: the largest is half a radius)"
 OPTIONS = (
     NETWORK,
     Option("product", "", "*.modes.h5 or *.signals.h5", kind=str, more={"nargs": "?"}),
-    Option("--modes", "K", "which modes, from 1 (default all)", kind=int, more=ANY_NUMBER),
+    Option("--modes", "K ...", "which modes, from 1 (default all)", kind=int),
     Option("--frames", "N", "of an animation: a mode's period, a wave's times", kind=int),
     Option("--scale", "X", SCALE),
     output("*.vtu or *.xyz", required=True),
@@ -39,14 +31,14 @@ OPTIONS = (
 def run(options: Given) -> Result:
     """Write the files; their names."""
     path, count, scale = Path(options.output), options.frames, options.scale
-    if path.suffix not in WRITERS:
+    if path.suffix not in picture.WRITERS:
         raise InputError(f"-o {path}: give a name that ends in .vtu (ParaView) or .xyz (OVITO)")
     if count is not None and not 1 <= count <= 10_000:
         raise InputError(f"--frames {count}: give 1 to 10000")
     if scale is not None and not np.isfinite(scale):
         raise InputError(f"--scale {scale}: give a number")
     network = read_remarked(options.network, options.remarks.append)
-    fields, motion = sphere_fields(network), Motion()
+    fields, motion = picture.sphere_fields(network), picture.Motion()
     if options.product:
         note = require_same_packing(options.product, packing_of(options.network))
         options.remarks += [note] if note else []
@@ -60,14 +52,14 @@ def run(options: Given) -> Result:
     elif options.modes or count or scale is not None:
         raise InputError("--modes, --frames and --scale need a file of modes or signals")
     path.parent.mkdir(parents=True, exist_ok=True)
-    frames: Frames = [(0.0, network.position, fields)]
+    frames: picture.Frames = [(0.0, network.position, fields)]
     if motion:
-        frames = frames_of(network, fields, motion, scale)
-    written = WRITERS[path.suffix](path, network, frames, series=bool(motion))
+        frames = picture.frames_of(network, fields, motion, scale)
+    written = picture.WRITERS[path.suffix](path, network, frames, series=bool(motion))
     return {"spheres": network.n_particles, "contacts": network.n_contacts, "written": written}
 
 
-def _of_wave(options: Given) -> Motion:
+def _of_wave(options: Given) -> picture.Motion:
     """The motion of a wave that was recorded of every sphere."""
     if options.modes:
         raise InputError("--modes: the file has a wave; give *.modes.h5")
@@ -81,10 +73,10 @@ def _of_wave(options: Given) -> Motion:
     if signals.direction == TORSION:
         raise InputError(f"{options.product}: of torsion, turns alone; no picture shows them")
     axis = DIRECTIONS.index(signals.direction)
-    return motion_of_wave(signals.time, moved, axis, options.frames or 50)
+    return picture.motion_of_wave(signals.time, moved, axis, options.frames or 50)
 
 
-def _of_modes(options: Given) -> tuple[dict[str, Array], Motion]:
+def _of_modes(options: Given) -> tuple[dict[str, Array], picture.Motion]:
     """Fields of the modes that are chosen, and the motion of the one that is to be animated."""
     modes = read_modes(options.product)
     if modes.mode_shape is None or not len(modes.frequency):
@@ -100,4 +92,4 @@ def _of_modes(options: Given) -> tuple[dict[str, Array], Motion]:
         return fields, []
     if len(fields) != 2:
         raise InputError("--frames: choose one mode to animate, with --modes K")
-    return fields, motion_of_mode(shape, frequency, options.frames)
+    return fields, picture.motion_of_mode(shape, frequency, options.frames)

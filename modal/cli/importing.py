@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from modal.cli.options import chosen
-from modal.cli.table import Given, Option, Result, output
+from modal.cli.options import Given, Option, Result, chosen, output
 from modal.exchange.registry import all_options, import_packing
 from modal.exchange.report import summary_of
 from modal.packing.network import read_network, write_network

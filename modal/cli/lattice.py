@@ -1,6 +1,6 @@
 """The face-centred cubic crystal in theory: stiffness, velocity, low-pass frequency."""
 
-from modal.cli.table import Given, Option, Result
+from modal.cli.options import Given, Option, Result
 from modal.theory.fcc import FccLattice
 
 EXAMPLE = "lattice --stress 1e5"

@@ -10,9 +10,8 @@ from types import ModuleType
 from typing import Any
 
 from modal import __version__
-from modal.cli.options import SHORT, Parser, check_files, check_text, json_text, say, say_error
-from modal.cli.table import add_options, flag
-from modal.cli.terminal import page, put
+from modal.cli.options import SHORT, Parser, add_command, flag, parsed, refused, say
+from modal.cli.terminal import json_text, page, put
 from modal.formats.provenance import is_current, made_by
 from modal.tools.errors import InputError
 from modal.tools.progress import Minute
@@ -39,7 +38,7 @@ def command_of(name: str) -> ModuleType:
     behind `python -m modal`, perhaps an `EPILOG` of its help, and `run(options)`, its result. One
     that writes a product from sources and settings has `read_product` too, who reads it, or None;
     one whose product may fall short, or is not the only one, has `kept(options)` for a product that
-    is current; one whose result is long sorts it for people with `shown(result)`.
+    is current; one whose result is long sorts it for people into `options.groups`.
     """
     return importlib.import_module(f"modal.cli.{MODULES.get(name, name)}")
 
@@ -49,18 +48,14 @@ def parser(called: str = "") -> argparse.ArgumentParser:
     script = Path(sys.argv[0]).stem
     prog = script if script == "granular-modes" else "python -m modal"
     about = "Waves and eigenmodes of sphere packings; COMMAND --help has options and an example."
-    whole = Parser(prog=prog, description=about, epilog=FIRST.format(prog=prog))
+    epilog = FIRST.format(prog=prog)
+    whole = Parser(prog=prog, description=about, epilog=epilog)
     whole.add_argument("--version", action="version", version=f"granular-wave-modes {__version__}")
     commands = whole.add_subparsers(
         dest="command", required=True, parser_class=Parser, metavar="COMMAND", title="commands"
     )
     for name in [called] if called in COMMANDS else COMMANDS:
-        module = command_of(name)
-        said = (module.__doc__ or name).split("\n")[0].rstrip(".")
-        said = said[0].lower() + said[1:]
-        more = {"example": module.EXAMPLE, "epilog": getattr(module, "EPILOG", None)}
-        command = commands.add_parser(name, help=said, description=said, **more)
-        add_options(command, [flag("--json", "print one JSON object"), *module.OPTIONS])
+        add_command(commands, name, command_of(name), flag("--json", "print one JSON object"))
     return whole
 
 
@@ -73,12 +68,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     Minute.begin()
     try:
         arguments = sys.argv[1:] if argv is None else argv
-        check_text(arguments)
-        options = parser("".join(arguments[:1])).parse_args(arguments)
-        check_files(options)
+        options = parsed(parser("".join(arguments[:1])), arguments)
         command = command_of(options.command)
         skip = getattr(options, "skip_current", False)
-        options.made, options.remarks = None, []
+        options.made, options.remarks, options.groups = None, [], None
         getattr(command, "in_force", lambda _: None)(options)
         if hasattr(command, "read_product") and options.output:
             options.made = made_by(options.command, vars(options), arguments)
@@ -93,9 +86,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             say(remark)
         result["seconds"] = time.perf_counter() - start
         result["peak_memory_bytes"] = peak_memory()
-        shown = getattr(command, "shown", lambda _: None)
-        put(json_text(result) if options.json else page(result, shown(result)))
+        put(json_text(result) if options.json else page(result, options.groups))
     except InputError as error:
-        say_error(error)
-        return 2
+        return refused(error)
     return SHORT if result.get("missing") or not result.get("at_rest", True) else 0

@@ -1,8 +1,7 @@
 """Natural frequencies and mode shapes, their list proved complete by inertia counts."""
 
-from modal.cli.options import SHORT, chosen, say
+from modal.cli.options import SHORT, Given, Group, Option, Result, chosen, flag, say
 from modal.cli.reading import packing_of, springs
-from modal.cli.table import Given, Group, Option, Result, flag
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.first_order import shift_by_law
 from modal.modes.mode_set import read_modes, write_modes

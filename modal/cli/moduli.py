@@ -1,8 +1,7 @@
 """The elastic stiffness tensor, V_P and V_S along any direction."""
 
-from modal.cli.options import chosen
+from modal.cli.options import Given, Group, Option, Result, chosen, flag
 from modal.cli.reading import packing_of, springs
-from modal.cli.table import Given, Group, Option, Result, flag
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli, read_moduli, write_moduli
 from modal.elasticity.plane_waves import unit_vector
 from modal.elasticity.steady import SOLVERS

@@ -1,17 +1,69 @@
-"""What the commands share: a parser whose mistakes are one line, files to write, what is said."""
+"""Commands as data: options, a parser whose mistakes are one line, files to write, what is said."""
 
 import argparse
-import json
-import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from typing import Any, NoReturn
+from types import ModuleType
+from typing import Any, NamedTuple, NoReturn
 
-from modal.cli.table import Given, NewFile, NewFolder
 from modal.formats.hdf5 import refuse_unwritable
 from modal.tools.errors import InputError
+
+Given = argparse.Namespace
+"""What was typed, by the names of options, and `made`, `remarks`, `groups` of the command."""
+Result = dict[str, Any]
+"""What a command has found, by name."""
+
+
+class Option(NamedTuple):
+    """An option as it is typed, or a file by its place, with its help, which says the default.
+
+    `kind` makes the value from a text; bool is for an option that is there or not, a tuple of words
+    for one of these. A tuple as `metavar` names as many values, one that ends in ... any number;
+    `more` is what argparse takes.
+    """
+
+    name: str
+    metavar: str | tuple[str, ...]
+    text: str
+    default: Any = None
+    kind: Any = float
+    more: Mapping[str, Any] = {}
+
+
+class Group(NamedTuple):
+    """Options under a title in the help; without one, of which only one may be given."""
+
+    title: str
+    options: Sequence[Option]
+
+
+class NewFile(str):
+    """A name that was given for a file to be written: the type of such an option."""
+
+
+class NewFolder(str):
+    """The name of a folder for files to be written."""
+
+
+REQUIRED = {"required": True}
+
+
+def flag(name: str, text: str) -> Option:
+    """An option that is there or not."""
+    return Option(name, "", text, kind=bool)
+
+
+def output(text: str, metavar: str = "FILE", required: bool = False) -> Option:
+    """The option -o of a command that writes a FILE, or into a folder (DIR)."""
+    kind = NewFolder if metavar == "DIR" else NewFile
+    return Option("--output", metavar, text, kind=kind, more={"required": required})
+
+
+SKIP = flag("--skip-current", "keep FILE if sources and settings are the same")
+
 
 SHORT = 3
 """Exit status where a product is written but falls short: a list of modes that lacks some, a sample
@@ -25,23 +77,71 @@ MAKE_PACKINGS = "import", "relax", "tile"
 class Parser(argparse.ArgumentParser):
     """A parser that raises InputError where argparse would print its usage and end the program."""
 
-    def __init__(self, *arguments: Any, example: str = "", **settings: Any) -> None:
-        """A parser whose help ends in an example: what stands behind the program's name."""
-        layout = argparse.RawDescriptionHelpFormatter
-        super().__init__(*arguments, **{"formatter_class": layout, **settings})
-        self.example = example
-
-    def format_help(self) -> str:
-        """The help, its example last."""
-        program = self.prog.rsplit(" ", 1)[0]
-        return super().format_help() + f"\nexample: {program} {self.example}\n" * bool(self.example)
+    def __init__(self, **settings: Any) -> None:
+        """Descriptions and what follows the help keep their lines."""
+        super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **settings)
 
     def error(self, message: str) -> NoReturn:
         """A mistake in the command line, in one line."""
         raise InputError(f"{self.prog}: {message}; see {self.prog} --help")
 
 
-def check_files(options: Given) -> None:
+def add_command(commands: Any, name: str, module: ModuleType, *more: Option) -> None:
+    """Give subparsers of argparse a command, with the options of its module and `more`.
+
+    What it does is the first line of the module's docstring; its help ends in `EXAMPLE`, what is
+    typed behind the program's name, after an `EPILOG` if it has one.
+    """
+    said = (module.__doc__ or name).split("\n")[0].rstrip(".")
+    short = said[0].lower() + said[1:]
+    command = commands.add_parser(name, description=said, help=short)
+    example = f"example: {command.prog}{module.EXAMPLE.removeprefix(name)}"
+    command.epilog = f"{getattr(module, 'EPILOG', '')}\n\n{example}".strip()
+    add_options(command, [*more, *module.OPTIONS])
+
+
+def add_options(command: Any, options: Iterable[Option | Group]) -> None:
+    """Give a parser of argparse its options."""
+    for option in options:
+        if isinstance(option, Group):
+            titled = command.add_argument_group, command.add_mutually_exclusive_group
+            add_options(titled[0](option.title) if option.title else titled[1](), option.options)
+            continue
+        names = ("-o", option.name) if option.name == "--output" else (option.name,)
+        if option.kind is bool:
+            command.add_argument(*names, action="store_true", help=option.text)
+            continue
+        how: dict[str, Any] = {"help": option.text, "default": option.default, **option.more}
+        how |= {"choices": option.kind} if isinstance(option.kind, tuple) else {"type": option.kind}
+        if option.metavar:
+            how["metavar"] = option.metavar
+        if isinstance(option.metavar, tuple):
+            how["nargs"] = len(option.metavar)
+        elif option.metavar.endswith(" ..."):
+            how |= {"nargs": "+", "metavar": option.metavar.removesuffix(" ...")}
+        if isinstance(option.default, int | float):
+            how["help"] += f" (default {option.default:g})"
+        elif option.default:
+            how["help"] += f" (default {option.default})"
+        command.add_argument(*names, **how)
+
+
+def parsed(parser: argparse.ArgumentParser, words: Sequence[str]) -> Given:
+    """What was typed; InputError for words that are no command, and for files that cannot be.
+
+    A name whose bytes are no text is refused: a product could not say what it is made of.
+    """
+    for word in words:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            raise InputError(f"{ascii(word)}: not valid UTF-8; rename the file") from None
+    options = parser.parse_args(words)
+    _check_files(options)
+    return options
+
+
+def _check_files(options: Given) -> None:
     """InputError for a file to be written that cannot be, or that is read as well."""
     texts = list[str]()
     for name, value in vars(options).items():
@@ -64,35 +164,9 @@ def check_files(options: Given) -> None:
             raise InputError(f"{path}: the name of a packing, which this is none; give another")
 
 
-def check_text(arguments: Sequence[str]) -> None:
-    """InputError for a name whose bytes are no text: a product could not say what it is made of."""
-    for argument in arguments:
-        try:
-            argument.encode()
-        except UnicodeEncodeError:
-            raise InputError(f"{ascii(argument)}: not valid UTF-8; rename the file") from None
-
-
-def json_text(result: Any) -> str:
-    """A result as JSON, which knows neither NaN nor infinity: null stands for them.
-
-    >>> json_text({"velocity": [math.nan, 1.5], "worst": {"residual": math.inf}, "ok": True})
-    '{"velocity": [null, 1.5], "worst": {"residual": null}, "ok": true}'
-    """
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {name: plain(own) for name, own in value.items()}
-        if isinstance(value, list | tuple):
-            return [plain(own) for own in value]
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    return json.dumps(plain(result), allow_nan=False)
-
-
 def chosen(options: Given, *names: str) -> dict[str, Any]:
-    """Options of these names, as arguments of a function that calls them the same."""
-    return {name: getattr(options, name) for name in names}
+    """Options of these names that are given, as arguments of a function with the same names."""
+    return {name: x for name in names if (x := getattr(options, name)) is not None}
 
 
 def typed(name: str) -> str:
@@ -100,9 +174,10 @@ def typed(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
-def say_error(error: InputError) -> None:
-    """One line, also where the name of a file has several."""
+def refused(error: InputError) -> int:
+    """Say it in one line, also where the name of a file has several; the exit status."""
     say("error: " + str(error).replace("\n", "\\n"))
+    return 2
 
 
 def say(text: str) -> None:

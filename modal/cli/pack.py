@@ -2,9 +2,7 @@
 
 from pathlib import Path
 
-from modal.cli.options import say, typed
-from modal.cli.table import ANY_NUMBER, Given, Group, NewFolder, Option, Result, flag, output
-from modal.cli.terminal import COST, Groups
+from modal.cli.options import Given, Group, Option, Result, chosen, flag, output, say, typed
 from modal.exchange.registry import read_remarked
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS
 from modal.packing.contact_models import MODELS
@@ -55,21 +53,21 @@ OPTIONS = (
     Option("--aspect", "A", SLENDER),
     Option("--width", "D", "in diameters, instead of --aspect"),
     Option("--seed", "S", "of the random cloud", 1, int),
-    Option("--stress", "PA", "one or several; a state is written of each", more=ANY_NUMBER),
+    Option("--stress", "PA ...", "one or several; a state is written of each"),
     Option("--friction", "MU", "0 to 1", 0.0),
     Option("--residual", "R", AT_REST),
     Option("--peak", "PA", DENSE),
-    Option("--sizes", "S", f"of a mixture: {KINDS}", kind=str, more=ANY_NUMBER),
-    Option("--densities", "RHO", DENSITIES, kind=str, more=ANY_NUMBER),
+    Option("--sizes", "S ...", f"of a mixture: {KINDS}", kind=str),
+    Option("--densities", "RHO ...", DENSITIES, kind=str),
     Option("--walls", ("E", "NU"), f"{WALLS} (default those of glass)", kind=str),
     *(
         Option(f"--{name}", "X", f"of the spheres (default {own:g}, SI units)")
         for name, own in SOLID.items()
     ),
-    Option("--contact-model", "M", MODEL, kind=str, more=ANY_NUMBER),
+    Option("--contact-model", "M ...", MODEL, kind=str),
     flag("--periodic", "a cell without walls, with a period along z too"),
     Group("with friction alone", OF_COMPRESSION),
-    output("folder; goes on where it was", "DIR", NewFolder, required=True),
+    output("folder; goes on where it was", "DIR", required=True),
 )
 
 
@@ -85,13 +83,12 @@ def option_of(name: str) -> str:
 def run(options: Given) -> Result:
     """Run or continue a compression; names of the files that hold its states."""
     names = "aspect", "width", "residual", "peak", "dilate", "stress_ratio", *MIXTURE, *OF_FRICTION
-    given = {name: value for name in names if (value := getattr(options, name)) is not None}
+    given, solid = chosen(options, *names), chosen(options, *SOLID)
     kind = "without friction" if options.friction == 0 else "with friction"
     kind = "with --dilate" if options.friction and options.dilate else kind
     none = unused(options.friction, options.dilate or 0.0)
     for name in given.keys() & {*none, *(("stress_ratio",) if options.friction == 0 else ())}:
         raise InputError(f"{option_of(name)}: has no meaning {kind}; leave it out")
-    solid = {name: x for name in SOLID if (x := getattr(options, name)) is not None}
     model = options.contact_model or []
     model = [] if model == [HERTZ_MINDLIN] else model
     files = packed(
@@ -114,10 +111,6 @@ def run(options: Given) -> Result:
     if options.oedometric or options.stress_ratio is not None:
         name = "k0" if options.oedometric else "stress_ratio"
         result[name] = {path: float(study["stress_ratio"]) for path, study in notes.items()}
+    # Their stresses in Pa.
+    options.groups = {"": {("samples_pa" if k == "samples" else k): result[k] for k in result}}
     return result
-
-
-def shown(result: Result) -> Groups:
-    """The result with the stresses of its states in Pa."""
-    named = {"samples_pa" if name == "samples" else name: result[name] for name in result}
-    return {"": {name: value for name, value in named.items() if name not in COST}}

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from modal.cli.table import SKIP, Given, Option, output
+from modal.cli.options import SKIP, Given, Option, output
 from modal.exchange.registry import read_remarked
 from modal.packing.network import Network
 from modal.system.contacts import SLIDING, with_sliding

@@ -3,8 +3,7 @@
 from dataclasses import asdict, replace
 from typing import Any
 
-from modal.cli.options import say
-from modal.cli.table import SKIP, Given, Option, Result, output
+from modal.cli.options import SKIP, Given, Option, Result, output, say
 from modal.formats.provenance import Provenance
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.summary import summary

@@ -1,8 +1,7 @@
 """What passes at each frequency: gain from wall to wall, motion of chain and layers."""
 
-from modal.cli.options import chosen
+from modal.cli.options import Given, Option, Result, chosen
 from modal.cli.reading import packing_of, springs
-from modal.cli.table import Given, Option, Result
 from modal.cli.wave import OF_SOURCE, asked_of
 from modal.formats.hdf5 import sha256
 from modal.system.contacts import TANGENTS

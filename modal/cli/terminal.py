@@ -1,9 +1,10 @@
 """What a command's result looks like on a terminal: groups of names and quantities, in columns.
 
 Nothing is said here about single commands: the end of a result's name tells its unit, as in
-`stress_pa`. A command whose result is long sorts it into titled groups with its `shown(result)`.
+`stress_pa`. A command whose result is long sorts it into titled groups.
 """
 
+import json
 import math
 import os
 import sys
@@ -24,16 +25,6 @@ UNITS = {
     "_s": "s",
 }
 """End of a name and what it is measured in; longer ends first."""
-LABELS = {
-    "products_with_k": "products K u",
-    "certified": "complete by inertia count",
-    "f_low_pass": "low-pass frequency",
-    "relative_error": "relative error of the solver",
-    "largest_off_diagonal_stress": "largest off-diagonal stress",
-    "particles_with_0_1_2_contacts": "particles with 0, 1, 2 contacts",
-    "poisson": "Poisson's ratio",
-}
-"""Names that do not read well with blanks for underscores."""
 WITHOUT_PREFIX = ("kg/m^3", "m/s")
 FREQUENCY_DIGITS = 6
 """Of frequencies, which are the results with the most certain digits; others have four."""
@@ -47,8 +38,6 @@ INDENT = "  "
 COST = ("seconds", "peak_memory_bytes")
 """Results that stand in the last line."""
 
-Groups = dict[str, dict[str, Any]]
-
 
 def put(text: object, end: str = "\n") -> None:
     """Print; once the reader, `head` for one, has seen enough, nowhere, and the work goes on."""
@@ -61,22 +50,39 @@ def put(text: object, end: str = "\n") -> None:
             raise InputError(f"standard output: cannot be written ({error.strerror})") from error
 
 
-def page(result: dict[str, Any], groups: Groups | None = None) -> str:
+def json_text(result: Any) -> str:
+    """A result as JSON, which knows neither NaN nor infinity: null stands for them.
+
+    >>> json_text({"velocity": [math.nan, 1.5], "worst": {"residual": math.inf}, "ok": True})
+    '{"velocity": [null, 1.5], "worst": {"residual": null}, "ok": true}'
+    """
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: plain(own) for name, own in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(own) for own in value]
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    return json.dumps(plain(result), allow_nan=False)
+
+
+def page(result: dict[str, Any], groups: dict[str, dict[str, Any]] | None = None) -> str:
     """The text for people: titled groups, then how long it took and how much memory.
 
     >>> result = {"stress_pa": [1e5, 99976.0], "rattlers": 4127, "certified": True, "absent": []}
     >>> result |= {"count_below": {"1500": 12, "2e4": 40}}
     >>> result |= {"stiffness_pa": [[2.5e8, -1e6], [0.0, 1.25e7]]}
     >>> print(page(result | {"seconds": 0.25, "peak_memory_bytes": 2_000_000_000}))
-    stress                     100.0, 100.0 kPa
-    rattlers                   4,127
-    complete by inertia count  yes
-    absent                     none
-    count below                1.5 kHz  12
-                               20 kHz   40
-    stiffness                  in MPa
-                               250.0  -1.0
-                                 0.0  12.5
+    stress       100.0, 100.0 kPa
+    rattlers     4,127
+    certified    yes
+    absent       none
+    count below  1.5 kHz  12
+                 20 kHz   40
+    stiffness    in MPa
+                 250.0  -1.0
+                   0.0  12.5
     0.25 s, at most 2 GB of memory
     """
     groups = groups or {"": {k: v for k, v in result.items() if k not in COST}}
@@ -107,8 +113,7 @@ def _group(members: dict[str, Any]) -> list[str]:
 def label_and_unit(name: str) -> tuple[str, str]:
     """A name as people read it, and the unit of its values; "" where they have none."""
     end = next((end for end in UNITS if name.endswith(end)), "")
-    name = name.removesuffix(end)
-    return LABELS.get(name, name.replace("_", " ")), UNITS.get(end, "")
+    return name.removesuffix(end).replace("_", " "), UNITS.get(end, "")
 
 
 def _lines(value: Any, unit: str) -> list[str]:
@@ -116,7 +121,9 @@ def _lines(value: Any, unit: str) -> list[str]:
     if isinstance(value, dict) and value:
         text = [(_key(key), ", ".join(_lines(inner, unit))) for key, inner in value.items()]
         return table(text).split("\n")
-    if _is_numbers(value):
+    if isinstance(value, bool):
+        return ["yes" if value else "no"]
+    if _is_numbers(value := [value] if isinstance(value, int | float) else value):
         return [_numbers(value, unit)]
     if isinstance(value, list) and value:
         if all(map(_is_numbers, value)):
@@ -125,10 +132,6 @@ def _lines(value: Any, unit: str) -> list[str]:
             return [f"in {unit}"] * bool(unit) + _aligned([texts[k::wide] for k in range(wide)])
         texts = [", ".join(_lines(item, unit)) for item in value]
         return [", ".join(texts)] if sum(map(len, texts)) < WIDTH else texts
-    if isinstance(value, bool):
-        return ["yes" if value else "no"]
-    if isinstance(value, int | float):
-        return [_numbers([value], unit)]
     return ["none" if value is None or len(value) == 0 else str(value)]
 
 
@@ -142,11 +145,8 @@ def _key(name: str) -> str:
 
 def _is_numbers(value: Any) -> bool:
     """Whether it is a list of numbers."""
-    return (
-        isinstance(value, list)
-        and len(value) > 0
-        and all(isinstance(v, int | float) and not isinstance(v, bool) for v in value)
-    )
+    numbers = isinstance(value, list) and all(isinstance(each, int | float) for each in value)
+    return numbers and bool(value) and not isinstance(value[0], bool)
 
 
 def _numbers(values: list[float], unit: str) -> str:

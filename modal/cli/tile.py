@@ -2,9 +2,8 @@
 
 from dataclasses import replace
 
-from modal.cli.options import PACKINGS
+from modal.cli.options import PACKINGS, REQUIRED, Given, Option, Result, output
 from modal.cli.reading import NETWORK
-from modal.cli.table import REQUIRED, Given, Option, Result, output
 from modal.exchange.programs.own import is_sample
 from modal.exchange.registry import read_packing
 from modal.packing.network import Network, write_network

@@ -4,9 +4,8 @@ import math
 from functools import partial
 from typing import Any
 
-from modal.cli.options import chosen, say, typed
+from modal.cli.options import Given, Group, Option, Result, chosen, flag, say, typed
 from modal.cli.reading import packing_of, springs
-from modal.cli.table import Given, Group, Option, Result, flag
 from modal.exchange.programs.own import is_sample
 from modal.formats.hdf5 import sha256
 from modal.packing.sample import read_sample
