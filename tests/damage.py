@@ -8,7 +8,6 @@ import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import h5py
 import numpy as np
 
 WATCHDOG = 30
@@ -47,23 +46,6 @@ def mangled(data: bytes, random: np.random.Generator) -> tuple[str, bytes]:
     else:
         raw += random.bytes(length)
     return kind, bytes(raw)
-
-
-def datasets(path: Path) -> list[str]:
-    """Names of all datasets of a file."""
-    names: list[str] = []
-    with h5py.File(path) as file:
-        file.visititems(
-            lambda name, node: names.append(name) if isinstance(node, h5py.Dataset) else None
-        )
-    return names
-
-
-def replaced(file: h5py.File, name: str, data: object) -> None:
-    """Put other data in the place of a dataset, with its attributes."""
-    attributes = dict(file[name].attrs)
-    del file[name]
-    file.create_dataset(name, data=data).attrs.update(attributes)
 
 
 def in_child(work: Callable[[int], str], numbers: list[int], log: Path) -> Iterator[tuple]:

@@ -70,22 +70,6 @@ def test_units_of_si_are_read_in_any_notation(network_file):
         assert read_network(network_file).n_particles == 24
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda file: file["particles/mass"].attrs.update(units="g"),
-        lambda file: file.attrs.update(schema=["granular-contact-network"] * 2),
-        lambda file: file.attrs.update(schema_version=1.5),
-        lambda file: file.clear(),
-    ],
-)
-def test_damaged_network_is_one_line_and_status_2(network_file, damage, capsys):
-    _spoil(network_file, damage)
-    assert main(["info", str(network_file)]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith("error: ") and error.count("\n") == 1
-
-
 @pytest.mark.parametrize("settings", ["[1]", "3", "{", "null"])
 def test_a_damaged_provenance_is_one_line(settings, network_file, tmp_path, capsys):
     said = {"settings": settings, "sources": "[]"}
@@ -173,14 +157,6 @@ def test_what_is_read_is_never_written_over(command, sample_file, tmp_path, caps
     shown = capsys.readouterr().err
     assert len(shown.splitlines()) == 1 and "would be written over" in shown
     assert sample_file.read_bytes() == before
-
-
-def test_modulus_in_gigapascal_is_refused(sample_file, capsys):
-    """As `import` refuses it: frequencies would be 30,000 times too low, without a word."""
-    _spoil(sample_file, lambda f: f.attrs.__setitem__("young", 60.0))
-    assert main(["modes", str(sample_file), "--lowest", "2"]) == 2
-    shown = capsys.readouterr().err
-    assert len(shown.splitlines()) == 1 and "60 Pa" in shown
 
 
 @pytest.mark.parametrize("command", [["modes"], ["import", "-o", "out.network.h5"]])

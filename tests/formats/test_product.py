@@ -65,7 +65,12 @@ def test_a_column_of_a_later_version_says_so(file):
     ("dataset", "data", "said"),
     [
         ("time", [0.0, np.nan, 2.0], "time is not finite"),
+        ("time", [0.0, np.inf, 2.0], "time is not finite in row 1"),
+        ("time", "noon", "time is no array of numbers; write"),
+        ("time", [1j, 2, 3], "time is no array of numbers"),
+        ("time", [[0.0], [1.0], [2.0]], r"time has shape .3, 1., expected .'nt',."),
         ("time", None, "dataset time is missing"),
+        ("spheres/index", [1.5, 2.0], "spheres/index is no array of whole numbers"),
         ("spheres/index", [1, 2, 3], r"spheres/answer has shape .3, 2, 2., expected .3, 3, 2."),
         ("spheres/twist", [1.0], "spheres/twist has shape"),
         ("spheres/cohesion", [1.0, 1.0], "spheres/cohesion is unknown .* may change the answer"),
