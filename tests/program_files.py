@@ -13,6 +13,8 @@ import packings
 
 from modal.__main__ import main
 from modal.packing.network import Network, read_network
+from modal.system.assembly import assembled
+from modal.system.contacts import contact_tangent
 
 PAIR = "granular hertz/material 6e10 0 0.2 tangential mindlin/force NULL 0 0.3"
 """Young's modulus and Poisson's ratio of `packings.polydisperse`."""
@@ -92,31 +94,6 @@ def sorted_ends(network: Network) -> np.ndarray:
 def packing(periodic_z: bool, n: int = 60) -> Network:
     """A two-density packing of radii 1:3; its shear forces are made for the test."""
     return packings.polydisperse(periodic_z, n=n)
-
-
-LIGGGHTS = (
-    "gran model hertz tangential history youngsModulus 6e10 poissonsRatio 0.2 "
-    "coefficientFriction 0.3"
-)
-"""The law of `packings.polydisperse` as LIGGGHTS has it."""
-
-
-def liggghts(network: Network, folder: Path) -> tuple[Path, Path]:
-    """Dump custom, and dump local of all 32 columns of pair/gran/local, forces on the second."""
-    atoms, contacts, _ = lammps(network, folder)
-    head = "\n".join(contacts.read_text().splitlines()[:8])
-    names = " ".join(f"c_c[{k}]" for k in range(1, 33))
-    pairs = ~network.with_wall
-    i, j = network.particle_i[pairs], network.particle_j[pairs]
-    normal = (network.force_normal[:, None] * network.normal)[pairs]
-    shear = -network.force_tangential[pairs]
-    rows = np.zeros((len(i), 32))
-    rows[:, 0:6] = np.column_stack([network.position[i], network.position[j]])
-    rows[:, 12:14] = np.column_stack([i + 1, j + 1])
-    rows[:, 15:24] = np.column_stack([normal + shear, normal, shear])
-    rows[:, 31] = network.overlap[pairs]
-    contacts.write_text(f"{head}\nITEM: ENTRIES {names}\n{lines(rows)}")
-    return atoms, contacts
 
 
 @dataclass
@@ -199,7 +176,6 @@ class Given:
 
 WRITERS = {
     "lammps": (lammps, ("contacts", "log")),
-    "liggghts": (liggghts, ("contacts",)),
     "tables": (tables, ("contacts",)),
 }
 
@@ -211,10 +187,17 @@ def written(
     write, names = WRITERS[program]
     network = packing(made) if isinstance(made, bool) else made
     spheres, *others = write(network, folder, *more)
-    options = dict(zip(names, others, strict=True))
-    if program == "liggghts":
-        options["pair"] = LIGGGHTS
-    return Given(capsys, spheres, options)
+    return Given(capsys, spheres, dict(zip(names, others, strict=True)))
+
+
+def misfit(
+    network: Network, wanted: np.ndarray, columns: np.ndarray, terms: tuple[str, ...] = ()
+) -> float:
+    """Of these columns of K, with these terms of the law: relative, rotations as arcs of 1 mm."""
+    arc = np.tile([1.0] * 3 + [1e3] * 3, network.n_particles)
+    have = assembled(network, contact_tangent(network, terms))[:, columns].toarray()
+    off, size = (arc[:, None] * each * arc[columns] for each in (have - wanted, wanted))
+    return float(np.linalg.norm(off) / np.linalg.norm(size))
 
 
 def same(found: Network, wanted: Network, names: str, rtol: float = 0.0) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import program_files
@@ -13,7 +12,6 @@ from program_files import PAIR, same
 import modal
 from modal.__main__ import main
 from modal.packing.network import read_network
-from modal.system.assembly import stiffness_matrix
 
 STIFFNESSES = "stiffness_normal stiffness_tangential force_normal"
 
@@ -74,38 +72,6 @@ def test_law_alone_makes_contacts_and_forces_from_full_digits(given):
     assert found.n_contacts == made.n_contacts
     total = made.stiffness_normal.sum()
     np.testing.assert_allclose(found.stiffness_normal.sum(), total, rtol=1e-9)
-
-
-@pytest.mark.parametrize("periodic_z", [True, False])
-def test_liggghts_gives_the_packing_back(given, periodic_z):
-    """The 32 nameless columns of pair/gran/local; at primitive walls no forces are told."""
-    made = program_files.packing(periodic_z)
-    files = given("liggghts", made)
-    if not periodic_z:
-        low, high = made.wall_position.tolist()
-        files.options["wall"] = f"zplane {low!r} {high!r}"
-    told = files.imported()
-    found = read_network(files.out)
-    same(found, made, STIFFNESSES, 1e-9)
-    assert "growing circle" in told["terms_of_the_law_over_springs"] or not periodic_z
-    # K of overlaps with 12 digits; this program's contact points lie in the middle of the overlap.
-    half = (made.radius[made.particle_i] - made.overlap / 2)[:, None] * made.normal
-    back = (made.overlap / 2 - made.radius[made.partner])[:, None] * made.normal
-    back[made.with_wall] = 0
-    K, wanted = (
-        stiffness_matrix(each) for each in (found, replace(made, lever_i=half, lever_j=back))
-    )
-    assert abs(K - wanted).max() < 1e-9 * abs(wanted).max()
-    if periodic_z:
-        same(found, made, "force_tangential", 1e-12)
-    else:
-        assert found.force_tangential is None
-    for old, new, said in (
-        ("model hertz", "model hooke", "only model hertz"),
-        ("0.2 coeff", "0.2 cohesion sjkr coeff", "cohesion is resisted by no spring"),
-        ("youngsModulus 6e10 ", "", "no youngsModulus"),
-    ):
-        files.refused(said, pair=program_files.LIGGGHTS.replace(old, new))
 
 
 def test_units_of_the_dump_are_used(given):

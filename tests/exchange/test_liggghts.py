@@ -8,14 +8,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from places import ROOT
+from program_files import misfit, same
 
 import modal
 from modal.packing.network import read_network
-from modal.system.assembly import assembled
-from modal.system.contacts import TANGENTS, contact_tangent
+from modal.system.contacts import TANGENTS
 
 FOLDER = ROOT / "examples" / "packings" / "liggghts"
 ATOMS, CONTACTS, LOG = (FOLDER / name for name in ("x.atoms", "x.contacts", "log.liggghts"))
+PAIR = (
+    "gran model hertz tangential history youngsModulus 6e10 poissonsRatio 0.2 "
+    "coefficientFriction 0.3"
+)
 
 
 @pytest.fixture
@@ -56,22 +60,16 @@ def test_stiffness_is_that_of_liggghts(network):
     own = np.unique(column)
     wanted = np.zeros((6 * 125, len(own)))
     wanted[row, np.searchsorted(own, column)] = value
-    arc = np.tile([1.0] * 3 + [1e3] * 3, 125)
-
-    def error(terms):
-        have = assembled(network, contact_tangent(network, terms))[:, own].toarray()
-        off, size = ((arc[:, None] * a * arc[own]) for a in (have - wanted, wanted))
-        return float(np.linalg.norm(off) / np.linalg.norm(size))
-
-    whole = error(TANGENTS["law"])
-    assert whole < 1e-7
+    assert misfit(network, wanted, own, TANGENTS["law"]) < 1e-7
     for term in ("normal force", "shear force", "growing circle"):
-        assert error(tuple(other for other in TANGENTS["law"] if other != term)) > 1e-5, term
+        others = tuple(other for other in TANGENTS["law"] if other != term)
+        assert misfit(network, wanted, own, others) > 1e-5, term
 
 
 def rewritten(files, columns, rows, keywords=""):
     """Contacts in these columns, and a log that says so."""
     head = CONTACTS.read_text().splitlines()[:8]
+    head[3] = str(len(rows))
     names = " ".join(f"c_c[{k + 1}]" for k in range(columns))
     lines = [" ".join(f"{number:.17g}" for number in row) for row in rows]
     files.contacts.write_text("\n".join([*head, f"ITEM: ENTRIES {names}", *lines]) + "\n")
@@ -92,6 +90,18 @@ def test_columns_that_nobody_named_are_understood(network, files):
     np.testing.assert_allclose(found.force_tangential, network.force_tangential, atol=1e-4 * scale)
     rewritten(files, 12, rows[:, :12], " pos vel")
     files.refused("x.contacts, line 9, column id1: no column id1 among")
+    # All 32, of a version that writes the forces on the second sphere; the law is typed.
+    rows = np.zeros((len(listed), 32))
+    rows[:, 12:14], rows[:, 18:24] = listed[:, :2], -listed[:, 3:9]
+    rewritten(files, 32, rows)
+    found = files.network(log=None, pair=PAIR)
+    same(found, network, "force_normal force_tangential")
+    # Hertz: kn^3 = 6 E*^2 R* N; Mindlin: kt / kn = 2 (1 - nu) / (2 - nu).
+    one, other = network.radius[network.particle_i], network.radius[network.partner]
+    effective, modulus = one * other / (one + other), 6e10 / (2 * (1 - 0.2**2))
+    wanted = np.cbrt(6 * modulus**2 * effective * network.force_normal)
+    np.testing.assert_allclose(found.stiffness_normal, wanted, rtol=1e-12)
+    np.testing.assert_allclose(found.stiffness_tangential, 1.6 / 1.8 * wanted, rtol=1e-12)
 
 
 def test_rounded_bounds_without_forces_are_refused(files):
@@ -114,14 +124,19 @@ def test_units_of_the_log_count(network, files):
     np.testing.assert_allclose(found.stiffness_normal, 1e-3 * network.stiffness_normal, rtol=1e-9)
 
 
-def test_walls_are_of_the_type_that_is_said(files):
-    """From the log's fixes, or --wall; unsaid, of each sphere's own, which the summary assumes."""
+def test_walls_are_of_the_type_that_is_said(network, files):
+    """From the log's fixes, or --wall; unsaid, of each sphere's own, which the summary assumes.
+
+    With listed contacts, of those through no period, the walls' follow from the positions.
+    """
     rows = np.array([line.split()[4:6] for line in ATOMS.read_text().splitlines()[9:]], float)
     low, high = float((rows[:, 0] - rows[:, 1]).min() + 1e-6), float(rows.sum(axis=1).max() - 1e-6)
     files.spoil("spheres", "pp pp pp", "pp pp ff")
     for line in (6, 7, 8):
         files.respell("spheres", line, slice(9), ["0", "0.0133"])
-    files.options["contacts"] = None
+    inside = (network.cell_shift == 0).all(axis=1)
+    listed = np.loadtxt(CONTACTS.read_text().splitlines()[9:])[inside]
+    rewritten(files, 9, listed, " id force_normal force_tangential")
     fix = "fix {0} all wall/gran model hertz tangential history primitive type {1} zplane {2!r}\n"
     stiff = {}
     for name, more, wall in (
@@ -130,8 +145,13 @@ def test_walls_are_of_the_type_that_is_said(files):
         ("unsaid", "", f"zplane {low!r} {high!r}"),
     ):
         files.log.write_text(LOG.read_text() + more)
-        told = files.imported(wall=wall)
-        made = read_network(files.out)
+        made = files.network(wall=wall)
+        assert made.force_tangential is None and (~made.with_wall).sum() == inside.sum()
+        told = files.imported(wall=wall, contacts=None)
+        alone = read_network(files.out)
+        np.testing.assert_array_equal(
+            made.stiffness_normal[made.with_wall], alone.stiffness_normal[alone.with_wall]
+        )
         stiff[name] = made.stiffness_normal[made.with_wall].sum()
         assert told["wall_contacts"] >= 2 and any(
             "material of each sphere" in remark for remark in told["remarks"]

@@ -145,13 +145,13 @@ def test_what_cannot_be_is_refused(files, change, request):
         files.refused(r"\A[^\x00-\x1f\x7f]{,700}\n\Z")
 
 
-@pytest.mark.parametrize("program", ["lammps", "liggghts"])
+@pytest.mark.parametrize("files", ["walled", "liggghts"])
 @pytest.mark.parametrize(
     ("file", "said"),
     [("contacts", "no two spheres touch.*; dump a packing"), ("spheres", "x.atoms: no spheres; ")],
 )
-def test_files_without_a_row_are_refused_by_name(given, program, file, said):
-    files = given(program)
+def test_files_without_a_row_are_refused_by_name(request, files, file, said):
+    files = request.getfixturevalue(files)
     files.spoil(file, r"(?s)(NUMBER OF \S+\n)\d+(.*ITEM: (ATOMS|ENTRIES)[^\n]*\n).*", r"\g<1>0\2")
     files.refused(said)
 

@@ -99,15 +99,6 @@ def test_periods_are_understood(tables, line):
     assert files.network().cell_periodic.tolist() == [True, True, False]
 
 
-def test_two_spheres_in_one_place_are_refused(tables, mixture):
-    """That of a sphere is its neighbour's; rows begin in line 5, and numbers with 10."""
-    ends = np.column_stack([mixture.particle_i, mixture.particle_j])
-    one, other = ends[~mixture.with_wall][0]
-    place, files = mixture.position[other].tolist(), tables()
-    files.respell("spheres", int(one) + 5, slice(1, 4), list(map(repr, place)))
-    files.refused(rf"contacts.csv, line \d+: spheres {one + 10} and {other + 10} lie in one place")
-
-
 @pytest.mark.parametrize(("code", "wall"), [(SOURCE_WALL, "lower"), (RECEIVER_WALL, "upper")])
 def test_wall_contacts_of_a_packing_without_walls(given, code, wall):
     """Periodic along z, with a sphere within reach of the period's end; and walls that are NULL."""
