@@ -15,8 +15,7 @@ import numpy as np
 
 from benchmarks.harness import diagram
 from benchmarks.harness.measure import CORES, Job
-from benchmarks.harness.packing import sample_or_small
-from benchmarks.harness.product import bytes_of
+from benchmarks.harness.packing import bytes_of, sample_or_small
 from benchmarks.harness.report import Page
 from modal.packing.network import Network, read_network
 from modal.system.operator import ContactOperator
@@ -103,15 +102,13 @@ def row_of(numbering: str, value: dict[str, Any]) -> dict[str, Any]:
     """Medians and quartiles of the seconds of one task, in ms, and ratios of the medians."""
     row: dict[str, Any] = {"numbering": numbering, "threads": value["threads"]}
     row["mb"] = value["bytes"] / 1e6
-    medians = {}
-    for name, seconds in zip(TIMED, value["seconds"], strict=True):
-        low, medians[name], high = 1e3 * np.quantile(seconds, (0.25, 0.5, 0.75))
-        row |= {f"{name}, ms": medians[name], f"{name}, quarter below": low}
-        row[f"{name}, quarter above"] = high
-    row["times additions"] = medians["product"] / medians["additions"]
-    row["times copy"] = medians["product"] / medians["copy"]
-    row["additions, times copy"] = medians["additions"] / medians["copy"]
-    return row
+    low, middle, high = 1e3 * np.quantile(value["seconds"], (0.25, 0.5, 0.75), axis=1)
+    for k, name in enumerate(TIMED):
+        row |= {f"{name}, ms": middle[k], f"{name}, quarter below": low[k]}
+        row |= {f"{name}, quarter above": high[k]}
+    product, _, additions, copy = middle
+    row |= {"times additions": product / additions, "times copy": product / copy}
+    return row | {"additions, times copy": additions / copy}
 
 
 def run(job: Job) -> Page:

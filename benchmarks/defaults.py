@@ -6,7 +6,6 @@ prints the table of defaults from the committed rows; nothing is measured.
 """
 
 import inspect
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from benchmarks.harness.report import Rows, read_csv
 from modal.modes.density import density_of_states
 from modal.preparation.protocol import SETTLED
 from modal.waves.propagate import TOLERANCE
+from modal.waves.source import RECORDING_INTERVAL, TIME_STEP_FRACTION
 
 
 @dataclass(frozen=True)
@@ -34,42 +34,26 @@ class Default:
         return self.reason if self.agrees else f"NOT what the rule finds: {self.reason}"
 
 
-def assigned(script: str, pattern: str) -> float:
-    """A number that a script sets which only YADE could import."""
-    text = (ROOT / "yade_scripts" / script).read_text()
-    found = re.search(pattern, text, re.MULTILINE)
-    if found is None:
-        raise ValueError(f"{script}: nothing like {pattern}")
-    return float(found[1])
-
-
-def usual(function: Callable[..., object], *names: str) -> list[float]:
-    """Defaults of a function's arguments."""
-    return [inspect.signature(function).parameters[name].default for name in names]
-
-
 def wave_of_crystal(rows: Rows) -> Iterator[Default]:
     """Time step, recording interval and amplitude of YADE's wave; tolerance of the springs'."""
-    step = assigned("wave.py", r"^    fraction=([\d.]+),")
     best, last = dem.step_knee(rows), dem.steps_of(rows)[-1]
     floor = f"the {last['error_velocity']:.1e} of V_P that no step mends"
     yield Default(
         "time step of YADE, crystal",
-        f"{step:g} of the limit",
+        f"{TIME_STEP_FRACTION:g} of the limit",
         f"the largest whose share of the dispersion's error, {best['dispersion_linear']:.1e}, is "
         f"below {floor}; {last['time_step_over_limit']:g} takes "
         f"{last['seconds'] / best['seconds']:.2g} times as long"
         if best
         else f"no step tried has a share of the dispersion's error below {floor}",
-        best is not None and step == best["time_step_over_limit"],
+        best is not None and best["time_step_over_limit"] == TIME_STEP_FRACTION,
     )
-    interval = assigned("wave.py", r"^RECORDING_INTERVAL = ([\d.e-]+)")
     longest = dem.interval_knee(rows)["interval_us"]
     yield Default(
         "recording interval",
-        f"{1e6 * interval:g} us",
+        f"{1e6 * RECORDING_INTERVAL:g} us",
         f"the dispersion's error stays within {dem.SAME - 1:.0%} up to {longest:.2g} us",
-        1e6 * interval <= longest,
+        longest >= 1e6 * RECORDING_INTERVAL,
     )
     yield Default(
         "amplitude",
@@ -120,7 +104,8 @@ def lowest_modes(rows: Rows) -> Iterator[Default]:
 
 def states(rows: Rows) -> Iterator[Default]:
     """Resolution and standard error of the density of states."""
-    resolution, tolerance = usual(density_of_states, "resolution", "tolerance")
+    usual = inspect.signature(density_of_states).parameters
+    resolution, tolerance = (usual[name].default for name in ("resolution", "tolerance"))
     best = density.knee(rows)
     yield Default(
         "density of states",

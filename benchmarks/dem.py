@@ -20,7 +20,7 @@ from modal.packing.network import Network
 from modal.packing.state import affine_velocity
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
-from modal.waves.source import AMPLITUDE, Pulse
+from modal.waves.source import AMPLITUDE, RECORDING_INTERVAL, Pulse
 
 WIDTH = 3
 """Spheres a side; a planar wave does not see the width, and three are the least that YADE takes."""
@@ -33,8 +33,8 @@ FRACTIONS = {
 """Time steps over their limit, for each A of A (1 - cos): the wall moves by 2A = 5 and 0.05 nm."""
 INTERVALS = {True: (2e-7, 2e-6), False: (1e-7, 1e-6, 3e-6, 4e-6)}
 RECORDING = "recording interval"
-FRACTION, INTERVAL = 0.1, 5e-7
-"""Time step over its limit, and recording interval, s, of the sweeps over something else."""
+FRACTION = 0.1
+"""Time step over its limit, of the sweeps over something else."""
 REFERENCE = 1e-13
 """Tolerance of the wave that the others are compared with."""
 DECAY = 12.0
@@ -72,17 +72,17 @@ def errors(signals: Signals, lattice: LayerLattice) -> dict[str, float]:
     }
 
 
-def linear_twin(network: Network, signals: Signals, pre_stress: str) -> Signals:
-    """The linear leapfrog with the step, the pulse and the records of a run."""
+def linear_twin(network: Network, signals: Signals, pre_stress: str, **how: float) -> Signals:
+    """The linear wave with the pulse and the records of a run; without `how`, with its step."""
     step = signals.time_step
     interval = step * round(float(signals.time[1]) / step)
     return propagate(
         network,
         interval * (len(signals.time) - 1),
         interval=interval,
-        time_step=step,
         motion=Pulse(signals.amplitude, signals.input_frequency),
         pre_stress=pre_stress,
+        **(how or {"time_step": step}),
     ).signals
 
 
@@ -97,7 +97,7 @@ class Crystal:
     def rows(self, program: Yade | Lammps, quick: bool) -> Rows:
         """A program's sweep of the time step at two amplitudes; YADE's of the recording too."""
         runs = [
-            (named(program.name, amplitude), fraction, amplitude, INTERVAL)
+            (named(program.name, amplitude), fraction, amplitude, RECORDING_INTERVAL)
             for amplitude, fractions in FRACTIONS[quick].items()
             for fraction in fractions
         ]
@@ -117,27 +117,14 @@ class Crystal:
         `velocity_tangent`: that of V_P with pre-stress, which the theory of springs leaves out.
         """
         tangent, springs = (linear_twin(self.network, found, kind) for kind in ("full", "none"))
-        converged = propagate(
-            self.network,
-            float(found.time[-1]),
-            motion=Pulse(found.amplitude, found.input_frequency),
-            interval=float(found.time[1]),
-            tolerance=REFERENCE,
-            pre_stress="full",
-        ).signals
-        return {
-            "method": method,
-            "setting": f"{fraction:g} of the limit",
-            "error": apart(found, converged),
-            **spent.cost,
-            "apart_from_tangent": apart(found, tangent),
-            **errors(found, self.lattice),
-            "dispersion_linear": errors(springs, self.lattice)["error_dispersion"],
-            "velocity_tangent": errors(tangent, self.lattice)["error_velocity"],
-            "time_step_over_limit": fraction,
-            "two_A_nm": 2e9 * found.amplitude,
-            "interval_us": 1e6 * float(found.time[1]),
-        }
+        converged = linear_twin(self.network, found, "full", tolerance=REFERENCE)
+        row = {"method": method, "setting": f"{fraction:g} of the limit"}
+        row |= {"error": apart(found, converged), **spent.cost}
+        row |= {"apart_from_tangent": apart(found, tangent), **errors(found, self.lattice)}
+        row |= {"dispersion_linear": errors(springs, self.lattice)["error_dispersion"]}
+        row |= {"velocity_tangent": errors(tangent, self.lattice)["error_velocity"]}
+        row |= {"time_step_over_limit": fraction, "two_A_nm": 2e9 * found.amplitude}
+        return row | {"interval_us": 1e6 * float(found.time[1])}
 
 
 def named(program: str, amplitude: float) -> str:
@@ -159,7 +146,7 @@ def step_knee(rows: Rows) -> dict[str, Any] | None:
     own = steps_of(rows)
     floor = own[-1]["error_velocity"]
     enough = [row for row in own if row["dispersion_linear"] <= floor]
-    return max(enough, key=lambda row: row["time_step_over_limit"]) if enough else None
+    return max(enough, key=lambda row: row["time_step_over_limit"], default=None)
 
 
 def interval_knee(rows: Rows) -> dict[str, Any]:

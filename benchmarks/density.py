@@ -69,28 +69,18 @@ def errors(exact: np.ndarray, floppy: int, found: DensityOfStates) -> dict[str, 
 
 def run(job: Job) -> Page:
     """Resolutions at one tolerance, then tolerances at the finest resolution."""
-    packing, rows, resolutions = (
-        KnownPacking.of(SPHERES[job.quick], job),
-        [],
-        RESOLUTIONS[job.quick],
-    )
+    packing, rows = KnownPacking.of(SPHERES[job.quick], job), []
+    resolutions = RESOLUTIONS[job.quick]
     sweeps = [("moments", r, TOLERANCE[job.quick]) for r in resolutions]
     sweeps += [("vectors", resolutions[-1], t) for t in TOLERANCES[job.quick]]
     for what, resolution, tolerance in sweeps:
         setting = {"resolution": resolution, "tolerance": tolerance}
         cost = job.measured(states, path=packing.path, **setting)
         found = density_of_states(packing.system.network, **setting)
-        rows.append(
-            {
-                "method": f"random vectors, more {what}",
-                "resolution_hz": resolution,
-                "moments": found.moments.shape[2],
-                "vectors": len(found.moments),
-                "products": found.products,
-                **errors(packing.exact, packing.floppy, found),
-                **cost.cost,
-            }
-        )
+        row = {"method": f"random vectors, more {what}", "resolution_hz": resolution}
+        row |= {"moments": found.moments.shape[2], "vectors": len(found.moments)}
+        row |= {"products": found.products, **errors(packing.exact, packing.floppy, found)}
+        rows.append(row | cost.cost)
     task = (
         f"A {packing} and split off. `error` is the largest error of the number of modes below a "
         "frequency, over all modes; `error_of_kernel` what exact moments would have with the same "
@@ -107,7 +97,7 @@ def knee(rows: Rows) -> dict[str, Any]:
     """
     moments = [row for row in rows if row["method"].endswith("more moments")]
     enough = [row for row in moments if row["error_of_kernel"] < TOLERANCE[False]]
-    return max(enough, key=lambda row: row["resolution_hz"]) if enough else moments[-1]
+    return max(enough, key=lambda row: row["resolution_hz"], default=moments[-1])
 
 
 def notes(rows: Rows) -> list[str]:

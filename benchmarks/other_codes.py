@@ -7,6 +7,7 @@ algorithm on its linear form, which is what `polyeig` does in the codes that hav
 compared with this program's answer to its own question: the same springs, the same freedom.
 """
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -70,11 +71,6 @@ def of_matrix(path: str) -> Task:
     return action
 
 
-def without_shear(network: Network) -> Network:
-    """The same contacts with next to no tangential stiffness (a network's must be above zero)."""
-    return replace(network, stiffness_tangential=1e-12 * network.stiffness_tangential)
-
-
 def lammps(job: Job, network: Network) -> Measured:
     """Frequencies, Hz, of LAMMPS' matrix and its eigenvalues, and what both have cost."""
     write_atoms(job.folder / "scene.data", network)
@@ -88,7 +84,9 @@ def lammps(job: Job, network: Network) -> Measured:
 def rows_of(job: Job, spheres: int) -> Rows:
     """Each code's way on a packing of so many spheres, beside this program's way there."""
     network = random_packing(spheres, STRESS, seed=1, periodic=True)
-    path, bare = job.write(network, "whole"), job.write(without_shear(network), "bare")
+    # Next to no tangential stiffness: a network's must be above zero.
+    no_shear = replace(network, stiffness_tangential=1e-12 * network.stiffness_tangential)
+    path, bare = job.write(network, "whole"), job.write(no_shear, "bare")
     rows: Rows = []
 
     def add(method: str, theirs: Measured, mine: Measured) -> None:
@@ -101,7 +99,7 @@ def rows_of(job: Job, spheres: int) -> Rows:
         add("quadratic problem, dense QZ", job.measured(quadratic, path=path), mine)
     mine = job.measured(own, path=bare, pre_stress="normal")
     add("this program, no shear", mine, mine)
-    if Lammps.available():
+    if shutil.which(Lammps.command):
         add("LAMMPS dynamical_matrix, LAPACK", lammps(job, network), mine)
     return rows
 

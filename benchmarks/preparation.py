@@ -17,7 +17,7 @@ from benchmarks.harness import diagram
 from benchmarks.harness.measure import Job
 from benchmarks.harness.report import Page, Rows
 from modal.dem.motion import Dynamics
-from modal.packing.sample import Sample, read_sample
+from modal.packing.sample import read_sample
 from modal.packing.state import void_ratio
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
@@ -66,11 +66,6 @@ Trace = dict[str, Any]
 """How a run's state changed, by column."""
 
 
-def loose_spheres(spheres: int, friction: float, seed: int) -> Sample:
-    """Random spheres that do not touch."""
-    return cloud(protocol.Study(friction, spheres, width_of(spheres, ASPECT), seed))
-
-
 def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
     """Task: spheres driven to the stress, hardly damped until they jam; how their state changes.
 
@@ -106,13 +101,6 @@ def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
     return action
 
 
-def compressed(job: Job, start: Sample, inertial_number: float) -> Trace:
-    """One run of the servo."""
-    given = {"path": job.write(start, "start"), "inertial_number": inertial_number}
-    trace = job.measured(servo, steps=STEPS[job.quick], **given).value
-    return {name: np.array(column) for name, column in trace.items()}
-
-
 def stop_rows(trace: Trace, what: dict[str, Any]) -> Rows:
     """A row for each stop criterion that the run has met before its end, and one for that."""
     end, stops = len(trace["steps"]) - 1, dict[float | str, int]()
@@ -139,7 +127,10 @@ def run(job: Job) -> Page:
     for number, friction, seed in RUNS[job.quick]:
         name = f"I = {number:g}, friction {friction:g}, start {seed}"
         what = {"method": name, "inertial_number": number, "friction": friction, "seed": seed}
-        rows += stop_rows(compressed(job, loose_spheres(spheres, friction, seed), number), what)
+        start = cloud(protocol.Study(friction, spheres, width_of(spheres, ASPECT), seed))
+        given = {"path": job.write(start, "start"), "steps": STEPS[job.quick]}
+        trace = job.measured(servo, inertial_number=number, **given).value
+        rows += stop_rows({key: np.array(column) for key, column in trace.items()}, what)
     task = (
         f"{spheres} spheres from a cloud without contacts straight to {STRESS / 1e3:g} kPa. "
         "Errors of e and Z are relative to the end of the same run; stresses must be met to "

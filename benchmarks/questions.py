@@ -6,9 +6,6 @@ repeat the sample sideways, up to ten million spheres, which need 16 GB.
 """
 
 import shutil
-from typing import NamedTuple
-
-from matplotlib.figure import Figure
 
 from benchmarks.harness import diagram
 from benchmarks.harness.measure import CORES, Job, Measured, median_of
@@ -22,62 +19,51 @@ SMALL, PACKING, MADE, WIDE = (f"{name}.sample.h5" for name in ("small", "packing
 """Files that the questions are asked of, in the folder in which they are asked."""
 ONCE_MORE = 60.0
 """Seconds up to which a question is asked with one thread, too."""
-COPIES = ((2, 2), (7, 4), (17, 17))
-"""Repetitions of the sample along x and y."""
-
-
-class Question(NamedTuple):
-    """What is asked: its command, and the seconds in which the answer should be there, if stated.
-
-    A command that makes a packing writes to the folder `made`.
-    """
-
-    text: str
-    command: str
-    goal: float | None = None
-
-
-QUESTIONS = [
-    Question("what is in a small packing", f"modal info {SMALL}", 0.35),
-    Question("V_P, V_S, f_low-pass", f"analysis measure {PACKING} --quick", 15),
-    Question("all quantities", f"analysis measure {PACKING}", 50),
-    Question("V_P and V_S by the moduli", f"modal moduli {PACKING}"),
-    Question("the wave from wall to wall", f"modal wave {PACKING} --duration 6e-4"),
-    Question("what passes up to 20 kHz", f"modal response {PACKING} --highest 2e4"),
-    Question("density of states", f"modal density {PACKING} --tolerance 0.005"),
-    Question("how many modes lie below 20 kHz", f"modal count {PACKING} --at 2e4"),
-    Question("the lowest 100 modes", f"modal modes {PACKING} --lowest 100"),
-    Question(
-        "a slender packing", "modal pack --spheres 8800 --aspect 20.4 --stress 1e5 -o made", 60
-    ),
-    Question("its modes below 30 kHz", f"modal modes {MADE} --below 3e4", 60),
-    Question(
-        "a packing with friction, cloud to 100 kPa",
-        "modal pack --friction 0.4 --spheres 35201 --width 14.65 --stress 1e5 -o made",
-    ),
-    Question("its rest", f"modal relax {MADE} --friction 0.5 -o rested.sample.h5"),
-]
-OF_COPIES = {
-    "repeated {x} x {y} times": "modal tile {packing} --repeat {x} {y} -o {wide}",
-    "the wave, {x} x {y} times": "modal wave {wide} --duration 6e-4 --whole",
+SIZES = {
+    True: {"slender": 1000, "rough": 300, "width": 5},
+    False: {"slender": 8800, "rough": 35201, "width": 14.65},
 }
+"""Spheres of packings that are made, without friction and with it; diameters."""
+COPIES = {True: (), False: ((2, 2), (7, 4), (17, 17))}
+"""Repetitions of the sample along x and y."""
+QUESTIONS = {
+    "what is in a small packing": (f"modal info {SMALL}", 0.35),
+    "V_P, V_S, f_low-pass": (f"analysis measure {PACKING} --quick", 15),
+    "all quantities": (f"analysis measure {PACKING}", 50),
+    "V_P and V_S by the moduli": (f"modal moduli {PACKING}", None),
+    "the wave from wall to wall": (f"modal wave {PACKING} --duration 6e-4", None),
+    "what passes up to 20 kHz": (f"modal response {PACKING} --highest 2e4", None),
+    "density of states": (f"modal density {PACKING} --tolerance 0.005", None),
+    "how many modes lie below 20 kHz": (f"modal count {PACKING} --at 2e4", None),
+    "the lowest 100 modes": (f"modal modes {PACKING} --lowest 100", None),
+    "a slender packing": (
+        "modal pack --spheres {slender} --aspect 20.4 --stress 1e5 -o made",
+        60,
+    ),
+    "its modes below 30 kHz": (f"modal modes {MADE} --below 3e4", 60),
+    "a packing with friction, cloud to 100 kPa": (
+        "modal pack --friction 0.4 --spheres {rough} --width {width} --stress 1e5 -o made",
+        None,
+    ),
+    "its rest": (f"modal relax {MADE} --friction 0.5 -o rested.sample.h5", None),
+}
+"""What is asked -> its command, and the seconds in which the answer should be there, if stated. A
+command that makes a packing writes to the folder `made`."""
 
 
-def _with(command: str, others: dict[str, str]) -> str:
-    return " ".join(others.get(word, word) for word in command.split())
-
-
-def questions(quick: bool) -> list[Question]:
-    """All of them; with `quick` a small slender packing and no copies."""
-    if quick:
-        small = {"8800": "1000", "35201": "300", "14.65": "5"}
-        return [q._replace(command=_with(q.command, small)) for q in QUESTIONS]
-    files = {"packing": PACKING, "wide": WIDE}
-    return QUESTIONS + [
-        Question(text.format(x=x, y=y), command.format(x=x, y=y, **files))
-        for x, y in COPIES
-        for text, command in OF_COPIES.items()
-    ]
+def questions(quick: bool) -> dict[str, tuple[str, float | None]]:
+    """All of them, in their order; with `quick` of small packings and without copies."""
+    asked = {
+        text: (words.format(**SIZES[quick]), goal) for text, (words, goal) in QUESTIONS.items()
+    }
+    for x, y in COPIES[quick]:
+        asked[f"repeated {x} x {y} times"] = (
+            f"modal tile {PACKING} --repeat {x} {y} -o {WIDE}",
+            None,
+        )
+        wave = f"modal wave {WIDE} --duration 6e-4 --whole"
+        asked[f"the wave, {x} x {y} times"] = wave, None
+    return asked
 
 
 def run(job: Job) -> Page:
@@ -91,7 +77,7 @@ def run(job: Job) -> Page:
         return job.command(*command.split(), threads=threads)
 
     rows: Rows = []
-    for text, command, goal in questions(job.quick):
+    for text, (command, goal) in questions(job.quick).items():
         found = median_of(3, lambda asked=command: answered(asked, CORES))
         row = {"question": text, "goal_s": goal, **found.cost, "one_thread_s": None}
         if not found.failure and found.seconds < ONCE_MORE:
@@ -109,14 +95,9 @@ def run(job: Job) -> Page:
         for row in rows
         if row["goal_s"] and row["seconds"]
     ]
-    return Page(TITLE, task, {"questions": rows}, said, {"questions": draw(rows)})
-
-
-def draw(rows: Rows) -> Figure:
-    """Seconds of each answer, and those that were aimed at."""
     shown = [row for row in rows if row["seconds"]]
     figure, ax = diagram.bars([row["question"] for row in shown], {"measured": shown}, "seconds")
     ax.plot([row["goal_s"] for row in shown], range(len(shown)), "k|", ms=14, label="aimed at")
     ax.set(xscale="log", xlabel="seconds")
     diagram.legend_below(figure, ax)
-    return figure
+    return Page(TITLE, task, {"questions": rows}, said, {"questions": figure})

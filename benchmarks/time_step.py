@@ -11,7 +11,7 @@ from benchmarks.harness import diagram
 from benchmarks.harness.measure import Job
 from benchmarks.harness.packing import sample_or_small
 from benchmarks.harness.report import Page, Rows
-from benchmarks.wave import leapfrog_rows
+from benchmarks.wave import linear_rows
 
 TITLE = "Time step of a wave in a random packing"
 SMALL, DURATION = 300, {True: 5e-5, False: 2e-4}
@@ -30,7 +30,7 @@ ERRORS = {
 def run(job: Job) -> Page:
     """The linear leapfrog at every time step."""
     duration, network = DURATION[job.quick], sample_or_small(SMALL, job.quick, aspect=10.05)
-    rows = leapfrog_rows(job, network, duration, FRACTIONS[job.quick])
+    rows = linear_rows(job, network, duration, fractions=FRACTIONS[job.quick])
     task = (
         f"Random packing of {network.n_particles} spheres without friction, {1e3 * duration:g} ms, "
         "springs only: relative L2 errors over all times."
@@ -45,4 +45,4 @@ def run(job: Job) -> Page:
 def knee(rows: Rows, error: str = "error") -> dict[str, Any] | None:
     """The largest step whose error is below the non-linear one, None if there is none."""
     enough = [row for row in rows if row[error] < NON_LINEAR]
-    return max(enough, key=lambda row: row["time_step_over_limit"]) if enough else None
+    return max(enough, key=lambda row: row["time_step_over_limit"], default=None)

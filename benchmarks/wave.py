@@ -5,6 +5,7 @@ springs or, for YADE and LAMMPS, of their law's tangent.
 """
 
 import math
+import shutil
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -17,6 +18,7 @@ from benchmarks.harness.report import Page, Rows
 from benchmarks.harness.yade import Yade
 from modal.packing.network import Network, read_network
 from modal.waves.propagate import propagate
+from modal.waves.source import RECORDING_INTERVAL
 
 TITLE = "The same wave by linear propagation, leapfrog, YADE and LAMMPS"
 TOLERANCES = {True: (1e-1, 1e-5, 1e-9), False: (1e-1, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12)}
@@ -34,54 +36,47 @@ def linear(path: str, duration: float, **setting: float) -> Callable[[], int]:
     return lambda: propagate(network, duration, **setting).products
 
 
-def chebyshev_rows(job: Job, network: Network, duration: float) -> Rows:
-    """The wave of the springs at each tolerance, against the tightest."""
-    path, rows = job.write(network), []
-    how = {"duration": duration, "interval": dem.INTERVAL}
-    exact = propagate(network, **how, tolerance=dem.REFERENCE).signals.chain_displacement
-    for tolerance in TOLERANCES[job.quick]:
-        spent = job.measured(linear, path=path, tolerance=tolerance, **how)
-        found = propagate(network, **how, tolerance=tolerance).signals.chain_displacement
-        what = {"method": CHEBYSHEV, "setting": f"tolerance {tolerance:g}", "products": spent.value}
-        rows.append(what | {"error": dem.relative(found, exact)} | spent.cost)
-    return rows
-
-
-def leapfrog_rows(job: Job, network: Network, duration: float, fractions: Sequence[float]) -> Rows:
-    """The linear leapfrog at each time step, against the wave without one."""
-    path, rows = job.write(network), []
+def linear_rows(
+    job: Job,
+    network: Network,
+    duration: float,
+    tolerances: Sequence[float] = (),
+    fractions: Sequence[float] = (),
+) -> Rows:
+    """The springs' wave at each tolerance, and by leapfrog at each step, against the tightest."""
+    path, rows, runs = job.write(network), [], []
+    for tolerance in tolerances:
+        what = {"method": CHEBYSHEV, "setting": f"tolerance {tolerance:g}"}
+        runs.append((what, RECORDING_INTERVAL, {"tolerance": tolerance}))
     for fraction in fractions:
-        step, every = step_and_records(network, fraction, dem.INTERVAL)
-        how = {"duration": duration, "interval": every * step}
-        spent = job.measured(linear, path=path, time_step=step, **how)
+        step, every = step_and_records(network, fraction, RECORDING_INTERVAL)
+        what = {"method": LEAPFROG, "setting": f"{fraction:g} of the limit"}
+        what |= {"time_step_over_limit": fraction}
+        runs.append((what, every * step, {"time_step": step}))
+    for what, interval, setting in runs:
+        how = {"duration": duration, "interval": interval}
+        spent = job.measured(linear, path=path, **how, **setting)
         found, exact = (
-            propagate(network, **how, **setting).signals
-            for setting in ({"time_step": step}, {"tolerance": dem.REFERENCE})
+            propagate(network, **how, **each).signals
+            for each in (setting, {"tolerance": dem.REFERENCE})
         )
-        rows.append(
-            {
-                "method": LEAPFROG,
-                "setting": f"{fraction:g} of the limit",
-                "time_step_over_limit": fraction,
-                "products": spent.value,
-                "error": dem.relative(found.chain_displacement, exact.chain_displacement),
-                "error_of_layers": dem.relative(found.layer_displacement, exact.layer_displacement),
-                **spent.cost,
-            }
-        )
+        error = dem.relative(found.chain_displacement, exact.chain_displacement)
+        of_layers = dem.relative(found.layer_displacement, exact.layer_displacement)
+        what |= {"products": spent.value, "error": error, "error_of_layers": of_layers}
+        rows.append(what | spent.cost)
     return rows
 
 
 def run(job: Job) -> Page:
     """All programs that are installed, on one crystal."""
-    layers, steps = dem.LAYERS[job.quick], STEPS[job.quick]
+    layers, sweeps = dem.LAYERS[job.quick], (TOLERANCES[job.quick], STEPS[job.quick])
     crystal = dem.Crystal(layers)
     network, duration = crystal.network, crystal.duration
-    rows = chebyshev_rows(job, network, duration) + leapfrog_rows(job, network, duration, steps)
+    rows = linear_rows(job, network, duration, *sweeps)
     programs: Rows = []
     said = notes(rows)
     for program in (Yade, Lammps):
-        if program.available():
+        if shutil.which(program.command):
             programs += crystal.rows(program(job, network), job.quick)
         else:
             said.append(f"{program.name}, which is optional, is not installed here.")

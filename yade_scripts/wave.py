@@ -43,25 +43,23 @@ from modal.packing.sample import sample_of_network
 from modal.packing.state import affine_velocity
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
+from modal.waves import source
 from modal.waves.signals import DIRECTIONS, Signals, read_signals, write_signals
 from modal.waves.source import Pulse, read_motion
 from yade_scripts.scene import finish, products_folder
 from yade_scripts.state import build_scene
 from yade_scripts.wave_run import WaveRun
 
-RECORDING_INTERVAL = 5e-7
-"""Longest interval between records, s, by default: five samples a period at 400 kHz."""
-
 readParamsFromTable(
     noTableOk=True,
     case=2,
     mu_wave=0.1,
-    input_frequency=1e5,
-    fraction=0.05,
+    input_frequency=source.INPUT_FREQUENCY,
+    fraction=source.TIME_STEP_FRACTION,
     passage=1.0,
-    amplitude=2.5e-9,
+    amplitude=source.AMPLITUDE,
     duration=None,
-    interval=RECORDING_INTERVAL,
+    interval=source.RECORDING_INTERVAL,
     particles=0,
     direction="z",
     damping="",

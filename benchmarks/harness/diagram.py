@@ -12,7 +12,7 @@ from matplotlib.ticker import NullFormatter
 from analysis.figures.render import STYLE
 
 Row = Mapping[str, Any]
-COSTS = {"seconds": "processor time (s)", "peak_mb": "peak memory (MB)"}
+COSTS = {"seconds": "processor time (s)", "peak_mb": "peak memory (MB)", "mb": "memory (MB)"}
 COLORS = ("#000000", "#0060a8", "#c05000", "#737373")
 MARKERS, LINES = "os^Dxv+P*1<>", ("-", "--", "-.", ":", "--", "-", ":", "-", ":", "-.", "-", "--")
 
@@ -64,7 +64,7 @@ def bars(names: Sequence[str], series: Mapping[str, Sequence[Row]], column: str)
 
 
 def work_precision(
-    rows: Sequence[Row], errors: Mapping[str, str], costs: Sequence[str] = tuple(COSTS)
+    rows: Sequence[Row], errors: Mapping[str, str], costs: Sequence[str] = ("seconds", "peak_mb")
 ) -> Figure:
     """Grid of panels: a row for each cost, a column for each error (column name -> axis label)."""
     figure, axes = panels(len(costs), len(errors), width=max(3.0, 6.4 / len(errors)))
@@ -110,8 +110,7 @@ def legend_below(figure: Figure, ax: Axes) -> None:
 def exponent(rows: Sequence[Row], quantity: str) -> float | None:
     """Slope of log quantity over log x through the larger half of the points, None if too few."""
     points = [(row["x"], row[quantity]) for row in rows if row.get(quantity)]
-    points = points[-max(2, (len(points) + 1) // 2) :]
     if len(points) < 2:
         return None
-    x, y = np.log(np.array(points, float)).T
+    x, y = np.log(points[-max(2, (len(points) + 1) // 2) :]).T
     return float(np.polyfit(x, y, 1)[0])

@@ -1,6 +1,5 @@
 """The scene of the YADE wave in LAMMPS, where it is installed (Debian package lammps)."""
 
-import shutil
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -43,16 +42,11 @@ def run_lammps(script: Path, folder: Path, variables: Mapping[str, object]) -> M
 class Lammps:
     """The script `inside_lammps.in` on one crystal, whose atoms it reads from a folder."""
 
-    name = "LAMMPS"
+    name, command = "LAMMPS", "lmp"
 
     def __init__(self, job: Job, network: Network) -> None:
         self.job, self.network = job, network
         write_atoms(job.folder / "scene.data", network)
-
-    @staticmethod
-    def available() -> bool:
-        """Whether LAMMPS is installed."""
-        return shutil.which("lmp") is not None
 
     def wave(
         self, *, fraction: float, amplitude: float, duration: float, interval: float

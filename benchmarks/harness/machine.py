@@ -3,6 +3,7 @@
 import importlib.metadata
 import os
 import platform
+import re
 import subprocess
 from pathlib import Path
 
@@ -11,11 +12,9 @@ PACKAGES = ("numpy", "scipy", "numba", "pypardiso", "h5py")
 
 def processor() -> str:
     """Model of the processor as the system names it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
+    listed = Path("/proc/cpuinfo")
+    names = re.findall("model name.*: (.*)", listed.read_text()) if listed.exists() else []
+    return names[0] if names else platform.processor() or platform.machine()
 
 
 def yade_version() -> str:
@@ -29,12 +28,8 @@ def yade_version() -> str:
 
 def description() -> str:
     """What the numbers were measured on; no names of hosts or folders."""
-    versions = []
-    for name in PACKAGES:
-        try:
-            versions.append(f"{name} {importlib.metadata.version(name)}")
-        except importlib.metadata.PackageNotFoundError:
-            versions.append(f"no {name}")
+    installed = {each.name: each.version for each in importlib.metadata.distributions()}
+    versions = [f"{name} {installed.get(name, 'absent')}" for name in PACKAGES]
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
     return (
         f"{processor()}, {os.cpu_count()} cores, {memory:.0f} GB; {platform.system()} "

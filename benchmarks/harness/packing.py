@@ -1,10 +1,11 @@
-"""Packings that benchmarks share: one whose whole spectrum is known, and samples of any size."""
+"""Packings that benchmarks share: of known spectrum, of any size; what a product K u moves."""
 
 import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.sparse import csr_matrix
 
 from benchmarks.harness.measure import ROOT, Job
 from modal.exchange.registry import read_packing
@@ -15,6 +16,7 @@ from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.system.contacts import motion_of_contacts, slip, springs
 from modal.system.linear_system import LinearSystem, frequency_of
+from modal.system.operator import ContactOperator
 from modal.waves.source import INPUT_FREQUENCY
 
 SAMPLE = ROOT / "results" / "samples" / "case06.sample.h5"
@@ -110,3 +112,16 @@ def step_and_records(network: Network, fraction: float, interval: float) -> tupl
     highest = float(modes_of(LinearSystem.of(network), highest=1, certify=False).frequency[-1])
     steps = math.ceil(math.pi * highest / (fraction * INPUT_FREQUENCY))
     return 1 / (INPUT_FREQUENCY * steps), max(1, round(steps * INPUT_FREQUENCY * interval))
+
+
+def bytes_of(product: ContactOperator | csr_matrix) -> float:
+    """Through memory: of a sparse matrix, or of the loop over contacts, which reads its result."""
+    operator = isinstance(product, ContactOperator)
+    if operator and product._matrix is None:
+        on = product._contacts
+        held = [on.rows, on.ends, on.slabs, on.pieces, on.fresh, product._scale]
+        held += [on.lateral, on.aside, on.shear]
+        return sum(array.nbytes for array in held if array is not None) + 24.0 * product.shape[0]
+    matrix = product._matrix if operator else product
+    held = (matrix.data, matrix.indices, matrix.indptr)
+    return sum(array.nbytes for array in held) + 16.0 * matrix.shape[0]

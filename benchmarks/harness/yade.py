@@ -1,6 +1,5 @@
 """Waves by the study's script inside YADE: their signals, time and memory."""
 
-import shutil
 from dataclasses import replace
 
 from benchmarks.harness.measure import ROOT, Job, Measured, median_of, run_command
@@ -22,7 +21,7 @@ def in_yades_order(network: Network) -> Network:
 class Yade:
     """The wave script on one network, which stands as case 2 in a folder."""
 
-    name = "YADE"
+    name, command = "YADE", "yade"
 
     def __init__(self, job: Job, network: Network) -> None:
         self.folder, self.times = job.folder, job.times
@@ -31,11 +30,6 @@ class Yade:
         write_modes(job.folder / "case02.highest.modes.h5", highest)
         # A wave of a single interval is a start.
         self.start = self._run(fraction=0.5, amplitude=AMPLITUDE, duration=1.1e-5)
-
-    @staticmethod
-    def available() -> bool:
-        """Whether YADE is installed."""
-        return shutil.which("yade") is not None
 
     def wave(self, **settings: float) -> tuple[Signals, Measured]:
         """Signals, and what the steps have cost, without YADE's start and the scene's building.

@@ -17,6 +17,10 @@ AMPLITUDE = 2.5e-9
 """A of u = A (1 - cos 2 pi f t), m: the paper's double amplitude 2A is 5 nm."""
 INPUT_FREQUENCY = 1e5
 """Nominal input frequency, Hz (Otsubo et al. 2017, section 2)."""
+RECORDING_INTERVAL = 5e-7
+"""Longest interval between YADE's records, s, by default: five samples a period at 400 kHz."""
+TIME_STEP_FRACTION = 0.05
+"""Time step of YADE's wave over its limit, by default; `python -m benchmarks defaults`: why."""
 MOST_PERIODS = 1e4
 """Of a chirp."""
 
