@@ -293,6 +293,18 @@ def from_other_end(network: Network, other: np.ndarray) -> Network:
     )
 
 
+def renumbered(network: Network, number: np.ndarray) -> Network:
+    """The same packing, sphere k being number[k], its contacts in another order."""
+    back = np.argsort(number)
+    mixed = network.with_contacts(np.random.default_rng(2).permutation(network.n_contacts))
+    return replace(
+        mixed,
+        **{k: getattr(network, k)[back] for k in ("position", "radius", "mass", "inertia")},
+        particle_i=number[mixed.particle_i],
+        particle_j=np.where(mixed.with_wall, mixed.particle_j, number[mixed.partner]),
+    )
+
+
 def diluted(share: float, seed: int, layers: int = 6) -> Network:
     """A crystal that has lost a share of its contacts at random: loose parts of every kind."""
     network = gallery.fcc(cells=(4, 4, layers))

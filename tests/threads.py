@@ -8,6 +8,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+from packings import renumbered
 
 import modal
 from modal.dem.contacts import MovingContacts
@@ -30,7 +31,7 @@ def digest(*arrays: np.ndarray) -> str:
 
 def products(pre_stress: str) -> str:
     """Of one vector and of three, by the loop over contacts in an order of no meaning."""
-    from test_cores import crystal, renumbered
+    from test_cores import crystal
 
     network = crystal()
     network = renumbered(network, np.random.default_rng(5).permutation(network.n_particles))

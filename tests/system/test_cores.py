@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import PRE_STRESS
+from packings import PRE_STRESS, renumbered
 
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
@@ -21,18 +21,6 @@ def crystal() -> Network:
     rng = np.random.default_rng(1)
     across = np.cross(network.normal, rng.standard_normal((network.n_contacts, 3)))
     return replace(network, force_tangential=0.1 * network.force_normal[:, None] * across)
-
-
-def renumbered(network: Network, number: np.ndarray) -> Network:
-    """The same packing, sphere k being number[k], its contacts in another order."""
-    back = np.argsort(number)
-    mixed = network.with_contacts(np.random.default_rng(2).permutation(network.n_contacts))
-    return replace(
-        mixed,
-        **{k: getattr(network, k)[back] for k in ("position", "radius", "mass", "inertia")},
-        particle_i=number[mixed.particle_i],
-        particle_j=np.where(mixed.with_wall, mixed.particle_j, number[mixed.partner]),
-    )
 
 
 NETWORK = crystal()
