@@ -1,7 +1,6 @@
 """The pages say what is so: every block of Python and of commands runs, links lead to files."""
 
 import re
-import runpy
 import shlex
 import shutil
 import subprocess
@@ -24,13 +23,10 @@ def blocks(page):
     return BLOCK.findall(page.read_text())
 
 
-def with_blocks():
-    """Pages whose blocks run; those of the README are looked at more closely below."""
-    pages = [page for page in PAGES if page.name != "README.md"]
-    return [page for page in pages if {kind for kind, _ in blocks(page)} & {"python", "console"}]
+WITH_BLOCKS = [page for page in PAGES if {kind for kind, _ in blocks(page)} & {"python", "console"}]
 
 
-@pytest.mark.parametrize("page", with_blocks(), ids=lambda page: page.name)
+@pytest.mark.parametrize("page", WITH_BLOCKS, ids=lambda page: page.name)
 def test_every_block_runs(page, tmp_path, monkeypatch, capsys):
     """In the page's order and in one folder; names stay from block to block, as for a reader."""
     pyplot = pytest.importorskip("matplotlib.pyplot")
@@ -49,19 +45,10 @@ def test_every_block_runs(page, tmp_path, monkeypatch, capsys):
                 arguments = shlex.split(line.removeprefix(f"$ {program} "))
                 assert PROGRAMS[program](arguments) == 0, (line, capsys.readouterr().err)
     pyplot.close("all")
-
-
-def test_the_readme_s_five_lines_show_something(tmp_path, monkeypatch, capsys):
-    """Verbatim, as a script in an empty folder: the modes are printed, and there is a figure."""
-    pytest.importorskip("matplotlib.pyplot").switch_backend("agg")
-    monkeypatch.chdir(tmp_path)
-    (lines,) = [text for kind, text in blocks(ROOT / "README.md") if kind == "python"]
-    (tmp_path / "five.py").write_text(lines)
-    names = runpy.run_path("five.py")
-    said = capsys.readouterr().out.partition("[")[2]
-    shown = [float(text) for text in re.findall(r"\d+\.\d+", said)]
-    assert shown == pytest.approx(names["low"].frequency, rel=1e-6)
-    assert (tmp_path / "wave.png").read_bytes().startswith(b"\x89PNG")
+    if page.name == "README.md":  # its five lines, verbatim: modes are printed, there is a figure
+        shown = re.findall(r"\d+\.\d+", capsys.readouterr().out.partition("[")[2])
+        assert list(map(float, shown)) == pytest.approx(names["low"].frequency, rel=1e-6)
+        assert (tmp_path / "wave.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_commands_of_text_blocks_have_options_that_exist():
