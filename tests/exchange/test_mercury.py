@@ -36,24 +36,27 @@ SPECIES = {(0, 0): (6e10, 2e10, 0.5), (1, 1): (2e11, 8e10, 0.4), (0, 1): (9.2e10
 WALL_SPECIES = 1
 
 
-def mindlin(network: Network, folder: Path, species: dict = SPECIES) -> tuple[Path, np.ndarray]:
+def words(numbers) -> str:
+    """Numbers in full precision."""
+    return " ".join(map(repr, np.ravel(numbers).tolist()))
+
+
+def mindlin(network: Network, folder: Path) -> tuple[Path, np.ndarray]:
     """A restart file of Hertz-Mindlin between two walls, and its sliding springs (m, 3), m.
 
     As MercuryDPM 0.14 writes it: even spheres of species 0, odd ones of species 1, its walls, too.
     """
-    random = np.random.default_rng(3)
-    low, high = network.wall_position.tolist()
-    side = network.cell_size.tolist()
+    random, (low, high) = np.random.default_rng(3), network.wall_position.tolist()
     spring = np.cross(network.normal, random.standard_normal((network.n_contacts, 3)))
     spring *= 0.2 * network.overlap[:, None]
-    still = np.zeros((network.n_particles, 6))
-    force, _ = mercury(network, spring, still, species)
+    force, _ = mercury(network, spring, np.zeros((network.n_particles, 6)))
+    x, y, _ = network.cell_size.tolist()
     text = (
-        f"MercuryDPM 0.14 name packing\nxMin 0 xMax {side[0]!r} yMin 0 yMax {side[1]!r} "
-        f"zMin {low!r} zMax {high!r}\nsystemDimensions 3 particleDimensions 3 gravity 0 0 0\n"
-        f"Species {len(species)}\n"
+        f"MercuryDPM 0.14 name packing\nxMin 0 xMax {x!r} yMin 0 yMax {y!r} zMin {low!r} "
+        f"zMax {high!r}\nsystemDimensions 3 particleDimensions 3 gravity 0 0 0\n"
+        f"Species {len(SPECIES)}\n"
     )
-    for (a, b), (elastic, shear, friction) in species.items():
+    for (a, b), (elastic, shear, friction) in SPECIES.items():
         named = f"Species id {a}" if a == b else f"MixedSpecies idA {b} idB {a}"
         text += (
             f"HertzianViscoelasticMindlin{named} density 2500 elasticModulus {elastic!r} "
@@ -65,30 +68,25 @@ def mindlin(network: Network, folder: Path, species: dict = SPECIES) -> tuple[Pa
         text += f"InfiniteWall id {k} indSpecies {WALL_SPECIES} position 0 0 {z!r} "
         text += f"orientation 0.707106781186548 0 {sign * 0.707106781186548!r} 0\n"
     text += "Boundaries 2\n"
-    for axis, normal in enumerate(("1 0 0", "0 1 0")):
-        shift = " ".join(repr(side[axis]) if word == "1" else "0" for word in normal.split())
-        text += f"PeriodicBoundary id {axis} normal {normal} scaleFactor 1 distanceLeft 0 "
-        text += f"distanceRight {side[axis]!r} shift {shift}\n"
+    for axis, (along, shift) in enumerate((("1 0 0", [x, 0, 0]), ("0 1 0", [0, y, 0]))):
+        text += f"PeriodicBoundary id {axis} normal {along} scaleFactor 1 distanceLeft 0 "
+        text += f"distanceRight {shift[axis]!r} shift {words(shift)}\n"
     text += f"Particles {network.n_particles}\n"
-    rows = np.column_stack([network.position, network.radius, 1 / network.mass]).tolist()
-    for k, (*place, radius, heavy) in enumerate(rows):
-        text += f"BaseParticle id {k} indSpecies {k % 2} position {' '.join(map(repr, place))} "
-        text += f"radius {radius!r} invMass {heavy!r}\n"
+    for k, (place, radius) in enumerate(zip(network.position, network.radius, strict=True)):
+        text += f"BaseParticle id {k} indSpecies {k % 2} position {words(place)} "
+        text += f"radius {words(radius)} invMass {words(1 / network.mass[k])}\n"
     text += f"Interactions {network.n_contacts}\n"
-    for i, j, vector, lengths in zip(
-        network.particle_i, network.particle_j, force.tolist(), spring.tolist(), strict=True
-    ):
+    for c, (i, j) in enumerate(zip(network.particle_i, network.particle_j, strict=True)):
         ends = f"particleIds {i} {j}" if j >= 0 else f"particleWallIds {i} {-j - 1}"
         text += f"HertzianViscoelasticMindlinInteraction {ends} timeStamp 1 contactPoint 0 0 0 "
-        text += f"force {' '.join(map(repr, vector))} torque 0 0 0 "
-        text += f"slidingSpring {' '.join(map(repr, lengths))}\n"
+        text += f"force {words(force[c])} torque 0 0 0 slidingSpring {words(spring[c])}\n"
     path = folder / "mindlin.restart"
     path.write_text(text)
     return path, spring
 
 
 def mercury(
-    network: Network, spring: np.ndarray, moved: np.ndarray, species: dict = SPECIES
+    network: Network, spring: np.ndarray, moved: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Force (m, 3) on the first of each contact, and on all spheres force and torque (n, 6).
 
@@ -97,37 +95,35 @@ def mercury(
     N = 4/3 E a overlap with a = sqrt(R* overlap), sliding spring s that grows by the motion of the
     contact point across n and is turned into the new plane (not at a wall), Ft = -2/3 (8 G a) s.
     """
-    forces, on_spheres = [], np.zeros((network.n_particles, 6))
+    i, j, pair = network.particle_i, network.partner, ~network.with_wall
     position, motion, turn = network.position + moved[:, :3], moved[:, :3], moved[:, 3:]
-    for c, (p, q) in enumerate(zip(network.particle_i, network.particle_j, strict=True)):
-        if q >= 0:
-            image = position[q] + network.cell_shift[c] * network.cell_size
-            distance, reach = np.linalg.norm(position[p] - image), network.radius[[p, q]].sum()
-            normal = (position[p] - image) / distance
-            effective = network.radius[p] * network.radius[q] / reach
-        else:
-            up = 1.0 if q == SOURCE_WALL else -1.0
-            distance, reach = abs(position[p, 2] - network.wall_position[-q - 1]), network.radius[p]
-            normal, effective, image = np.array([0, 0, up]), reach, None
-        overlap = reach - distance
-        kinds = (p % 2, q % 2 if q >= 0 else WALL_SPECIES)
-        elastic, shear, _ = species[min(kinds), max(kinds)]
-        circle = np.sqrt(effective * overlap)
-        arm = -(network.radius[p] - overlap / 2) * normal
-        slip = motion[p] + np.cross(turn[p], arm)
-        stretched = spring[c].copy()
-        if q >= 0:
-            other = position[p] + arm - image
-            slip -= motion[q] + np.cross(turn[q], other)
-            stretched -= normal * (spring[c] @ (motion[p] - motion[q])) / distance
-        stretched += slip - normal * (normal @ slip)
-        force = 4 / 3 * elastic * circle * overlap * normal
-        force -= 2 / 3 * 8 * shear * circle * stretched
-        forces.append(force)
-        on_spheres[p] += *force, *np.cross(arm, force)
-        if q >= 0:
-            on_spheres[q] -= *force, *np.cross(other, force)
-    return np.array(forces), on_spheres
+    image = position[j] + network.cell_shift * network.cell_size
+    plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
+    image[~pair] = np.column_stack([position[i, :2], plane])[~pair]
+    distance = np.linalg.norm(position[i] - image, axis=1)
+    normal = (position[i] - image) / distance[:, None]
+    one, other = network.radius[i], network.radius[j]
+    overlap = np.where(pair, one + other, one) - distance
+    circle = np.sqrt(np.where(pair, one * other / (one + other), one) * overlap)
+    kinds = np.sort([i % 2, np.where(pair, j % 2, WALL_SPECIES)], axis=0)
+    elastic, shear, _ = np.array([SPECIES[a, b] for a, b in kinds.T.tolist()]).T
+
+    def along(vectors: np.ndarray) -> np.ndarray:
+        return (vectors * normal).sum(axis=1)[:, None] * normal
+
+    arm = (overlap / 2 - one)[:, None] * normal
+    back = position[i] + arm - image
+    apart = np.where(pair[:, None], motion[i] - motion[j], 0)
+    slip = motion[i] + np.cross(turn[i], arm)
+    slip -= np.where(pair[:, None], motion[j] + np.cross(turn[j], back), 0)
+    turned = (spring * apart).sum(axis=1) / distance
+    stretched = spring - turned[:, None] * normal + slip - along(slip)
+    force = (4 / 3 * elastic * circle * overlap)[:, None] * normal
+    force -= (2 / 3 * 8 * shear * circle)[:, None] * stretched
+    on_spheres = np.zeros((network.n_particles, 6))
+    np.add.at(on_spheres, i, np.hstack([force, np.cross(arm, force)]))
+    np.subtract.at(on_spheres, j[pair], np.hstack([force, np.cross(back, force)])[pair])
+    return force, on_spheres
 
 
 def test_stiffness_of_mindlin_is_that_of_mercurys_forces(tmp_path):
@@ -182,7 +178,7 @@ def box(capsys, tmp_path: Path, walls: str, z: str = "0.499 1.497") -> Given:
     for k, normal, place in rows:
         vector = np.array(normal.split(), float)
         at = float(place) * vector / max(np.linalg.norm(vector), 1e-300)
-        text += f"InfiniteWall id {k} indSpecies 0 position {' '.join(map(repr, at.tolist()))} "
+        text += f"InfiniteWall id {k} indSpecies 0 position {words(at)} "
         text += f"normal {normal}\n"
     particles = "".join(
         f"BaseParticle id {k} indSpecies 0 position 0.5 2.5000001 {each} radius 0.5 invMass 1\n"
