@@ -7,7 +7,7 @@ tells the stiffnesses, positions only turn the normals. What was found is told i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from modal.exchange.particles_and_contacts import Contacts, LawOf, Packing
 from modal.exchange.text import fault
 from modal.formats.hdf5 import named
 from modal.packing.checks import WIDEST
+from modal.packing.neighbours import ContactList
 from modal.packing.network import Network
 from modal.packing.rigid_bodies import Bodies, joined
 from modal.tools.arrays import Bools, Floats, Ints
@@ -58,12 +59,11 @@ def network_of(
     what is told of the rigid ones, if there are any and their members do not tell it.
     """
     listed = contacts or packing.touching()
-    branch, shift = packing.branches(listed.i, listed.j)
-    distance = np.linalg.norm(branch, axis=1)
-    kept = _kept(listed, packing, distance)
-    touch, branch, shift, distance = listed.some(kept), branch[kept], shift[kept], distance[kept]
+    found = packing.between(listed.i, listed.j)
+    kept = _kept(listed, packing, found.overlap)
+    touch, found = listed.some(kept), ContactList(*(x[kept] for x in vars(found).values()))
+    overlap, normal = found.overlap, found.normal
     reach, effective = packing.reach(touch.i, touch.j)
-    overlap = reach - distance
     error = packing.step / np.sqrt(6)  # root mean square of a distance whose ends are rounded
     how, force = "positions", touch.force
     columns: dict[str, Any] = dict(touch.columns)
@@ -72,7 +72,7 @@ def network_of(
     if law_of is None:
         if abs(overlap).max() >= EXACT * error:
             what = "median distance of spheres that touch"
-            _refuse_few_digits(packing, error / BLUNT, distance, what, "")
+            _refuse_few_digits(packing, error / BLUNT, reach - overlap, what, "")
     else:
         kinds, which = _kinds(touch, packing, law_of)
         law = ProgramLaw.of_contacts(kinds, which)
@@ -87,14 +87,13 @@ def network_of(
             _refuse_other_units(pushed, overlap, packing.name)
             if error > BLURRED * np.median(pushed):
                 how, overlap = "forces", np.where(force > 0, pushed, overlap)
-                _turn_to_lines(branch, touch.line)
+                _turn_to_lines(normal, touch.line)
         columns |= law.columns(overlap, effective)
         sliding = None if touch.shear is None else law.slides(force, touch.shear)
     told = {
         "overlap_over_error_of_digits": float(np.median(overlap) / max(error, 1e-300)),
         "overlaps_from": how,
     }
-    normal = branch / np.linalg.norm(branch, axis=1)[:, None]
     radius_i, radius_j = packing.radius[touch.i], packing.radius[np.maximum(touch.j, 0)]
     frictions = {law.friction for law in kinds}
     with named(packing.name):
@@ -103,24 +102,20 @@ def network_of(
             radius=packing.radius,
             mass=packing.mass,
             inertia=0.4 * packing.mass * packing.radius**2,
-            particle_i=touch.i,
-            particle_j=touch.j,
-            normal=normal,
             # To the middle of the overlap.
             lever_i=(radius_i - overlap / 2)[:, None] * normal,
             lever_j=np.where(touch.j < 0, 0.0, overlap / 2 - radius_j)[:, None] * normal,
             force_normal=force,
             force_tangential=touch.shear,
-            overlap=overlap,
             sliding=sliding,
-            cell_shift=shift,
             cell_size=packing.cell.high - packing.cell.low,
             cell_periodic=packing.cell.periodic,
             wall_position=np.array(packing.cell.planes),
             study={"mu_wave": float(frictions.pop())} if len(frictions) == 1 else {},
+            **vars(replace(found, overlap=overlap)),
             **columns,
         )
-        if packing.body is not None:
+        if (packing.body > 0).any():
             network = joined(network, packing.body, bodies)
     return ImportResult(network, kinds, which, told, sought=contacts is None)
 
@@ -133,14 +128,13 @@ def _kinds(contacts: Contacts, packing: Packing, law_of: LawOf) -> tuple[list[Pr
     return [law_of(int(a), int(b)) for a, b in pairs], which.reshape(-1)
 
 
-def _kept(listed: Contacts, packing: Packing, distance: Floats) -> Bools:
+def _kept(listed: Contacts, packing: Packing, overlap: Floats) -> Bools:
     """Shape (m,): contacts of spheres that touch, and not inside a body.
 
     What a table lists with a stiffness is a contact. InputError, with its line, for two in one
     place, and for a contact of bodies that lie apart.
     """
     reach, _ = packing.reach(listed.i, listed.j)
-    overlap = reach - distance
     kept = np.ones(len(overlap), bool)
     if not listed.columns:
         kept = overlap > 0 if listed.force is None else listed.force != 0
@@ -150,7 +144,7 @@ def _kept(listed: Contacts, packing: Packing, distance: Floats) -> Bools:
         return f"spheres {one} and {other}" if listed.j[row] >= 0 else f"sphere {one} and the wall"
 
     do = "mend the positions, or the numbers of the two"
-    listed.refuse(distance == 0, lambda row: f"{ends(row)} lie in one place", do, packing.name)
+    listed.refuse(overlap == reach, lambda row: f"{ends(row)} lie in one place", do, packing.name)
     do = "write both at one step, in one unit of length, with the cell's periods and walls"
     listed.refuse(
         kept & (overlap < -WIDEST * reach),
@@ -184,12 +178,11 @@ def _refuse_other_units(pushed: Floats, overlap: Floats, name: str) -> None:
         fault(name, what, do)
 
 
-def _turn_to_lines(branch: Floats, line: Floats | None) -> None:
-    """Turn branches to the lines that are told: six digits of a force against six of a position."""
+def _turn_to_lines(normal: Floats, line: Floats | None) -> None:
+    """Turn normals to the lines that are told: six digits of a force against six of a position."""
     if line is None:
         return
     size = np.linalg.norm(line, axis=1)
     told = size > 0
-    way = np.sign((line * branch).sum(axis=1))[told] / size[told]
-    length = np.linalg.norm(branch, axis=1)[told]
-    branch[told] = (way * length)[:, None] * line[told]
+    way = np.sign((line * normal).sum(axis=1))[told] / size[told]
+    normal[told] = way[:, None] * line[told]

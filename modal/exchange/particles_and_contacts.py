@@ -10,7 +10,7 @@ import numpy as np
 
 from modal.exchange.law import ProgramLaw, Units
 from modal.exchange.text import Rows, fault, last_step
-from modal.packing.neighbours import touching
+from modal.packing.neighbours import ContactList, between, touching
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Array, Bools, Floats, Ints
 
@@ -39,11 +39,6 @@ class Cell:
         low, high = np.where(np.isnan(self.walls), (self.low[2], self.high[2]), self.walls)
         return float(low), float(high)
 
-    def nearest(self, branch: Floats) -> tuple[Floats, Ints]:
-        """A branch (m, 3) through the nearest images, and the periods (m, 3) that are added."""
-        shift = -np.round(branch / np.where(self.periodic, self.periods, np.inf)).astype(np.int32)
-        return branch + shift * self.periods, shift
-
 
 @dataclass(frozen=True)
 class Packing:
@@ -63,7 +58,7 @@ class Packing:
     radius: Floats
     mass: Floats
     kind: Ints
-    body: Ints | None = None
+    body: Ints
 
     @classmethod
     def of(
@@ -90,7 +85,8 @@ class Packing:
         )
         step = last_step(columns["position"], digits) if step is None else step
         unit = {"position": units.length, "radius": units.length, "mass": units.mass}
-        whole = {"kind": np.zeros(len(order), int)} | dict(columns) | {"number": number}
+        none = np.zeros(len(order), int)
+        whole = {"kind": none, "body": none} | dict(columns) | {"number": number}
         own: dict[str, Any] = {k: unit.get(k, 1) * data[order] for k, data in whole.items()}
         found = cls(str(rows.path), cell, digits, units.length * step, **own)
         found._check()
@@ -128,25 +124,22 @@ class Packing:
 
     def inside_body(self, i: Ints, j: Ints) -> Bools:
         """Shape (m,): contacts between two spheres of one body, which are none."""
-        if self.body is None:
-            return np.zeros(len(i), bool)
         one, other = self.body[i], self.body[np.maximum(j, 0)]
         same: Bools = (j >= 0) & (one > 0) & (one == other)
         return same
 
-    def branches(self, i: Ints, j: Ints) -> tuple[Floats, Ints]:
-        """From the centre of i to that of j, or straight to the wall, (m, 3), m, and periods."""
-        wall, start = j < 0, self.position[i]
-        branch, shift = self.cell.nearest(self.position[np.maximum(j, 0)] - start)
-        branch[wall], shift[wall] = 0, 0
-        plane = np.where(j == SOURCE_WALL, *self.cell.planes)
-        branch[wall, 2] = (plane - start[:, 2])[wall]
-        return branch, shift
+    def between(self, i: Ints, j: Ints) -> ContactList:
+        """Contacts of i with the nearest image of j, or with a wall: normals, overlaps, periods."""
+        cell, pair = self.cell, (j >= 0)[:, None]
+        branch = self.position[np.maximum(j, 0)] - self.position[i]
+        shift = -np.round(branch / np.where(cell.periodic, cell.periods, np.inf))
+        ends = i, j, np.where(pair, shift, 0).astype(np.int32)
+        with np.errstate(invalid="ignore"):  # two in one place are refused later
+            return between(ends, self.position, cell.periods, np.array(cell.planes), self.radius)
 
     def pushes(self, i: Ints, j: Ints, force: Floats) -> tuple[Floats, Floats]:
         """Of forces (m, 3), N, on i: the part along the normal, compression positive, the rest."""
-        branch, _ = self.branches(i, j)
-        normal = branch / np.linalg.norm(branch, axis=1)[:, None]
+        normal = self.between(i, j).normal
         push = -(force * normal).sum(axis=1)
         return push, force + push[:, None] * normal
 
@@ -155,8 +148,8 @@ class Packing:
         a, b = self.radius[i], self.radius[np.maximum(j, 0)]
         return np.where(j < 0, a, a + b), np.where(j < 0, a, a * b / (a + b))
 
-    def touching(self, least: float = 0.0) -> Contacts:
-        """Contacts by overlap of more than `least`, m, alone, through all periods, and at walls."""
+    def touching(self) -> Contacts:
+        """Contacts by overlap alone, through all periods, and at walls."""
         cell, widest = self.cell, 2 * float(self.radius.max())
         # Along an axis without a period images lie beyond the reach of any sphere.
         room = np.where(cell.periodic, cell.periods, np.ptp(self.position, axis=0) + 3 * widest)
@@ -166,7 +159,7 @@ class Packing:
         with np.errstate(invalid="ignore", divide="ignore"):  # two in one place are refused later
             found = touching(self.position - origin, sides, walls, self.radius)
         i, j = found.particle_i, found.particle_j
-        kept = (found.overlap > least) & ~self.inside_body(i, j)
+        kept = ~self.inside_body(i, j)
         order = np.flatnonzero(kept)[np.lexsort((j[kept], i[kept]))]
         return Contacts(i[order], j[order])
 

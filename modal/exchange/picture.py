@@ -116,13 +116,13 @@ def write_vtk(path: Path, network: Network, frames: Frames, *, series: bool) -> 
     contacts, written = path.with_suffix(".contacts.vtu"), list[str]()
     # Ends are points of their own, so that images need no cell.
     cells = np.arange(2 * len(ends)).reshape(-1, 2)
-    _write_mesh(contacts, ends.reshape(-1, 3), ("line", cells), cell_data=of_contacts)
+    _write_mesh(contacts, ends.reshape(-1, 3), "line", cells, of_contacts)
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
     for k, (time, position, fields) in enumerate(frames):
         name = path.with_name(f"{path.stem}_{k:04d}.vtu") if series else path
         points = np.arange(len(position))[:, None]
-        _write_mesh(name, position, ("vertex", points), point_data=fields)
+        _write_mesh(name, position, "vertex", points, fields)
         ElementTree.SubElement(collection, "DataSet", timestep=repr(time), file=name.name)
         written.append(str(name))
     if not series:
@@ -133,20 +133,17 @@ def write_vtk(path: Path, network: Network, frames: Frames, *, series: bool) -> 
 
 
 def _write_mesh(
-    path: Path,
-    points: Floats,
-    cells: tuple[str, Array],
-    point_data: dict[str, Array] | None = None,
-    cell_data: dict[str, Array] | None = None,
+    path: Path, points: Floats, shape: str, cells: Array, fields: dict[str, Array]
 ) -> None:
+    """Fields are of the points, of lines of the cells."""
     try:
         import meshio  # only where VTK is asked for
     except ImportError:
-        raise InputError(
-            f"{path}: VTK is written by meshio; pip install meshio, or write NAME.xyz"
-        ) from None
-    of_cells = {name: [data] for name, data in (cell_data or {}).items()}
-    mesh = meshio.Mesh(points, [cells], point_data, of_cells)
+        do = "pip install meshio, or write NAME.xyz"
+        raise InputError(f"{path}: VTK is written by meshio; {do}") from None
+    of_cells = {name: [data] for name, data in fields.items()}
+    given = {"cell_data": of_cells} if shape == "line" else {"point_data": fields}
+    mesh = meshio.Mesh(points, [(shape, cells)], **given)
     try:
         with TemporaryDirectory() as folder:
             draft = Path(folder, path.name)

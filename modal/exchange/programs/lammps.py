@@ -86,7 +86,7 @@ def read(path: Path, **given: Any) -> ImportResult:
     planes = {code: each.z for code, each in walls.items()}
     packing = dump.packing_of(frame, units, planes, typed=script.by_type, body=body)
     of_all = any(script.groups[name] == "all" for name in script.bodies)
-    if packing.body is not None and of_all and (packing.body < 1).any():
+    if of_all and (packing.body < 1).any():
         do = "make single spheres no part of its group"
         fault(path, f"a {body} of 0, which is one more body to fix rigid", do)
     for name in script.walls:
