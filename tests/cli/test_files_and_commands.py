@@ -1,33 +1,28 @@
 """File formats round trip, bad input is refused in one line, the command line in-process."""
 
 import json
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from places import SHEARED
 
 from modal.__main__ import main
 from modal.modes.mode_set import read_modes
 from modal.packing import crystal as gallery
 from modal.packing.chain import wall_to_wall_chain
 from modal.packing.network import read_network, write_network
-from modal.packing.sample import write_sample
-from modal.preparation.random_packing import random_sample
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals, write_signals
 
 
-@pytest.fixture(scope="module")
-def random60():
-    return random_sample(60, 1e6, aspect=1.5)
-
-
 @pytest.fixture
-def sample_file(random60, tmp_path):
-    write_sample(tmp_path / "mine.sample.h5", random60)
-    return tmp_path / "mine.sample.h5"
+def sample_file(tmp_path):
+    return Path(shutil.copy(SHEARED, tmp_path / "mine.sample.h5"))
 
 
 @pytest.fixture

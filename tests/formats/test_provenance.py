@@ -31,20 +31,15 @@ from modal.packing.network import write_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.tools.errors import InputError
 
+SOURCE = {"interval": 1e-6, "direction": "z", "motion": "pulse", "cycles": 1, "tolerance": 1e-9}
 COMMANDS = {
-    "modes": ["--lowest", "4"],
-    "density": ["--resolution", "2e4"],
-    "wave": ["--duration", "2e-5"],
-    "response": ["--highest", "3e4", "--resolution", "1e4"],
+    "modes": (["--lowest", "4"], "5", {}),
+    "density": (["--resolution", "2e4"], "1.5e4", {}),
+    "wave": (["--duration", "2e-5"], "2.5e-5", SOURCE),
+    "response": (["--highest", "3e4", "--resolution", "1e4"], "2.5e4", {"direction": "z"}),
 }
-"""Commands that make a product of a packing, with options that make it small."""
-OTHER = {"modes": "5", "density": "1.5e4", "wave": "2.5e-5", "response": "2.5e4"}
-"""Other values of the first of those options."""
-DEFAULTS = {
-    "wave": {"interval": 1e-6, "direction": "z", "motion": "pulse", "cycles": 1, "tolerance": 1e-9},
-    "response": {"direction": "z"},
-}
-"""What the help of these commands says of options that are not given."""
+"""Commands that make a product of a packing: options that make it small, another value of the first
+of them, and what the help says of options that are not given."""
 
 
 @pytest.fixture
@@ -58,7 +53,7 @@ def network(tmp_path) -> Path:
 def made(command: str, network: Path, *options: str) -> Path:
     """The product of a command beside the network; later options replace earlier ones."""
     output = network.with_name(f"case02.{command}.h5")
-    assert main([command, str(network), *COMMANDS[command], *options, "-o", str(output)]) == 0
+    assert main([command, str(network), *COMMANDS[command][0], *options, "-o", str(output)]) == 0
     return output
 
 
@@ -87,13 +82,12 @@ def test_a_product_says_what_it_was_made_from_and_is_kept_until_that_changes(
     assert json.loads(said["sources"]) == [source]
     kept = json.loads(said["settings"])
     assert said["settings"] == json.dumps(kept, sort_keys=True, separators=(",", ":"))
-    option, old = COMMANDS[command][:2]
+    (option, old, *_), other, defaults = COMMANDS[command]
     assert kept[option[2:]] == float(old)
     assert said["command"].startswith(f"python -m modal {command} case02.network.h5 --")
     assert str(network.parent) not in "".join(said.values())
     assert f"numpy {np.__version__}" in said["versions"]
     # A default that is typed is no other setting: it is recorded as it is in force.
-    defaults = DEFAULTS.get(command, {})
     assert defaults.items() <= kept.items()
     before = path.stat().st_mtime_ns
     for name, value in {"skip-current": "", **defaults}.items():
@@ -101,8 +95,8 @@ def test_a_product_says_what_it_was_made_from_and_is_kept_until_that_changes(
         made(command, network, "--skip-current", *typed)
     assert path.stat().st_mtime_ns == before
     capsys.readouterr()
-    new = json.loads(OTHER[command])
-    made(command, network, "--skip-current", option, OTHER[command])
+    new = json.loads(other)
+    made(command, network, "--skip-current", option, other)
     told = f"stale, {option[2:]} was {json.loads(old)}, is {new}; making it again"
     assert told in capsys.readouterr().err
     assert path.stat().st_mtime_ns != before
@@ -135,7 +129,7 @@ def test_a_kept_product_that_fell_short_keeps_its_status(network, tmp_path):
     modes = made("modes", network)
     with h5py.File(modes, "r+") as file:
         file.attrs["missing"] = 2
-    arguments = ["modes", str(network), *COMMANDS["modes"], "--skip-current", "-o", str(modes)]
+    arguments = ["modes", str(network), *COMMANDS["modes"][0], "--skip-current", "-o", str(modes)]
     assert main(arguments) == 3
     rested = tmp_path / "case30.sample.h5"
     relax = ["relax", str(SHEARED), "-o", str(rested), "--tolerance", "1e-6"]
