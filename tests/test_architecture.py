@@ -1,8 +1,6 @@
-"""The rooms of modal and of analysis: each stands on those before it; what runs without scipy."""
+"""The rooms of modal and of analysis: each stands on those before it."""
 
 import ast
-import subprocess
-import sys
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -49,22 +47,6 @@ def test_arrows_run_one_way(package):
         used = {name[1] for name in found if name[0] == package and name[1:]}
         above = [other for other in order[order.index(room) + 1 :] if other in used]
         assert room == "__init__" or not above + [*outside], f"{path}: {above} {outside}"
-
-
-@pytest.mark.parametrize("room", ["packing", "formats"])
-def test_rooms_that_run_inside_yade_load_neither_scipy_nor_numba(room):
-    """Import every module of the room in a new process and look at what is loaded."""
-    names = [
-        f"modal.{room}.{path.stem}"
-        for path in sorted((ROOT / "modal" / room).glob("*.py"))
-        if path.stem != "__init__"
-    ]
-    heavy = "('scipy', 'numba', 'matplotlib')"
-    loaded = f"*(name for name in {heavy} if sys.modules.get(name))"
-    code = f"import sys, {', '.join(names)}; print({loaded})"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == []
 
 
 @pytest.mark.parametrize("package", ["modal", "analysis"])

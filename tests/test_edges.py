@@ -126,23 +126,16 @@ def test_tangential_over_normal_stiffness(ratio):
 
 def _ball(normals: np.ndarray) -> Network:
     """One sphere, held at fixed points in the directions `normals` (m, 3)."""
-    m, radius = len(normals), 1e-3
-    return gallery.column(1).unchecked(
-        position=np.zeros((1, 3)),
-        radius=np.array([radius]),
-        mass=np.array([1e-5]),
-        inertia=np.array([0.4e-11]),
+    one, m = gallery.column(1), len(normals)
+    return one.unchecked(
         particle_i=np.zeros(m, int),
         particle_j=np.full(m, -1),
         normal=normals,
-        lever_i=radius * normals,
+        lever_i=one.radius[0] * normals,
         lever_j=0 * normals,
         stiffness_normal=np.full(m, 1e6),
         stiffness_tangential=np.full(m, 8e5),
         **dict.fromkeys(OPTIONAL),
-        cell_size=np.ones(3),
-        cell_periodic=np.zeros(3, bool),
-        wall_position=np.array([-radius, radius]),
     )
 
 

@@ -3,7 +3,6 @@
 import doctest
 import json
 import re
-import subprocess
 import sys
 import time
 from copy import copy, deepcopy
@@ -13,7 +12,6 @@ from pickle import dumps, loads
 
 import numpy as np
 import pytest
-from places import ROOT
 
 import modal
 from modal.__main__ import main
@@ -59,16 +57,6 @@ def test_the_public_names_and_nothing_else():
     assert all(hasattr(modal, name) for name in modal.__all__) and set(dir(modal)) >= OFFERED
     with pytest.raises(AttributeError, match="no attribute 'magic'"):
         modal.magic  # noqa: B018
-
-
-def test_import_is_quick_and_loads_nothing_heavy():
-    """Neither h5py nor scipy nor numba before the first name is used: some milliseconds."""
-    heavy = "{'numpy', 'h5py', 'scipy', 'numba', 'matplotlib'}"
-    code = f"""import sys, time; before, start = set(sys.modules), time.perf_counter()
-import modal; print(time.perf_counter() - start, *({heavy} & (set(sys.modules) - before)))"""
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    seconds, *loaded = done.stdout.split()
-    assert float(seconds) < 0.3 and loaded == []
 
 
 @pytest.mark.two_ways
@@ -192,6 +180,10 @@ def test_pictures_show_the_numbers_and_draw_where_they_are_told(packing):
 
 COLUMN = modal.fcc(cells=(1, 1, 4))
 ANOTHER_KIND = r"^(\w+: )?\w+ is .{1,60}, not \w.*$"
+OF_NETWORK = (
+    *(modal.eigenmodes, modal.describe, modal.density_of_states, modal.frequency_response),
+    modal.elastic_moduli,
+)
 WRONG = [
     (modal.eigenmodes, {"lowest": 3, "highest": 3}, "lowest and highest"),
     (modal.eigenmodes, {"lowest": 3, "solver": "magic"}, "solver magic"),
@@ -202,16 +194,10 @@ WRONG = [
     (modal.eigenmodes, {"between": 1e4}, "not 2 numbers"),
     (modal.eigenmodes, {"all": "no"}, "all is 'no', not True or False"),
     (modal.eigenmodes, {"below": np.inf}, "without an end"),
-    (modal.eigenmodes, {"network": "mine.network.h5"}, ANOTHER_KIND),
     (modal.count_modes, {"frequency": [np.nan]}, "no frequency"),
     (modal.count_modes, {"frequency": [1e3, -5]}, "-5 Hz is no frequency"),
     (modal.count_modes, {"frequency": "low"}, ANOTHER_KIND),
-    (modal.density_of_states, {"network": modal.fcc, "resolution": 2e3}, ANOTHER_KIND),
     (modal.propagate, {"duration": "long"}, ANOTHER_KIND),
-    (modal.frequency_response, {"network": None}, ANOTHER_KIND),
-    (modal.elastic_moduli, {"network": 7}, ANOTHER_KIND),
-    (modal.describe, {"network": "mine.network.h5"}, ANOTHER_KIND),
-    (modal.read, {"path": 3}, ANOTHER_KIND),
     (modal.fcc, {"cells": 3}, ANOTHER_KIND),
     (modal.fcc, {"cells": (2, 2, 0)}, "three whole numbers"),
     (modal.fcc, {"cells": (1, 1, np.inf)}, "three whole numbers"),
@@ -224,6 +210,8 @@ WRONG = [
     (modal.random_packing, {"spheres": 3}, "3 spheres"),
     (modal.random_packing, {"spheres": "many"}, ANOTHER_KIND),
     (modal.random_packing, {"friction": 2.0}, "mu_comp 2"),
+    *((f, {"network": "mine.network.h5"}, ANOTHER_KIND) for f in OF_NETWORK),
+    (modal.read, {"path": 3}, ANOTHER_KIND),
 ]
 
 
