@@ -30,6 +30,7 @@ from modal.formats.provenance import Provenance
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
+from modal.packing.state import volume_between_walls
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Floats
@@ -280,9 +281,7 @@ def elastic_moduli(
         raise InputError(f"tolerance {tolerance:g}: outside 0 to 1; it is relative to the moduli")
     carrying = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding)
     network, walls = carrying.network, has_walls(carrying)
-    if not network.length > 0:
-        raise InputError("the cell has no volume; give walls/position, its bounds along z")
-    volume = network.area * network.length
+    volume = volume_between_walls(network)
     density = float(network.mass[force_bearing(network)].sum()) / volume
     if network.with_wall.all() or density == 0:
         raise InputError(

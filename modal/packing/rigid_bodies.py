@@ -48,7 +48,8 @@ def joined(network: Network, body: Ints, told: Bodies | None = None) -> Network:
     offset = network.position - network.position[first[index]]
     turns = -np.round(offset / period).astype(int)
     # Members where they are as one piece, beside the first of them.
-    shift = np.where(np.isfinite(period), period, 0.0) * turns
+    whole = np.where(network.cell_periodic, network.cell_size, 0.0)
+    shift = whole * turns
     offset += shift
     far = (abs(offset) > LONGEST * period).any(axis=1)
     if far.any():
@@ -69,7 +70,6 @@ def joined(network: Network, body: Ints, told: Bodies | None = None) -> Network:
         if not np.array_equal(told.number[np.minimum(at, len(told.number) - 1)], number[joint]):
             raise InputError("some bodies have no mass and tensor; give those of all of them")
         apart = told.centre[at] - centre[joint]
-        whole = np.where(np.isfinite(period), period, 0.0)
         apart -= np.round(apart / period) * whole
         reach = np.zeros(total)
         np.maximum.at(reach, index, np.linalg.norm(offset, axis=1) + network.radius)

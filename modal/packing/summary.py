@@ -7,19 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from modal.packing import state
 from modal.packing.network import Network
 from modal.packing.order import crystalline
-from modal.packing.state import (
-    Profile,
-    coordination_without_rattlers,
-    fabric_tensor,
-    friction_used,
-    has_forces,
-    profile,
-    stress_tensor,
-    void_ratio,
-    wall_stress,
-)
 from modal.tools.errors import InputError
 
 
@@ -31,19 +21,19 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
     over the layers of the bulk, relative to their mean. Numbers that need forces are left out where
     forces are absent, and those that need a volume where the cell has none.
     """
-    bearing, rattlers = coordination_without_rattlers(network)
+    bearing, rattlers = state.coordination_without_rattlers(network)
     result = {
         "coordination_number": network.coordination_number,
         "coordination_number_without_rattlers": bearing,
         "rattlers": rattlers,
-        "fabric_diagonal": np.diag(fabric_tensor(network)).tolist(),
+        "fabric_diagonal": np.diag(state.fabric_tensor(network)).tolist(),
     }
     if network.sliding is not None:
         result["sliding_contacts"] = int(network.sliding.sum())
     # A contact without friction, or one that pulls, has no limit that its shear could share in.
-    force = network.force_normal if has_forces(network) else None
+    force = network.force_normal if state.has_forces(network) else None
     if friction and network.n_contacts > 0 and force is not None and force.min() > 0:
-        result["largest_share_of_friction"] = float(friction_used(network, friction).max())
+        result["largest_share_of_friction"] = float(state.friction_used(network, friction).max())
     with suppress(InputError):
         result |= _of_volume(network)
     return result
@@ -51,18 +41,18 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
 
 def _of_volume(network: Network) -> dict[str, Any]:
     """Void ratio, stresses, and how the bulk differs along z; InputError without a volume."""
-    result: dict[str, Any] = {"void_ratio": void_ratio(network)}
-    if has_forces(network):
-        stress = stress_tensor(network)
+    result: dict[str, Any] = {"void_ratio": state.void_ratio(network)}
+    if state.has_forces(network):
+        stress = state.stress_tensor(network)
         diagonal = np.diag(stress)
         result["stress_pa"] = diagonal.tolist()
         result["largest_off_diagonal_stress_pa"] = float(abs(stress - np.diag(diagonal)).max())
     if network.force_normal is not None and not network.cell_periodic[2]:
-        result["wall_stress_pa"] = wall_stress(network).tolist()
+        result["wall_stress_pa"] = state.wall_stress(network).tolist()
     return result | _along_z(network)
 
 
-def crystalline_shares(network: Network, layers: Profile) -> dict[str, float]:
+def crystalline_shares(network: Network, layers: state.Profile) -> dict[str, float]:
     """The share of crystalline spheres, of all and of the bulk if there is one.
 
     Empty but for equal spheres in a cell with periods along x and y.
@@ -81,7 +71,7 @@ def crystalline_shares(network: Network, layers: Profile) -> dict[str, float]:
 
 def _along_z(network: Network) -> dict[str, Any]:
     """The share of crystalline spheres, and how the bulk differs along z."""
-    layers = profile(network)
+    layers = state.profile(network)
     result: dict[str, Any] = dict(crystalline_shares(network, layers))
     if layers.bulk.any():
         density = 1 / (1 + layers.void_ratio[layers.bulk])

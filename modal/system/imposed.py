@@ -127,18 +127,13 @@ class Gradients:
 
     def on(self, network: Network) -> Floats:
         """Shape (s, m, 9)."""
-        branch = network.branch
         motion = np.zeros((len(self.gradient), network.n_contacts, 9))
-        for one, gradient in zip(motion, self.gradient, strict=True):
-            one[:, :3] = branch @ gradient.T
-            one[:, 3:6] = one[:, 6:] = turn(gradient)
+        motion[:, :, :3] = network.branch @ self.gradient.transpose(0, 2, 1)
+        # The rotation vector of a displacement gradient.
+        twice = self.gradient - self.gradient.transpose(0, 2, 1)
+        turn = twice[:, [2, 0, 1], [1, 2, 0]] / 2
+        motion[:, :, 3:6] = motion[:, :, 6:] = turn[:, None]
         return motion
-
-
-def turn(gradient: Floats) -> Floats:
-    """Shape (3,): the rotation vector of a displacement gradient (3, 3)."""
-    twice = gradient - gradient.T
-    return np.array([twice[2, 1], twice[0, 2], twice[1, 0]]) / 2
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from packings import bare, contact_matrices, kinematics, levers_of_radii, polydisperse
+from packings import bare, kinematics, levers_of_radii, polydisperse
 from scipy.linalg import lstsq
 
 from modal.__main__ import main
@@ -15,7 +15,6 @@ from modal.elasticity.plane_waves import anisotropy, christoffel, isotropic_mean
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
 from modal.packing.state import stress_tensor
-from modal.system.assembly import mass_diagonal
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 
@@ -131,45 +130,6 @@ def test_tolerance_is_that_of_the_moduli_not_of_the_affine_ones(solver):
         assert found.error <= tolerance
 
 
-def bloch_matrix(
-    network: Network, wavevector: np.ndarray, tangent: np.ndarray | None = None
-) -> np.ndarray:
-    """Shape (6n, 6n): the cell repeated for ever, contacts through a period with a phase.
-
-    Of the springs, or of each contact's `tangent` (m, 12, 12).
-    """
-    n = network.n_particles
-    K = np.zeros((n, 6, n, 6), complex)
-    phase = np.exp(1j * (network.cell_shift * network.cell_size) @ wavevector)
-    tangent = contact_matrices(network) if tangent is None else tangent
-    for local, i, j, turn in zip(
-        tangent, network.particle_i, network.particle_j, phase, strict=True
-    ):
-        K[i, :, i] += local[:6, :6]
-        K[j, :, j] += local[6:, 6:]
-        K[i, :, j] += local[:6, 6:] * turn
-        K[j, :, i] += local[6:, :6] * turn.conj()
-    scale = 1 / np.sqrt(mass_diagonal(network))
-    return scale[:, None] * K.reshape(6 * n, 6 * n) * scale
-
-
-def without_loose_spheres(network: Network) -> Network:
-    """Only spheres with three contacts or more: all that has mass then moves with a long wave."""
-    from modal.packing.rattlers import keeping_contacts
-
-    kept = keeping_contacts(network, 3)
-    place = np.cumsum(kept) - 1
-    network = network.with_contacts(kept[network.particle_i] & kept[network.particle_j])
-    columns = {name: getattr(network, name)[kept] for name in ("position", "radius", "mass")}
-    return replace(
-        network,
-        **columns,
-        inertia=network.inertia[kept],
-        particle_i=place[network.particle_i],
-        particle_j=place[network.particle_j],
-    )
-
-
 def test_isotropic_solids_have_one_p_and_two_s_waves():
     K, G, rho = 3e8, 1.2e8, 1500.0
     C = np.diag([2 * G] * 3 + [G] * 3)
@@ -190,8 +150,7 @@ def test_isotropic_solids_have_one_p_and_two_s_waves():
 
 def test_spheres_that_nothing_holds_take_no_part(cell):
     """Three more that touch nothing, anywhere: the same moduli, but for no mass either."""
-    names = ("position", "radius", "mass", "inertia")
-    more = {name: np.concatenate([getattr(cell, name), getattr(cell, name)[:3]]) for name in names}
+    more = {name: np.concatenate([x, x[:3]]) for name, x in cell.bodies().items()}
     one = elastic_moduli(cell, non_affine=True)
     other = elastic_moduli(replace(cell, **more), non_affine=True)
     assert other.stiffness == pytest.approx(one.stiffness, abs=2e-6 * one.stiffness.max())

@@ -9,6 +9,7 @@ from places import PACKINGS, SHEARED
 
 from modal.__main__ import main
 from modal.packing import crystal as gallery
+from modal.packing import state
 from modal.packing.chain import wall_to_wall_chain
 from modal.packing.contact_law import RADIUS
 from modal.packing.network import Network, read_network, write_network
@@ -16,15 +17,6 @@ from modal.packing.order import crystalline
 from modal.packing.rattlers import force_bearing
 from modal.packing.repeats import lateral_repeats
 from modal.packing.sample import Sample, read_sample, write_sample
-from modal.packing.state import (
-    coordination_without_rattlers,
-    fabric_tensor,
-    friction_used,
-    profile,
-    residual_forces,
-    stress_tensor,
-    wall_stress,
-)
 from modal.packing.summary import summary
 from modal.preparation.random_packing import random_sample
 from modal.theory.fcc import FccLattice
@@ -59,7 +51,7 @@ def test_stress_is_the_derivative_of_the_energy():
     """- dE / d(log L) / V for each axis, walls included, balance or not (virial theorem)."""
     sample = overlapping()
     network = sample.network()
-    stress = np.diag(stress_tensor(network))
+    stress = np.diag(state.stress_tensor(network))
     volume = network.cell_size.prod()
     errors = []
     for step in (4e-4, 2e-4):
@@ -78,25 +70,29 @@ def test_stress_is_the_derivative_of_the_energy():
 @pytest.mark.parametrize("stress", [1e3, 1e5, 1e7])
 def test_crystal_in_balance(stress):
     network, crystal = gallery.fcc(stress, (3, 3, 20)), FccLattice(stress)
-    assert wall_stress(network) == pytest.approx([stress, stress], rel=1e-12)
-    assert residual_forces(network).max() <= 1e-12
-    layers = profile(network, thickness=0.37 * RADIUS)
+    assert state.wall_stress(network) == pytest.approx([stress, stress], rel=1e-12)
+    assert state.residual_forces(network).max() <= 1e-12
+    layers = state.profile(network, thickness=0.37 * RADIUS)
     # A plane anywhere carries what the walls carry.
     assert layers.stress[:, 2] == pytest.approx(np.full(len(layers.stress), stress), rel=1e-9)
     # In the plane 20 layers hold their own contacts, the 19 gaps between them as many again.
     contact = stress * crystal.spacing / np.sqrt(8)
-    lateral = np.diag(stress_tensor(network))[:2] * network.length
+    lateral = np.diag(state.stress_tensor(network))[:2] * network.length
     assert lateral == pytest.approx(np.full(2, (20 + 19) * contact), rel=1e-12)
-    assert np.diag(stress_tensor(network))[2] == pytest.approx(stress, rel=1e-12)
-    assert fabric_tensor(gallery.fcc(stress, (3, 3, 400))) == pytest.approx(np.eye(3) / 3, abs=1e-3)
+    assert np.diag(state.stress_tensor(network))[2] == pytest.approx(stress, rel=1e-12)
+    assert state.fabric_tensor(gallery.fcc(stress, (3, 3, 400))) == pytest.approx(
+        np.eye(3) / 3, abs=1e-3
+    )
 
 
 @pytest.mark.parametrize("thickness", [0.3, 1.0, 2.7, 100.0])
 def test_layers_add_up_to_the_whole(thickness):
     network = sheared(overlapping(3).network())
-    layers = profile(network, thickness * 2 * RADIUS)
+    layers = state.profile(network, thickness * 2 * RADIUS)
     count = len(layers.stress)
-    assert layers.stress.mean(axis=0) == pytest.approx(np.diag(stress_tensor(network)), rel=1e-12)
+    assert layers.stress.mean(axis=0) == pytest.approx(
+        np.diag(state.stress_tensor(network)), rel=1e-12
+    )
     solid = 1 / (1 + layers.void_ratio)
     assert 1 / solid.mean() - 1 == pytest.approx(network.study["void_ratio"], abs=1e-12)
     assert layers.particles.sum() == network.n_particles
@@ -111,7 +107,7 @@ def test_volume_of_a_cut_sphere():
     cell = np.full(3, 8 * RADIUS)
     centre = np.array([[0.1, 0.2, 3.3]]) * RADIUS
     network = Sample(centre, cell[:2], np.array([0, cell[2]]), friction=0.0).network()
-    layers = profile(network, RADIUS)
+    layers = state.profile(network, RADIUS)
     solid = RADIUS * cell[0] * cell[1] / (1 + layers.void_ratio)
     z = np.linspace(0, cell[2], 8 * 20000 + 1)
     section = np.pi * np.maximum(RADIUS**2 - (z - centre[0, 2]) ** 2, 0)
@@ -128,7 +124,7 @@ def test_rattlers_leave_with_their_contacts():
     free = [0, 6 * RADIUS, 3 * RADIUS]
     position = np.vstack([column.position, aside, further, free])
     network = Sample(position, np.full(2, 12 * RADIUS), column.wall_position, 0.0).network()
-    bearing, rattlers = coordination_without_rattlers(network)
+    bearing, rattlers = state.coordination_without_rattlers(network)
     assert (bearing, rattlers) == (2.0, 3)
     assert network.study["coordination_number"] == pytest.approx((4 * 2 + 2 + 2) / 7)
 
@@ -138,22 +134,22 @@ def test_share_of_friction():
     shear = np.zeros((network.n_contacts, 3))
     shear[1, 0] = 0.05 * network.force_normal[1]
     network = replace(network, force_tangential=shear)
-    assert friction_used(network, 0.1) == pytest.approx([0, 0.5, 0])
+    assert state.friction_used(network, 0.1) == pytest.approx([0, 0.5, 0])
     assert summary(network, 0.1)["largest_share_of_friction"] == pytest.approx(0.5)
-    assert friction_used(gallery.column(2), 0.0) == pytest.approx([0, 0, 0])
+    assert state.friction_used(gallery.column(2), 0.0) == pytest.approx([0, 0, 0])
 
 
 def test_central_forces_give_a_symmetric_stress_and_scale_with_the_law():
     sample = overlapping(5)
-    stress = stress_tensor(sample.network())
+    stress = state.stress_tensor(sample.network())
     assert stress == pytest.approx(stress.T, rel=1e-12)
     stiffer = replace(sample, material=replace(sample.material, young=2 * sample.material.young))
-    assert stress_tensor(stiffer.network()) == pytest.approx(2 * stress, rel=1e-12)
+    assert state.stress_tensor(stiffer.network()) == pytest.approx(2 * stress, rel=1e-12)
 
 
 def test_wall_layers_are_told_from_the_bulk():
     network = gallery.fcc(cells=(2, 2, 40))
-    layers = profile(network)
+    layers = state.profile(network)
     middle = (layers.edges[1:] + layers.edges[:-1]) / 2
     depth = np.minimum(middle, network.length - middle)
     assert (layers.bulk == (depth > 11 * RADIUS * (1 - 1e-9))).all()
@@ -195,10 +191,12 @@ def test_layers_of_a_cell_without_walls_know_no_end():
     Net forces are 1e-6 of the contact forces. Moved by a layer, all layers follow round the cell.
     """
     network = read_network(PACKINGS / "triaxial.network.h5")
-    layers = profile(network)
+    layers = state.profile(network)
     assert layers.bulk.all()
     assert layers.stress[:, 2] == pytest.approx(layers.stress[:, 2].mean(), rel=1e-5)
-    assert layers.stress.mean(axis=0) == pytest.approx(np.diag(stress_tensor(network)), rel=1e-12)
+    assert layers.stress.mean(axis=0) == pytest.approx(
+        np.diag(state.stress_tensor(network)), rel=1e-12
+    )
     volume = network.cell_size.prod() / len(layers.void_ratio)
     solid = (4 / 3 * np.pi * network.radius**3).sum()
     assert (volume / (1 + layers.void_ratio)).sum() == pytest.approx(solid, rel=1e-12)
@@ -210,7 +208,7 @@ def test_layers_of_a_cell_without_walls_know_no_end():
     assert over.any() and position[:, 2].min() >= low
     shift = network.cell_shift.copy()
     shift[:, 2] += over[network.partner].astype(int) - over[network.particle_i]
-    moved = profile(replace(network, position=position, cell_shift=shift))
+    moved = state.profile(replace(network, position=position, cell_shift=shift))
     assert moved.void_ratio == pytest.approx(np.roll(layers.void_ratio, 1), rel=1e-9)
     assert moved.stress == pytest.approx(np.roll(layers.stress, 1, axis=0), rel=1e-9)
 

@@ -94,13 +94,11 @@ class Rough(NamedTuple):
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
         """The three power laws."""
-        force, _, _ = force_and_rate(self.effective_young, self.roughness, overlap, radius)
-        return force
+        return force_and_rate(self.effective_young, self.roughness, overlap, radius)[0]
 
     def elastic_energy(self, overlap: Any, radius: Any) -> Any:
         """The integral of the force."""
-        _, _, stored = force_and_rate(self.effective_young, self.roughness, overlap, radius)
-        return stored
+        return force_and_rate(self.effective_young, self.roughness, overlap, radius)[2]
 
     def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
         """The derivative of the force."""
