@@ -202,9 +202,9 @@ class Signals(Recording):
             place, motion = self.chain_position, self.chain_displacement
         order = np.argsort(place)
         largest = float(abs(motion).max()) * 1e9 or 1.0
-        style = {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest, "rasterized": True}
         drawn = self.time * 1e6, place[order] * 1e3, motion[:, order].T * 1e9
-        image = ax.pcolormesh(*drawn, shading="nearest", **style)
+        style: dict[str, Any] = {"cmap": "RdBu_r", "shading": "nearest", "rasterized": True}
+        image = ax.pcolormesh(*drawn, vmin=-largest, vmax=largest, **style)
         twisted = self.direction == TORSION
         label = r"$\theta_z$, nrad" if twisted else rf"$u_{self.direction}$, nm"
         ax.figure.colorbar(image, ax=ax, label=label)
