@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from modal.tools.interrupted import end_at_interrupt
+from modal.__main__ import begin
 
 __all__ = ["main"]
 
@@ -21,7 +21,7 @@ USED_FOR = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; without `argv` as a program of its own, which Ctrl-C ends in one line."""
     if argv is None:
-        end_at_interrupt()  # before what takes time to load
+        begin()
     from analysis.cli.main import main as run
 
     try:

@@ -32,12 +32,13 @@ COLUMNS = {
 }
 UNITS = {"m/s": ("_m_per_s", 1.0), "Hz": ("_khz", 1e-3), "Pa": ("_mpa", 1e-6), "1": ("", 1.0)}
 """Ends of a column's name by the unit of its quantity, and the factor of its numbers."""
-OF_RECORD = {"v_p_first_peaks_m_per_s": "v_p_first_peaks_{}_m_per_s"} | {
-    f"{quantity}_{percent}_{unit}": f"{quantity}_{percent}_{{}}_{unit}"
+OF_RECORD = {"v_p_first_peaks_m_per_s": "v_p_first_peaks_{record}_m_per_s"} | {
+    f"{quantity}_{percent}_{unit}": f"{quantity}_{percent}_{{record}}_{unit}"
     for percent in PERCENT.values()
     for quantity, unit in (("f_low_pass", "khz"), ("lambda", "over_d"))
 }
-"""Columns that a case has of its record, and the same with `{}` for its producer."""
+"""Columns that a case has of its record, and the same with `{record}` for its producer."""
+PRODUCERS = {"yade": "YADE", "linear": "linear"}
 MAY_LACK = "signals", "highest.modes", "modes", "density", "structure", "response"
 
 
@@ -132,19 +133,18 @@ def law_of(members: list[Row], x: str, y: str) -> PowerLaw:
     return power_law(np.array(at), np.array([row.value(y) for row in members]))
 
 
-def of_one_producer(members: Iterable[Row], column: str) -> tuple[str, str]:
-    """A column of `OF_RECORD`, or one with `{}`, of one producer, and what that is called.
+def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:
+    """Columns with `{record}` in them as those of one producer, whose name comes first.
 
-    YADE's where all have a run, else the linear wave's: never some of one and some of the other,
-    which differ where contacts slide.
+    YADE's where all `records` are its, else the linear wave's: never some of one and some of the
+    other, which differ where contacts slide.
 
-    >>> of_one_producer([], "f_low_pass_2_khz")
-    ('f_low_pass_2_linear_khz', 'linear')
+    >>> of_one_producer(["yade", "linear"], "f_low_pass_2_{record}_khz")
+    ('linear', 'f_low_pass_2_linear_khz')
     """
-    members = list(members)
-    yade = bool(members) and all(row.record == "yade" for row in members)
-    name = OF_RECORD.get(column, column).format("yade" if yade else "linear")
-    return name, "YADE" if yade else "linear"
+    records = set(records)
+    producer = "yade" if records == {"yade"} else "linear"
+    return PRODUCERS[producer], *(text.replace("{record}", producer) for text in columns)
 
 
 @once
@@ -155,7 +155,7 @@ def row_of(m: Measuring) -> Row:
     for percent in PERCENT.values():
         row.flat[percent] = row.flat[f"{percent}_{row.record}"]
     row.values |= {
-        name: row.values[column.format(row.record)] for name, column in OF_RECORD.items()
+        name: row.values[column.format(record=row.record)] for name, column in OF_RECORD.items()
     }
     row.texts["gain_height"] = gain.height(m)
     above = records.HIGH * spectrum.f_max(m)

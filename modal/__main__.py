@@ -14,11 +14,16 @@ __all__ = ["main"]
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; without `argv` as a program of its own, which Ctrl-C ends in one line."""
     if argv is None:
-        end_at_interrupt()  # before what takes time to load
-        _load_when_used("f2py", "testing")
+        begin()
     from modal.cli.main import main as run
 
     return run(argv)
+
+
+def begin() -> None:
+    """Be a program of one's own: before what takes time to load."""
+    end_at_interrupt()
+    _load_when_used("f2py", "testing")
 
 
 def _load_when_used(*parts: str) -> None:

@@ -8,6 +8,15 @@ from pathlib import Path
 
 from places import ROOT
 
+from analysis.__main__ import main
+from analysis.rows import Row
+from analysis.study.results import read_result
+
+CRYSTALS = """
+names: case{:02d}
+groups: [{kind: fcc, factors: {stress: [1e4, 1e5, 1e6]}, friction: 0, wave_friction: 0.1}]
+"""
+
 
 def study_folder(folder: Path, study: str = "") -> Path:
     """The project's programs, which are linked, a copy of its workflow, this Python as .venv.
@@ -41,3 +50,12 @@ def copy_of(start: Path, name: str) -> Path:
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(start, folder, symlinks=True)
     return folder
+
+
+def measured(name: str, folder: Path) -> Row:
+    """The result of a crystal whose products are in a folder, by the command line."""
+    study, output = folder / "crystals.yaml", folder / f"{name}.json"
+    study.write_text(CRYSTALS)
+    command = ["study", str(study), "--measure", name, "--products", str(folder)]
+    assert main([*command, "-o", str(output)]) == 0
+    return read_result(output)

@@ -4,39 +4,26 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from analysis.study.description import Study
+import yaml
+
 from modal.cli.pack import option_of
 from modal.preparation.protocol import OF_FRICTION
 from modal.tools.errors import InputError
 
 PYTHON = ".venv/bin/python" if Path(".venv/bin/python").exists() else sys.executable
 """The project's Python, on every node; by the same name wherever the project lies."""
+IN_TURN = f"{PYTHON} -m workflow.in_turn"
+RULES = yaml.safe_load(Path(__file__).with_name("rules.yaml").read_text())
+OF_NETWORK, FURTHER, COLUMNS = RULES["of_network"], RULES["further_waves"], RULES["columns"]
 FULL = 35201
 """Spheres of the packings that costs.tsv is of."""
-OF_CRYSTAL = "case", "mu_comp", "mu_wave", "stress", "width", "layers", "crystal"
-OF_EXPORT = "case", "mu_wave", "stress", "sample"
-"""Columns of YADE's other jobs; the last names their table."""
-OF_WAVE = (
-    *("case", "mu_wave", "input_frequency", "fraction", "passage", "amplitude", "duration"),
-    *("interval", "particles", "direction"),
-)
-"""Columns of a case that yade_scripts/wave.py takes."""
-OF_WALK = (
-    *("mu_comp", "spheres", "width", "seed", "sizes", "densities", "approach_rate", "hot_stress"),
-    *("agitated_damping", "inertial_number", "damping", "residual"),
-)
-"""Columns that shape a compression, by YADE or its twin."""
-OF_PACK = "contact_model", "periodic", "stress_ratio", "oedometric", "dilate", "time_step_fraction"
-"""Those that only the twin, `modal pack`, knows; none says of its states what was asked for."""
-AMPLITUDES = {"reverse": -1.0, "tenth": 0.1, "small": 0.01, "small_reverse": -0.01}
-"""Further YADE waves that split the difference to the linear one: in parts of the amplitude."""
-SLOWER = 1.75
-"""Times that an S-wave needs, in those of the P-wave: a record of one passage or more."""
+OF_YADE = {"fraction": 0.05, "passage": 1.0}
+"""What yade_scripts/wave.py takes where a line does not say it."""
 
 
 class Commands:
@@ -45,50 +32,51 @@ class Commands:
     `walks` are the cases of each compression, which has a state at each of `stresses`, Pa.
     """
 
-    study: Study
-    folder: str
-    prepare: str
-    rows: dict[str, dict[str, Any]]
-    walks: dict[str, list[str]]
-    stresses: list[float]
+    def walk_folder(self, walk: str) -> str:
+        """Folder of a compression's own states."""
+        return f"{self.folder}/walks/compression_{walk}"
 
     def walk_command(self, walk: str) -> str:
-        """Command of a compression, which keeps its states in walks/."""
-        row = self.rows[self.walks[walk][0]]
-        own = {name: row[name] for name in OF_PACK if row.get(name)}
-        if own and self.prepare == "yade":
+        """Shell's command of a compression, by YADE or its twin."""
+        row, made = self.rows[self.walks[walk][0]], self.walk_folder(walk)
+        if self.prepare != "yade" or row["mu_comp"] == 0:
+            return f"{PYTHON} -m {self.pack(walk)}"
+        if own := [name for name in COLUMNS["pack"] if row.get(name)]:
             raise InputError(f"{', '.join(own)}: not in YADE's compressions; write prepare: modal")
-        only = " ".join(option_of(n) + ("" if x is True else f" {x}") for n, x in own.items())
-        line, stresses = self.shape_of(row), self.stresses
-        folder, log = f"{self.folder}/walks", f"{self.folder}/log/states/{walk}.yade.log"
-        if self.prepare == "yade" and row["mu_comp"] > 0:
-            made = f"{folder}/compression_mu{row['mu_comp']:g}"
-            last, own = f"{made}/{self.stresses[-1]:g}Pa.sample.h5", f"{folder}/{walk}.table"
-            job = f"workflow/yade_job.sh {own} {row['mu_comp']} yade_scripts/compress.py"
-            return f"{write_line(line, own)} && {job} {folder} {log} {last}"
+        own = f"{self.folder}/walks/{walk}.table"
+        last = f"{made}/{self.stresses[-1]:g}Pa.sample.h5"
+        job = f"workflow/yade_job.sh {own} {row['mu_comp']} yade_scripts/compress.py"
+        job += f" {self.folder}/walks {self.folder}/log/states/{walk}.yade.log {last}"
+        return f"{write_line(self.shape_of(row), own)} && {job}"
+
+    def pack(self, walk: str) -> str:
+        """Command of a compression by the twin."""
+        row, stresses = self.rows[self.walks[walk][0]], self.stresses
         if row["mu_comp"] == 0:  # from the peak on it is unloaded
             stresses = stresses[::-1]
-        given = " ".join(f"{option_of(n)} {cell}" for n, cell in line.items() if n != "mu_comp")
-        given += f" {only} --stress " + " ".join(f"{stress:g}" for stress in stresses)
-        friction = f"{PYTHON} -m modal pack --friction {row['mu_comp']}"
-        return f"{friction} {given} -o {folder}/compression_{walk}"
+        shape = self.shape_of(row)
+        given = {"friction": shape.pop("mu_comp")} | shape
+        given |= {name: row[name] for name in COLUMNS["pack"] if row.get(name)}
+        options = [option_of(n) + ("" if x is True else f" {x}") for n, x in given.items()]
+        options.append("--stress " + " ".join(f"{stress:g}" for stress in stresses))
+        return f"modal pack {' '.join(options)} -o {self.walk_folder(walk)}"
 
     def shape_of(self, row: Mapping[str, Any]) -> dict[str, Any]:
         """What of a case shapes its compression."""
         unused = OF_FRICTION if row["mu_comp"] == 0 else ()
-        line = {name: row.get(name) for name in OF_WALK if name not in unused}
+        line = {name: row.get(name) for name in COLUMNS["walk"] if name not in unused}
         return {name: cell for name, cell in line.items() if cell is not None}
 
-    def noted_of(self, walk: str) -> str:
-        """What each state of a compression notes of it, as link_states.py takes it."""
-        noted = self.shape_of(self.rows[self.walks[walk][0]])
-        return " ".join(f"{name}={quote(str(cell))}" for name, cell in noted.items())
+    def line(self, case: str, columns: str) -> dict[str, Any]:
+        """What a case has of some columns, as one line of a table."""
+        row = self.rows[case]
+        return {name: row[name] for name in COLUMNS[columns] if row.get(name) is not None}
 
-    def table(self, case: str, columns: Sequence[str]) -> str:
+    def table(self, case: str, columns: str) -> str:
         """Command that writes the table of one of YADE's jobs, and its path as shell variable."""
-        line = {n: v for n in columns if (v := self.rows[case].get(n)) is not None}
-        path = f"{self.folder}/tables/{case}.{columns[-1]}.table"
-        return f"own={path}; mkdir -p {self.folder}/tables; {write_line(line, '$own')}"
+        path = f"{self.folder}/tables/{case}.{COLUMNS[columns][-1]}.table"
+        line = write_line(self.line(case, columns), "$own")
+        return f"own={path}; mkdir -p {self.folder}/tables; {line}"
 
     def wave(self, case: str, run: str = "") -> str:
         """The same of a wave, or of one of its further waves, in its folder."""
@@ -98,19 +86,31 @@ class Commands:
 
     def wave_line(self, case: str, run: str = "") -> dict[str, Any]:
         """Line of a case's YADE wave, or of one of its further waves."""
-        line = {n: v for n in OF_WAVE if (v := self.rows[case].get(n)) is not None}
-        line["amplitude"] *= AMPLITUDES.get(run, 1.0)
-        if run == "100kHz":
-            line["input_frequency"] = 1e5
-        elif run == "shear_yade":
-            line |= {"direction": "x", "passage": SLOWER * line.get("passage", 1.0)}
-        elif run == "no_slip":
-            line["mu_wave"] = 10
-        elif run == "half_step":
-            # Every step is recorded, and for longer: the case's own times are then among them.
-            line["fraction"] = 0.5 * line.get("fraction", 0.05)
-            line |= {"passage": 1.02 * line.get("passage", 1.0), "interval": 0}
-        return line
+        line, changed = self.line(case, "wave"), FURTHER.get(run, {})
+        for name, factor in changed.get("times", {}).items():
+            line[name] = factor * line.get(name, OF_YADE.get(name))
+        return line | changed.get("set", {})
+
+    def product(self, case: str, kind: str) -> str:
+        """File of a case's product."""
+        return f"{self.folder}/{case}.{kind}.h5"
+
+    def rest(self, case: str, state: str) -> str:
+        """Command that brings a state to rest with the friction of the case's wave."""
+        friction, sample = self.rows[case]["mu_wave"], self.product(case, "sample")
+        return f"modal relax {state} --friction {friction} -o {sample} --skip-current"
+
+    def of_network(self, rule: str, case: str, packing: str = "network") -> str:
+        """Command of one of the rules `OF_NETWORK`, for a network or a sample."""
+        return OF_NETWORK[rule]["command"].format(
+            network=self.product(case, packing),
+            product=self.product(case, OF_NETWORK[rule]["makes"][0]),
+            folder=self.folder,
+            lowest=self.study.settings["lowest_modes"],
+            band=self.band(case),
+            linear=self.linear(case, 1),
+            shear=self.linear(case, 2, "--direction x"),
+        )
 
     def duration(self, case: str) -> float:
         """Seconds in which a wave goes from wall to wall, and somewhat more."""

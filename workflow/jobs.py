@@ -7,14 +7,14 @@ Read by the Snakefile alone. Which cases there are, and their settings, stands i
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
 import h5py
 import pandas as pd
-from commands import AMPLITUDES, FULL, OF_PACK, OF_WALK, Commands
+from commands import COLUMNS, FULL, OF_NETWORK, RULES, Commands
 
 from analysis.study.description import KINDS, Study, part_of_name
 from modal.tools.errors import InputError
@@ -25,22 +25,10 @@ LEAST = 750
 """Spheres of the smallest packing that is wide enough."""
 LAYERS = 40
 """Of the crystals of a reduced study."""
-STAGES = {
-    "sample": ["sample"],
-    "highest": ["highest.modes"],
-    "wave": ["signals"],
-    "linear": ["linear.signals"],
-    "modes": ["modes", "translations.modes"],
-    "response": ["response"],
-    "density": ["density"],
-    "structure": ["structure"],
-    "shear": ["shear.signals"],
-    "moduli": ["moduli"],
-}
-"""Stage of the front door: the files of a case that it makes."""
-ON_REQUEST = "shear", "moduli"
-SPLIT = *AMPLITUDES, "no_slip", "half_step"
-FURTHER = "100kHz", "shear_yade", *SPLIT
+SMALL = 3000
+"""Spheres, at most, of packings of which half of a job would be the start of its program."""
+STAGES = RULES["stages"]
+ON_REQUEST = "shear.signals", "moduli"
 
 
 class Jobs(Commands):
@@ -55,6 +43,7 @@ class Jobs(Commands):
         if int(config.get("spheres", LEAST)) < LEAST:
             raise InputError(f"--spheres {config['spheres']}: at least {LEAST}, 4 diameters across")
         self.reduced, self.seed = "spheres" in config, config.get("seed")
+        self.small = self.reduced and int(config["spheres"]) <= SMALL
         self.scratch = bool(config.get("from_scratch")) or self.reduced or self.seed is not None
         self.prepare = "modal" if self.reduced else config.get("prepare", own["prepare"])
         self.rows = self.study.rows
@@ -69,6 +58,8 @@ class Jobs(Commands):
                 row["spheres"] = int(config["spheres"])
                 if row.get("width") is not None:
                     row["width"] = round(row["width"] * (row["spheres"] / full) ** (1 / 3), 4)
+        costs = Path(__file__).with_name("costs.tsv")
+        self.costs = pd.read_csv(costs, sep="\t", comment="#", index_col="rule")
         self.cases = _chosen(config.get("cases"), self.rows)
         if config.get("bands"):
             own["bands"] = config["bands"]
@@ -90,7 +81,9 @@ class Jobs(Commands):
         None where cases have numbers: their compressions differ in friction alone.
         """
         random = [self.rows[case] for case in self.of_kind("random")]
-        kinds = {n: {str(row.get(n)) for row in random} for n in (*OF_WALK[1:], *OF_PACK)}
+        kinds = {
+            n: {str(row.get(n)) for row in random} for n in (*COLUMNS["walk"][1:], *COLUMNS["pack"])
+        }
         return [n for n in kinds if len(kinds[n]) > 1 and self.study.settings["names"] == ""]
 
     @cached_property
@@ -110,10 +103,6 @@ class Jobs(Commands):
     def state(self, walk: str, stress: float) -> str:
         """File of a state."""
         return f"{self.folder}/states/{walk}/{stress:g}Pa.sample.h5"
-
-    def product(self, case: str, kind: str) -> str:
-        """File of a case's product."""
-        return f"{self.folder}/{case}.{kind}.h5"
 
     def committed(self, case: str) -> str | None:
         """The finished sample that a case starts from; not where it has a state of its own."""
@@ -154,13 +143,64 @@ class Jobs(Commands):
             kinds = [kind for kind in kinds if kind in ("sample", "network", "highest.modes")]
         return kinds or ["sample"]
 
+    def outputs(self, rule: str) -> list[str]:
+        """Files of a rule that needs a network alone, as a pattern of its cases each."""
+        kinds = OF_NETWORK[rule]["cases"]
+        if rule == "highest_mode" and self.with_highest:
+            kinds = ["fcc"]
+        cases = one_of(case for case, row in self.rows.items() if row["kind"] in kinds)
+        return [self.product(f"{{case,{cases}}}", kind) for kind in OF_NETWORK[rule]["makes"]]
+
+    @property
+    def with_highest(self) -> bool:
+        """Whether a random sample's highest mode is found in the process that makes it."""
+        return self.small and "highest.modes" in self.study.settings["make"].get("random", [])
+
+    def at_rest(self, case: str, state: str) -> list[str]:
+        """Commands of a sample; a small one's highest mode is found in the same process."""
+        own = [f"- {self.rest(case, state)}"]
+        return own + self.with_highest * [self.of_network("highest_mode", case, "sample")]
+
+    def on_the_way(self, case: str) -> list[str]:
+        """Rules whose products a case's measurement makes itself, in its own process.
+
+        Those that a network is enough for, where packings are small. None where these products are
+        what is asked for.
+        """
+        if not self.small or self.stage not in ("result", "page"):
+            return []
+        kind, made = self.rows[case]["kind"], self.made(case)
+        return [
+            rule
+            for rule, own in OF_NETWORK.items()
+            if kind in own["cases"] and own["makes"][0] in made and rule != "highest_mode"
+        ]
+
     def read(self, case: str) -> list[str]:
         """Files that a case's result is made of: those of its kind, and on request, if there."""
-        further = [self.product(case, kind) for stage in ON_REQUEST for kind in STAGES[stage]]
         kinds = dict.fromkeys(self.made(case))
-        return [self.product(case, kind) for kind in kinds] + [
-            p for p in further if Path(p).exists()
-        ]
+        further = [path for kind in ON_REQUEST if Path(path := self.product(case, kind)).exists()]
+        return [*(self.product(case, kind) for kind in kinds), *further]
+
+    def measured_from(self, case: str) -> list[str]:
+        """Those of them that have to be there before."""
+        made = [kind for rule in self.on_the_way(case) for kind in OF_NETWORK[rule]["makes"]]
+        own = [self.product(case, kind) for kind in made]
+        return [path for path in self.read(case) if path not in own]
+
+    def measure(self, case: str, files: Sequence[str]) -> list[str]:
+        """Commands that measure a case from its files, after what it makes on the way."""
+        scatter = self.seed is not None and not self.study.settings["measure"]
+        own = f"analysis study {self.study.path} {' '.join(files)} --measure {case}"
+        own += f" --products {self.folder} {'--scatter ' * scatter}-o {self.results}/{case}.json"
+        return [*(self.of_network(rule, case) for rule in self.on_the_way(case)), own]
+
+    def from_cloud(self, case: str) -> list[str]:
+        """Commands that make a packing, bring it to rest and measure it."""
+        walk = self.walk_of(case)
+        state = f"{self.walk_folder(walk)}/{self.rows[case]['stress']:g}Pa.sample.h5"
+        own = self.measure(case, [self.product(case, "sample")])
+        return [self.pack(walk), self.rest(case, state), *own]
 
     @property
     def results(self) -> str:
@@ -188,28 +228,23 @@ class Jobs(Commands):
         path = Path(self.study.settings["samples"]) / f"{walk}_{stress / 1e3:g}kPa.sample.h5"
         return str(path) if path.exists() and not self.scratch else None
 
-    def how_measured(self) -> str:
-        """Options of a case's measurement."""
-        return "--scatter" if self.seed is not None and not self.study.settings["measure"] else ""
-
     def targets(self) -> list[str]:
         """What is asked for, by the cases and the stage."""
         if self.stage == "page":
             return [f"{self.folder}/study/study.html"]
         if end := {"result": "json", "split": "agreement.csv"}.get(self.stage):
             return [f"{self.results}/{case}.{end}" for case in self.cases]
-        requested = {kind for stage in ON_REQUEST for kind in STAGES[stage]}
         return [
             self.product(case, kind)
             for case in self.cases
             for kind in STAGES[self.stage]
-            if kind in {*self.made(case), *requested}
+            if kind in {*self.made(case), *ON_REQUEST}
         ]
 
     def needs(self, rule: str) -> dict[str, Callable[..., int]]:
         """What a rule's jobs ask for, by their size: memory, MB, and minutes, times the try."""
 
-        row = _costs().loc[rule]
+        row = self.costs.loc[rule]
 
         def size(w: Any) -> float:
             case = getattr(w, "case", None) or self.walks.get(getattr(w, "walk", ""), [None])[0]
@@ -223,12 +258,6 @@ class Jobs(Commands):
             return int(attempt * (10 + seconds / 30))
 
         return {"mem_mb": mem_mb, "runtime": runtime}
-
-
-@cache
-def _costs() -> pd.DataFrame:
-    path = Path(__file__).with_name("costs.tsv")
-    return pd.read_csv(path, sep="\t", comment="#", index_col="rule")
 
 
 def one_of(names: Any) -> str:

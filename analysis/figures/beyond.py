@@ -10,7 +10,7 @@ from analysis.estimators.fits import straight_line
 from analysis.figures import groups
 from analysis.figures.groups import LOG, column, legend, mark, random_of, scatter, styles
 from analysis.figures.picture import Panel, Picture
-from analysis.rows import Row, of_one_producer
+from analysis.rows import Row
 from modal.tools.errors import InputError
 
 SHOWN = 15
@@ -143,20 +143,19 @@ def _common_stress(rows: list[Row]) -> float:
 def low_pass_rules(rows: list[Row]) -> Picture:
     """Beyond the paper: f_low-pass by each rule over that by the paper's words."""
     random, panels = random_of(rows), []
-    base, producer = of_one_producer(random, "f_low_pass_2_khz")
-    own = "yade" if producer == "YADE" else "linear"
+    look: dict[str, Any] = {"yscale": "log", "ylim": (0.5, 20)}
     for name, text in (
-        (f"f_low_pass_1_{own}_khz", "1 %"),
-        (f"f_low_pass_3_{own}_khz", "3 %"),
-        (f"f_low_pass_2_own_{own}_khz", "2 % of each particle's maximum"),
-        (f"f_low_pass_2_layers_{own}_khz", "2 % of the map of layer means"),
+        ("f_low_pass_1_{record}_khz", "1 %"),
+        ("f_low_pass_3_{record}_khz", "3 %"),
+        ("f_low_pass_2_own_{record}_khz", "2 % of each particle's maximum"),
+        ("f_low_pass_2_layers_{record}_khz", "2 % of the map of layer means"),
         ("f_low_pass_2_linear_khz", "2 %, linear wave"),
         ("ioffe_regel_khz", "Ioffe-Regel"),
     ):
-        panel = Panel(ON_CONTACTS, "over 2 %, one chain", text, yscale="log", ylim=(0.5, 20))
-        scatter(panel, random, name, over=base)
+        _, own, base = groups.of_record(random, name, "f_low_pass_2_{record}_khz")
+        panel = Panel(ON_CONTACTS, "over 2 %, one chain", text, **look)
+        panels.append(scatter(panel, random, own, over=base))
         panel.hline(1.0, color="0.6", lw=0.8)
-        panels.append(panel)
     panels[2].legend = panels[5].legend = "outside"
     legend(panels[2], random, stresses=False)
     legend(panels[5], random, frictions=False)

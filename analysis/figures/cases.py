@@ -10,14 +10,14 @@ from analysis.estimators.fits import straight_to
 from analysis.figures import groups
 from analysis.figures.groups import LOG, THIN, column, legend, points, random_of, scatter, styles
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, each
-from analysis.rows import Row, law_of, of_one_producer
+from analysis.rows import Row, law_of
 
 STRESS = groups.AXES["stress (kPa)"]
 
 
 def velocity_cases(rows: list[Row]) -> Picture:
     """Fig. 6: V_P by first peaks against void ratio, with its trend to FCC, and against stress."""
-    name, producer = of_one_producer(rows, "v_p_first_peaks_m_per_s")
+    producer, name = groups.of_record(rows, "v_p_first_peaks_{record}_m_per_s")
     label = f"$V_P$, first peaks, {producer} (m/s)"
     left = Panel("void ratio", label, "(a)", yscale="log", legend="outside")
     right = Panel("stress (kPa)", label, "(b)", legend="outside", **LOG)
@@ -69,11 +69,12 @@ def highest_frequency(rows: list[Row]) -> Picture:
 
 def low_pass_cases(rows: list[Row]) -> Picture:
     """Fig. 16: f_low-pass, 2 % of the whole map, against void ratio and stress."""
-    name, producer = of_one_producer(rows, "f_low_pass_2_khz")
+    producer, name = groups.of_record(rows, "f_low_pass_2_{record}_khz")
     label = f"$f_{{low-pass}}$, 2 %, {producer} (kHz)"
     left = Panel("void ratio", label, "(a)", yscale="log", legend="lower left")
     right = Panel("stress (kPa)", label, "(b)", legend="outside", **LOG)
-    for panel, beside in ((left, False), (right, True)):
+    for panel in (left, right):
+        beside = panel is right
         scatter(panel, rows, name, side_by_side=beside, stated="f_low_pass_2_khz")
         legend(panel, rows, frictions=beside, stresses=not beside)
     return Picture([left, right], columns=2, shape=(12, 4.2))
@@ -81,8 +82,8 @@ def low_pass_cases(rows: list[Row]) -> Picture:
 
 def velocity_low_pass(rows: list[Row]) -> Picture:
     """Fig. 17: f_low-pass, 2 %, against V_P by first peaks; slope through each group."""
-    velocity, producer = of_one_producer(rows, "v_p_first_peaks_m_per_s")
-    name, random = of_one_producer(rows, "f_low_pass_2_khz")[0], random_of(rows)
+    columns = "v_p_first_peaks_{record}_m_per_s", "f_low_pass_2_{record}_khz"
+    (producer, velocity, name), random = groups.of_record(rows, *columns), random_of(rows)
     axes = f"$V_P$, first peaks, {producer} (m/s)", f"$f_{{low-pass}}$, 2 %, {producer} (kHz)"
     panel = Panel(*axes, legend="outside", **LOG)
     v, f = np.log(column(random, velocity)), np.log(column(random, name))
@@ -110,7 +111,7 @@ def wavelength_cases(rows: list[Row]) -> Picture:
     span = np.nanmin(seen) - 0.01, np.nanmax(seen) + 0.01
     for percent, letter in (("2", "(a)"), ("1", "(b)")):
         key = f"lambda_{percent}_over_d"
-        name, producer = of_one_producer(rows, key)
+        producer, name = groups.of_record(rows, f"lambda_{percent}_{{record}}_over_d")
         panel = Panel("void ratio", rf"$\lambda_{{low-pass}}/D$, {percent} %, {producer}", letter)
         panel.yscale, panel.xlim, panel.legend = "log", span, "outside"
         for low, high in [row.stated[key] for row in rows if key in row.stated][:1]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from analysis.figures.picture import Panel
-from analysis.rows import Row, groups_of
+from analysis.rows import Row, groups_of, of_one_producer
 from modal.tools.errors import InputError
 
 SHADES = "#440154", "#463480", "#355f8d", "#25848e", "#22a884", "#5ec962", "#bddf26"
@@ -41,6 +41,11 @@ def with_curve(rows: list[Row], name: str, what: str) -> list[Row]:
     if found := [row for row in rows if name in row.curves]:
         return found
     raise InputError(f"no case has a {what}; keep one: measure FILE --keep DIR")
+
+
+def of_record(rows: list[Row], *columns: str) -> tuple[str, ...]:
+    """Columns with `{record}` in them as those of one producer of all rows, its name first."""
+    return of_one_producer((row.record for row in rows), *columns)
 
 
 def mark(row: Row) -> str:
@@ -112,13 +117,17 @@ def points(
 
 def scatter(
     panel: Panel, rows: list[Row], y: str, *, side_by_side: bool = False, **given: Any
-) -> None:
-    """The `points` of all groups; `side_by_side` a little apart on a logarithmic axis, joined."""
+) -> Panel:
+    """The panel with the `points` of all groups.
+
+    `side_by_side`: a little apart on a logarithmic axis, joined.
+    """
     groups = styles(rows)
     for k, (_, members, style) in enumerate(groups):
         middle = (len(groups) - 1) / 2
         moved = 1.5 ** ((k - middle) / max(1.0, 2 * middle)) if side_by_side else 0.0
         points(panel, members, style, y, moved=moved, **given)
+    return panel
 
 
 def legend(panel: Panel, rows: list[Row], frictions: bool = True, stresses: bool = True) -> None:

@@ -12,9 +12,10 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, replace
 from functools import wraps
+from itertools import repeat
 from pathlib import Path
 from typing import TypeVar
 
@@ -161,33 +162,24 @@ def share_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
 
 def write_picture(path: Path, picture: Picture) -> None:
     """Write the CSV."""
-    file = io.StringIO()
-    head = {"columns": picture.columns, "shape": picture.shape}
-    file.write("# " + json.dumps({"picture": head}) + "\n")
-    for panel in picture.panels:
-        file.write("# " + json.dumps({"panel": asdict(replace(panel, series=[]))}) + "\n")
-        for series in panel.series:
-            facts = {"kind": series.kind, "label": series.label, "style": series.style}
-            if series.kind == "map":
-                facts["x"] = list(series.x)
-            file.write("# " + json.dumps({"series": facts}) + "\n")
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(("panel", "series", "x", "y", "z"))
-    writer.writerows(_rows(picture))
-    write_text(path, file.getvalue())
-
-
-def _rows(picture: Picture) -> Iterator[tuple[str, ...]]:
+    heads: list[dict] = [{"picture": {"columns": picture.columns, "shape": picture.shape}}]
+    rows: list[tuple] = [("panel", "series", "x", "y", "z")]
     for p, panel in enumerate(picture.panels):
+        heads.append({"panel": asdict(replace(panel, series=[]))})
         for s, series in enumerate(panel.series):
+            facts = {"kind": series.kind, "label": series.label, "style": series.style}
+            heads.append({"series": facts})
             z = series.z
+            x: Iterable[str] = map(_text, series.x)
+            third: Iterable[str] = repeat("") if z is None else map(_text, z)
             if series.kind == "map":
-                for y, row in zip(series.y, z, strict=True):
-                    yield str(p), str(s), "", _text(y), " ".join(_text(v, SHADES) for v in row)
-                continue
-            for k in range(len(series.x)):
-                third = "" if z is None else _text(z[k])
-                yield str(p), str(s), _text(series.x[k]), _text(series.y[k]), third
+                facts["x"], x = list(series.x), repeat("")
+                third = (" ".join(_text(value, SHADES) for value in row) for row in z)
+            rows += zip(repeat(p), repeat(s), x, map(_text, series.y), third, strict=False)
+    file = io.StringIO()
+    file.writelines(f"# {json.dumps(head)}\n" for head in heads)
+    csv.writer(file, lineterminator="\n").writerows(rows)
+    write_text(path, file.getvalue())
 
 
 def read_picture(path: str | Path) -> Picture:

@@ -62,6 +62,13 @@ DEFAULTS: dict[str, Any] = {
 }
 
 
+# YAML takes 1e5 for a text; here it is a number.
+_Loader: Any = type("_Loader", (yaml.SafeLoader,), {})
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[+-]?[\d.]+e[+-]?\d+$"), list("+-.0123456789")
+)
+
+
 class Study:
     """A study: its `settings`, and its cases as `rows` by name, each with its own settings.
 
@@ -96,7 +103,7 @@ class Study:
 
     def _yaml(self, path: Path) -> Any:
         try:
-            return _numbers(yaml.safe_load(path.read_text()))
+            return yaml.load(path.read_text(), _Loader)
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error}); name a study's YAML") from None
         except yaml.YAMLError as error:
@@ -192,14 +199,3 @@ def _listed(values: Any) -> list[Any]:
     if ends:
         return list(range(int(ends[1]), int(ends[2]) + 1))
     return values if isinstance(values, list) else [values]
-
-
-def _numbers(value: Any) -> Any:
-    """YAML takes 1e5 for a text; here it is a number."""
-    if isinstance(value, dict):
-        return {_numbers(name): _numbers(cell) for name, cell in value.items()}
-    if isinstance(value, list):
-        return [_numbers(cell) for cell in value]
-    if isinstance(value, str) and re.fullmatch(r"[+-]?[\d.]+e[+-]?\d+", value):
-        return float(value)
-    return value

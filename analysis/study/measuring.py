@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -47,61 +47,42 @@ def measure_case(
     """Measure a case of a study, or a state, WALK_STRESSPa, that is none; write its result.
 
     Of a case with quantities of its own `files` are the packing and its waves, of a state its
-    sample; else all is in `folder`. `scatter`: of another seed's packing only the numbers are
-    measured whose scatter is shown, without errors along every column.
+    sample; else all is in `folder`, and the panels of figures are written beside the result.
+    `scatter`: of another seed's packing only the numbers are measured whose scatter is shown,
+    without errors along every column.
     """
     output.parent.mkdir(parents=True, exist_ok=True)
     state, quantities = name.endswith("Pa") and len(files) == 1, study.settings["measure"]
     if not state and name not in study.rows:
         raise InputError(f"{name}: no case of {study.path}")
-    if not (state or scatter or quantities):
-        figures = wanted(study.part("figures"), study.cases.loc[[name]])
-        stated = Rules(study.cases, study.stated()).stated_of(name)
-        of_case(name, folder, output, figures, stated)
-        return
     of_files = {files[0].name.split(".")[-2]: files[0]} if state or quantities else None
     case = Case(name, folder, of_files)
     case.check()
     m = Measuring.of(case)
-    row = Row.of(m)
-    row.state = state
+    if state or quantities or scatter:
+        row = Row.of(m)
+    else:
+        m.stated = Rules(study.cases, study.stated()).stated_of(name)
+        row = row_of(m)
+        _add_tables(row, m)
     if state:
+        row.state = True
         row.add(m, OF_STATE)
     elif quantities:
         _add_quantities(row, files, quantities)
-        row.provenance = _provenance(case)
-    else:
+    elif scatter:
         m.linear = m.linear_wave(particles=False)
         row.add(m, SCATTERING)
+    else:
+        for figure in wanted(study.part("figures"), study.cases.loc[[name]]):
+            try:
+                write_picture(output.with_suffix(f".{figure}.csv"), compose(figure, [m]))
+            except InputError as error:
+                row.notes.append(f"figure {figure}: {error}")
+        row.notes = [note.replace(f"{folder}/", "") for note in row.notes]
+    if not (state or scatter):
+        row.provenance = _provenance(case)
     write_result(output, row)
-
-
-def of_case(
-    name: str,
-    folder: Path,
-    output: Path,
-    figures: Sequence[str] = (),
-    stated: Mapping[str, tuple[float, float]] | None = None,
-) -> Row:
-    """Measure a case of a folder; write its result, and its panels of `figures` beside it.
-
-    `stated` are lower and upper ends of numbers that figures show beside its own.
-    """
-    case = Case(name, folder)
-    case.check()
-    m = Measuring.of(case)
-    m.stated = dict(stated or {})
-    row = row_of(m)
-    _add_tables(row, m)
-    row.provenance = _provenance(case)
-    for figure in figures:
-        try:
-            write_picture(output.with_suffix(f".{figure}.csv"), compose(figure, [m]))
-        except InputError as error:
-            row.notes.append(f"figure {figure}: {error}")
-    row.notes = [note.replace(f"{folder}/", "") for note in row.notes]
-    write_result(output, row)
-    return row
 
 
 def _add_quantities(row: Row, files: Sequence[Path], quantities: Sequence[str]) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.rows import Row, of_one_producer
+from analysis.rows import OF_RECORD, Row, of_one_producer
 from analysis.value import estimate, plain
 from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
@@ -82,7 +82,8 @@ def scatter_of_samples(several: Sequence[Row]) -> dict[str, float]:
     """
     found = {}
     for name in several[0].values:
-        column = of_one_producer(several, name)[0]
+        records = (one.record for one in several)
+        _, column = of_one_producer(records, OF_RECORD.get(name, name))
         deviation = pd.Series([one.value(column) for one in several]).std()
         if np.isfinite(deviation):
             found[name] = float(deviation)

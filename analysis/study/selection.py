@@ -1,4 +1,4 @@
-"""Numbers of a study's cases by their name: quantities, expressions of them, one producer's."""
+"""Numbers of a study's cases by their name: quantities, and expressions of them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import numpy as np
 import pandas as pd
 
 from modal.tools.errors import InputError
-
-PRODUCERS = {"yade": "YADE", "linear": "linear"}
 
 
 def select(frame: pd.DataFrame, text: str) -> pd.DataFrame:
@@ -41,27 +39,12 @@ def spreads(frame: pd.DataFrame, text: str) -> pd.Series:
     return numbers(frame, f"{text}_spread" if text.isidentifier() else "unknown")
 
 
-def of_one_producer(frame: pd.DataFrame, *texts: str) -> tuple[str, ...]:
-    """Quantities with `{record}` in them as those of one producer, whose name comes first.
-
-    YADE's where all cases at hand have a run, else the linear wave's: never some of one and some
-    of the other, which differ where contacts slide.
-    """
-    there = frame[frame["there"]]
-    yade = len(there) > 0 and bool((there["record"] == "yade").all())
-    producer = "yade" if yade else "linear"
-    return PRODUCERS[producer], *(text.replace("{record}", producer) for text in texts)
-
-
 def runs(cases: Iterable[int]) -> str:
     """Numbers of cases as 1-4, 7."""
-    found: list[list[int]] = []
-    for n in sorted(cases):
-        if found and n == found[-1][-1] + 1:
-            found[-1].append(n)
-        else:
-            found.append([n])
-    return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in found)
+    each = np.sort(list(cases))
+    found = np.split(each, np.flatnonzero(np.diff(each) > 1) + 1)
+    parts = (f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in found if len(run))
+    return ", ".join(parts)
 
 
 def missing(frame: pd.DataFrame, text: str) -> str:

@@ -178,16 +178,13 @@ def checks(spec: Spec, rules: Rules) -> Cells:
 
 def side_by_side(name: str, cases: pd.DataFrame, rows: list[Row]) -> Cells:
     """A table that each case has, of several cases beside one another."""
-    own = [row for row in rows if row.name in cases.index and row.tables.get(name)]
-    header: list[str] = []
-    columns: list[tuple[str, ...]] = []
-    for row in own:
-        head, *lines = row.tables[name]
-        first, *others = zip(*lines, strict=True)
-        header = header or [head[0]]
-        columns = columns or [first]
-        several = len(head) > 2
-        header += [f"{text}, {row.label}" if several else row.label for text in head[1:]]
-        columns += others
-    lines = [list(line) for line in zip(*columns, strict=True)]
-    return header, [line for line in lines if any(line[1:])]
+    parts = []
+    for row in rows:
+        if row.name in cases.index and row.tables.get(name):
+            (first, *head), *lines = row.tables[name]
+            names = [f"{text}, {row.label}" for text in head] if len(head) > 1 else [row.label]
+            parts.append(pd.DataFrame(lines, columns=[first, *names]).set_index(first))
+    if not parts:
+        return [], []
+    found = pd.concat(parts, axis=1).reset_index()
+    return list(found), [line for line in found.to_numpy().tolist() if any(line[1:])]

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.rows import of_one_producer
 from analysis.study.description import Study
 from analysis.study.powers import powers
-from analysis.study.selection import missing, numbers, of_one_producer, runs, select, spreads
+from analysis.study.selection import missing, numbers, runs, select, spreads
 from analysis.table import Table, number
 from modal.tools.errors import InputError
 
@@ -142,7 +143,9 @@ class Rules:
 
     def _numbers(self, rule: Spec, cases: pd.DataFrame) -> Seen:
         """A quantity of each case; on no plateau and not settled it meets nothing."""
-        _, name, flat = of_one_producer(cases, rule["quantity"], rule.get("plateau", ""))
+        _, name, flat = of_one_producer(
+            cases["record"].dropna(), rule["quantity"], rule.get("plateau", "")
+        )
         values = numbers(cases, name).dropna()
         several = f"case {runs(cases['case'][values.index])}" if len(cases) > 1 else ""
         absent = missing(cases, name) if len(values) < len(cases) else ""
@@ -156,7 +159,7 @@ class Rules:
     def _powers(self, rule: Spec, cases: pd.DataFrame) -> Seen:
         """The power of each group."""
         names = rule["x"], rule["y"], rule.get("plateau", "")
-        producer, x, y, flat = of_one_producer(cases, *names)
+        producer, x, y, flat = of_one_producer(cases["record"].dropna(), *names)
         found = powers(cases, x, y)
         head = f"{producer}: {found}" if len(found.table) else ""
         head = "; ".join(filter(None, [head, "" if found.whole else missing(cases, y)]))
@@ -168,7 +171,7 @@ class Rules:
 
         Only stresses count at which as many groups are known as anywhere.
         """
-        _, name = of_one_producer(cases, rule["quantity"])
+        _, name = of_one_producer(cases["record"].dropna(), rule["quantity"])
         known = cases.assign(value=numbers(cases, name), own=spreads(cases, name))
         known, found = known.dropna(subset="value"), {}
         counts = known.groupby("stress")["value"].count()
@@ -247,17 +250,9 @@ def targets(found: list[Answer]) -> Table:
 def second_verdicts(found: list[Answer]) -> Table:
     """Of the targets that have a second rule: both verdicts side by side."""
     header = ["target", "stated", "met by the rule", "second rule", "here", "±", "met by it", "why"]
-    cells = [
-        [
-            spec["id"],
-            spec["stated"],
-            first.word,
-            spec["second"]["rule"],
-            *two.cells(),
-            two.word,
-            two.why,
-        ]
-        for spec, first, two in found
-        if two is not None
-    ]
+    cells = []
+    for spec, first, two in found:
+        if two is not None:
+            told = spec["id"], spec["stated"], first.word, spec["second"]["rule"]
+            cells.append([*told, *two.cells(), two.word, two.why])
     return Table("Targets by a second rule", header, cells, "second_verdicts")

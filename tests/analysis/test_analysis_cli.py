@@ -8,11 +8,11 @@ import sys
 import numpy as np
 import pytest
 from places import ROOT
+from study_folder import measured
 
 from analysis.__main__ import main
 from analysis.cli.main import parser
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
-from analysis.study.measuring import of_case
 from modal.modes.mode_set import ModeSet, write_modes
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
@@ -59,7 +59,7 @@ def products(tmp_path_factory):
 
 def compared(products, name):
     """The comparison of a crystal, by quantity."""
-    lines = of_case(name, products, products / f"{name}.json").tables["comparison"]
+    lines = measured(name, products).tables["comparison"]
     head = ("theory", "modal", "linear", "yade", "note")
     return {line[1]: dict(zip(head, line[3:], strict=True)) for line in lines}
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from packings import stepped
 from shear_lattice import ShearLattice
+from study_folder import measured
 
 import modal
 from analysis.agreement import Agreement, relative
@@ -14,7 +15,6 @@ from analysis.case import Case
 from analysis.estimators.transfer import network_gain
 from analysis.measuring import Measuring
 from analysis.quantities.velocity import chain, first_peak, longest
-from analysis.study.measuring import of_case
 from modal.elasticity.moduli import write_moduli
 from modal.packing.network import write_network
 from modal.theory.fcc import FccLattice
@@ -65,8 +65,8 @@ def test_numbers_of_the_crystals_s_wave(made):
         assert first_peak(m, key).value == pytest.approx(EXACT.velocity, rel=0.05)
 
 
-def test_result_has_what_slides_and_the_moduli(made, tmp_path):
-    row = of_case("case02", made, tmp_path / "case02.json")
+def test_result_has_what_slides_and_the_moduli(made):
+    row = measured("case02", made)
     for name in ("v_s_moduli", "v_s_long_waves_linear", "v_s_long_waves_yade"):
         assert row.value(f"{name}_m_per_s") == pytest.approx(EXACT.velocity, rel=1e-3)
     # No P-wave is YADE's: there was no run of a wall that pushes.

@@ -15,7 +15,6 @@ pytest.importorskip("pandas")
 
 from analysis.__main__ import main
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
-from analysis.figures import FIGURES
 from analysis.quantities.spectrum import natural_frequency
 from analysis.study.description import Study
 from analysis.study.results import frame_of, read_results
@@ -156,13 +155,9 @@ def test_committed_tables_are_those_of_the_committed_results(paper):
         )
 
 
-def test_what_a_study_draws_and_reads_is_known(paper):
-    assert {spec["figure"] for spec in paper.part("figures")} <= set(FIGURES)
-    assert len(paper.part("targets")) == 32
+def test_the_library_knows_no_study():
     for path in (ROOT / "analysis").rglob("*.py"):
-        assert "otsubo2017" not in path.read_text(), f"{path}: the library knows no study"
-    lines = sum(len(path.read_text().splitlines()) for path in (ROOT / "studies").rglob("*.py"))
-    assert lines <= 300
+        assert "otsubo2017" not in path.read_text(), path
 
 
 def test_errors_of_natural_frequencies_hold_the_exact_ones():

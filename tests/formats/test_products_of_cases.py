@@ -11,12 +11,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from study_folder import measured
 
 from analysis.__main__ import main as analysis_main
 from analysis.case import find
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES
-from analysis.study.measuring import of_case
 from modal.__main__ import main
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import read_provenance
@@ -90,7 +90,7 @@ def test_what_is_kept_is_made_again_where_its_settings_or_packing_have_changed(
 
 
 def test_result_names_command_and_sources_of_every_file(folder):
-    rows = {row[0]: row[2:] for row in of_case("case02", folder, folder / "a.json").provenance}
+    rows = {row[0]: row[2:] for row in measured("case02", folder).provenance}
     command, sources = rows["case02.modes.h5"]
     assert command.startswith("python -m modal modes case02.network.h5 --all")
     assert sources == f"case02.network.h5 ({sha256(folder / 'case02.network.h5')[:8]})"
