@@ -102,15 +102,16 @@ class Commands:
 
     def of_network(self, rule: str, case: str, packing: str = "network") -> str:
         """Command of one of the rules `OF_NETWORK`, for a network or a sample."""
-        return OF_NETWORK[rule]["command"].format(
-            network=self.product(case, packing),
-            product=self.product(case, OF_NETWORK[rule]["makes"][0]),
-            folder=self.folder,
-            lowest=self.study.settings["lowest_modes"],
-            band=self.band(case),
-            linear=self.linear(case, 1),
-            shear=self.linear(case, 2, "--direction x"),
-        )
+        command, made = OF_NETWORK[rule]["command"], OF_NETWORK[rule]["makes"]
+        options = {
+            "lowest": lambda: self.study.settings["lowest_modes"],
+            "band": lambda: self.band(case),
+            "linear": lambda: self.linear(case, 1),
+            "shear": lambda: self.linear(case, 2, "--direction x"),
+        }
+        given = {name: of() for name, of in options.items() if f"{{{name}}}" in command}
+        given |= {"network": self.product(case, packing), "product": self.product(case, made[0])}
+        return command.format(folder=self.folder, **given)
 
     def duration(self, case: str) -> float:
         """Seconds in which a wave goes from wall to wall, and somewhat more."""

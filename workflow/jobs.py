@@ -159,7 +159,9 @@ class Jobs(Commands):
     def at_rest(self, case: str, state: str) -> list[str]:
         """Commands of a sample; a small one's highest mode is found in the same process."""
         own = [f"- {self.rest(case, state)}"]
-        return own + self.with_highest * [self.of_network("highest_mode", case, "sample")]
+        if self.with_highest:
+            own.append(self.of_network("highest_mode", case, "sample"))
+        return own
 
     def on_the_way(self, case: str) -> list[str]:
         """Rules whose products a case's measurement makes itself, in its own process.

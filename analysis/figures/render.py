@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullFormatter
@@ -133,6 +134,6 @@ def save(picture: Picture, stem: Path) -> list[Path]:
         write_png(figure, png)
         data = io.BytesIO()
         figure.set_layout_engine("none")  # the layout is that of the PNG
-        figure.savefig(data, format="pdf", metadata={"CreationDate": None})
+        FigureCanvasPdf(figure).print_pdf(data, metadata={"CreationDate": None})
         write_whole(vectors, data.getbuffer())
     return [png, table, vectors]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 import numpy as np
@@ -10,12 +11,17 @@ import pandas as pd
 from modal.tools.errors import InputError
 
 
+def _named(frame: pd.DataFrame, text: str) -> pd.DataFrame:
+    """The columns that an expression names: pandas looks at each of hundreds in every one."""
+    return frame[[name for name in set(re.findall(r"\w+", text)) if name in frame]]
+
+
 def select(frame: pd.DataFrame, text: str) -> pd.DataFrame:
     """The cases that an expression of their columns is true of; all for an empty one."""
     if not text:
         return frame
     try:
-        return frame.query(text, engine="python")
+        return frame[_named(frame, text).eval(text, engine="python")]
     except (SyntaxError, ValueError, TypeError, pd.errors.UndefinedVariableError) as error:
         raise InputError(f"select: {text}: {error}; name columns of the cases") from None
 
@@ -27,7 +33,7 @@ def numbers(frame: pd.DataFrame, text: str) -> pd.Series:
     if text.isidentifier():
         return pd.Series(np.nan, frame.index)
     try:
-        return frame.eval(text, engine="python").astype(float)
+        return _named(frame, text).eval(text, engine="python").astype(float)
     except pd.errors.UndefinedVariableError:
         return pd.Series(np.nan, frame.index)
     except (SyntaxError, TypeError, ValueError) as error:
