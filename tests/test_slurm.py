@@ -117,8 +117,8 @@ def jobs(folder: Path, rule: str = "") -> list[str]:
 
 
 def test_every_job_is_one_of_slurms(whole):
-    """Ten products, and that they are those of a run without Slurm `whole` has seen."""
-    assert jobs(whole) == 10 * ["COMPLETED"]
+    """Eight jobs; that their products are those of a run without Slurm `whole` has seen."""
+    assert jobs(whole) == 8 * ["COMPLETED"]
 
 
 def test_failing_job(local, whole):
@@ -145,9 +145,9 @@ def test_cancelled_job(local, whole):
 
 def test_time_limit(local, whole):
     """A job that is stopped until its limit is over: it is tried again, with twice the time."""
-    before = without(whole, "case06.highest.modes.h5", "case06.signals.h5")
+    before = without(whole, "case06.network.h5", "case06.signals.h5")
     study = run(whole, "--slurm")
-    number = job("highest_mode", whole)
+    number = job("network", whole)
     subprocess.run(["scontrol", "update", f"JobId={number}", "TimeLimit=1"], check=True)
     subprocess.run(["scancel", "--full", "--signal=STOP", number], check=True)
     if ended(study) != 0:
@@ -159,7 +159,7 @@ def test_time_limit(local, whole):
 
 def test_killed_driver(local, whole):
     """Its jobs go on; the next run waits for them and makes the rest."""
-    case = [f"case10.{kind}.h5" for kind in ("network", "highest.modes", "signals")]
+    case = [f"case10.{kind}.h5" for kind in ("network", "signals")]
     before, networks = without(whole, *case), jobs(whole, "network")
     study = run(whole, "--slurm")
     job("network", whole)

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -11,21 +12,15 @@ from places import ROOT
 from study_folder import measured
 
 from analysis.__main__ import main
-from analysis.cli.main import parser
+from analysis.cli.main import COMMANDS, parser
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from modal.modes.mode_set import ModeSet, write_modes
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
 from modal.waves.signals import write_signals
 
-
-def choices(called=""):
-    """Parsers by command, of the one that is called with its options and example."""
-    return next(one.choices for one in parser(called)._actions if one.dest == "command")
-
-
 STUDY = str(ROOT / "studies/friction_width.yaml")
-EXAMPLES = {name: choices(name)[name].example for name in choices()}
+EXAMPLES = {name: import_module(f"analysis.cli.{name}").EXAMPLE for name in COMMANDS}
 
 
 @pytest.fixture(scope="module")
