@@ -156,9 +156,9 @@ class Jobs(Commands):
         """Whether a random sample's highest mode is found in the process that makes it."""
         return self.small and "highest.modes" in self.study.settings["make"].get("random", [])
 
-    def at_rest(self, case: str, state: str) -> list[str]:
+    def at_rest(self, case: str) -> list[str]:
         """Commands of a sample; a small one's highest mode is found in the same process."""
-        own = [f"- {self.rest(case, state)}"]
+        own = [f"- {self.rest(case, self.start(case))}"]
         if self.with_highest:
             own.append(self.of_network("highest_mode", case, "sample"))
         return own

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice, zip_longest
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from analysis.case import Case
 from analysis.crystal import compare
@@ -99,14 +99,13 @@ def _add_tables(row: Row, m: Measuring) -> None:
     """Tables of a case by itself: resonances, choices of the threshold's rule, a theory."""
     (f, kappa), bearers = standing_waves(m), standing(m)
     if len(f):
-        columns = {"f_r, kHz": [*map(number, f / 1e3)], "kappa_r, rad/m": [*map(number, kappa)]}
+        columns = {"f_r, kHz": map(number, f / 1e3), "kappa_r, rad/m": map(number, kappa)}
         if not m.crystal:
             share = () if bearers is None else bearers.share
-            columns["share of the mode"] = [f"{value:.2f}" for value in share]
-        series = {head: pd.Series(cells, dtype=str) for head, cells in columns.items()}
-        table = pd.DataFrame(series).reindex(range(RESONANCES)).fillna("")
-        lines = [[str(r), *cells] for r, cells in enumerate(table.to_numpy().tolist(), 1)]
-        row.tables["resonances"] = [["r", *table], *lines]
+            columns["share of the mode"] = map("{:.2f}".format, share)
+        numbers = map(str, range(1, RESONANCES + 1))
+        lines = zip_longest(numbers, *columns.values(), fillvalue="")
+        row.tables["resonances"] = [["r", *columns], *map(list, islice(lines, RESONANCES))]
     choices = [[text, _chosen(edge)] for text, edge in passband(m).choices()]
     row.tables["choices"] = [["f_low-pass, kHz", "f_low-pass"], *choices]
     if m.crystal:
