@@ -76,38 +76,32 @@ def slow_stiffness(network: "Network") -> np.ndarray:
     """Dense K (6n, 6n), column by column from forces: an oracle without the 12x12 matrices.
 
     Each degree of freedom is displaced by one unit in turn; the springs' forces and the torques
-    they exert with their levers are summed, contact by contact, in plain vector algebra.
+    they exert with their levers are summed in plain vector algebra. Walls are a body that rests.
     """
-    n = network.n_particles
-    K, both = np.zeros((6 * n, 6 * n)), (network.particle_i, network.particle_j)
+    n, normal = network.n_particles, network.normal
+    i, j = (
+        network.particle_i,
+        np.where(network.particle_j < 0, network.n_particles, network.particle_j),
+    )
+
+    def split(vector: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
+        part = (vector * normal).sum(axis=1)[:, None] * normal
+        return along[:, None] * part + across[:, None] * (vector - part)
+
+    K = np.zeros((6 * n, 6 * n))
     for column in range(6 * n):
-        motion = np.zeros((n, 2, 3))
-        motion[column // 6, (column % 6) // 3, column % 3] = 1.0
-        load = np.zeros((n, 2, 3))
-        # Contacts of other spheres are not stretched.
-        for c in np.flatnonzero(np.any([ends == column // 6 for ends in both], axis=0)):
-            i, j = network.particle_i[c], network.particle_j[c]
-            normal = network.normal[c]
-            slip = -motion[i, 0] - np.cross(motion[i, 1], network.lever_i[c])
-            if j >= 0:
-                slip = slip + motion[j, 0] + np.cross(motion[j, 1], network.lever_j[c])
-            along = np.dot(slip, normal) * normal
-            force = network.stiffness_normal[c] * along
-            force = force + network.stiffness_tangential[c] * (slip - along)
-            load[i, 0] -= force
-            load[i, 1] -= np.cross(network.lever_i[c], force)
-            if j >= 0:
-                load[j, 0] += force
-                load[j, 1] += np.cross(network.lever_j[c], force)
+        motion, load = np.zeros((2, n + 1, 2, 3))
+        motion.flat[column] = 1.0
+        u, turn = motion[:, 0], motion[:, 1]
+        slip = u[j] + np.cross(turn[j], network.lever_j) - u[i] - np.cross(turn[i], network.lever_i)
+        force = split(slip, network.stiffness_normal, network.stiffness_tangential)
+        for end, lever, sign in ((i, network.lever_i, -1), (j, network.lever_j, 1)):
+            np.add.at(load[:, 0], end, sign * force)
+            np.add.at(load[:, 1], end, sign * np.cross(lever, force))
             if network.stiffness_rolling is not None:
-                turn = motion[i, 1] - (motion[j, 1] if j >= 0 else 0)
-                twist = np.dot(turn, normal) * normal
-                moment = network.stiffness_rolling[c] * (turn - twist)
-                moment = moment + network.stiffness_twisting[c] * twist
-                load[i, 1] += moment
-                if j >= 0:
-                    load[j, 1] -= moment
-        K[:, column] = load.ravel()
+                rolling, twisting = network.stiffness_rolling, network.stiffness_twisting
+                np.add.at(load[:, 1], end, sign * split(turn[j] - turn[i], twisting, rolling))
+        K[:, column] = load[:n].ravel()
     return K
 
 
