@@ -11,30 +11,18 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[2]))  # this repository
 
-from yade import O
+from yade import O, wrapper
 from yade.pack import SpherePack
-from yade.wrapper import (
-    Bo1_Sphere_Aabb,
-    ForceResetter,
-    FrictMat,
-    Ig2_Sphere_Sphere_ScGeom,
-    InsertionSortCollider,
-    InteractionLoop,
-    Ip2_FrictMat_FrictMat_MindlinPhys,
-    Law2_ScGeom_MindlinPhys_Mindlin,
-    NewtonIntegrator,
-    PeriTriaxController,
-)
 
 from yade_scripts.export_scene import export_scene
 
-O.materials.append(FrictMat(young=60e9, poisson=0.2, density=2230, frictionAngle=0.3))
+O.materials.append(wrapper.FrictMat(young=60e9, poisson=0.2, density=2230, frictionAngle=0.3))
 O.periodic = True
 O.cell.hSize = [[0.016, 0, 0], [0, 0.016, 0], [0, 0, 0.032]]
 cloud = SpherePack()
 cloud.makeCloud((0, 0, 0), (0.016, 0.016, 0.032), rMean=1e-3, rRelFuzz=0.3, num=250, seed=1)
 cloud.toSimulation()
-control = PeriTriaxController(
+control = wrapper.PeriTriaxController(
     goal=(-1e6, -1e6, -1e6),
     stressMask=7,
     dynCell=True,
@@ -44,15 +32,16 @@ control = PeriTriaxController(
     doneHook="O.pause()",
 )
 O.engines = [
-    ForceResetter(),
-    InsertionSortCollider([Bo1_Sphere_Aabb()]),
-    InteractionLoop(
-        [Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False)],  # lever arms of an energy
-        [Ip2_FrictMat_FrictMat_MindlinPhys()],
-        [Law2_ScGeom_MindlinPhys_Mindlin()],
+    wrapper.ForceResetter(),
+    wrapper.InsertionSortCollider([wrapper.Bo1_Sphere_Aabb()]),
+    wrapper.InteractionLoop(
+        # With lever arms of an energy, which YADE's default does not have.
+        [wrapper.Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False)],
+        [wrapper.Ip2_FrictMat_FrictMat_MindlinPhys()],
+        [wrapper.Law2_ScGeom_MindlinPhys_Mindlin()],
     ),
     control,
-    NewtonIntegrator(damping=0.3),
+    wrapper.NewtonIntegrator(damping=0.3),
 ]
 O.dt = 1e-7
 O.run(1_000_000, wait=True)
