@@ -1,7 +1,6 @@
 """The rooms of modal and of analysis: each stands on those before it."""
 
 import ast
-from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -47,17 +46,3 @@ def test_arrows_run_one_way(package):
         used = {name[1] for name in found if name[0] == package and name[1:]}
         above = [other for other in order[order.index(room) + 1 :] if other in used]
         assert room == "__init__" or not above + [*outside], f"{path}: {above} {outside}"
-
-
-@pytest.mark.parametrize("package", ["modal", "analysis"])
-def test_modules_stand_in_no_circle(package):
-    """Over all modules: a module is loaded after those that it imports."""
-    modules = {}
-    for path in (ROOT / package).rglob("*.py"):
-        parts = path.relative_to(ROOT).with_suffix("").parts
-        modules[".".join(parts).removesuffix(".__init__")] = imports(path)
-    left = {name: (found & set(modules)) - {name} for name, found in modules.items()}
-    for name, below in left.items():
-        # A package is loaded before what stands in it.
-        below -= {other for other in modules if other.startswith(f"{name}.")}
-    assert set(TopologicalSorter(left).static_order()) == set(modules)  # or CycleError names it

@@ -24,7 +24,6 @@ from modal.system.assembly import stiffness_matrix
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
-from modal.waves.source import Pulse
 from tests.benchmarks import tasks
 
 
@@ -121,22 +120,6 @@ def test_dispersion_error_of_the_time_step_has_order_two():
     # omega (1 + (omega dt)^2 / 24): the quarter, up to the next order of some per cent.
     for name in ("error_dispersion", "error_f_low_pass"):
         assert np.log2(found[0][name] / found[1][name]) == pytest.approx(2, abs=0.15), name
-
-
-def test_pre_stress_shifts_the_velocity_and_springs_do_not():
-    """C loses 2 N / l where the springs give 2 (kn + kt): V_P falls by half of that share."""
-    network = in_yades_order(gallery.fcc(cells=(2, 2, 30)))
-    chain = LayerLattice.of_network(network)
-    inner = network.particle_j >= 0
-    lateral = np.median(network.force_normal[inner]) / (2 * network.radius[0])
-    expected = lateral / chain.stiffness
-    run = stepped(network, 6e-5, 2e-8, every=20, motion=Pulse())
-    found = {}
-    for kind in ("none", "full"):
-        twin = dem.linear_twin(network, run, kind)
-        found[kind] = dem.errors(twin, chain)["error_velocity"]
-    assert found["none"] < 0.1 * expected
-    assert found["full"] == pytest.approx(expected, rel=0.1)
 
 
 def test_density_errors_split_into_kernel_and_vectors(packing):
