@@ -14,15 +14,14 @@ with d1 = 0.82 S, d2 = 1.24 S. That the tangent goes on without a jump fixes d_T
 and c = 2.59. In units of N1 and S all of it is one curve. Along the contact Mindlin's ratio holds,
 kt / kn = 4 G* / E* = 2 (1 - nu) / (2 - nu).
 
-The three equations and the four numbers are from memory of the papers: neither their text could be
-read, nor any program that has the law. What could be checked:
+The equations are those of the authors' own program, geoLAMMPS (github.com/geoLAMMPS/geoLAMMPS,
+`PairGranCMHistory` in src/GRANULAR/pair_gran_CM_history.cpp at 8328d78, which names the paper of
+2017 as its reference): 0.82, 1.24, 1 and 100, exponents, energy and ratio of stiffnesses; numbers
+agree to the 13 digits that were compared. There a wall is smooth: `rough S 1e-12`.
 
-- The abstracts of both papers: stiffness falls with roughness, most at small forces, and the
-  exponent of moduli over stress rises above 1/3.
-- J. A. Greenwood, K. L. Johnson, E. Matsubara, Wear 100, 47 (1984), abstract: Hertz's theory errs
-  by no more than about 7 % where alpha = S R* / a0^2 (a0: Hertz's radius of contact) is below 0.05.
-  Here alpha is 0.045 at N2, from where on the stiffness is Hertz's, and 0.96 at N1.
-- The exponents follow from the other numbers.
+Besides, J. A. Greenwood, K. L. Johnson, E. Matsubara, Wear 100, 47 (1984), abstract: Hertz's theory
+errs by no more than about 7 % where alpha = S R* / a0^2 (a0: Hertz's radius of contact) is below
+0.05. Here alpha is 0.045 at N2, from where on the stiffness is Hertz's, and 0.96 at N1.
 """
 
 from __future__ import annotations
