@@ -20,66 +20,26 @@ from pathlib import Path
 # Inside YADE __file__ is YADE itself; the script is its first argument.
 sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[1]))
 
-import numpy as np
-from yade import O, config
-from yade.utils import PyRunner, readParamsFromTable
+from yade import config
+from yade.utils import readParamsFromTable
 
 from modal.preparation import protocol
 from modal.preparation.compression import compress_to_stresses
 from modal.preparation.protocol import Study
 from modal.preparation.sizes import MIXTURE
 from modal.tools.errors import InputError
-from yade_scripts import servo
-from yade_scripts.scene import before_motion, finish, products_folder
-from yade_scripts.state import build_scene, read_scene, resume_cell
-
-MARGIN = 0.1
-"""Reach of the collider around each sphere, radii."""
+from yade_scripts.scene import finish, products_folder
+from yade_scripts.servo import Scene
 
 readParamsFromTable(noTableOk=True, highest=protocol.STRESSES[-1], **asdict(Study()))
 from yade.params import table  # noqa: E402
-
-
-class Scene:
-    """A sample in motion in YADE, as `modal.preparation.compression` asks for it."""
-
-    def __init__(self, sample, stage):
-        global follow
-        self._bare, self._n, self.steps = sample, len(sample.position), 0
-        build_scene(sample, margin=MARGIN, damping=stage.damping)
-        follow = servo.Drive(self._n, stage.control)
-        self._control = stage.control
-        before_motion(PyRunner(command="follow()", iterPeriod=1, label="control"))
-
-    def advance(self, count, dt, every):
-        """`count` steps of `dt`, s, with the rates set `every` so many of them."""
-        O.dt, O.labeledEngine("control").iterPeriod = dt, every
-        if not self.steps:
-            resume_cell()
-        O.run(count, wait=True)
-        self.steps += count
-        if not np.isfinite(self._control.stress).all():
-            raise InputError("the stress is not finite; unstable time step")
-
-    def stress(self):
-        """Principal stresses (3,), Pa."""
-        return servo.principal_stresses(self._n)
-
-    def unbalanced(self):
-        """Mean residual force on a sphere over the mean contact force."""
-        return servo.unbalanced()
-
-    def sample(self, *, moving):
-        """The sample as it is now."""
-        return read_scene(self._bare, moving=moving)
 
 
 def main():
     """Compress from the checkpoint, or from the cloud, to the highest stress."""
     given = {name: getattr(table, name) for name in asdict(Study())}
     # A column of the table holds one word.
-    mixture = {name: str(given[name]) for name in MIXTURE}
-    words = {name: word.replace("_", " ") for name, word in mixture.items()}
+    words = {name: str(given[name]).replace("_", " ") for name in MIXTURE}
     study = Study(**given | words)
     if study.mu_comp == 0:
         raise InputError("mu_comp 0: packings without friction are made by `modal pack`")

@@ -16,18 +16,18 @@ sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[1]))
 
 import numpy as np
 from yade import O, config
-from yade.utils import readParamsFromTable
+from yade.utils import readParamsFromTable, unbalancedForce
 
-from modal.formats.provenance import Provenance, is_current, packing_of, set_aside, versions
+from modal.formats.provenance import Provenance, packing_of, versions
 from modal.packing.layers import Layers
 from modal.packing.network import read_network, write_network
 from modal.packing.rattlers import firmly_held
 from modal.packing.sample import read_sample
 from modal.preparation.durations import time_step
 from modal.tools.errors import InputError
-from yade_scripts import servo
 from yade_scripts.export import contact_network
-from yade_scripts.scene import finish, products_folder
+from yade_scripts.scene import already_there, finish, products_folder
+from yade_scripts.servo import principal_stresses, wall_stresses
 from yade_scripts.state import build_scene
 
 STRESS_TOLERANCE = 5e-3
@@ -78,10 +78,8 @@ def main():
     made = Provenance(
         "yade_scripts/export_sample.py", settings, parent, versions(yade=config.version)
     )
-    if is_current(path, made, read=read_network):
-        print(f"{path}: already there")
+    if already_there(path, made, read_network):
         return
-    set_aside(path)
     n, target = len(sample.position), float(stress)
     for name, found, wanted in (
         ("friction", sample.friction, mu_wave),
@@ -93,12 +91,12 @@ def main():
                 "make the sample again"
             )
     build_scene(sample, margin=MARGIN, damping=0.0)
-    stresses = servo.principal_stresses(n)
+    stresses = principal_stresses(n)
     if abs(stresses / target - 1).max() > STRESS_TOLERANCE:
         raise InputError(
             f"{sample_path}: stresses {stresses} Pa, target {target:g} Pa; compress it again"
         )
-    unbalanced, walls = servo.unbalanced(), servo.wall_stresses(n)
+    unbalanced, walls = unbalancedForce(useMaxForce=False), wall_stresses(n)
     if not unbalanced < BALANCE:
         raise InputError(
             f"{sample_path}: net forces of {unbalanced:.1e} of the mean contact force in YADE, "
@@ -107,21 +105,12 @@ def main():
     network = contact_network(n, sample.study | sample.constants | {"case": str(case)}, {})
     O.dt = time_step(target)
     of_layer, of_sphere = noise(network)
-    measured = {
-        "noise_layer": of_layer,
-        "noise_sphere": of_sphere,
-        "unbalanced": unbalanced,
-        "stress_xx": stresses[0],
-        "stress_yy": stresses[1],
-        "stress_zz": stresses[2],
-        "stress_source_wall": walls[0],
-        "stress_receiver_wall": walls[1],
-    }
-    provenance = made.attributes() | {
-        "parent": parent[0].name,
-        "parent_sha256": parent[0].sha256,
-    }
-    study = network.study | measured
+    measured = {"noise_layer": of_layer, "noise_sphere": of_sphere, "unbalanced": unbalanced}
+    of_stresses = "xx", "yy", "zz", "source_wall", "receiver_wall"
+    for name, value in zip(of_stresses, (*stresses, *walls), strict=True):
+        measured[f"stress_{name}"] = value
+    come_from = {"parent": parent[0].name, "parent_sha256": parent[0].sha256}
+    study, provenance = network.study | measured, made.attributes() | come_from
     write_network(path, replace(network, study=study, provenance=provenance))
     print(
         f"{path}: {network.n_contacts} contacts, unbalanced {unbalanced:.1e}, noise of a layer "

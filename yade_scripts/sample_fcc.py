@@ -15,15 +15,22 @@ sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[1]))
 
 import numpy as np
 from yade import O, config
-from yade.utils import readParamsFromTable
+from yade.utils import readParamsFromTable, unbalancedForce
 
-from modal.formats.provenance import Provenance, is_current, set_aside, versions
+from modal.formats.provenance import Provenance, versions
 from modal.packing.contact_law import GLASS
 from modal.packing.crystal import fcc
 from modal.packing.network import read_network, write_network
 from modal.tools.errors import InputError
 from yade_scripts.export import contact_network
-from yade_scripts.scene import find_contacts, finish, place, products_folder, set_engines
+from yade_scripts.scene import (
+    already_there,
+    find_contacts,
+    finish,
+    place,
+    products_folder,
+    set_engines,
+)
 from yade_scripts.servo import wall_stresses
 
 ROUND_OFF = 100 * np.finfo(float).eps
@@ -35,7 +42,6 @@ readParamsFromTable(
     mu_comp=0.0,
     mu_wave=0.1,
     stress=1e5,
-    input_frequency=1e5,
     width=4,
     layers=int(os.environ.get("WAVE_LAYERS", 200)),
     unknownOk=True,  # columns of the wave
@@ -46,17 +52,14 @@ from yade.params.table import case, layers, mu_comp, mu_wave, stress, width  # n
 def main():
     """Make the sample unless a valid one is there."""
     path = products_folder() / f"case{case:02d}.network.h5"
-    settings = {"stress": stress, "mu_comp": mu_comp, "mu_wave": mu_wave}
-    settings = {name: float(value) for name, value in settings.items()}
+    settings = {"stress": float(stress), "mu_comp": float(mu_comp), "mu_wave": float(mu_wave)}
     made = Provenance(
         "yade_scripts/sample_fcc.py",
         settings | {"width": width, "layers": layers},
         versions=versions(yade=config.version),
     )
-    if is_current(path, made, read=read_network):
-        print(f"{path}: already there")
+    if already_there(path, made, read_network):
         return
-    set_aside(path)
     if width < 3:
         raise InputError(f"width {width}: YADE needs at least 3 spheres a side (single contacts)")
     crystal = fcc(stress, (width, width, layers))
@@ -64,27 +67,20 @@ def main():
     place(crystal.position, crystal.cell_size[:2].tolist(), crystal.wall_position, mu_wave)
     set_engines()
     find_contacts(expected=crystal.n_contacts)
-    residual = np.array([list(O.forces.f(k, sync=True)) for k in range(n)])
-    contacts = [contact for contact in O.interactions if contact.isReal]
-    mean = np.mean([contact.phys.normalForce.norm() for contact in contacts])
-    ratio = abs(residual).max() / mean
-    least = min(contact.geom.penetrationDepth for contact in contacts)
+    ratio = unbalancedForce(useMaxForce=True)
+    least = min(contact.geom.penetrationDepth for contact in O.interactions if contact.isReal)
     tolerance = ROUND_OFF * crystal.length / least
     if ratio > tolerance:
         raise InputError(f"case {case}: residual force {ratio:.1e} of the mean; not in balance")
     walls = wall_stresses(n)
     if max(abs(wall / stress - 1) for wall in walls) > tolerance:
         raise InputError(f"case {case}: wall stresses {walls} Pa, target {stress} Pa")
-    study = {
-        "case": str(case),
-        **settings,
-        "young": GLASS.young,
-        "poisson": GLASS.poisson,
-        "density": GLASS.density,
-    }
-    provenance = made.attributes() | {"residual_force_ratio": float(ratio)}
+    study = {"case": str(case)} | settings
+    study |= {name: getattr(GLASS, name) for name in ("young", "poisson", "density")}
+    provenance = made.attributes() | {"residual_force_ratio": ratio}
     write_network(path, contact_network(n, study, provenance))
-    print(f"{path}: {n} spheres, {len(contacts)} contacts, residual {ratio:.1e} of the mean force")
+    found = f"{n} spheres, {crystal.n_contacts} contacts"
+    print(f"{path}: {found}, residual {ratio:.1e} of the mean force")
 
 
 finish(main)

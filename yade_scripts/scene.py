@@ -23,6 +23,8 @@ from yade.wrapper import (
     NewtonIntegrator,
 )
 
+import __main__
+from modal.formats.provenance import is_current, set_aside
 from modal.packing.contact_law import GLASS, RADIUS, Elasticity
 from modal.tools.errors import InputError
 
@@ -35,6 +37,15 @@ NO_TIME = 1e-15
 def products_folder():
     """Folder of products: the environment variable WAVE_PRODUCTS, or products/."""
     return Path(os.environ.get("WAVE_PRODUCTS", ROOT / "products"))
+
+
+def already_there(path, made, read):
+    """Whether a product need not be made again; one that is stale or damaged is set aside."""
+    if is_current(path, made, read=read):
+        print(f"{path}: already there")
+        return True
+    set_aside(path)
+    return False
 
 
 def of_a_wall(spheres, wall):
@@ -116,11 +127,17 @@ def set_engines(*, margin=0.01, damping=0.0):
     ]
 
 
-def before_motion(*runners):
-    """Put these engines, in place of those put there before, between forces and motion."""
+def before_motion(work=None):
+    """Call `work`, in place of what was called there before, between forces and motion.
+
+    At every step, or each `iterPeriod` of the engine "control". YADE looks for what it calls among
+    the names of the main script.
+    """
+    __main__.before_motion = work
+    runner = PyRunner(command="before_motion()", iterPeriod=1, label="control")
     O.engines = [
         *(engine for engine in O.engines if not isinstance(engine, PyRunner | NewtonIntegrator)),
-        *runners,
+        *([runner] if work else []),
         O.labeledEngine("newton"),
     ]
 
@@ -142,12 +159,6 @@ def wall_faces(n):
     """z of the faces of source and receiver wall, m; n is the number of spheres."""
     half = WALL_HALF_THICKNESS
     return O.bodies[n].state.pos[2] + half, O.bodies[n + 1].state.pos[2] - half
-
-
-def sizes(n):
-    """Radius of all spheres, or that of each (n,) where they differ, m."""
-    radius = np.array([O.bodies[k].shape.radius for k in range(n)])
-    return float(radius[0]) if (radius == radius[0]).all() else radius
 
 
 def cell_side():

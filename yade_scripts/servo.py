@@ -1,10 +1,15 @@
-"""Stress-controlled compression: stresses of a scene, and its strain rates from a control."""
+"""Stress-controlled compression: stresses of a scene, and its motion at a control's rates."""
 
 import numpy as np
 from yade import Matrix3, O
 from yade.utils import getStress, unbalancedForce
 
-from yade_scripts.scene import cell_side, wall_faces
+from modal.tools.errors import InputError
+from yade_scripts.scene import before_motion, cell_side, wall_faces
+from yade_scripts.state import build_scene, read_scene, resume_cell
+
+MARGIN = 0.1
+"""Reach of the collider around each sphere, radii."""
 
 
 def principal_stresses(n):
@@ -31,11 +36,11 @@ def principal_stresses(n):
     return -(total - box_centres / volume)
 
 
-def wall_stresses(n):
-    """Pressure on source and receiver wall, Pa."""
+def wall_stresses(n, axis=2):
+    """Stress on source and receiver wall along an axis, Pa; along z their pressure."""
     side_x, side_y = cell_side()
-    area = side_x * side_y
-    return -O.forces.f(n, sync=True)[2] / area, O.forces.f(n + 1, sync=True)[2] / area
+    source, receiver = (O.forces.f(wall, sync=True)[axis] for wall in (n, n + 1))
+    return -source / (side_x * side_y), receiver / (side_x * side_y)
 
 
 def deform(n, rates):
@@ -54,21 +59,36 @@ def deform(n, rates):
         state.vel = tuple(velocity.tolist())
 
 
-class Drive:
-    """Lets a control of `modal.preparation.strain_control` set the strain rates of the scene.
+class Scene:
+    """A sample in motion under the control of a stage, as `modal.preparation.compression` asks."""
 
-    To be called between forces and motion.
-    """
+    def __init__(self, sample, stage):
+        self._bare, self._n, self.steps = sample, len(sample.position), 0
+        self._control = stage.control
+        build_scene(sample, margin=MARGIN, damping=stage.damping)
+        before_motion(self._follow)
 
-    def __init__(self, n, control):
-        self.n, self.control = n, control
-        control.stress = principal_stresses(n)
+    def _follow(self):
+        deform(self._n, self._control.follow(self.stress()))
 
-    def __call__(self):
-        """Measure the stresses and set the rates."""
-        deform(self.n, self.control.follow(principal_stresses(self.n)))
+    def advance(self, count, dt, every):
+        """`count` steps of `dt`, s, with the rates set `every` so many of them."""
+        O.dt, O.labeledEngine("control").iterPeriod = dt, every
+        if not self.steps:
+            resume_cell()
+        O.run(count, wait=True)
+        self.steps += count
+        if not np.isfinite(self._control.stress).all():
+            raise InputError("the stress is not finite; unstable time step")
 
+    def stress(self):
+        """Principal stresses (3,), Pa."""
+        return principal_stresses(self._n)
 
-def unbalanced():
-    """Mean residual force on a sphere over the mean contact force."""
-    return unbalancedForce(useMaxForce=False)
+    def unbalanced(self):
+        """Mean residual force on a sphere over the mean contact force."""
+        return unbalancedForce(useMaxForce=False)
+
+    def sample(self, *, moving):
+        """The sample as it is now."""
+        return read_scene(self._bare, moving=moving)

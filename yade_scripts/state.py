@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from yade import Matrix3, O, Vector3
 
-from modal.packing.neighbours import canonical_order, tangents
+from modal.packing.neighbours import canonical, tangents
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.errors import InputError
 from yade_scripts.scene import (
@@ -19,40 +19,44 @@ from yade_scripts.scene import (
 )
 
 
-def present_positions(n):
-    """Centres (n, 3) wrapped into the lateral cell, and the periods (n, 2) taken off."""
-    side = np.array(cell_side())
-    position = np.array([O.bodies[k].state.pos for k in range(n)])
-    periods = np.floor(position[:, :2] / side)
-    position[:, :2] -= periods * side
+def inside(position, low, size, periodic):
+    """Centres (n, 3) brought into the cell (low, size, periodic: (3,)), and periods taken off."""
+    periods = np.floor((position - low) / size) * periodic
+    position = position - periods * size
     # Round-off may leave a centre exactly on the far side.
-    on_edge = position[:, :2] >= side
-    position[:, :2][on_edge] = 0.0
-    return position, (periods + on_edge).astype(int)
+    on_edge = periodic & (position - low >= size)
+    return np.where(on_edge, low, position), (periods + on_edge).astype(int)
 
 
-def canonical_contacts(n):
+def present_positions(n):
+    """Centres (n, 3) wrapped into the lateral cell, and the periods (n, 3) taken off."""
+    position = np.array([O.bodies[k].state.pos for k in range(n)])
+    return inside(position, 0.0, np.array([*cell_side(), 1.0]), np.array([True, True, False]))
+
+
+def canonical_contacts(ids, periods):
     """Contacts in canonical order (i, j, shift): YADE's interactions and their place in it.
 
-    Returns the interactions, particle_i, particle_j, cell_shift (m, 3) between wrapped centres,
-    and the sign, -1 where YADE's first body is not particle i.
+    Of the spheres whose bodies have the `ids` (n,), and whose places `periods` (n, 3) were taken
+    off; all other bodies are walls, low or high as the contact's normal says. Returns the
+    interactions, particle_i, particle_j, cell_shift (m, 3), the sign, -1 where YADE's first body is
+    not particle i, and the normals (m, 3) from particle i on.
     """
-    periods = np.zeros((n + 2, 3), int)
-    periods[:n, :2] = present_positions(n)[1]
-    interactions = [contact for contact in O.interactions if contact.isReal]
-    first = np.array([contact.id1 for contact in interactions], dtype=int)
-    second = np.array([contact.id2 for contact in interactions], dtype=int)
+    index = {body: k for k, body in enumerate(ids)}
+    contacts = [contact for contact in O.interactions if contact.isReal]
+    ends = [(index.get(contact.id1, -1), index.get(contact.id2, -1)) for contact in contacts]
+    first, second = np.array(ends, dtype=int).reshape(-1, 2).T
+    normal = np.array([contact.geom.normal for contact in contacts]).reshape(-1, 3)
     # YADE adds cellDist periods to the second body, in the order of its own ids.
-    shift = np.array([contact.cellDist for contact in interactions], dtype=int).reshape(-1, 3)
+    shift = np.array([contact.cellDist for contact in contacts], dtype=int).reshape(-1, 3)
     shift = shift + periods[second] - periods[first]
-    swap = (first >= n) | ((second < n) & (first > second))
+    swap = first < 0
+    upwards = normal[:, 2] * np.where(swap, -1, 1) > 0
     i, j = np.where(swap, second, first), np.where(swap, first, second)
-    shift = np.where(swap[:, None], -shift, shift)
-    shift[j >= n] = 0
-    j = np.where(j == n, SOURCE_WALL, np.where(j == n + 1, RECEIVER_WALL, j))
-    order = canonical_order(i, j, shift)
-    sign = np.where(swap, -1, 1)
-    return [interactions[k] for k in order], i[order], j[order], shift[order], sign[order]
+    j = np.where(j >= 0, j, np.where(upwards, RECEIVER_WALL, SOURCE_WALL))
+    rows, i, j, shift, turned = canonical(i, j, shift)
+    sign = np.where(swap[rows] ^ turned, -1, 1)
+    return [contacts[k] for k in rows], i, j, shift, sign, sign[:, None] * normal[rows]
 
 
 def read_scene(sample, *, moving):
@@ -71,8 +75,7 @@ def read_scene(sample, *, moving):
     O.step()
     position, periods = present_positions(n)
     states = [O.bodies[k].state for k in range(n)]
-    contacts, _, _, _, sign = canonical_contacts(n)
-    normal = sign[:, None] * np.array([c.geom.normal for c in contacts]).reshape(-1, 3)
+    contacts, *_, sign, normal = canonical_contacts(range(n), periods)
     # YADE applies minus the contact force to the first body.
     force = -sign[:, None] * np.array([c.phys.shearForce for c in contacts]).reshape(-1, 3)
     first, second = tangents(normal)
@@ -89,7 +92,7 @@ def read_scene(sample, *, moving):
     if moving:
         rate = np.array([O.cell.velGrad[axis, axis] for axis in range(3)])
         sample.velocity = np.array([state.vel for state in states])
-        sample.velocity[:, :2] -= rate[:2] * periods * sample.side
+        sample.velocity[:, :2] -= rate[:2] * periods[:, :2] * sample.side
         sample.angular_velocity = np.array([state.angVel for state in states])
         sample.strain_rate = rate
     return sample
@@ -133,22 +136,21 @@ def build_scene(sample, *, margin, damping):
     O.cell.velGrad = Matrix3(rate[0], 0, 0, 0, rate[1], 0, 0, 0, rate[2])
     find_contacts()
     if sample.shear is not None:
-        contacts, _, _, _, sign = canonical_contacts(n)
+        _, periods = present_positions(n)
+        contacts, *_, sign, normal = canonical_contacts(range(n), periods)
         if len(contacts) != len(sample.shear):
             raise InputError(
                 f"sample: {len(sample.shear)} shear forces, YADE finds {len(contacts)} contacts; "
                 "the file is damaged or of another version, make it again"
             )
-        normal = sign[:, None] * np.array([c.geom.normal for c in contacts]).reshape(-1, 3)
         first, second = tangents(normal)
         shear = -sign[:, None] * (sample.shear[:, :1] * first + sample.shear[:, 1:] * second)
         for contact, force in zip(contacts, shear.tolist(), strict=True):
             # The law goes on from the elastic part and copies it to the other.
             contact.phys.shearElastic = contact.phys.shearForce = Vector3(*force)
         O.step()  # without motion: forces on the spheres now hold the shear forces
-    still = np.zeros((n, 3))
-    velocity = still if sample.velocity is None else sample.velocity
-    spin = still if sample.angular_velocity is None else sample.angular_velocity
+    motion, still = (sample.velocity, sample.angular_velocity), np.zeros((n, 3))
+    velocity, spin = (still if each is None else each for each in motion)
     for k in range(n):
         state = O.bodies[k].state
         state.vel, state.angVel = Vector3(*velocity[k]), Vector3(*spin[k])

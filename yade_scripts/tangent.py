@@ -90,17 +90,16 @@ class Tangent:
         """Rows, columns and values of the six columns of sphere p."""
         bodies = self.neighbours(p)
         numbers = np.array([self.index[body] for body in bodies])
-        rows = (6 * numbers[:, None] + np.arange(6)).ravel()
-        entries = []
+        rows, values = (6 * numbers[:, None] + np.arange(6)).ravel(), []
         for axis in range(6):
             step = STEP if axis < 3 else STEP / self.radius
             # Positions are rounded; this is how far apart the two places really are.
             here = self.start[p][axis % 3]
             apart = (here + step) - (here - step) if axis < 3 else 2 * step
             change = self.loads(p, axis, step, bodies) - self.loads(p, axis, -step, bodies)
-            values = -change.ravel() / apart
-            entries.append((rows, np.full(len(rows), 6 * self.index[p] + axis), values))
-        return [np.concatenate(parts) for parts in zip(*entries, strict=True)]
+            values.append(-change.ravel() / apart)
+        columns = np.repeat(6 * self.index[p] + np.arange(6), len(rows))
+        return np.tile(rows, 6), columns, np.concatenate(values)
 
     def write(self, path):
         """K, minus the forces per motion, six rows a particle as in modal/system/assembly.py."""

@@ -30,11 +30,9 @@ from yade.utils import readParamsFromTable
 from modal.formats.provenance import (
     Provenance,
     Source,
-    is_current,
     packing_of,
     read_provenance,
     require_same_packing,
-    set_aside,
     versions,
 )
 from modal.modes.mode_set import read_modes
@@ -46,7 +44,7 @@ from modal.tools.errors import InputError
 from modal.waves import source
 from modal.waves.signals import DIRECTIONS, Signals, read_signals, write_signals
 from modal.waves.source import Pulse, read_motion
-from yade_scripts.scene import finish, products_folder
+from yade_scripts.scene import already_there, finish, products_folder
 from yade_scripts.state import build_scene
 from yade_scripts.wave_run import WaveRun
 
@@ -64,32 +62,27 @@ readParamsFromTable(
     direction="z",
     damping="",
     motion="",
-    # Columns of the tables that the sample has used.
-    mu_comp=0.0,
-    stress=1e5,
-    width=4,
-    layers=200,
-    unknownOk=True,
+    unknownOk=True,  # columns that the sample has used
 )
 from yade.params import table  # noqa: E402
 
 
-def setting(name):
-    """A number from the environment (WAVE_NAME), or from the table."""
+def text(name):
+    """A setting from the environment (WAVE_NAME), or from the table; empty where it is absent."""
     value = os.environ.get(f"WAVE_{name.upper()}", getattr(table, name))
-    try:
-        return None if value is None else float(value)
-    except ValueError:
-        raise InputError(f"{name} {value!r}: not a number") from None
+    return "" if value is None else str(value)
 
 
-def dashpots_of(ratios):
-    """Damping of the contacts from two texts; InputError where they are no ratios."""
+def numbers(name, count=1):
+    """What a setting says, some of which may be absent; InputError unless it is so many numbers."""
     try:
-        normal, tangential = (float(ratio) for ratio in ratios)
+        found = [float(word) for word in text(name).split()]
     except ValueError:
-        raise InputError(f"damping {' '.join(ratios)!r}: give two numbers") from None
-    return ContactDamping(normal, tangential)
+        found = [math.nan]
+    absent = not found and name in ("duration", "damping")
+    if not absent and (len(found) != count or math.isnan(sum(found))):
+        raise InputError(f"{name} {text(name)!r}: give {count} number{'s' * (count > 1)}")
+    return found
 
 
 def highest_frequency(path, packing):
@@ -105,24 +98,22 @@ def highest_frequency(path, packing):
 
 def main():
     """Load, run, write; InputError for what the user can mend."""
-    global run  # the scene calls run.drive
     folder, case = products_folder(), f"case{table.case:02d}"
-    network_path = folder / f"{case}.network.h5"
-    modes_path = folder / f"{case}.highest.modes.h5"
-    path = folder / f"{case}.signals.h5"
-    names = ("fraction", "amplitude", "input_frequency", "duration", "interval", "particles")
-    settings = {name: setting(name) for name in (*names, "passage")}
-    direction = os.environ.get("WAVE_DIRECTION", table.direction)
+    kinds = "network", "highest.modes", "signals"
+    network_path, modes_path, path = (folder / f"{case}.{kind}.h5" for kind in kinds)
+    names = "fraction", "amplitude", "input_frequency", "duration", "interval", "particles"
+    settings = {name: next(iter(numbers(name)), None) for name in (*names, "passage")}
+    direction = text("direction")
     if direction not in DIRECTIONS:
         raise InputError(f"direction {direction!r}: choose x, y or z")
     # Said where it is not what earlier products had, so that these stay current.
     settings |= {} if direction == "z" else {"direction": direction}
-    ratios = os.environ.get("WAVE_DAMPING", str(table.damping)).split()
-    damped = dashpots_of(ratios) if ratios else None
-    settings |= {"damping": " ".join(ratios)} if ratios else {}
+    ratios = numbers("damping", 2)
+    damped = ContactDamping(*ratios) if ratios else None
+    settings |= {"damping": " ".join(text("damping").split())} if ratios else {}
     packing = packing_of(network_path)
     sources = (*packing, Source.of("highest modes", modes_path))
-    file = os.environ.get("WAVE_MOTION", table.motion)
+    file = text("motion")
     sources += (Source.of("motion", file),) if file else ()
     made = Provenance(
         "yade_scripts/wave.py",
@@ -130,14 +121,10 @@ def main():
         sources,
         versions(yade=config.version),
     )
-    if is_current(path, made, read=read_signals):
-        print(f"{path}: already there")
+    if already_there(path, made, read_signals):
         return
-    set_aside(path)
     fraction, amplitude, input_frequency = (settings[name] for name in names[:3])
     motion = read_motion(file) if file else Pulse(amplitude, input_frequency)
-    if file:
-        amplitude, input_frequency = motion.amplitude, motion.frequency
     if not 0 < fraction <= 1:
         raise InputError(f"WAVE_FRACTION {fraction}: the time step is stable from 0 to 1 only")
     network = read_network(network_path)
@@ -155,7 +142,6 @@ def main():
     run = WaveRun(
         network,
         motion,
-        amplitude,
         DIRECTIONS.index(direction),
         steps=int(math.ceil(duration / O.dt)) + 1,
         every=max(1, int(settings["interval"] / O.dt)),
@@ -175,8 +161,8 @@ def main():
         receiver_stress=recorded[:, 3] - recorded[0, 3],
         producer="yade",
         case=str(table.case),
-        amplitude=amplitude,
-        input_frequency=input_frequency,
+        amplitude=motion.amplitude,
+        input_frequency=motion.frequency,
         time_step=O.dt,
         run_time=run.seconds,
         network_sha256=packing[0].sha256,

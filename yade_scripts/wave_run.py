@@ -5,7 +5,6 @@ import time
 
 import numpy as np
 from yade import O
-from yade.utils import PyRunner
 
 from modal.packing.chain import wall_to_wall_chain
 from modal.packing.layers import Layers
@@ -15,6 +14,7 @@ from modal.tools.progress import Minute
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from yade_scripts.contact_watch import ContactWatch
 from yade_scripts.scene import before_motion
+from yade_scripts.servo import wall_stresses
 
 LOOKS = 40
 """Looks at all contacts in a run: which have opened or formed. Few, since a look costs a step."""
@@ -28,23 +28,21 @@ BLOW_UP = 100.0
 class WaveRun:
     """The motion of the source wall along one axis, and what comes of it.
 
-    `network` is that of the scene, with n particles; `motion` and its `amplitude`, m, are those of
-    the wall; `axis` is 0, 1 or 2. The run takes `steps` of O.dt and records `every` so many of
+    `network` is that of the scene, with n particles; `motion` is that of the wall, along `axis`, 0,
+    1 or 2. The run takes `steps` of O.dt and records `every` so many of
     them, with `every_particle` the displacements of all particles. After `go`, as lists of rows:
     records (k, 4 + c) have time, s, the wall's displacement, m, the stresses on both walls, Pa, and
     the displacements of the `chain` (c,), m; layer_records and particle_records have those of
     `layers` and particles. `seconds` is what the run took.
-
-    The scene's engine calls `run.drive()`: the main script gives its object this name.
     """
 
-    def __init__(self, network, motion, amplitude, axis, *, steps, every, every_particle):
-        self.network, self.motion, self.amplitude, self.axis = network, motion, amplitude, axis
+    def __init__(self, network, motion, axis, *, steps, every, every_particle):
+        self.network, self.motion, self.axis = network, motion, axis
         self.steps, self.every, self.every_particle = steps, every, every_particle
         self.n = network.n_particles
         self.chain, self.layers = wall_to_wall_chain(network), Layers(network)
         self.records, self.layer_records, self.particle_records = [], [], []
-        self.watch = ContactWatch(2 * abs(amplitude))
+        self.watch = ContactWatch(2 * abs(motion.amplitude))
         # The wall rests from the motion's end on: kinetic plus elastic energy is then constant.
         self.quiet = int(math.ceil(motion.corners[-1] / O.dt)) + 2
         self._look_every = max(1, steps // every // LOOKS)
@@ -55,9 +53,9 @@ class WaveRun:
         self._step, self._stable = 0, True
         self._work = self._wall_force = 0.0
         self._books, self._dissipated = [], []
-        before_motion(PyRunner(command="run.drive()", iterPeriod=1))
+        before_motion(self._drive)
 
-    def drive(self):
+    def _drive(self):
         """Between forces and motion: record state k, then send the wall to its place k + 1."""
         if self._step in (self.quiet, self.steps):
             self._elastic_energy = self._stored_energy()
@@ -107,7 +105,8 @@ class WaveRun:
         energy, end = self._books
         lost = self._dissipated[1] - self._dissipated[0]
         slid = len(self.watch.slid)
-        limit = math.nan if slid else drift_limit(self.network, fraction, self.amplitude, energy)
+        size = self.motion.amplitude
+        limit = math.nan if slid else drift_limit(self.network, fraction, size, energy)
         return EnergyBalance(
             energy=energy,
             drift=(end - energy) / energy,
@@ -129,21 +128,16 @@ class WaveRun:
 
     def _record(self, now, here):
         moved = np.array([state.pos[self.axis] for state in self._states]) - self._start
-        stresses = self._wall_stress(self.n), self._wall_stress(self.n + 1)
+        stresses = wall_stresses(self.n, self.axis)
         self.records.append((now, here, *stresses, *moved[self.chain]))
         self.layer_records.append(self.layers.means(moved))
         if len(self.records) % self._look_every == 0:
             self.watch.look()
         if self.every_particle:
             self.particle_records.append(moved)
-        if not abs(moved[self.chain[0]]) < BLOW_UP * max(abs(self.amplitude), 1e-9):
+        if not abs(moved[self.chain[0]]) < BLOW_UP * max(abs(self.motion.amplitude), 1e-9):
             O.pause()
             self._stable = False
-
-    def _wall_stress(self, wall):
-        """Stress on a wall along the direction of the wave, Pa; of a P-wave its pressure."""
-        force = O.forces.f(wall, sync=True)[self.axis]
-        return -force / self.network.area * (1 if wall == self.n else -1)
 
     def _stored_energy(self):
         """Energy stored in all contacts, J: 2/5 of N times overlap, and the shear forces' work.

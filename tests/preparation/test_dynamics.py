@@ -303,7 +303,8 @@ def test_steps_are_those_of_yade(drive, mixture, tmp_path, yade):
     lightest = np.min(sample.masses[0] / sample.sizes) / (GLASS.sphere(RADIUS)[0] / RADIUS)
     dt = time_step(3e5, radius=RADIUS * np.sqrt(lightest))
     settings = {"steps": 500, "dt": dt, "damping": 0.2, "interval": 5} | drive
-    script(ROOT / "yade_scripts" / "steps.py", start, end, json.dumps(settings), folder=tmp_path)
+    steps = ROOT / "tests" / "yade" / "steps.py"
+    script(steps, ROOT, start, end, json.dumps(settings), folder=tmp_path)
     theirs, motion = read_sample(end), Dynamics(read_sample(start), damping=0.2)
     control = ConstantRate(1.0) if "rate" in drive else Servo(3e5, 0.01)
     stresses, touching, sliding = [], [motion.contacts.touching], []
