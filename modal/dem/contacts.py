@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from modal.dem.forces import TOTALS, UPRIGHT, WITHOUT_HISTORY, forces_by_loop
-from modal.dem.near_contacts import contacts_in_reach, longest_ways, still_complete
+from modal.dem.near_contacts import contacts_in_reach, longest_ways
 from modal.packing.sample import Sample
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
@@ -112,8 +112,9 @@ class MovingContacts:
         skin = self.largest * self.skin
         ends, shift = contacts_in_reach(inside, self.lengths, self.radius, skin, self.whole)
         # Periods between the places as they are, which are not brought back into the cell.
-        pair = ends[:, 1] >= 0
-        shift[pair] += (turns[ends[pair, 0]] - turns[ends[pair, 1]]).astype(np.int8)
+        (i, j), gone = ends.T, np.asarray(turns.any(axis=1))
+        rows = np.flatnonzero((j >= 0) & (gone[i] | gone[j]))
+        shift[rows] += (turns[i[rows]] - turns[j[rows]]).astype(np.int8)
         if self._history:
             self._take_over(ends, shift)
         self._ends, self._shift = ends, shift
@@ -206,7 +207,10 @@ class MovingContacts:
             )
         self.moved = moved
         self._age += 1
-        if not still_complete(self.skin, stretch, moved, self.largest):
+        # Of spheres of several sizes the list goes the skin of the largest beyond each pair's own
+        # touch, which holds longer than of two of the largest. Two spheres beyond the reach are
+        # (D + skin D) s - 2 u apart or more by now, a sphere and a wall half as far.
+        if not (1 + self.skin) * min(1.0, stretch.min()) - moved / self.largest >= 1:
             self.seek()
 
     def stress(self) -> Floats:

@@ -19,22 +19,10 @@ _AHEAD = np.array([(c % 3 - 1, c // 3 % 3 - 1, c // 9 - 1) for c in range(13, 27
 """Half of the cells around one, itself first: the others have it among theirs."""
 
 
-def still_complete(skin: float, stretch: Floats, moved: float, radius: float) -> bool:
-    """Whether a list with a reach of 1 + skin diameters has all contacts that can touch.
-
-    Of spheres of several sizes `radius` is the largest, and the list goes that skin beyond each
-    pair's own touch, which holds longer than of two of the largest.
-    stretch (3,) of the cell since it was made; moved, m, the largest displacement of a sphere
-    beside that stretch. Two spheres beyond the reach then are (D + skin D) s - 2 u apart or more,
-    and a sphere and a wall half as far.
-    """
-    return bool((1 + skin) * min(1.0, stretch.min()) - moved / radius >= 1)
-
-
 def contacts_in_reach(
     position: Floats, lengths: Floats, radius: Floats, skin: float, whole: bool = False
 ) -> tuple[Ints, Ints]:
-    """Ends (k, 2) and periods (k, 3) of the contacts in reach, sorted by the first end.
+    """Ends (k, 2) and periods (k, 3) of the contacts in reach, sorted by the first, lower end.
 
     Pairs no further apart than their radii (n,) and twice the `skin`, m, and spheres near a wall,
     whose code is the second end, within the largest radius and the skin. `position` (n, 3) in a
@@ -42,41 +30,30 @@ def contacts_in_reach(
     `whole` z is periodic as well, without walls.
     """
     reach = 2 * (float(radius.max()) + skin)
-    ends, shift = pairs_in_reach(position, lengths, reach, whole)
-    if radius.min() < radius.max():
-        i, j = ends.T
-        branch = position[j] - position[i] + shift * lengths
-        near = (branch**2).sum(axis=1) <= (radius[i] + radius[j] + 2 * skin) ** 2
-        ends, shift = ends[near], shift[near]
-    if whole:
-        return ends, shift
-    low = np.flatnonzero(position[:, 2] < reach / 2)
-    high = np.flatnonzero(lengths[2] - position[:, 2] < reach / 2)
-    code = np.repeat((SOURCE_WALL, RECEIVER_WALL), (len(low), len(high)))
-    walls = np.column_stack([np.concatenate([low, high]), code]).astype(ends.dtype)
-    walls = walls[np.argsort(walls[:, 0], kind="stable")]
-    place = np.searchsorted(ends[:, 0], walls[:, 0])
-    ends = np.insert(ends, place, walls, axis=0)
-    return ends, np.insert(shift, place, 0, axis=0)
-
-
-def pairs_in_reach(
-    position: Floats, lengths: Floats, reach: float, whole: bool
-) -> tuple[Ints, Ints]:
-    """Ends (k, 2) and periods (k, 3) of pairs at most `reach`, m, apart, first ends sorted.
-
-    `position` (n, 3) in a cell of `lengths` (3,), x and y periodic, z if `whole`; z from 0.
-    """
     # With fewer than three cells across, a cell would be its neighbour on both sides; a few points
     # in a wide space would have more cells than memory.
     crowded = lengths.prod() < EMPTY * len(position) * reach**3
     wide = lengths[: 3 if whole else 2].min() >= 3 * reach
     if numba is not None and crowded and wide:
         ends, shift = _pairs_by_cells(position, lengths, reach, whole)
-        return ends, shift
-    i, j, shift = periodic_pairs(position, lengths if whole else lengths[:2], reach)
-    order = np.lexsort((j, i))
-    return np.column_stack([i, j])[order].astype(np.int32), shift[order].astype(np.int8)
+    else:
+        i, j, shift = periodic_pairs(position, lengths if whole else lengths[:2], reach)
+        order = np.argsort(j, kind="stable")
+        ends, shift = np.column_stack([i, j])[order].astype(np.int32), shift[order].astype(np.int8)
+    if radius.min() < radius.max():
+        i, j = ends.T
+        branch = position[j] - position[i] + shift * lengths
+        near = (branch**2).sum(axis=1) <= (radius[i] + radius[j] + 2 * skin) ** 2
+        ends, shift = ends[near], shift[near]
+    if not whole:
+        low = np.flatnonzero(position[:, 2] < reach / 2)
+        high = np.flatnonzero(lengths[2] - position[:, 2] < reach / 2)
+        code = np.repeat((SOURCE_WALL, RECEIVER_WALL), (len(low), len(high)))
+        walls = np.column_stack([np.concatenate([low, high]), code]).astype(ends.dtype)
+        ends = np.concatenate([walls, ends])
+        shift = np.concatenate([np.zeros((len(walls), 3), shift.dtype), shift])
+    order, _ = _sorted_by(ends[:, 0], len(position))
+    return ends.take(order, axis=0), shift.take(order, axis=0)
 
 
 def _sorted_by(key, count):
@@ -93,7 +70,7 @@ def _sorted_by(key, count):
 
 
 def _pairs_by_cells(position, lengths, reach, whole):
-    """What `pairs_in_reach` gives, from cells at least as wide as the reach."""
+    """Pairs at most `reach`, m, apart, as in `contacts_in_reach`, by cells at least as wide."""
     n = len(position)
     count = np.maximum(1, (lengths / reach).astype(np.int64))
     cell = np.zeros(n, np.int64)
@@ -134,8 +111,7 @@ def _pairs_by_cells(position, lengths, reach, whole):
                     ends[found, 0], ends[found, 1] = min(i, j), max(i, j)
                     shift[found, 0], shift[found, 1], shift[found, 2] = way * a, way * b, way * up
                     found += dx * dx + dy * dy + dz * dz <= reach * reach
-    by_first_end, _ = _sorted_by(ends[:found, 0], n)
-    return ends[by_first_end], shift[by_first_end]
+    return ends[:found], shift[:found]
 
 
 def _way_of_some(first, last, position, start, stretch):

@@ -220,7 +220,9 @@ def compress_to_stresses(
                 # What follows brings it to rest; the checkpoint keeps the motion.
                 still = replace(sample, velocity=None, angular_velocity=None, strain_rate=None)
                 write(files[name], still)
-                say(f"{files[name]}: written" + _short_of(sample.study))
+                found = "unbalanced {unbalanced:.1e}, stresses off by {stress_error:.1e}"
+                short = "" if sample.study["settled"] else f", not settled: {found}"
+                say(f"{files[name]}: written{short.format(**sample.study)}")
             after = [*stages, END][stages.index(name) + 1]
             sample.study |= {"stage": after, "stage_time": 0.0}
         keep(sample)
@@ -250,15 +252,6 @@ def _cost(
         for key in (f"{name}_{stage}", name):
             found[key] = value + before.get(key, 0)
     return found
-
-
-def _short_of(study: dict[str, Any]) -> str:
-    if study["settled"]:
-        return ""
-    return (
-        f", not settled: unbalanced {study['unbalanced']:.1e}, stresses off by "
-        f"{study['stress_error']:.1e}"
-    )
 
 
 def _way_so_far(checkpoint: Path, sample: Sample, stages: list[str]) -> list[str]:

@@ -42,13 +42,15 @@ spheres must not pass through each other."""
 
 
 def _sums_of_some(first, last, velocity, force, sums):
+    power = square = pushes = fastest = hardest = 0.0
     for i in range(first, last):
         for axis in range(3):
             v, f = velocity[i, axis], force[i, axis]
-            sums[0] += f * v
-            sums[1] += v * v
-            sums[2] += f * f
-            sums[3], sums[4] = max(sums[3], abs(v)), max(sums[4], abs(f))
+            power += f * v
+            square += v * v
+            pushes += f * f
+            fastest, hardest = max(fastest, abs(v)), max(hardest, abs(f))
+    sums[0], sums[1], sums[2], sums[3], sums[4] = power, square, pushes, fastest, hardest
 
 
 def _sums(velocity, force):
