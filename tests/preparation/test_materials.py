@@ -116,17 +116,6 @@ def test_time_step_goes_by_the_lightest_sphere_and_the_stiffest_contact():
     assert inertial_time(1e5, RADIUS, GLASS) == inertial_time(1e5)
 
 
-def test_pack_makes_and_continues_a_mixture_of_materials(tmp_path, capsys):
-    command = ["pack", "--spheres", "100", "--aspect", "2", "--stress", "1e6", "-o", str(tmp_path)]
-    mixture = ["--densities", "2230", "7800", "--walls", "2.1e11", "0.3"]
-    assert main([*command, *mixture]) == 0
-    sample = read_sample(tmp_path / "1e+06Pa.sample.h5")
-    assert np.bincount(np.searchsorted([2230, 7800], sample.densities)).tolist() == [50, 50]
-    assert sample.wall_material == Elasticity(*STEEL)
-    assert main(["info", str(tmp_path / "1e+06Pa.sample.h5")]) == 0
-    assert "210000000000" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(("friction", "apart"), [(0.0, 1e-3), (0.3, 1e-9)])
 def test_packings_of_other_spheres_are_similar(friction, apart):
     """64 times as hard, 4 times as dense, twice as large, at 64 times the stress: the same packing.
@@ -148,8 +137,14 @@ def test_packings_of_other_spheres_are_similar(friction, apart):
     assert other.mass == pytest.approx(32 * glass.mass)
 
 
-def test_pack_takes_the_material_of_the_spheres(tmp_path):
-    words = "pack --spheres 60 --aspect 1 --stress 1e4 --young 6e9 --radius 1e-4 --density 1200 -o"
-    assert main([*words.split(), str(tmp_path)]) == 0
-    sample = read_sample(next(tmp_path.glob("10000Pa*")))
+def test_pack_takes_the_materials_of_spheres_and_walls(tmp_path, capsys):
+    words = "pack --spheres 100 --aspect 1 --stress 1e4 --young 6e9 --radius 1e-4 --density 1200"
+    words += f" --densities 2230 7800 --walls 2.1e11 0.3 -o {tmp_path}"
+    assert main(words.split()) == 0
+    (path,) = tmp_path.glob("10000Pa*")
+    sample = read_sample(path)
     assert sample.material == Material(6e9, GLASS.poisson, 1200.0) and sample.radius == 1e-4
+    assert np.bincount(np.searchsorted([2230, 7800], sample.densities)).tolist() == [50, 50]
+    assert sample.wall_material == Elasticity(*STEEL)
+    assert main(["info", str(path)]) == 0
+    assert "210000000000" in capsys.readouterr().out

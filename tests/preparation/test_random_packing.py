@@ -7,9 +7,7 @@ from modal.__main__ import main
 from modal.dem import contacts
 from modal.dem.contacts import MovingContacts
 from modal.dem.forces import forces_by_arrays, forces_by_loop
-from modal.exchange.registry import read_packing
-from modal.packing.contact_law import GLASS
-from modal.packing.sample import read_sample, write_sample
+from modal.packing.sample import read_sample
 from modal.packing.state import net_forces, stress_tensor, void_ratio
 from modal.packing.summary import summary
 from modal.preparation import frictionless
@@ -182,8 +180,8 @@ def test_default_shape_is_sound_for_any_number(spheres):
 
 
 @pytest.mark.parametrize("sizes", [("lognormal", 0.3), ("two", 2, 0.5)])
-def test_mixtures_come_to_rest_and_keep_their_sizes(sizes, tmp_path):
-    """Balance, stress and contacts by the network's own sums; the file gives the same network."""
+def test_mixtures_come_to_rest_and_keep_their_sizes(sizes):
+    """Balance, stress and voids by the network's own sums."""
     sample = random_sample(120, stress=1e6, seed=2, aspect=1.5, tolerance=1e-4, sizes=sizes)
     radii = radii_of(120, sizes, seed=2)
     np.testing.assert_array_equal(sample.radii, radii)
@@ -193,15 +191,6 @@ def test_mixtures_come_to_rest_and_keep_their_sizes(sizes, tmp_path):
     # The residual at which it stopped, its largest sphere.
     assert net.mean() < 2e-4 * mean
     np.testing.assert_allclose(np.diag(stress_tensor(network)), 1e6, rtol=2e-3)
-    i, partner = network.particle_i, network.partner
-    a, b = radii[i], np.where(network.with_wall, np.inf, radii[partner])
-    effective = 1 / (1 / a + 1 / b)
-    kn = 2 * GLASS.effective_young * np.sqrt(effective * network.overlap)
-    np.testing.assert_allclose(network.stiffness_normal, kn, rtol=1e-12)
-    np.testing.assert_allclose(network.mass, 2230 * 4 / 3 * np.pi * radii**3, rtol=1e-12)
-    write_sample(tmp_path / "m.sample.h5", sample)
-    again = read_packing(tmp_path / "m.sample.h5")
-    np.testing.assert_array_equal(again.stiffness_normal, network.stiffness_normal)
     solid = (4 / 3 * np.pi * radii**3).sum()
     volume = network.cell_size.prod()
     assert void_ratio(network) == pytest.approx(volume / solid - 1, rel=1e-12)

@@ -15,9 +15,7 @@ from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.packing.state import stress_tensor
 from modal.preparation.protocol import SETTLED
 from modal.waves.energy_balance import CLOSED
-from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals
-from modal.waves.source import Pulse
 
 TABLE = "mu_comp spheres width seed highest\n0.4 200 4.1 1 1e5\n"
 CHECKPOINT, FIRST = "checkpoint.h5", "1000Pa.sample.h5"
@@ -127,31 +125,6 @@ def test_network_from_the_compact_form_is_the_exported_one(products):
         assert getattr(rebuilt, name) == pytest.approx(getattr(exported, name), rel=10 * tolerance)
     scale = abs(exported.force_tangential).max()
     assert rebuilt.force_tangential == pytest.approx(exported.force_tangential, abs=1e-9 * scale)
-
-
-def test_wave_arrives_through_the_random_packing(products):
-    """Layers and walls as the linear wave of the very network moves and pushes them.
-
-    Exact tangent, at YADE's times. What is left is the law's bend at 5 nm on overlaps of some
-    0.36 um, 1 %, and the leapfrog at 0.2 of its limit: some 0.2^2 / 24 of the phase of the
-    highest frequencies. 3 % for layer means, which cover the whole sample, and both walls.
-    """
-    network = products / "case30.network.h5"
-    write_highest(products, "case30")
-    run("wave", CASES, products)
-    signals = read_signals(products / "case30.signals.h5")
-    linear = propagate(
-        read_network(network),
-        signals.time[-1],
-        motion=Pulse(signals.amplitude, signals.input_frequency),
-        interval=signals.time[1],
-        pre_stress="full",
-    ).signals
-    assert linear.time == pytest.approx(signals.time)
-    for name in ("layer_displacement", "source_stress", "receiver_stress"):
-        seen, wanted = getattr(signals, name), getattr(linear, name)
-        error = np.linalg.norm(seen - wanted, axis=0) / np.linalg.norm(wanted, axis=0)
-        assert np.max(error) < 0.03, name
 
 
 def test_energy_books_close_where_contacts_slide(products, tmp_path):

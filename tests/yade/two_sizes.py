@@ -55,21 +55,18 @@ O.engines = [
     ),
     wrapper.InteractionLoop(
         [
-            wrapper.Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False),
-            wrapper.Ig2_Facet_Sphere_ScGeom(),
-            wrapper.Ig2_Wall_Sphere_ScGeom(),
-        ],
-        [wrapper.Ip2_FrictMat_FrictMat_FrictPhys()],
-        [wrapper.Law2_ScGeom_FrictPhys_CundallStrack()],
-    )
-    if KIND != "cohesive"
-    else wrapper.InteractionLoop(
-        [
             wrapper.Ig2_Sphere_Sphere_ScGeom6D(avoidGranularRatcheting=False),
             wrapper.Ig2_Facet_Sphere_ScGeom6D(),
+            wrapper.Ig2_Wall_Sphere_ScGeom(),
         ],
-        [wrapper.Ip2_CohFrictMat_CohFrictMat_CohFrictPhys(setCohesionNow=True)],
-        [wrapper.Law2_ScGeom6D_CohFrictPhys_CohesionMoment()],
+        [
+            wrapper.Ip2_FrictMat_FrictMat_FrictPhys(),
+            wrapper.Ip2_CohFrictMat_CohFrictMat_CohFrictPhys(setCohesionNow=True),
+        ],
+        [
+            wrapper.Law2_ScGeom_FrictPhys_CundallStrack(),
+            wrapper.Law2_ScGeom6D_CohFrictPhys_CohesionMoment(),
+        ],
     ),
     wrapper.NewtonIntegrator(damping=0.3, gravity=(0, 0, 0)),
 ]
