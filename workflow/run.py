@@ -63,12 +63,11 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
     failed.unlink(missing_ok=True)
     # Where this driver is killed, Snakemake goes on and holds the lock.
     done = subprocess.run([*snakemake, *settings], pass_fds=[lock.fileno()]).returncode
-    if jobs.stage == "result":
-        for case in jobs.cases:
-            path = Path(jobs.results) / f"{case}.json"
-            if path.exists() and not jobs.seed:
-                table = [PYTHON, "-m", "analysis", "study", study, "--results", jobs.results]
-                subprocess.run([*table, "--case", case])
+    if jobs.stage == "result" and not jobs.seed:
+        there = [case for case in jobs.cases if Path(jobs.results, f"{case}.json").exists()]
+        table = f"analysis study {study} --results {jobs.results} --case"
+        in_turn = [PYTHON, "-m", "workflow.in_turn"]
+        subprocess.run([*in_turn, *(f"{table} {case}" for case in there)])
     elif jobs.stage == "page" and not done:
         print(f"{folder}/study/study.html")
         report = str(folder / "study/workflow.html")

@@ -7,7 +7,7 @@ from pathlib import Path
 from analysis.study.beside import table_of
 from analysis.study.description import Study
 from analysis.study.measuring import measure_case
-from analysis.study.whole import case_of, write_study
+from analysis.study.whole import write_study
 from modal.cli.options import Given, Group, NewFile, NewFolder, Option, flag, output
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
@@ -51,10 +51,9 @@ def run(options: Given) -> int:
     if not results.is_dir():
         raise InputError(f"{results}: no such folder; give --results DIR")
     if options.case:
-        row, frame, rules = case_of(study, results, options.case)
-        table = table_of(row, frame, rules)
+        table, notes = table_of(study, results, options.case)
         put(f"{table.title}\n{table.text()}")
-        put("".join(f"note: {note}\n" for note in row.notes), end="")
+        put("".join(f"note: {note}\n" for note in notes), end="")
         return 0
     try:
         page, missing = write_study(

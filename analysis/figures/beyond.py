@@ -15,14 +15,12 @@ from modal.tools.errors import InputError
 
 SHOWN = 15
 """Maxima of the gain that are drawn."""
-BEYOND = "contacts a force-bearing sphere, less 4"
-ON_CONTACTS = "contacts a force-bearing sphere"
 
 
 def isostaticity(rows: list[Row]) -> Picture:
     """Beyond the paper: three frequencies over the highest against contacts beyond isostaticity."""
     random, panels = random_of(rows), list[Panel]()
-    z, top = column(random, groups.AXES[BEYOND]), column(random, "f_max_khz")
+    z, top = column(random, groups.AXES[groups.BEYOND]), column(random, "f_max_khz")
     along = np.array([0.0, np.nanmax([0.0, *z])])
     for name, title in (
         ("f_low_pass_2_linear_khz", "low-pass frequency, 2 %"),
@@ -30,7 +28,7 @@ def isostaticity(rows: list[Row]) -> Picture:
         ("ioffe_regel_khz", "Ioffe-Regel limit"),
     ):
         y = column(random, name) / top
-        panel = Panel(BEYOND, "", title, legend="upper left")
+        panel = Panel(groups.BEYOND, "", title, legend="upper left")
         if (np.isfinite(y) & np.isfinite(z)).sum() > 2:
             slope, offset = straight_line(z, y)[0]
             text = f"{slope:.3f} (z - {groups.ISOSTATIC - offset / slope:.2f})"
@@ -87,7 +85,9 @@ def scattering(rows: list[Row]) -> Picture:
     width = Panel(axis, "full width of the ridge over $f$", f"(a) {title}", **LOG)
     path = Panel(axis, "mean free path / D", f"(b) {title}", legend="outside", **LOG)
     limit = Panel("void ratio", "Ioffe-Regel frequency (kHz)", "(c)", yscale="log")
-    ratio = Panel(ON_CONTACTS, "Ioffe-Regel over $f_{low-pass}$, 2 %", "(d)", legend="outside")
+    ratio = Panel(
+        groups.ON_CONTACTS, "Ioffe-Regel over $f_{low-pass}$, 2 %", "(d)", legend="outside"
+    )
     width.hline(1 / np.pi, r"$l = \lambda / 2$ (Ioffe-Regel)", color="k")
     for row, style in _of_stress(members, common):
         f, w, free = row.curves["ridge"]
@@ -106,8 +106,8 @@ def density_excess(rows: list[Row]) -> Picture:
     members = [row for row in rows if np.isfinite(row.value("excess_at_a_tenth"))]
     if not members:
         raise InputError("no case has a density of states; keep one: measure FILE --keep DIR")
-    height = Panel(ON_CONTACTS, "$D f_{max}^3 / f^2$ at a tenth of $f_{max}$", yscale="log")
-    place = Panel(ON_CONTACTS, "frequency of its maximum over $f_{max}$", legend="outside")
+    height = Panel(groups.ON_CONTACTS, "$D f_{max}^3 / f^2$ at a tenth of $f_{max}$", yscale="log")
+    place = Panel(groups.ON_CONTACTS, "frequency of its maximum over $f_{max}$", legend="outside")
     scatter(height, members, "excess_at_a_tenth")
     scatter(place, members, "excess_peak_khz", over="f_max_khz")
     legend(place, members)
@@ -153,7 +153,7 @@ def low_pass_rules(rows: list[Row]) -> Picture:
         ("ioffe_regel_khz", "Ioffe-Regel"),
     ):
         _, own, base = groups.of_record(random, name, "f_low_pass_2_{record}_khz")
-        panel = Panel(ON_CONTACTS, "over 2 %, one chain", text, **look)
+        panel = Panel(groups.ON_CONTACTS, "over 2 %, one chain", text, **look)
         panels.append(scatter(panel, random, own, over=base))
         panel.hline(1.0, color="0.6", lw=0.8)
     panels[2].legend = panels[5].legend = "outside"

@@ -23,6 +23,8 @@ BARS: dict[str, Any] = {"color": "k", "lw": 0.6, "capsize": 1.5, "zorder": 1.9}
 THIN: dict[str, Any] = {"lw": 0.7, "ls": "-", "zorder": 1.5}
 LOG: dict[str, Any] = {"xscale": "log", "yscale": "log"}
 CONTACTS = "coordination_number_bearing"
+ON_CONTACTS = "contacts a force-bearing sphere"
+BEYOND = f"{ON_CONTACTS}, less 4"
 ISOSTATIC = 4
 """Contacts of a sphere with friction below which a packing is floppy."""
 Number = str | Callable[[Row], float]
@@ -30,8 +32,8 @@ Number = str | Callable[[Row], float]
 AXES: dict[str, Number] = {
     "void ratio": "void_ratio",
     "stress (kPa)": lambda row: row.stress / 1e3,
-    "contacts a force-bearing sphere": CONTACTS,
-    "contacts a force-bearing sphere, less 4": lambda row: row.value(CONTACTS) - ISOSTATIC,
+    ON_CONTACTS: CONTACTS,
+    BEYOND: lambda row: row.value(CONTACTS) - ISOSTATIC,
 }
 """What cases are drawn against, by its label."""
 

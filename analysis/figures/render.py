@@ -32,12 +32,9 @@ def draw_panel(ax: Axes, panel: Panel) -> None:
     ax.set_yscale(panel.yscale)
     for series in panel.series:
         _draw_series(ax, series, panel.colour_label)
-    ax.set(xlabel=panel.xlabel, ylabel=panel.ylabel)
+    limits = {name: getattr(panel, name) for name in ("xlim", "ylim") if getattr(panel, name)}
+    ax.set(xlabel=panel.xlabel, ylabel=panel.ylabel, **limits)
     ax.set_title(panel.title, loc="left")
-    if panel.xlim:
-        ax.set_xlim(panel.xlim)
-    if panel.ylim:
-        ax.set_ylim(panel.ylim)
     if panel.equal:
         ax.set_aspect("equal")
     if any(series.kind in ("map", "spheres") for series in panel.series):

@@ -2,29 +2,42 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 
 from analysis.rows import OF_RECORD, Row
+from analysis.study.description import Study
+from analysis.study.results import frame_of, read_results
 from analysis.study.selection import numbers
 from analysis.study.targets import Rules
 from analysis.table import Table, number
+from modal.tools.errors import InputError
 
 SHOWN = ("void_ratio", "coordination_number", "v_p_static_m_per_s", *OF_RECORD)
 COLUMNS = "theory", "modal", "linear", "yade"
 
 
-def table_of(row: Row, frame: pd.DataFrame, rules: Rules) -> Table:
-    """A crystal by theory, modes, linear wave and YADE; of other packings the stated numbers."""
-    case, lines = frame.loc[[row.name]], []
+def table_of(study: Study, results: Path, name: str) -> tuple[Table, list[str]]:
+    """A crystal by theory, modes, linear wave and YADE; of other packings the stated numbers.
+
+    And the notes of the case; InputError where its result is not there.
+    """
+    rows = {row.name: row for row in read_results(results)}
+    if name not in rows:
+        raise InputError(f"{results}: no result of {name}; run it first")
+    row, frame = rows[name], frame_of(rows.values(), study.cases)
+    rules = Rules(frame, study.stated())
+    case, lines = frame.loc[[name]], []
     if "comparison" in row.tables:
-        return _compared(row, case, rules)
-    for name in dict.fromkeys([*SHOWN, *(line["quantity"] for line, _ in rules.lines)]):
-        value = float(numbers(case, name).iloc[0])
-        stated, off = _stated(name, value, case, rules)
-        if np.isfinite(value) and (stated or name in SHOWN):
-            lines.append([name, number(value, row.spread(name)), stated, off])
-    return Table(row.label, ["quantity", "here", "stated", "deviation"], lines)
+        return _compared(row, case, rules), row.notes
+    for key in dict.fromkeys([*SHOWN, *(line["quantity"] for line, _ in rules.lines)]):
+        value = float(numbers(case, key).iloc[0])
+        stated, off = _stated(key, value, case, rules)
+        if np.isfinite(value) and (stated or key in SHOWN):
+            lines.append([key, number(value, row.spread(key)), stated, off])
+    return Table(row.label, ["quantity", "here", "stated", "deviation"], lines), row.notes
 
 
 def _stated(name: str, value: float, case: pd.DataFrame, rules: Rules) -> tuple[str, str]:

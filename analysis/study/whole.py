@@ -14,7 +14,6 @@ from typing import Any
 import jinja2
 import pandas as pd
 
-from analysis.rows import Row
 from analysis.study.arrangement import arrange
 from analysis.study.description import Study
 from analysis.study.results import frame_of, read_results
@@ -120,13 +119,3 @@ def _shown(command: list[str]) -> str:
             part = str(path.relative_to(here)) if path.is_relative_to(here) else path.name
         parts.append(part)
     return shlex.join(parts)
-
-
-def case_of(study: Study, results: Path, name: str) -> tuple[Row, pd.DataFrame, Rules]:
-    """One case's result, with what its table needs; InputError where it is not there."""
-    rows = read_results(results)
-    frame = frame_of(rows, study.cases)
-    found = [row for row in rows if row.name == name]
-    if not found:
-        raise InputError(f"{results}: no result of {name}; run it first")
-    return found[0], frame, Rules(frame, study.stated())

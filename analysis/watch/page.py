@@ -22,6 +22,7 @@ from modal.formats.hdf5 import open_h5, write_whole
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
 from modal.modes.mode_set import SCHEMA as MODES
 from modal.modes.mode_set import ModeSet, read_modes
+from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.tools.display import quantity
 from modal.tools.errors import InputError
@@ -241,11 +242,7 @@ def _of_modes(
     shape = modes.mode_shape[index][:, :, :3]
     largest = np.maximum(np.linalg.norm(shape, axis=2).max(axis=1), np.finfo(float).tiny)
     main = (shape**2).sum(axis=1).argmax(axis=1)  # the axis along which a mode moves most
-    count = max(2, round(network.length / (2 * float(network.radius.mean()))))
-    low, high = network.wall_position
-    edges = np.linspace(low, high, count + 1)
-    layer = np.clip(np.searchsorted(edges, network.position[:, 2], side="right") - 1, 0, count - 1)
-    members = np.maximum(np.bincount(layer, minlength=count), 1)
+    layers = Layers(network)
     return {
         "kind": "modes",
         "contrast": 0.0,
@@ -255,14 +252,14 @@ def _of_modes(
             "Amplitudes are arbitrary."
         ),
         "displacement": quantised(shape / largest[:, None, None], 1.0),
-        "layer_z": _short(1e3 * (edges[1:] + edges[:-1]) / 2),
+        "layer_z": _short(1e3 * layers.position),
         "modes": [
             {
                 "name": f"{number}: {modes.frequency[k] / 1e3:.6g} kHz",
                 "frequency": float(modes.frequency[k]) / 1e3,
                 "chi_z": float(modes.chi_z[k]),
                 "along": "xyz"[axis],
-                "layers": _short(np.bincount(layer, u[:, axis], count) / members / top),
+                "layers": _short(layers.means(u[:, axis]) / top),
             }
             for number, k, u, top, axis in zip(numbers, index, shape, largest, main, strict=True)
         ],
