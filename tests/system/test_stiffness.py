@@ -1,13 +1,15 @@
 """K against a slow oracle; the part of its translations."""
 
 import pytest
+from packings import polydisperse
 
 from modal.packing import crystal as gallery
 from modal.system.assembly import stiffness_matrix
 
 
 @pytest.mark.parametrize(
-    "network", [gallery.fcc(cells=(1, 1, 4)), gallery.fcc(cells=(2, 2, 4)), gallery.column(4)]
+    "network",
+    [gallery.fcc(cells=(1, 1, 4)), gallery.fcc(cells=(2, 2, 4)), gallery.column(4), polydisperse()],
 )
 def test_assembly_equals_slow_oracle(network, slow_K):
     K = stiffness_matrix(network).toarray()
