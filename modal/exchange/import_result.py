@@ -31,6 +31,8 @@ BLUNT = 5e-3
 """Angle, rad, by which digits of positions turn the normals of a table, that is refused."""
 EXACT = 0.1
 """Of the error by digits: if no overlap is larger, positions are those that few digits hold."""
+TYPES = 2**32
+"""More than there are types."""
 UNLIKE = 10.0
 """Factor between told forces and those of the law, in the mean contact: other units."""
 
@@ -122,10 +124,12 @@ def network_of(
 
 def _kinds(contacts: Contacts, packing: Packing, law_of: LawOf) -> tuple[list[ProgramLaw], Ints]:
     """The different laws, and which of them each contact has."""
-    kind, j = packing.kind, contacts.j
-    ends = np.sort(np.column_stack([kind[contacts.i], np.where(j < 0, j, kind[j])]), axis=1)
-    pairs, which = np.unique(ends, axis=0, return_inverse=True)
-    return [law_of(int(a), int(b)) for a, b in pairs], which.reshape(-1)
+    one, other = packing.kind[contacts.i], contacts.j
+    other = np.where(other < 0, other, packing.kind[other])
+    # Pairs as single numbers: sorted thus, they take a tenth of the time.
+    pairs = np.minimum(one, other) * TYPES + np.maximum(one, other)
+    found, which = np.unique(pairs, return_inverse=True)
+    return [law_of(*divmod(pair, TYPES)) for pair in found.tolist()], which
 
 
 def _kept(listed: Contacts, packing: Packing, overlap: Floats) -> Bools:
