@@ -5,7 +5,7 @@ And what may be asked of lists: frequencies in Hz, and how many modes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import overload
 
@@ -151,7 +151,7 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
     """Exact number of modes below `frequency` (Hz), unstable and zero-energy ones included.
 
     It is the number of negative eigenvalues of K - omega^2 M (Sylvester's law), read from pivots
-    of a factorisation. Small networks are solved dense. No factorisation can tell the sides of an
+    of a factorisation. No factorisation can tell the sides of an
     omega^2 below the system's `zero`: all modes so low are zero modes, and the count above 0 Hz is
     made just above them, that at 0 Hz just below. A factorisation may be uncertain at this very
     frequency, since a pivot may vanish although no mode is near. Then it is made a little below and
@@ -174,13 +174,7 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
         apart = False
     if square > BEYOND * system.diagonal.max(initial=0.0) and square > system.bound:
         return system.size
-    if system.size <= system.limits.small:
-        near = abs(system.spectrum - square).min() <= system.zero_threshold
-        ways: Iterable[set[int | None]]
-        ways = [{None if apart and near else int((system.spectrum < square).sum())}]
-    else:
-        ways = _by_factors(system, square, apart)
-    for counts in ways:
+    for counts in _by_factors(system, square, apart):
         count = counts.pop()
         if not counts and count is not None:
             return count

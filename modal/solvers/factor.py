@@ -111,28 +111,18 @@ class Cost:
 class Factorisation:
     """One way to factorise, what it can, and what it costs.
 
-    `package`: what must be installed besides scipy. `inertia`: whether `negative` of its factors is
-    known; `complex`, `unsymmetric`: whether it takes such matrices; all take real symmetric ones,
-    definite or not. `cost` estimates from a `Shape`. `make` takes the matrix, the order of rows in
-    which it is a narrow band, whether it is positive definite, whether it is symmetric, and whether
-    the factor is `kept` for solutions or only its inertia is wanted; it raises SingularError.
+    `package`: what must be installed besides scipy. `unsymmetric`: whether it takes such matrices;
+    all take symmetric ones, real or complex, definite or not. `cost` estimates from a `Shape`.
+    `make` takes the matrix, the order of rows in which it is a narrow band, whether it is positive
+    definite, whether it is symmetric, and whether the factor is `kept` for solutions or only its
+    inertia is wanted; it raises SingularError.
     """
 
     name: str
     make: Callable[[sp.csr_matrix, Ints, bool, bool, bool], Factor]
     cost: Callable[[Shape], Cost]
     package: str | None = None
-    inertia: bool = True
-    complex: bool = True
     unsymmetric: bool = True
-
-    def lacks(self, *, inertia: bool, complex: bool, unsymmetric: bool) -> str:
-        """What is asked for and it cannot do, in words; empty where it can."""
-        if inertia and not self.inertia:
-            return "counts no modes"
-        if complex and not self.complex:
-            return "takes no dashpots"
-        return "takes no shear forces in K" if unsymmetric and not self.unsymmetric else ""
 
 
 def named(solver: str) -> Factorisation:
@@ -161,10 +151,9 @@ def choose(
     with the fewest operations; one that takes much of the free memory comes last. InputError for a
     `solver` that is unknown, not installed, or cannot do what is asked for.
     """
-    asked = {"inertia": inertia, "complex": shape.complex, "unsymmetric": unsymmetric}
     if solver is None:
         every = [named(name) for name in SOLVERS if available(name)]
-        able = [way for way in every if not way.lacks(**asked)]
+        able = [way for way in every if way.unsymmetric or not unsymmetric]
         most = SHARE * memory_at_hand()
         able = [way for way in able if way.cost(shape).memory(not inertia) <= most] or able
         small = shape.rows <= SMALL
@@ -177,8 +166,8 @@ def choose(
             f"solver {solver}: the package {way.package} is not installed; install it or choose "
             + " or ".join(name for name in SOLVERS if available(name))
         )
-    if lack := way.lacks(**asked):
-        raise InputError(f"solver {solver}: it {lack}; take another")
+    if unsymmetric and not way.unsymmetric:
+        raise InputError(f"solver {solver}: it takes no shear forces in K; take another")
     return way
 
 

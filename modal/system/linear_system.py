@@ -10,7 +10,6 @@ from weakref import finalize
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import eigh
 
 from modal.packing.columns import Made
 from modal.packing.network import Network
@@ -230,12 +229,6 @@ class LinearSystem:
         In N and N m per metre or radian, six rows a body, as K u is; not mass-scaled.
         """
         return put_on(self.network, terms_of(self.pre_stress), imposed)
-
-    @property
-    def spectrum(self) -> Floats:
-        """Shape (size,): every omega^2 of a symmetric A, ascending; for small networks."""
-
-        return self.cached("spectrum", lambda: eigh(self.scaled.toarray(), eigvals_only=True))
 
     def shifted(self, square: float) -> sp.csr_matrix:
         """A - square times the identity, sparse (size, size); `square` is an omega^2, 1/s^2."""

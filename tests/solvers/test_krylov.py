@@ -31,6 +31,11 @@ def held_out(null: np.ndarray, found: np.ndarray) -> Held:
     return Held(sp.csc_matrix(null), found)
 
 
+def nothing(size: int) -> Held:
+    """No mode at all."""
+    return held_out(np.empty((size, 0)), np.empty((size, 0)))
+
+
 @pytest.mark.parametrize("sigma", [-0.3, 37.2])
 @pytest.mark.parametrize("count", [1, 30])
 def test_nearest_of_a_known_spectrum(sigma, count, monkeypatch):
@@ -59,8 +64,7 @@ def test_what_is_marked_as_converged_has_converged_and_no_other():
     themselves are the judge."""
     size, count = 1500, 40
     theta = np.concatenate([np.linspace(9, 3, 15), np.linspace(2, 1, size - 15)])
-    nothing = held_out(np.empty((size, 0)), np.empty((size, 0)))
-    near = modes_nearest(lambda block: theta[:, None] * block, size, count, 0.0, nothing)
+    near = modes_nearest(lambda block: theta[:, None] * block, size, count, 0.0, nothing(size))
     assert near.products + BLOCK > 5 * count + 40 * BLOCK
     found = 1 / near.square
     residual = np.linalg.norm(theta[:, None] * near.vector - found * near.vector, axis=0)
@@ -76,14 +80,13 @@ def test_no_more_solves_than_it_takes():
     the count, ends the search."""
     near_shift, far = np.linspace(1, 2, 2 * BLOCK), np.linspace(1e8, 2e8, 300 - 2 * BLOCK)
     square, vector = np.concatenate([near_shift, far]), rotation(300, 2)
-    nothing = held_out(np.empty((300, 0)), np.empty((300, 0)))
     solve, widths = solver(square, vector, 0.0), set()
 
     def noted(block):
         widths.add(block.shape[1])
         return solve(block)
 
-    near = modes_nearest(noted, 300, 2 * BLOCK, 0.0, nothing)
+    near = modes_nearest(noted, 300, 2 * BLOCK, 0.0, nothing(300))
     assert near.square == pytest.approx(near_shift, rel=1e-12)
     assert near.products == 4 * BLOCK
     assert widths == {BLOCK}
@@ -91,9 +94,8 @@ def test_no_more_solves_than_it_takes():
 
 def test_many_modes_without_a_restart():
     """Inside the spectrum, against the values that the solver is made of; solves as in `SLICE`."""
-    square, vector = np.linspace(1, 9, 2000), rotation(2000, 4)
-    nothing, count = held_out(np.empty((2000, 0)), np.empty((2000, 0))), 300
-    near = modes_nearest(solver(square, vector, 5.001), 2000, count, 5.001, nothing)
+    square, vector, count = np.linspace(1, 9, 2000), rotation(2000, 4), 300
+    near = modes_nearest(solver(square, vector, 5.001), 2000, count, 5.001, nothing(2000))
     wanted = np.sort(square[np.argsort(abs(square - 5.001))[:count]])
     assert near.converged.all() and near.square == pytest.approx(wanted, rel=1e-12)
     # The basis has room for so many: it has never been combined anew on the way.
@@ -142,8 +144,7 @@ def test_highest_of_a_known_spectrum(spectrum, count, monkeypatch):
 def test_products_from_the_top_end_where_they_shall():
     """Too few products: some of the modes, marked; the count of products kept within a block."""
     theta = np.concatenate([np.linspace(1, 2, 1485), np.linspace(3, 9, 15)])
-    nothing = held_out(np.empty((1500, 0)), np.empty((1500, 0)))
-    near = modes_from_top(lambda block: theta[:, None] * block, 1500, 30, nothing, 400)
+    near = modes_from_top(lambda block: theta[:, None] * block, 1500, 30, nothing(1500), 400)
     assert 400 <= near.products < 400 + krylov.WIDTH_ABOVE
     residual = np.linalg.norm((theta[:, None] - near.square) * near.vector, axis=0)
     assert ((residual < TOLERANCE * near.square) == near.converged).all()

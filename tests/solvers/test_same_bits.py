@@ -28,24 +28,6 @@ def test_blocks_make_the_whole_product(shape, kind, monkeypatch):
     assert (abs(found - a @ b) <= 2 * k * EPS * (abs(a) @ abs(b))).all()
 
 
-@pytest.mark.parametrize("depth", [1, 100, 511, 512, 2000])
-def test_blocks_are_small_enough_for_one_thread(depth):
-    """OpenBLAS shares out what has more than 2^18 multiplications; the blocks fill most of that."""
-    sizes = []
-
-    class Noting(np.ndarray):
-        """Blocks that note their products."""
-
-        def __matmul__(self, other):
-            sizes.append(len(self) * other.size)
-            return np.asarray(self) @ other
-
-    a = np.ones((700, depth)).view(Noting)
-    found = same_bits_product(a, np.ones((depth, 700)))
-    assert (found == depth).all()
-    assert max(sizes) <= 2**18 and max(sizes) > 0.8 * min(2**18, 700**2 * depth)
-
-
 def test_threads_change_no_bit():
     """Of any loop, solver or wave that `threads.py` runs, with one thread and with two."""
     pytest.importorskip("numba")

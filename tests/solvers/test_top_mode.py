@@ -25,13 +25,18 @@ def disordered() -> Network:
     return replace(crystal, stiffness_normal=crystal.stiffness_normal * factor)
 
 
-def test_value_vector_and_products():
-    """The angle to the dense vector is below the residual over the gap to the next value."""
+@pytest.mark.parametrize("steps", [5, 300])
+def test_value_vector_and_products(steps, monkeypatch):
+    """The angle to the dense vector is below the residual over the gap to the next value.
+
+    Also after 300 steps where 80 would do: the copies that round-off brings back do no harm.
+    """
+    monkeypatch.setattr("modal.solvers.spectrum.LOOK", steps)
     system = LinearSystem.of(disordered())
     matrix = system.scaled.toarray()
     square, vector = eigh(matrix, subset_by_index=[system.size - 2, system.size - 1])
     found = top_mode(system.operator, MOST)
-    assert found.converged.all() and 10 < found.products <= 2 * MOST
+    assert found.converged.all() and 2 * steps <= found.products <= 2 * max(90, steps)
     assert found.square == pytest.approx(square[-1:], rel=1e-12)
     v = found.vector[:, 0]
     residual = np.linalg.norm(matrix @ v - found.square[0] * v)
@@ -40,29 +45,8 @@ def test_value_vector_and_products():
     assert angle <= 1.1 * residual / (square[1] - square[0])
 
 
-def test_long_after_orthogonality_is_lost(monkeypatch):
-    """300 steps where 60 would do: the copies that round-off brings back do no harm."""
-    system = LinearSystem.of(disordered())
-    exact = eigh(system.scaled.toarray(), eigvals_only=True)[-1]
-    monkeypatch.setattr("modal.solvers.spectrum.LOOK", 300)
-    found = top_mode(system.operator, MOST)
-    assert found.converged.all() and found.products == 600
-    assert found.square == pytest.approx([exact], rel=1e-12)
-    v = found.vector[:, 0]
-    residual = np.linalg.norm(system.operator @ v - exact * v)
-    assert residual < 2 * TOLERANCE * exact
-
-
 def test_what_does_not_converge_has_no_vector():
     """A column of FCC has a dense bunch at the top."""
     operator = ContactOperator(gallery.fcc(cells=(1, 1, 200)), mass_scaled=True)
     found = top_mode(operator, 20)
     assert not found.converged.any() and not found.vector.any() and found.products == 20
-
-
-def test_no_stiffness_at_all():
-    crystal = gallery.fcc(cells=(2, 2, 4))
-    none = np.zeros(crystal.n_contacts)
-    network = crystal.unchecked(stiffness_normal=none, stiffness_tangential=none)
-    found = top_mode(ContactOperator(network, mass_scaled=True), MOST)
-    assert found.square[0] == 0
