@@ -65,44 +65,37 @@ def summary_at_zero(system: LinearSystem) -> dict[str, Any]:
     }
 
 
-def counted_floppy(system: LinearSystem) -> FloppyModes:
-    """The zero modes, their number by an exact count; made once for all problems of a network."""
-    if not _settled(system):
-        floppy = by_structure(system)
-        unstable = _found(system, floppy.basis, unstable_modes(system), UNSTABLE)
-        known, further = sp.hstack([floppy.basis, unstable], format="csc"), 0
-        if floppy.total < system.size:
-            further = count_below(system, system.zero_frequency / 2) - known.shape[1]
-        collective = _found(system, known, further, ZERO, definite=not unstable.shape[1])
-        _settle(system, collective, unstable)
-    return _settled(system)[0]
+def counted_floppy(system: LinearSystem, at_zero: Floats | None = None) -> FloppyModes:
+    """The zero modes, their number by an exact count; made once for all problems of a network.
 
-
-def settle_floppy(system: LinearSystem, at_zero: Floats) -> None:
-    """Take the zero modes `at_zero` (size, c) for all there are beside those of the structure.
-
-    So it is where they were found in a complete list from zero on: the count at its end leaves room
-    for no others.
+    A complete list from zero on gives those `at_zero` (size, c) that it has found beside those of
+    the structure: the count at its end leaves room for no others.
     """
-    if not _settled(system):
-        _settle(system, sp.csc_matrix(at_zero), sp.csc_matrix((system.size, 0)))
+    known = _known(system)
+    if not known:
+        floppy, unstable = by_structure(system), sp.csc_matrix((system.size, 0))
+        collective = sp.csc_matrix(unstable if at_zero is None else at_zero)
+        if at_zero is None:
+            unstable = _found(system, floppy.basis, unstable_modes(system), UNSTABLE)
+            others = sp.hstack([floppy.basis, unstable], format="csc")
+            if floppy.total < system.size:
+                further = count_below(system, system.zero_frequency / 2) - others.shape[1]
+                definite = not unstable.shape[1]
+                collective = _found(system, others, further, ZERO, definite=definite)
+        counted = replace(
+            floppy,
+            basis=sp.hstack([floppy.basis, collective, unstable], format="csc"),
+            kinds=floppy.kinds | {"collective": collective.shape[1]},
+            unstable=unstable.shape[1],
+            counted=True,
+        )
+        known.append(counted)
+    return known[0]
 
 
-def _settled(system: LinearSystem) -> list[FloppyModes]:
+def _known(system: LinearSystem) -> list[FloppyModes]:
     """The zero modes of a network once they are counted."""
     return system.cached("counted zero modes", list[FloppyModes])
-
-
-def _settle(system: LinearSystem, collective: sp.csc_matrix, unstable: sp.csc_matrix) -> None:
-    floppy = by_structure(system)
-    counted = replace(
-        floppy,
-        basis=sp.hstack([floppy.basis, collective, unstable], format="csc"),
-        kinds=floppy.kinds | {"collective": collective.shape[1]},
-        unstable=unstable.shape[1],
-        counted=True,
-    )
-    _settled(system).append(counted)
 
 
 def _found(
@@ -143,7 +136,7 @@ def _found(
 
 def easy(system: LinearSystem) -> bool:
     """Whether an exact count takes some seconds, by estimate, or none as it was made."""
-    return bool(_settled(system)) or factorisation(system, counting=True).operations <= EASY
+    return bool(_known(system)) or factorisation(system, counting=True).operations <= EASY
 
 
 def doubtful(system: LinearSystem, floppy: FloppyModes) -> bool:

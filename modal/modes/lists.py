@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import scipy.sparse as sp
 
-from modal.modes.collective import counted_floppy, every_floppy, settle_floppy
+from modal.modes.collective import counted_floppy, every_floppy
 from modal.modes.counts import check_count, count_below
 from modal.modes.dense import dense_modes
 from modal.modes.mode_set import Choice, ModeSet, certificate
@@ -81,7 +81,7 @@ def _lowest(system: LinearSystem, choice: Choice, floppy: FloppyModes) -> ModeSe
             "below round-off; ask for the highest, or for an interval further up"
         )
     if not missing:
-        settle_floppy(system, search.at_zero)
+        counted_floppy(system, search.at_zero)
     return _of_search(search, choice, missing)
 
 
@@ -110,8 +110,6 @@ def _highest(system: LinearSystem, choice: Choice, certify: bool) -> ModeSet:
 def _of_search(search: Search, choice: Choice, missing: int, because: str = "") -> ModeSet:
     """The modes of a choice that a search has found, less those that are `missing`."""
     which = search.sorted(search.system.zero_frequency if choice.kind == "lowest" else -np.inf)
-    short = choice.count - len(which)
-    missing = max(missing, short) if short > 0 else missing
     enough = min(choice.count - max(missing, 0), len(which))
     which = which[:enough] if choice.kind == "lowest" else which[len(which) - enough :]
     modes = found_modes(search.system, [search.piece(which)], len(which), choice)
@@ -186,7 +184,7 @@ def _between(
     short = sum(max(lack, 0) for lack in missing)
     modes.attributes |= certificate(short or min(missing, default=0))
     if low == 0 and modes.certified:
-        settle_floppy(system, np.concatenate(at_zero, axis=1))
+        counted_floppy(system, np.concatenate(at_zero, axis=1))
     slices = f"; {len(solvers)} slices" * (len(solvers) > 1)
     modes.attributes["solver"] = "".join(solvers[:1]) + slices or "count"
     return modes

@@ -1,16 +1,14 @@
-"""Which way a list of modes is found: one table, and what each way will take."""
+"""Which way a list of modes is found, and what each way will take."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
+from modal.modes import effort
 from modal.modes.density import density_of
-from modal.modes.effort import below_an_edge, from_the_top, near_a_shift, refuse_endless_search
 from modal.modes.mode_set import Choice
 from modal.solvers.factor import Cost
 from modal.solvers.low_end import LowEnd
@@ -47,15 +45,67 @@ class Question:
 
     @cached_property
     def way(self) -> str:
-        """The name of the first of `WAYS` that gives such a list and is taken for it."""
-        kind = self.choice.kind
-        return next(name for name, way in WAYS.items() if kind in way.gives and way.taken(self))
+        """How the list is found.
+
+        arnoldi: without a certificate, of large packings whose K has no law of inertia. dense:
+        whole matrices, or blocks of a crystal's symmetry: all modes, a large part, small packings.
+        top: products with A, then solves about a shift above: no other way is as cheap for a few
+        modes. lifted: a polynomial of A in place of factors, for many modes of large, wide
+        packings, from zero on. shift, slices: solves about one shift just below zero, or about one
+        in each slice of an interval.
+        """
+        system, kind = self.system, self.choice.kind
+        unsymmetric = not system.symmetric and system.size > system.limits.unsymmetric
+        if unsymmetric and kind in ("lowest", "highest"):
+            return "arnoldi"
+        if self._whole:
+            return "dense"
+        if kind == "highest":
+            return "top"
+        if self._lifting_pays:
+            return "lifted"
+        few = self.count <= system.limits.slice
+        return "shift" if kind == "lowest" and few else "slices"
+
+    def cost(self, way: str) -> Cost:
+        """What a way will take that is no dense one."""
+        if way == "top":
+            return effort.from_the_top(self.system, self.count)
+        if way == "lifted":
+            return effort.below_an_edge(self.system, self.count, self.low_end.degree)
+        return effort.near_a_shift(self.system, self.count)
+
+    @property
+    def _whole(self) -> bool:
+        system, limits = self.system, self.system.limits
+        if self.choice.kind == "all" or not system.symmetric or system.size <= limits.small:
+            return True
+        large_part = self.count > self.listed // limits.part
+        return large_part and (self.choice.kind == "highest" or system.size <= limits.dense)
+
+    @property
+    def _lifting_pays(self) -> bool:
+        """The range is not too wide, and the work less than that of slices.
+
+        To know how far the lowest modes reach takes a density of states, which small packings save.
+        """
+        system, known = self.system, self.choice.kind == "between"
+        if system.solver or not (self.count and self.from_zero):
+            return False
+        if not (known or system.size > system.limits.dense):
+            return False
+        if self.low_end.edge > WIDEST * system.top:
+            return False
+        lifted = self.cost("lifted")
+        cheap = lifted.operations <= self.cost("slices").operations
+        return cheap and lifted.bytes <= memory_at_hand()
 
     @cached_property
     def high(self) -> float:
         """Frequency, Hz, below which the modes lie; of the lowest ones an estimate, with enough.
 
-        It is that of a density of states, refined until its resolution is finer.
+        It is that of a density of states, refined until its resolution is finer; infinite where
+        that would take longer than to find the modes in another way.
         """
         if self.choice.kind == "between":
             return self.choice.high
@@ -68,6 +118,9 @@ class Question:
             if high > SHARP * resolution:
                 return high
             resolution /= 2
+            finer = effort.PRODUCT * self.system.size * 2 * states.products
+            if finer > self.cost("slices").operations:
+                return np.inf
 
     @cached_property
     def low_end(self) -> LowEnd:
@@ -81,59 +134,4 @@ class Question:
         if self.choice.kind == "between":
             task = f"the {self.count} modes of this interval take"
         remedy = "ask for fewer" if self.choice.kind == "highest" else FEWER
-        refuse_endless_search(self.system, WAYS[self.way].cost(self), task, remedy)
-
-
-def _unsymmetric(asked: Question) -> bool:
-    system = asked.system
-    return not system.symmetric and system.size > system.limits.unsymmetric
-
-
-def _whole(asked: Question) -> bool:
-    system, limits = asked.system, asked.system.limits
-    if asked.choice.kind == "all" or not system.symmetric or system.size <= limits.small:
-        return True
-    large_part = asked.count > asked.listed // limits.part
-    return large_part and (asked.choice.kind == "highest" or system.size <= limits.dense)
-
-
-def _lifting_pays(asked: Question) -> bool:
-    """The range is not too wide, and the work less than that of slices.
-
-    To know how far the lowest modes reach takes a density of states, which small packings save.
-    """
-    system, known = asked.system, asked.choice.kind == "between"
-    if system.solver or not (asked.count and asked.from_zero):
-        return False
-    if not (known or system.size > system.limits.dense) or asked.low_end.edge > WIDEST * system.top:
-        return False
-    lifted, cut = (WAYS[name].cost(asked) for name in ("lifted", "slices"))
-    return lifted.operations <= cut.operations and lifted.bytes <= memory_at_hand()
-
-
-class Way(NamedTuple):
-    """One way: the kinds of lists that it gives, when it is taken, and what it will take."""
-
-    gives: tuple[str, ...]
-    taken: Callable[[Question], bool]
-    cost: Callable[[Question], Cost] = lambda q: near_a_shift(q.system, q.count)
-
-
-WAYS = {
-    # Arnoldi, without a certificate: large packings whose K has no law of inertia.
-    "arnoldi": Way(("lowest", "highest"), _unsymmetric),
-    # Whole matrices, or blocks of a crystal's symmetry: all modes, a large part, small packings.
-    "dense": Way(("lowest", "highest", "between", "all"), _whole),
-    # Products with A, then solves about a shift above: no other way is as cheap for a few modes.
-    "top": Way(("highest",), lambda asked: True, lambda q: from_the_top(q.system, q.count)),
-    # A polynomial of A in place of factors: many modes of large, wide packings, from zero on.
-    "lifted": Way(
-        ("lowest", "between"),
-        _lifting_pays,
-        lambda q: below_an_edge(q.system, q.count, q.low_end.degree),
-    ),
-    # Solves about one shift just below zero, or about one in each slice of an interval.
-    "shift": Way(("lowest",), lambda asked: asked.count <= asked.system.limits.slice),
-    "slices": Way(("lowest", "between"), lambda asked: True),
-}
-"""In this order; the first one that gives the kind of list and is taken for it finds it."""
+        effort.refuse_endless_search(self.system, self.cost(self.way), task, remedy)
