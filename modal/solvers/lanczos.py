@@ -3,7 +3,7 @@
 The eigenvalues of (A - sigma)^-1 that are largest in size belong to the modes nearest sigma. A
 direct solver answers a block of right-hand sides for a third of the price of single ones, and a
 block sees every mode of a degenerate frequency up to its own width. The basis is kept whole and
-orthogonal to round-off, so no mode comes twice.
+orthogonal, so no mode comes twice.
 """
 
 from __future__ import annotations
@@ -38,9 +38,13 @@ STEPS, WIDTH_LIFTED = 45, 48
 a block waits for memory: of 3,000 vectors it runs at 14, 23 and 33 GFlop/s for 12, 24 and 48
 columns. Blocks that are wider in proportion take more vectors: of 496 modes 1.48 each for 12
 columns, 1.74 for 24."""
-LOOKS, LOOKS_LIFTED = (2.0, 1.5), (1.3, 0.5)
+LOOKS, LOOKS_LIFTED = (2.0, 1.5), (1.45, 1.0)
 """When the basis is looked at: vectors for each mode before the first look; from then on for each
 mode that is missing."""
+EPS, LOST = float(np.finfo(float).eps), 1e-9
+"""Overlap of a new block with those before, by the recurrence of round-off, up to which it is made
+orthogonal to the last two alone. A basis that is orthogonal to the root of round-off gives
+eigenvalues to round-off (H. D. Simon, Math. Comp. 42, 115, 1984)."""
 WIDTH_ABOVE = 4
 """Columns of a block from the top, where products cost less than the basis."""
 ROOM = 4
@@ -64,32 +68,37 @@ def start_block(size: int, width: int, round: int = 0) -> Floats:
 
 
 def _orthonormal(
-    block: Floats, basis: Floats, held: Held, *, anew: bool = False
-) -> tuple[Floats, Floats, Floats]:
+    block: Floats, basis: Floats, held: Held, *, anew: bool = False, overlap: float = np.inf
+) -> tuple[Floats, Floats, Floats, float]:
     """Make a block orthogonal to the basis V and to the held-out modes.
 
     Shapes: block (size, w), basis (size, k). Returns Q (size, w), with orthonormal columns that
     are orthogonal to V, the coefficients V^T block (k, w), and R (w, w), such that
-    block = V (V^T block) + Q R once the held-out modes are removed. The block is overwritten.
+    block = V (V^T block) + Q R once the held-out modes are removed; and what Q still overlaps with
+    V. The block is overwritten.
 
     Two passes of Gram-Schmidt. In exact arithmetic a new Lanczos block overlaps only with the last
     two blocks of V, so the first pass removes those; with a basis that has just been restarted
     (`anew`) it overlaps with every column, and the first pass removes all. The second pass removes
-    from all of V what round-off has left. Where a column of the block depends on the others, QR
-    puts an arbitrary direction in its place, which may show further modes of a degenerate
-    frequency.
+    from all of V what round-off has left, unless that is at most `overlap`, and of what the first
+    one leaves a part below `LOST`. Where a column of the block depends on the others, QR puts an
+    arbitrary direction in its place, which may show further modes of a degenerate frequency.
     """
     width = block.shape[1]
     within = np.zeros((basis.shape[1], width))
-    coupling = np.eye(width)
-    for first in (0 if anew else max(0, basis.shape[1] - 2 * width), 0):
+    coupling, lost = np.eye(width), EPS
+    first = 0 if anew else max(0, basis.shape[1] - 2 * width)
+    for second in (False, True):
         held.take_out_of(block)
         inside = basis[:, first:].T @ block
         block -= basis[:, first:] @ inside
         within[first:] += inside @ coupling
         block, factor = _orthonormal_columns(block)
         coupling = factor @ coupling
-    return block, within, coupling
+        if not second:
+            least = abs(factor.diagonal()).min()
+            first, lost = (first, overlap / least) if overlap < LOST * least else (0, EPS)
+    return block, within, coupling, lost
 
 
 def orthonormal(block: Floats, held: Held) -> Floats:
@@ -197,6 +206,7 @@ def modes_below(low_end: LowEnd, size: int, count: int, held: Held) -> Nearest:
         rank=np.positive,
         square=low_end.square,
         looks=LOOKS_LIFTED,
+        lifted=True,
     )
     found.products *= low_end.degree
     return found
@@ -236,13 +246,14 @@ def _largest(
     rank: Callable[[Floats], Floats],
     square: Callable[[Floats], Floats],
     looks: tuple[float, float],
+    lifted: bool = False,
 ) -> Nearest:
     """The `count` eigenpairs of a symmetric operator whose eigenvalues `rank` highest.
 
     `apply` takes blocks (size, `width`), about `most` columns in all; `square` gives the omega^2 of
-    eigenvalues; `looks` as `LOOKS`. When the basis has `limit` vectors, the iteration restarts with
-    the best combinations of them (thick restart: K. Wu and H. Simon, SIAM J. Matrix Anal. Appl. 22,
-    602, 2000). A basis of all free directions needs none.
+    eigenvalues; `looks` as `LOOKS`; `lifted`: whether by a polynomial. When the basis has `limit`
+    vectors, the iteration restarts with the best combinations of them (thick restart: K. Wu and H.
+    Simon, SIAM J. Matrix Anal. Appl. 22, 602, 2000). A basis of all free directions needs none.
     """
     limit = min(limit, held.free)
     kept = (limit + count) // 2
@@ -251,10 +262,18 @@ def _largest(
     start = start_block(size, width, held.found.shape[1])
     basis[:, :width] = orthonormal(start, held)
     dimension, anew, look = width, False, looks[0] * count
+    largest = between = 0.0
+    before = lost = EPS
     for step in progress(most // width + 2, "Lanczos"):
         last = slice(dimension - width, dimension)
         block = apply(basis[:, last])
-        block, within, coupling = _orthonormal(block, basis[:, :dimension], held, anew=anew)
+        overlap = largest * (EPS + lost) + between * before if lifted and not anew else np.inf
+        block, within, coupling, new = _orthonormal(
+            block, basis[:, :dimension], held, anew=anew, overlap=overlap
+        )
+        largest = max(largest, abs(within).max())
+        between = float(np.linalg.norm(coupling, 2))
+        before, lost = lost, new
         projected[last, :dimension] = within.T
         anew, full, spent = False, dimension + width > limit, (step + 1) * width
         ended = spent >= most or (full and limit == held.free)
@@ -274,7 +293,8 @@ def _largest(
                 _combine(basis[:, :dimension], vector[:, best])
                 projected[:] = 0
                 projected[range(kept), range(kept)] = value[best]
-                dimension, anew = kept, True
+                # Combinations are as far from invariant as their blocks overlap.
+                dimension, anew, lifted = kept, True, False
             look = dimension + max(width, looks[1] * (count - converged.sum()))
         basis[:, dimension : dimension + width] = block
         dimension += width

@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from numpy.polynomial.chebyshev import Chebyshev
 from operators import Known, rotation
 
-from modal.solvers.lanczos import TOLERANCE, Held, modes_below
+from modal.solvers.lanczos import LOST, TOLERANCE, Held, modes_below
 from modal.solvers.low_end import REACH, LowEnd
 
 pytestmark = pytest.mark.two_ways
@@ -78,5 +78,6 @@ def test_fewer_vectors_than_nearest_a_shift():
     found = modes_below(low_end, 4000, count, nothing)
     assert found.converged.all()
     assert found.square == pytest.approx(square[:count], rel=1e-11)
+    assert abs(found.vector.T @ found.vector - np.eye(count)).max() < LOST
     # About a shift it would be 2.4 of them and more.
     assert found.products < 1.8 * count * low_end.degree
