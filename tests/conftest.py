@@ -1,4 +1,4 @@
-"""Shared by the tests: which optional packages they see, unasked skips, and a slow oracle.
+"""Shared by the tests: which optional packages they see, and unasked skips.
 
 GRANULAR_WITHOUT=numba,pypardiso hides these packages from every import of the run and of the
 programs that it starts, so that code with a second way takes it. With CI=true a test that was
@@ -10,13 +10,8 @@ import os
 import runpy
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import numpy as np
 import pytest
-
-if TYPE_CHECKING:
-    from modal.packing.network import Network
 
 FAST = ("numba", "pypardiso")
 """Optional packages of the recommended path."""
@@ -72,47 +67,8 @@ def pytest_make_collect_report():
     return refuse_unasked_skip((yield))
 
 
-def slow_stiffness(network: "Network") -> np.ndarray:
-    """Dense K (6n, 6n), column by column from forces: an oracle without the 12x12 matrices.
-
-    Each degree of freedom is displaced by one unit in turn; the springs' forces and the torques
-    they exert with their levers are summed in plain vector algebra. Walls are a body that rests.
-    """
-    n, normal = network.n_particles, network.normal
-    i, j = (
-        network.particle_i,
-        np.where(network.particle_j < 0, network.n_particles, network.particle_j),
-    )
-
-    def split(vector: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
-        part = (vector * normal).sum(axis=1)[:, None] * normal
-        return along[:, None] * part + across[:, None] * (vector - part)
-
-    K = np.zeros((6 * n, 6 * n))
-    for column in range(6 * n):
-        motion, load = np.zeros((2, n + 1, 2, 3))
-        motion.flat[column] = 1.0
-        u, turn = motion[:, 0], motion[:, 1]
-        slip = u[j] + np.cross(turn[j], network.lever_j) - u[i] - np.cross(turn[i], network.lever_i)
-        force = split(slip, network.stiffness_normal, network.stiffness_tangential)
-        for end, lever, sign in ((i, network.lever_i, -1), (j, network.lever_j, 1)):
-            np.add.at(load[:, 0], end, sign * force)
-            np.add.at(load[:, 1], end, sign * np.cross(lever, force))
-            if network.stiffness_rolling is not None:
-                rolling, twisting = network.stiffness_rolling, network.stiffness_twisting
-                np.add.at(load[:, 1], end, sign * split(turn[j] - turn[i], twisting, rolling))
-        K[:, column] = load[:n].ravel()
-    return K
-
-
 @pytest.fixture(scope="session")
 def yade():
     """What a test asks for that runs YADE."""
     if shutil.which("yade-batch") is None:
         pytest.skip("YADE is missing: apt-get install --no-install-recommends yade python3-h5py")
-
-
-@pytest.fixture(scope="session")
-def slow_K():
-    """The oracle as a fixture."""
-    return slow_stiffness

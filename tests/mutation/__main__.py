@@ -21,7 +21,7 @@ import tomllib
 from collections import Counter
 from pathlib import Path
 
-from tests.mutation.mutants import Mutant, drawn, mutants_of
+from tests.mutation.mutants import drawn, mutants_of
 
 ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENT = Path(__file__).with_name("equivalent.toml")
@@ -99,17 +99,6 @@ def tested(folder: Path, module: str, timeout: float) -> str:
     return failed[1] if failed else status
 
 
-def judged(folder: Path, mutant: Mutant, timeout: float) -> str:
-    """What the tests say with the mutant in place of the module."""
-    path = folder / mutant.path
-    source = path.read_text()
-    path.write_text(mutant.apply(source))
-    try:
-        return tested(folder, mutant.module, timeout)
-    finally:
-        path.write_text(source)
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Test the mutants one by one; how many of each module were noticed stands at the end."""
     layout = argparse.RawDescriptionHelpFormatter
@@ -138,7 +127,11 @@ def main(arguments: list[str] | None = None) -> int:
                 if failed := tested(folder, module, 600):
                     raise SystemExit(f"the tests of {module} fail without any mutant: {failed}")
                 limits[module] = 20 + 3 * (time.monotonic() - started)
-            by = judged(folder, mutant, limits[module])
+            path = folder / mutant.path
+            source = path.read_text()
+            path.write_text(mutant.apply(source))
+            by = tested(folder, module, limits[module])
+            path.write_text(source)
             outcome = "noticed" if by else "equivalent" if str(mutant) in same else "SURVIVED"
             told[module, outcome] += 1
             print(f"{number}/{len(mutants)} {outcome} {mutant} {by}", flush=True)
