@@ -19,6 +19,7 @@ from analysis.table import Table
 from modal.packing.layers import Layers
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
@@ -40,43 +41,37 @@ SAME = 1e-3
 """Largest difference of two motions of the source that are one but for their size."""
 
 
-class Motion(NamedTuple):
-    """Displacements per amplitude of the source, along its motion, at the same times (nt,).
+Motion = dict[str, Floats]
+"""Displacements per amplitude of the source, along its motion, at the same times (nt,).
 
-    `chain` (nt, nc); `layers` (nt, nl) and `particles` (nt, n), force-bearing ones only, are None
-    where the run has not recorded them.
-    """
-
-    chain: np.ndarray
-    layers: np.ndarray | None
-    particles: np.ndarray | None
+`chain` (nt, nc); `layers` (nt, nl) and `particles` (nt, n), force-bearing ones only, where the run
+has recorded them.
+"""
 
 
 class Difference(NamedTuple):
     """Relative L2 norms over all times: chain, layer means, particles; and the median particle."""
 
     cause: str
-    chain: float | None
-    layers: float | None
-    particles: float | None
+    chain: float
+    layers: float | None = None
+    particles: float | None = None
     median: float | None = None
 
 
-def relative(a: np.ndarray | None, b: np.ndarray | None) -> float | None:
-    """|a - b| / |b|; None where either is absent."""
-    if a is None or b is None:
-        return None
+def relative(a: Floats, b: Floats) -> float:
+    """|a - b| / |b|."""
     return float(np.linalg.norm(a - b) / np.linalg.norm(b))
 
 
 def compare(cause: str, found: Motion, reference: Motion) -> Difference:
-    """The difference of two motions under the name of its cause."""
-    each = list(map(relative, found, reference))
-    if found.particles is not None and reference.particles is not None:
-        size = np.linalg.norm(reference.particles, axis=0)
-        apart = np.linalg.norm(found.particles - reference.particles, axis=0)
-        each.append(float(np.median(apart[size > 0] / size[size > 0])))
-    return Difference(cause, *each)
+    """The difference of two motions under the name of its cause, as far as both are recorded."""
+    each = {name: relative(found[name], reference[name]) for name in found if name in reference}
+    if "particles" in each:
+        size = np.linalg.norm(reference["particles"], axis=0)
+        apart = np.linalg.norm(found["particles"] - reference["particles"], axis=0)
+        each["median"] = float(np.median(apart[size > 0] / size[size > 0]))
+    return Difference(cause, **each)
 
 
 class Agreement:
@@ -120,7 +115,7 @@ class Agreement:
         if times == 0 or abs(moved - times * first).max() > SAME * abs(moved).max():
             raise InputError("the runs' sources move differently; repeat them with one motion")
         motion = self._motion(run.chain_displacement, run, 1 / times / self.run.amplitude)
-        return Motion(*(None if field is None else field[near] for field in motion))
+        return {name: field[near] for name, field in motion.items()}
 
     def linear(self, pre_stress: str = "full", *, exact_in_time: bool = False) -> Motion:
         """The linear wave at the run's times, with its time step or exact in time."""
@@ -143,13 +138,13 @@ class Agreement:
 
     def _motion(self, chain: np.ndarray, signals: Signals, factor: float) -> Motion:
         everything, layers = signals.particle_displacement, signals.layer_displacement
+        found = {"chain": factor * chain[:, self._chain]}
         if everything is not None:
             layers = np.array([self._layers.means(row) for row in everything])
-        return Motion(
-            factor * chain[:, self._chain],
-            None if layers is None else factor * layers[:, self._near],
-            None if everything is None else factor * everything[:, self._bearing],
-        )
+            found["particles"] = factor * everything[:, self._bearing]
+        if layers is not None:
+            found["layers"] = factor * layers[:, self._near]
+        return found
 
 
 CAUSES = (
@@ -187,8 +182,8 @@ def split_by_cause(pair: Agreement, **others: Signals) -> list[Difference]:
         if name in waves:
             return pair.linear(waves[name], exact_in_time=name == "exact")
         if name in odd:
-            pairs = zip(*map(motion, odd[name]), strict=True)
-            return Motion(*(None if a is None else 0.5 * a + 0.5 * b for a, b in pairs))
+            one, two = map(motion, odd[name])
+            return {key: 0.5 * one[key] + 0.5 * two[key] for key in one if key in two}
         return pair.measured(runs[name])
 
     by, known = OTHER_PROGRAMS.get(pair.run.producer, "YADE"), {*runs, *waves, *odd}
@@ -201,9 +196,9 @@ def split_by_cause(pair: Agreement, **others: Signals) -> list[Difference]:
 
 def over_time(found: Motion, reference: Motion, windows: int = 8) -> np.ndarray:
     """Shape (windows,): relative L2 difference of the chain in equal parts of the record."""
-    parts = np.array_split(np.arange(len(reference.chain)), windows)
-    size = np.linalg.norm(reference.chain) / np.sqrt(windows)
-    return np.array([np.linalg.norm((found.chain - reference.chain)[p]) / size for p in parts])
+    parts = np.array_split(found["chain"] - reference["chain"], windows)
+    size = np.linalg.norm(reference["chain"]) / np.sqrt(windows)
+    return np.array([np.linalg.norm(part) / size for part in parts])
 
 
 def by_frequency(
@@ -247,11 +242,11 @@ def report(pair: Agreement, **others: Signals) -> list[Table]:
     header = ["part of the record", "chain, difference % of its mean size"]
     of_time = Table("The difference over time", header, lines)
     field, position = "chain", pair.chain_position
-    if found.layers is not None:
+    if "layers" in found:
         field, position = "layers", pair.layer_position
     top = min(2.5e5, 0.5 / float(pair.run.time[1] - pair.run.time[0]))
     bands, order = np.append(np.arange(0, top, 2.5e4), top), np.argsort(position)
-    both = [getattr(motion, field)[:, order] for motion in (found, linear)]
+    both = [motion[field][:, order] for motion in (found, linear)]
     rows = by_frequency(both[0], both[1], pair.run.time, position[order], bands)
     lines = [
         [f"{low / 1e3:g} to {high / 1e3:g}", f"{100 * share:.3g}", f"{100 * apart:.4g}"]

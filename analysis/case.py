@@ -9,6 +9,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
+from analysis.agreement import OTHER_RUNS
 from analysis.estimators import structure_factor
 from modal.elasticity import moduli
 from modal.formats.provenance import Source, packing_of, require_same_packing
@@ -17,11 +18,20 @@ from modal.packing import network, sample
 from modal.tools.errors import InputError
 from modal.waves import response, signals
 
+ABSENT = "what it is read from is not among the packing's files"
+
+
+class AbsentError(InputError):
+    """What something is read from is not there: a file of the packing, or a wave."""
+
+    def __init__(self, told: str = ABSENT) -> None:
+        super().__init__(told)
+
+
 PACKINGS = "network", "sample"
 SHEAR = "shear_yade.signals", "signals", "shear.signals"
 """Where S-waves are: by YADE as a further run, or as the case's own run; and the linear one."""
-SPLIT = "reverse", "tenth", "small", "small_reverse", "no_slip", "half_step"
-OTHER_WAVES = tuple(f"{run}.signals" for run in ("100kHz", "shear_yade", *SPLIT))
+OTHER_WAVES = tuple(f"{run}.signals" for run in ("100kHz", "shear_yade", *OTHER_RUNS))
 """Further YADE runs of a case: its pulse at 100 kHz where its own is another, an S-wave, and those
 that split its difference to the linear wave (`analysis.agreement.OTHER_RUNS`)."""
 KINDS = (
@@ -143,3 +153,9 @@ class Case:
             read = FORMATS[kind if kind in FORMATS else kind.split(".")[-1]][1]
             self.held[kind] = read(self.product(kind)) if self.has(kind) else None
         return self.held[kind]
+
+    def needed(self, kind: str) -> Any:
+        """The same of a file that must be there; else `AbsentError`."""
+        if not self.has(kind):
+            raise AbsentError
+        return self.read(kind)

@@ -1,7 +1,7 @@
 """The comparison of a crystal: each quantity by theory, eigenmodes, linear wave and YADE.
 
 Theory, modes and the linear wave are those of the springs, without the pre-stress of the contacts;
-what that changes of V_P has a row of its own. The linear wave is that at the times of the run.
+what that changes of V_P has a row of its own. The linear wave is cut where the run ends.
 """
 
 from __future__ import annotations
@@ -16,14 +16,27 @@ from analysis.estimators.layer_lattice import LayerLattice, exact_twin, lattice_
 from analysis.estimators.resonances import mode_velocities
 from analysis.estimators.travel_time import arrival_times, travelled
 from analysis.measuring import Measuring
-from analysis.quantities.passband import edge_wavelength
+from analysis.quantities.gain import gain_of
+from analysis.quantities.spectrum import modal_dispersion
 from analysis.quantities.velocity import chain
-from modal.packing.state import void_ratio
+from analysis.rows import row_of
 from modal.waves.signals import Signals
 
 COLUMNS = ("theory", "modal", "linear", "yade")
-RECORDS = {"linear": "beside", "yade": "yade"}
-"""Columns of a record, and its name, of `Measuring.record`."""
+SPECTRUM = ("f_min_khz", "f_max_khz", "f_1_khz", "resonances")
+OF_ROW = {
+    "theory": {"band_edge_theory_khz": "band_edge_theory_khz", "velocity": "v_p_theory_m_per_s"},
+    "modal": {"band_edge_theory_khz": "band_edge_modes_khz", "velocity": "v_p_modes_fitted_m_per_s"}
+    | {name: name for name in (*SPECTRUM, "void_ratio", "translations_only_over_edge")},
+} | {
+    producer: {
+        "band_edge_theory_khz": f"band_edge_{producer}_khz",
+        "velocity": f"v_p_long_waves_{producer}_m_per_s",
+        "lambda_edge_yade_over_d": f"lambda_edge_{producer}_over_d",
+    }
+    for producer in ("linear", "yade")
+}
+"""By column: rows, and the number of the case (`analysis.rows.Row`) that they show."""
 LAYERS = 100, 150
 """Whose own threshold frequencies have rows."""
 BIASED = "paper's rule; theory: the rule on exact signals"
@@ -34,18 +47,22 @@ def compare(m: Measuring) -> list[list[str]]:
     """Rows for one crystal: id, quantity, unit, what `COLUMNS` has, as far as it is known; note."""
     values: Values = defaultdict(dict)
     notes: dict[str, str] = {}
+    for column, names in OF_ROW.items():
+        for key, name in names.items():
+            values[key][column] = row_of(m).value(name)
     _theory(m, values)
     _modes(m, values, notes)
-    for column, key in RECORDS.items():
-        if (record := m.record(key)) is not None:
+    for column, record in (("linear", m.cut("linear")), ("yade", m.yade)):
+        if record is not None:
             _waves(m, values, column, record)
-    values["velocity_full"]["linear"] = disp.chain_dispersion(m.linear_at("full")).velocity
+    full = m.linear_wave(particles=False, pre_stress="full")
+    values["velocity_full"]["linear"] = disp.chain_dispersion(full).velocity
     _gains(m, values, notes)
     lines = []
     for key, (text, unit, note) in _texts(_inside(m.lattice)).items():
-        numbers = [values[key].get(name, np.nan) for name in COLUMNS if key in values]
+        numbers = [values[key].get(name, np.nan) for name in COLUMNS]
         shown = [f"{v:.6g}" if np.isfinite(v) else "" for v in numbers]
-        lines += [[key, text, unit, *shown, notes.get(key, note)]] if shown else []
+        lines += [[key, text, unit, *shown, notes.get(key, note)]] if any(shown) else []
     return lines
 
 
@@ -100,63 +117,42 @@ def _theory(m: Measuring, values: Values) -> None:
     omega, _ = lattice.eigenmodes()
     half = np.arcsin(min(1.0, _inside(lattice) / edge))
     for key, value in {
-        "f_min_khz": np.nan,
-        "f_max_khz": np.nan,
         "f_1_khz": omega[0] / 2e3 / np.pi,
         "f_200_khz": omega[-1] / 2e3 / np.pi,
         "resonances": lattice.layers,
-        "band_edge_theory_khz": edge / 1e3,
-        "velocity": lattice.velocity,
-        "lambda_edge_yade_over_d": low_pass.wavelength(lattice.velocity, edge) / m.diameter,
+        "lambda_edge_yade_over_d": 2 * lattice.velocity / (np.pi * edge) / m.diameter,  # Eq. 7
         "phase": lattice.velocity * np.sin(half) / half,
         "group": lattice.velocity * np.cos(half),
     }.items():
         values[key]["theory"] = value
-    values["void_ratio"]["modal"] = void_ratio(m.network)
 
 
 def _modes(m: Measuring, values: Values, notes: dict[str, str]) -> None:
-    modes, lattice, found = m.case.read("modes"), m.lattice, {}
-    if modes is None:
+    modes, lattice = m.case.read("modes"), m.lattice
+    if modes is None or modes.resonance_frequency is None:
         return
-    if len(modes.frequency) != 6 * m.network.n_particles:
-        notes |= dict.fromkeys(("f_min_khz", "f_max_khz"), "of the modes in the file")
-    found["f_min_khz"], found["f_max_khz"] = modes.frequency[[0, -1]] / 1e3
-    f, shape = modes.resonance_frequency, modes.resonance_shape
-    if f is not None and len(f) > 3:
-        found |= {"f_1_khz": f[0] / 1e3, "f_200_khz": f[-1] / 1e3, "resonances": len(f)}
-        if shape is not None and shape.shape[1] > 3:
-            measured = disp.mode_dispersion(f, shape, lattice.distance)
-            found |= _dispersion(lattice, measured)
-            kappa = float(np.arccos(disp.mode_cosine(shape)[-1])) / lattice.distance
-            found["lambda_edge_yade_over_d"] = 2 * np.pi / kappa / m.diameter
-        if modes.resonance_wavenumber is not None:
-            speeds = mode_velocities(f, modes.resonance_wavenumber)
-            for name, speed in zip(("phase", "group"), speeds, strict=True):
-                found[name] = transfer.at_frequency(f, speed, _inside(lattice))
-                notes[name] = "modal: lambda = 2 L / r (Eq. 4)"
-    if (only := m.case.read("translations.modes")) is not None:
-        found["translations_only_over_edge"] = only.frequency[-1] / lattice.low_pass_frequency
-    for key, value in found.items():
-        values[key]["modal"] = value
+    values["rms"]["modal"] = _off_theory(lattice, modal_dispersion(m))
+    kappa = float(np.arccos(disp.mode_cosine(modes.resonance_shape)[-1])) / lattice.distance
+    values["lambda_edge_yade_over_d"]["modal"] = 2 * np.pi / kappa / m.diameter
+    f = modes.resonance_frequency
+    values["f_200_khz"]["modal"] = f[-1] / 1e3
+    speeds = mode_velocities(f, modes.resonance_wavenumber)
+    for key, speed in zip(("phase", "group"), speeds, strict=True):
+        values[key]["modal"] = transfer.at_frequency(f, speed, _inside(lattice))
+        notes[key] = "modal: lambda = 2 L / r (Eq. 4)"
 
 
-def _dispersion(lattice: LayerLattice, measured: disp.Dispersion) -> dict[str, float]:
-    """Band edge, slope at long waves and deviation from Eq. 9 of a dispersion relation."""
-    rms = disp.rms_deviation(measured, lattice.velocity, lattice.low_pass_frequency)
-    edge = measured.low_pass_frequency / 1e3
-    return {"band_edge_theory_khz": edge, "velocity": measured.velocity, "rms": 100 * rms}
+def _off_theory(lattice: LayerLattice, measured: disp.Dispersion) -> float:
+    """Deviation of a dispersion relation from Eq. 9, %."""
+    return 100 * disp.rms_deviation(measured, lattice.velocity, lattice.low_pass_frequency)
 
 
 def _waves(m: Measuring, values: Values, column: str, record: Signals) -> None:
-    measured = chain(m, RECORDS[column])
-    found = _dispersion(m.lattice, measured)
-    found["lambda_edge_yade_over_d"] = edge_wavelength(m, RECORDS[column])
+    measured = chain(m, column)
+    values["rms"][column] = _off_theory(m.lattice, measured)
     omega, step = 2 * np.pi * _inside(m.lattice), 1e-3
     here, near = np.arccos(measured.cosine(omega * np.array([1, 1 + step]))) / measured.distance
-    found |= {"phase": omega / here, "group": omega * step / (near - here)}
-    for key, value in found.items():
-        values[key][column] = value
+    values["phase"][column], values["group"][column] = omega / here, omega * step / (near - here)
     twin, wall = exact_twin(record, m.lattice), float(m.network.wall_position[0])
     for name, wave, origin in (("theory", twin, 0.0), (column, record, wall)):
         for key, value in _by_rule(m, wave, origin).items():
@@ -187,7 +183,7 @@ def _gains(m: Measuring, values: Values, notes: dict[str, str]) -> None:
     passage = m.network.length / m.lattice.velocity
     duration = transfer.TRAVELS * passage
     time = np.arange(0, duration * (1 + 1e-3), 1e-6)  # ten samples of the pulse of 100 kHz
-    gains: dict[str, transfer.Gain | None] = {"linear": transfer.network_gain(m.network, passage)}
+    gains: dict[str, transfer.Gain | None] = {"linear": gain_of(m)}
     gains["theory"] = transfer.gain_factor(lattice_signals(m.lattice, time), duration)
     gains["yade"] = transfer.gain_factor(m.yade, duration) if m.yade else None
     for column, found in gains.items():

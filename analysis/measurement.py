@@ -53,7 +53,7 @@ class Measurement(dict[str, Value]):
 
 
 def measure(
-    packing: Network | Sample | str | Path,
+    packing: Network | Sample | Case | str | Path,
     *records: Signals | str | Path,
     quantities: Sequence[str] | None = None,
     source: Motion | None = None,
@@ -64,8 +64,8 @@ def measure(
 
     Parameters
     ----------
-    packing : Network, Sample, str or Path
-        A network, a sample, or a file of either.
+    packing : Network, Sample, Case, str or Path
+        A network, a sample, or a file of either; a case has further files.
     *records : Signals, str or Path
         Waves that were recorded in it; without any the linear wave of its contacts is computed.
     quantities : sequence of str, optional
@@ -99,41 +99,27 @@ def measure(
     >>> print(f"{found['v_p'].value:.0f} {found['v_p'].unit}")
     776 m/s
     """
-    if not isinstance(packing, str | Path):
-        return _measured(packing, records, quantities, source, keep, amplitudes)
-    (case,) = cases_of_files([packing])
-    for record in records:
-        if not isinstance(record, Signals):
-            owner_of(Path(record), [case])
-    return _measured(case, records, quantities, source, keep, amplitudes)
-
-
-def _measured(
-    of: Case | Network | Sample,
-    records: Sequence[Signals | str | Path],
-    quantities: Sequence[str] | None,
-    source: Motion | None,
-    keep: str | Path | None,
-    amplitudes: Sequence[float],
-) -> Measurement:
-    case, sample = None, of if isinstance(of, Sample) else None
-    if isinstance(of, Case):
-        case, path = of, of.packing_path
+    if isinstance(packing, str | Path):
+        (packing,) = cases_of_files([packing])
+    case, sample = None, packing if isinstance(packing, Sample) else None
+    if isinstance(packing, Case):
+        case, path = packing, packing.packing_path
+        for record in records:
+            if not isinstance(record, Signals):
+                owner_of(Path(record), [case])
         network = read_remarked(path, case.notes.append)
         sample = read_sample(path) if is_sample(path) else None
     else:
-        network = of.network() if isinstance(of, Sample) else of
+        network = packing.network() if isinstance(packing, Sample) else packing
     waves = [r if isinstance(r, Signals) else read_signals(r) for r in records]
-    packing = Measuring(network, waves, source, case, keep, sample, amplitudes)
+    m = Measuring(network, waves, source, case, keep, sample, amplitudes)
     usual = [q.name for q in QUANTITIES.values() if not q.asked]
-    names = list(quantities or (AMPLITUDE if len(packing.amplitudes) else usual))
+    names = list(quantities or (AMPLITUDE if len(amplitudes) else usual))
     for name in names:
         if name not in QUANTITIES:
             raise InputError(f"quantity {name!r}: unknown; choose from {', '.join(QUANTITIES)}")
-    if any(wave.chain_particle.max() >= network.n_particles for wave in packing.records):
-        raise InputError("a record's chain leaves the packing; give the packing it is of")
     state = tuple(str(network.study.get(key)) for key in SAME_STATE)
-    return Measurement({name: QUANTITIES[name].measured(packing) for name in names}, state)
+    return Measurement({name: QUANTITIES[name].measured(m) for name in names}, state)
 
 
 def measure_files(
@@ -154,16 +140,13 @@ def measure_files(
     found = {}
     for case in cases:
         records = [path for path in waves if owner[path] is case]
-        one = _measured(case, records, quantities, None, keep, amplitudes)
-        found[_as_given(case.packing_path, paths)] = one
+        how: dict[str, Any] = {"keep": keep, "amplitudes": amplitudes}
+        path = next((text for text in paths if Path(text) == case.packing_path), "")
+        found[path] = measure(case, *records, quantities=quantities, **how)
     if len(found) < 2:
         return found, None
     states = {one.state for one in found.values()}
     return found, mean_of(list(found.values()), same=len(states) == 1)
-
-
-def _as_given(path: Path, paths: Sequence[str]) -> str:
-    return next((text for text in paths if Path(text) == path), str(path))
 
 
 def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:

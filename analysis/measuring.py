@@ -14,11 +14,10 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from analysis.case import SHEAR, Case
+from analysis.case import SHEAR, AbsentError, Case
 from analysis.estimators.coherent import PASSAGES
 from analysis.estimators.damped_transform import UNEVEN, layer_distance
-from analysis.estimators.source_motion import as_of_pulse, recorded_motion
-from analysis.estimators.travel_time import cut
+from analysis.estimators.source_motion import as_of_pulse, cut, recorded_motion
 from analysis.packing import Packing
 from modal.exchange.registry import read_remarked
 from modal.packing.network import Network
@@ -81,7 +80,7 @@ class Measuring(Packing):
         self.stated: dict[str, tuple[float, float]] = {}
         self.found: dict[Any, Any] = {}
         if records is not None:
-            self.records = list(records)
+            self.records = [self._checked(record, "a record") for record in records]
 
     @classmethod
     def of(cls, case: Case) -> Measuring:
@@ -91,10 +90,10 @@ class Measuring(Packing):
     @cached_property
     def records(self) -> list[Signals]:
         """Recorded waves, each checked: S-waves by YADE first."""
-        return [self._checked(kind) for kind in SHEAR if self.case.has(kind)]
+        kinds = filter(self.case.has, SHEAR)
+        return [self._checked(self.case.read(kind), self.case.path(kind)) for kind in kinds]
 
-    def _checked(self, kind: str) -> Signals:
-        record, path = self.case.read(kind), self.case.path(kind)
+    def _checked(self, record: Signals, path: Path | str) -> Signals:
         if (np.array(record.chain_displacement.shape) < FEWEST).any():
             raise InputError(f"{path}: fewer than 50 times or 10 particles; record more")
         books = record.balance
@@ -105,7 +104,7 @@ class Measuring(Packing):
                 "accounted for; do not trust this run"
             )
         if record.chain_particle.max() >= self.network.n_particles:
-            raise InputError(f"{path}: its chain leaves the network; run it again")
+            raise InputError(f"{path}: its chain leaves the packing; give the packing it is of")
         if self.crystal:
             layers = layer_distance(record) / self.lattice.distance
             if abs(layers - 1) > UNEVEN:
@@ -160,13 +159,14 @@ class Measuring(Packing):
         *,
         interval: float | None = None,
         particles: bool = True,
+        pre_stress: str = "none",
     ) -> Signals:
         """The linear wave of the packing's own pulse, or another motion, along `direction`.
 
         P-waves are recorded on every particle, S-waves for longer, as they are slower. `interval`
         between records, s, by default `INTERVAL`.
         """
-        duration = RECORD * self.network.length / self.diameter / self.affine_frequency
+        duration = RECORD * self.affine_passage
         return propagate(
             self.network,
             duration if direction == "z" else duration / SLOWER,
@@ -174,6 +174,7 @@ class Measuring(Packing):
             interval=interval or INTERVAL / self.affine_frequency,
             particles=particles and direction == "z",
             direction=direction,
+            pre_stress=pre_stress,
         ).signals
 
     @cached_property
@@ -181,36 +182,19 @@ class Measuring(Packing):
         """The P-wave of the springs, on every particle, from wall to wall and back."""
         return self.linear_wave(particles=True)
 
-    def linear_wave(self, *, particles: bool) -> Signals:
+    def linear_wave(self, *, particles: bool, pre_stress: str = "none") -> Signals:
         """That wave, of the source's `motion`; on every particle it takes twice the time.
 
         Recorded a little more often beside a run: the two share the times of whole intervals.
+        `pre_stress` (`modal.system.contacts`) adds what the contacts' forces do.
         """
         self.require_walls()
         interval = INTERVAL / self.affine_frequency
         if self.recorded is not None:
             own = float(self.recorded.time[1] - self.recorded.time[0])
             interval = own * max(1, int(interval / own))
-        return self.own_wave(self.motion, interval=interval, particles=particles)
-
-    def linear_at(self, pre_stress: str) -> Signals:
-        """The linear wave of the network at the times of the recorded wave.
-
-        Where there is no record, ten times a period of the pulse for one passage. Like everything
-        called linear here it is that of the springs alone; `pre_stress`
-        (`modal.system.contacts`) adds what the contacts' forces do.
-        """
-        interval, duration = 0.1 / self.motion.frequency, self.affine_passage
-        if self.recorded is not None:
-            time = self.recorded.time
-            interval, duration = float(time[1] - time[0]), float(time[-1])
-        given = {"motion": self.motion, "interval": interval, "pre_stress": pre_stress}
-        return propagate(self.network, duration, **given).signals
-
-    @cached_property
-    def beside(self) -> Signals:
-        """That of the springs alone."""
-        return self.linear_at("none")
+        how: dict[str, Any] = {"particles": particles, "pre_stress": pre_stress}
+        return self.own_wave(self.motion, interval=interval, **how)
 
     @cached_property
     def wave(self) -> Signals:
@@ -237,17 +221,13 @@ class Measuring(Packing):
         """The P-wave that was recorded, or the linear wave where none was."""
         return self.linear if self.recorded is None else self.recorded
 
-    def record(self, key: str) -> Signals | None:
-        """A wave: wave, yade, linear, beside, shear_wave, shear_yade or shear_linear."""
-        if key.startswith("shear_") and key != "shear_wave":
-            return self.shear.get(key.removeprefix("shear_"))
-        return getattr(self, key)
-
-    def needed(self, key: str) -> Signals:
-        """The same where it is known to be there."""
-        record = self.record(key)
-        assert record is not None, key
-        return record
+    def record(self, key: str) -> Signals:
+        """A wave: wave, yade, linear, shear_wave, shear_yade or shear_linear."""
+        slid = key.startswith("shear_") and key != "shear_wave"
+        found = self.shear.get(key.removeprefix("shear_")) if slid else getattr(self, key)
+        if found is None:
+            raise AbsentError
+        return found
 
     @once
     def cut(self, key: str) -> Signals:
@@ -255,7 +235,7 @@ class Measuring(Packing):
 
         The linear wave as far as a run's record goes; a run as it is.
         """
-        record, run = self.needed(key), self.yade
+        record, run = self.record(key), self.yade
         if key == "yade":
             return record
         as_run = key == "linear" and run is not None

@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.case import Case
-from analysis.estimators.effective_medium import of_contacts
+from analysis.case import AbsentError, Case
+from analysis.estimators.effective_medium import velocity_of_contacts
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.settled import MARK, why_unsettled
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
@@ -39,11 +39,7 @@ class Packing:
     @cached_property
     def lattice(self) -> LayerLattice:
         """The lattice of layers that the theory of a crystal reduces to."""
-        if not self.crystal:
-            raise InputError(
-                f"{self.case.name}: no FCC crystal between two walls, so it has no theory to "
-                "compare with; take another packing"
-            )
+        self.require_crystal()
         return LayerLattice.of_network(self.network)
 
     @property
@@ -65,6 +61,14 @@ class Packing:
         """InputError without them."""
         if not self.walls:
             raise InputError("there are no two walls along z, which a wave here goes between")
+
+    def require_crystal(self) -> None:
+        """`AbsentError` for other packings."""
+        if not self.crystal:
+            raise AbsentError(
+                f"{self.case.name}: no FCC crystal between two walls, so it has no theory to "
+                "compare with; take another packing"
+            )
 
     @property
     def mu_comp(self) -> float:
@@ -102,14 +106,19 @@ class Packing:
         return f"{kind}{under} ({self.case.short}{mark})"
 
     @cached_property
-    def affine_passage(self) -> float:
-        """Time from wall to wall, s, of a wave that strains the packing evenly: none is faster."""
-        return self.network.length / of_contacts(self.network).velocity
+    def affine_velocity(self) -> float:
+        """Velocity, m/s, of a P-wave that strains the packing evenly: none is faster."""
+        return velocity_of_contacts(self.network)
 
-    @cached_property
+    @property
+    def affine_passage(self) -> float:
+        """Time from wall to wall, s, of that wave."""
+        return self.network.length / self.affine_velocity
+
+    @property
     def affine_frequency(self) -> float:
         """V / D, Hz: V of that wave, D the mean diameter."""
-        return of_contacts(self.network).velocity / self.diameter
+        return self.affine_velocity / self.diameter
 
     @cached_property
     def line(self) -> float:

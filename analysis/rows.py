@@ -11,17 +11,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from analysis.case import ABSENT
 from analysis.estimators.fits import PowerLaw, power_law
 from analysis.measuring import Measuring, once
 from analysis.quantities import QUANTITIES, gain, records, spectrum
 from analysis.quantities.records import LOW_PASS, PERCENT
-from analysis.quantities.registry import ABSENT
 from analysis.quantities.scattering import whole_ridge
 from analysis.quantities.velocity import longest
-from analysis.value import NOTHING, Value, estimate
+from analysis.value import Value, estimate
 
 COLUMNS = {
-    "v_p_first_peaks_all_columns": ("v_p_first_peaks_columns_m_per_s", 1.0),
     "coordination": ("coordination_number", 1.0),
     "coordination_of_bearing": ("coordination_number_bearing", 1.0),
     "resonances_found": ("resonances", 1.0),
@@ -34,7 +33,7 @@ UNITS = {"m/s": ("_m_per_s", 1.0), "Hz": ("_khz", 1e-3), "Pa": ("_mpa", 1e-6), "
 """Ends of a column's name by the unit of its quantity, and the factor of its numbers."""
 OF_RECORD = {"v_p_first_peaks_m_per_s": "v_p_first_peaks_{record}_m_per_s"} | {
     f"{quantity}_{percent}_{unit}": f"{quantity}_{percent}_{{record}}_{unit}"
-    for percent in PERCENT.values()
+    for percent in PERCENT
     for quantity, unit in (("f_low_pass", "khz"), ("lambda", "over_d"))
 }
 """Columns that a case has of its record, and the same with `{record}` for its producer."""
@@ -85,11 +84,11 @@ class Row:
 
     def value(self, name: str) -> float:
         """A number; NaN where it is not known."""
-        return self.values.get(name, NOTHING).value
+        return self.values[name].value if name in self.values else np.nan
 
     def error(self, name: str) -> float:
         """Its uncertainty; NaN where that is not known."""
-        return self.values.get(name, NOTHING).error
+        return self.values[name].error if name in self.values else np.nan
 
     def spread(self, name: str) -> float:
         """Its uncertainty, or the scatter over packings where that is larger: it has both in it."""
@@ -152,7 +151,7 @@ def row_of(m: Measuring) -> Row:
     """All numbers that a case's products allow, each measured once."""
     case, row = m.case, Row.of(m)
     row.add(m, records.OF_CASE)
-    for percent in PERCENT.values():
+    for percent in PERCENT:
         row.flat[percent] = row.flat[f"{percent}_{row.record}"]
     row.values |= {
         name: row.values[column.format(record=row.record)] for name, column in OF_RECORD.items()
@@ -175,8 +174,8 @@ def _curves(m: Measuring, row: Row) -> None:
     row.curves["free_held"] = (gain.free_held(m),)
     row.curves["first"] = (np.array([gain.first_resonance(m)]),)
     row.curves["resonances"] = spectrum.standing_waves(m)
-    if (ridge := whole_ridge(m)) is not None:
-        frequency, width, path = ridge.of_waves()
+    if m.case.has("structure"):
+        frequency, width, path = whole_ridge(m).of_waves()
         passed = m.diameter / longest(m, "linear").value
         row.curves["ridge"] = (frequency * passed, width / frequency, path)
     if m.case.has("density"):

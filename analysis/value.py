@@ -11,10 +11,6 @@ import numpy as np
 from modal.tools.arrays import Floats
 from modal.tools.display import quantities, quantity
 
-PARTS = "fit", "chain", "resolution", "samples"
-"""What an error is made of: scatter about a fit or what is left of a solver's residual; which chain
-of spheres, or part of a record, is taken; widths of lines; how samples of one state differ."""
-
 
 @dataclass(frozen=True)
 class Value:
@@ -27,7 +23,9 @@ class Value:
     unit : str
         In SI.
     parts : dict
-        Contributions to the error by name (`PARTS`), in the same unit.
+        Contributions to the error, in the same unit: `fit`, scatter about a fit or what is left of
+        a solver's residual; `chain`, which chain of spheres, or part of a record, is taken;
+        `resolution`, widths of lines; `samples`, how samples of one state differ.
     caveats : tuple of str
         Whole sentences for people.
     at : ndarray (n,), Hz, or None
@@ -118,10 +116,6 @@ def unknown(unit: str, *caveats: str) -> Value:
 def estimate(value: float, error: float = np.nan) -> Value:
     """A number and its error where that is known, of a case whose columns say the units."""
     return Value(float(value), "", {"fit": error})
-
-
-NOTHING = estimate(np.nan)
-"""What is not known."""
 
 
 def hertz(frequency: float) -> str:

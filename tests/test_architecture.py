@@ -14,7 +14,7 @@ ORDER = {
     "analysis": (
         *("table", "watch", "estimators", "agreement", "case"),
         *("belonging", "value", "packing", "measuring", "prepare", "quantities", "measurement"),
-        *("crystal", "rows", "figures", "study"),
+        *("rows", "crystal", "figures", "study"),
         *("cli", "__main__"),
     ),
 }

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.estimators.fits import summit
 from modal.waves.signals import Signals
 
 STRETCH = (0.1, 0.6)
@@ -48,6 +49,4 @@ def chain_wavenumber(
     top = int(np.argmax(height))
     if top in (0, POINTS - 1):
         return np.nan
-    before, peak, behind = height[top - 1 : top + 2]
-    shift = 0.5 * (before - behind) / min(before - 2 * peak + behind, -1e-30)
-    return float(kappa[top] + shift * (kappa[1] - kappa[0]))
+    return float(kappa[top] + summit(*height[top - 1 : top + 2]) * (kappa[1] - kappa[0]))

@@ -6,8 +6,6 @@ the mean strain (Otsubo et al. 2017, section 2, refs. 16 and 22).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from modal.packing.contact_law import GLASS, Elasticity, Moduli
@@ -18,21 +16,8 @@ from modal.packing.state import affine_stiffness
 from modal.tools.errors import InputError
 
 
-@dataclass(frozen=True)
-class EffectiveMedium:
-    """P-wave modulus, Pa, density, kg/m^3, and velocity, m/s, along z."""
-
-    modulus: float
-    density: float
-
-    @property
-    def velocity(self) -> float:
-        """V_P, m/s."""
-        return float(np.sqrt(self.modulus / self.density))
-
-
-def of_contacts(network: Network, margin: float = 5.0) -> EffectiveMedium:
-    """Mean strain imposed on the very contacts of a packing, `margin` diameters from the walls.
+def velocity_of_contacts(network: Network, margin: float = 5.0) -> float:
+    """V_P, m/s: mean strain imposed on the very contacts, `margin` diameters from the walls.
 
     With spheres that neither relax nor turn, M is the sum of `affine_stiffness` over the volume, a
     contact counting by the part of its branch that lies inside. The density is that of the
@@ -58,7 +43,7 @@ def of_contacts(network: Network, margin: float = 5.0) -> EffectiveMedium:
     per_length = np.polyfit(z[inside], np.flatnonzero(inside), 1)[0]
     density = float(network.mass.mean()) * per_length / network.area
     modulus = part @ affine_stiffness(network) / (network.area * (high - low))
-    return EffectiveMedium(float(modulus), float(density))
+    return float(np.sqrt(modulus / density))
 
 
 HERTZ = 1e-2
@@ -82,15 +67,15 @@ def moduli_of(network: Network) -> Moduli:
     return Moduli(float(young.mean()), float(young.mean() * kt.mean() / kn.mean() / 4))
 
 
-def of_means(
+def velocity_of_means(
     void_ratio: float,
     coordination: float,
     stress: float,
     radius: float,
     material: Elasticity | Moduli = GLASS,
     density: float = GLASS.density,
-) -> EffectiveMedium:
-    """Random isotropic packing of equal spheres, known by its means alone, stress in Pa.
+) -> float:
+    """V_P, m/s, of a random isotropic packing of equal spheres, by its means alone, stress in Pa.
 
     Every contact carries the mean force N = 4 pi R^2 (1 + e) stress / Z; then
     M = Z (3 kn + 2 kt) / (10 pi R (1 + e)), the P-wave modulus of the isotropic average
@@ -101,4 +86,4 @@ def of_means(
     overlap = law.overlap_of_force(force, radius / 2)
     kn, kt = (of(overlap, radius / 2) for of in (law.stiffness_normal, law.stiffness_tangential))
     modulus = coordination * (3 * kn + 2 * kt) / (10 * np.pi * radius * (1 + void_ratio))
-    return EffectiveMedium(float(modulus), density / (1 + void_ratio))
+    return float(np.sqrt(modulus / (density / (1 + void_ratio))))

@@ -242,14 +242,9 @@ class Passband:
     @cached_property
     def low_pass(self) -> list[Edge]:
         """By the paper's words, of the linear wave cut as the run is."""
-        return self._of_any_chain(self.edges(self.wave, passages=self.common))
+        return self.of_any_chain(self.edges(self.wave, passages=self.common))
 
-    @cached_property
-    def of_yade(self) -> list[Edge]:
-        """By the paper's words, of the YADE run; unknown where there is none."""
-        return self._of_any_chain(self.edges(self.run))
-
-    def _of_any_chain(self, edges: list[Edge]) -> list[Edge]:
+    def of_any_chain(self, edges: list[Edge]) -> list[Edge]:
         """With the error of the choice of the chain, where that is known and larger."""
         return [
             replace(edge, error=float(np.fmax(edge.error, scatter)))
@@ -330,8 +325,3 @@ def columns_of(network: Network, particles: np.ndarray) -> np.ndarray:
     cells = np.maximum(1, (network.cell_size[:2] / diameter + 0.05).astype(int))
     place = (network.position[particles, :2] / network.cell_size[:2] % 1 * cells).astype(int)
     return place[:, 0] * cells[1] + place[:, 1]
-
-
-def wavelength(velocity: float, f_low_pass: float) -> float:
-    """lambda_low-pass, m, by Eq. 7, which holds for nearest neighbours alone: theory's 2 l."""
-    return 2 * velocity / (np.pi * f_low_pass)

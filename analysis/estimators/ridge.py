@@ -71,27 +71,23 @@ def ridge(signals: Signals) -> Ridge:
     kappa = np.linspace(highest / POINTS, highest, POINTS)
     start = at_rest(signals) - float(signals.time[0])
     whole = _frequencies(signals, kappa, start, np.inf)
-    if whole is None:
-        return Ridge(kappa, np.full(POINTS, np.nan), np.nan, np.nan)
     long = slice(POINTS // 50, POINTS // 10)
     velocity = 2 * np.pi * float(np.median(abs(whole[long]) / kappa[long]))
-    if velocity == 0:  # nothing turns: no wave is in the record
+    if not velocity > 0:  # nothing turns: no wave is in the record
         return Ridge(kappa, np.full(POINTS, np.nan), np.nan, np.nan)
     span = float(np.ptp(signals.chain_position))
     cut = _frequencies(signals, kappa, start, start + PASSAGES * span / velocity)
-    frequency = whole if cut is None else cut
+    frequency = cut if np.isfinite(cut).all() else whole
     return Ridge(kappa, frequency, *_edge(kappa, frequency))
 
 
-def _frequencies(
-    signals: Signals, kappa: np.ndarray, start: float, end: float
-) -> np.ndarray | None:
-    """Shape (n,), Hz, of wave numbers (n,) between two times, s; None if there are too few."""
+def _frequencies(signals: Signals, kappa: np.ndarray, start: float, end: float) -> np.ndarray:
+    """Shape (n,), Hz, of wave numbers (n,) between two times, s; NaN if there are too few."""
     time = signals.time - signals.time[0]
     used = (time >= start) & (time <= end)
     count = int(used.sum())
     if count < 16:
-        return None
+        return np.full(len(kappa), np.nan)
     z = signals.chain_position - signals.chain_position[0]
     window = np.hanning(count + 2)[1:-1]
     # Conjugate: the wave exp(i kappa z - i omega t) counts as forward.

@@ -8,7 +8,9 @@ of least squares, P S* / (|S|^2 + e^2), with e a small part of the largest |S|.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +33,23 @@ MOVED = (
     *("source_stress", "receiver_stress"),
 )
 """What of a record goes with the motion."""
+
+
+def with_motions(record: Signals, change: Callable[[np.ndarray], np.ndarray], **more) -> Signals:
+    """The record with all that goes with the motion changed; what it has not stays absent."""
+    there = {name: found for name in MOVED if (found := getattr(record, name)) is not None}
+    changed: dict[str, Any] = {name: change(found) for name, found in there.items()}
+    return replace(record, **changed, **more)
+
+
+def cut(record: Signals, end: float) -> Signals:
+    """The record up to a time, s.
+
+    A peak counts when it exceeds half of the particle's largest, which may come late: two records
+    give the same peaks only if they are equally long.
+    """
+    kept = slice(int(np.searchsorted(record.time, end * (1 + 1e-9), "right")))
+    return with_motions(record, lambda values: values[kept], time=record.time[kept])
 
 
 def recorded_motion(record: Signals) -> Motion:
@@ -73,7 +92,7 @@ def as_of_pulse(record: Signals, pulse: Pulse) -> Signals:
     """The record of another motion as the same wall would have given it for a pulse.
 
     Amplitude and frequency become those of the pulse; the source's own displacement shows what of
-    it the motion has sent. Columns that the record has not stay absent.
+    it the motion has sent.
     """
     time = record.time
     count = 2 * len(time)
@@ -85,9 +104,10 @@ def as_of_pulse(record: Signals, pulse: Pulse) -> Signals:
     sent = transform(record.source_displacement)
     ratio = transform(pulse.displacement(time)) * sent.conj()
     ratio /= abs(sent) ** 2 + (FAINT * abs(sent).max()) ** 2
-    moved = {name: getattr(record, name) for name in MOVED}
-    for name, values in moved.items():
-        if values is not None:
-            back = np.fft.irfft((ratio * transform(values).T).T, count, axis=0)[: len(time)]
-            moved[name] = (back.T / fade).T
-    return replace(record, **moved, amplitude=pulse.amplitude, input_frequency=pulse.frequency)
+
+    def answer(values: np.ndarray) -> np.ndarray:
+        back = np.fft.irfft((ratio * transform(values).T).T, count, axis=0)[: len(time)]
+        return (back.T / fade).T
+
+    told = {"amplitude": pulse.amplitude, "input_frequency": pulse.frequency}
+    return with_motions(record, answer, **told)

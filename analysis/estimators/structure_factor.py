@@ -14,7 +14,7 @@ operator (kernel polynomials: Weisse et al., Rev. Mod. Phys. 78, 275, 2006), in 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -29,6 +29,7 @@ from modal.packing.rattlers import force_bearing
 from modal.solvers.chebyshev import chebyshev, jackson
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
 
@@ -157,28 +158,12 @@ def structure_factor(
         raise InputError("resolution must be a positive number of Hz, the orders 1 or more")
     if orders.ndim == 1:
         blocks = [orders[first : first + BLOCK] for first in range(0, len(orders), BLOCK)]
-        waves, wavenumber = partial(standing_waves, network), np.pi * orders / network.length
+        waves: Callable[[Floats], Floats] = partial(standing_waves, network)
+        wavenumber = np.pi * orders / network.length
     else:
         blocks = list(wave_vectors(network, orders))
         waves = partial(plane_waves, network, polarisation=polarisation)
         wavenumber = np.linalg.norm(blocks, axis=1)
-    frequency, power = _power(network, waves, blocks, resolution, highest)
-    power = power.reshape(len(orders), -1, len(frequency)).sum(axis=1)
-    return StructureFactor(frequency, orders, wavenumber, power, resolution)
-
-
-def _power(
-    network: Network,
-    waves: Callable[[np.ndarray], np.ndarray],
-    blocks: Sequence[np.ndarray],
-    resolution: float,
-    highest: float | None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Frequency (nf,), Hz, and power (p, nf), 1/Hz, of the patterns that `waves` makes of blocks.
-
-    These are unit vectors (6n, r), scaled by M^1/2, or parts of one; each row integrates to its
-    square.
-    """
     system = LinearSystem.of(network)
     operator, top = system.renumbered, system.top
     if top <= 0:
@@ -195,7 +180,8 @@ def _power(
     wave = np.cos(2 * angle[:, None] * np.arange(count)) * jackson(count)
     wave[:, 1:] *= 2
     power = np.concatenate(moments) @ (wave * (2 / (np.pi * f_top * np.sin(angle)))[:, None]).T
-    return frequency, power
+    power = power.reshape(len(orders), -1, len(frequency)).sum(axis=1)
+    return StructureFactor(frequency, orders, wavenumber, power, resolution)
 
 
 def _moments(

@@ -14,6 +14,7 @@ So no height stands alone; beside it stand the resolution and what an undamped c
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,16 +49,16 @@ class Gain:
 
     def first_maximum(self) -> tuple[float, float]:
         """Frequency, Hz, and height of the first local maximum; NaN where there is none."""
-        at = self._tops()
-        return self._summit(at[0]) if len(at) else (np.nan, np.nan)
+        return next(self._summits(), (np.nan, np.nan))
 
     def maxima(self) -> np.ndarray:
         """Frequencies, Hz, of all local maxima, the lowest first."""
-        return np.array([self._summit(at)[0] for at in self._tops()])
+        return np.array([frequency for frequency, _ in self._summits()])
 
-    def _tops(self) -> np.ndarray:
+    def _summits(self) -> Iterator[tuple[float, float]]:
         g = self.gain
-        return 1 + np.flatnonzero((g[1:-1] > g[:-2]) & (g[1:-1] >= g[2:]))
+        tops = 1 + np.flatnonzero((g[1:-1] > g[:-2]) & (g[1:-1] >= g[2:]))
+        return (self._summit(int(at)) for at in tops)
 
     def _summit(self, at: int) -> tuple[float, float]:
         """Frequency, Hz, and height of the maximum near a point of the grid."""

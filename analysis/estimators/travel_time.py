@@ -103,18 +103,6 @@ def _middle(distance: np.ndarray, length: float) -> np.ndarray:
     return (distance > MIDDLE[0] * length) & (distance < MIDDLE[1] * length)
 
 
-def cut(record: Signals, end: float) -> Signals:
-    """The record's motions up to a time, s.
-
-    A peak counts when it exceeds half of the particle's largest, which may come late: two records
-    give the same peaks only if they are equally long.
-    """
-    kept = slice(int(np.searchsorted(record.time, end * (1 + 1e-9), "right")))
-    names = "time", "chain_displacement", "source_displacement", "particle_displacement"
-    there = {name: found for name in names if (found := getattr(record, name)) is not None}
-    return replace(record, **{name: found[kept] for name, found in there.items()})
-
-
 def first_peaks_of_columns(record: Signals, network: Network) -> tuple[float, float]:
     """dL/dt, m/s, of first peaks along every column of the packing, a sphere wide: mean, scatter.
 

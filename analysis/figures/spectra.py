@@ -13,7 +13,7 @@ from analysis.estimators.transfer import wall_velocity
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, each
 from analysis.figures.waves import producer_name
 from analysis.measuring import Measuring
-from analysis.quantities.passband import band_edge, low_pass_2, passband, scale, wavelength_at
+from analysis.quantities.passband import band_edge, edges, low_pass_2, scale, wavelength_at
 from analysis.quantities.scattering import whole_ridge
 from analysis.quantities.spectrum import standing_waves
 from analysis.quantities.velocity import coherent, first_peak, longest, low_frequency
@@ -109,9 +109,8 @@ def _of_random(panel: Panel, m: Measuring, record: Signals, kappa: np.ndarray) -
     panel.line_on_map(at, wave.frequency[kept] / 1e3, text, 2, color=ORANGE, ls="--")
     slope = kappa * longest(m, "linear").value / KHZ
     panel.line(kappa, slope, "long waves", color="k", ls=":", lw=0.9)
-    band = passband(m)
-    producer, edges = ("yade", band.of_yade) if m.yade else ("linear", band.low_pass)
-    edge = edges[0].value
+    producer = "yade" if m.yade else "linear"
+    edge = edges(m, producer)[0].value
     style = {"marker": "D", "ls": "none", "color": ORANGE, "ms": 6, "mfc": "w"}
     at_edge = [2 * np.pi / wavelength_at(m, edge, producer)]
     panel.line(at_edge, [edge / 1e3], "$f_{low-pass}$ 2 %, one chain", **style)
@@ -169,12 +168,11 @@ def structure(cases: list[Measuring]) -> Picture:
 def _width(m: Measuring, resolution: float) -> Panel:
     """Width of the ridge over frequency, beside that which the coherent wave's decay makes."""
     panel = Panel("frequency (kHz)", "full width (kHz)", m.label, xscale="log", yscale="log")
-    if (ridge := whole_ridge(m)) is not None:
-        f, own, _ = ridge.of_waves()
-        style = {"marker": "o", "mfc": "w", "color": "k"}
-        panel.line(f / 1e3, own / 1e3, "structure factor", **style)
-        if len(own):  # a tenth of the resolution is no width any more
-            panel.ylim = (1e-4 * resolution, 3e-3 * float(own.max()))
+    f, own, _ = whole_ridge(m).of_waves()
+    style = {"marker": "o", "mfc": "w", "color": "k"}
+    panel.line(f / 1e3, own / 1e3, "structure factor", **style)
+    if len(own):  # a tenth of the resolution is no width any more
+        panel.ylim = (1e-4 * resolution, 3e-3 * float(own.max()))
     wave = coherent(m, "linear")
     rate = wave.attenuation * wave.group_velocity / np.pi
     seen = (rate > 0) & (wave.frequency > 0.1 * scale(m))

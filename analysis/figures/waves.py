@@ -8,7 +8,7 @@ from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.low_pass import threshold_curves
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, columns_for, each, share_limits
 from analysis.measuring import Measuring
-from analysis.quantities.passband import passband
+from analysis.quantities.passband import edges, passband
 from analysis.quantities.velocity import longest
 from modal.packing.rattlers import firmly_held
 from modal.packing.state import void_ratio
@@ -148,14 +148,14 @@ def motion(m: Measuring, record: Signals, speed: float, name: str, end: float) -
 def spectrum_distance(m: Measuring) -> Panel:
     """Figs. 12 and 13: spectra of one chain over distance, and where they fall to 2 % and 1 %."""
     band = passband(m)
-    record, edges = m.shown, band.of_yade if m.yade else band.low_pass
+    record, falls = m.shown, edges(m, "yade" if m.yade else "linear")
     distance, frequency, amplitude = band.map(record, passages=band.common)
     order = np.argsort(distance)
     if not m.crystal:  # a sphere that little holds swings by itself: an outlying column
         order = order[firmly_held(m.network)[record.chain_particle[order]]]
     distance, amplitude = distance[order], amplitude[:, order]
     top = (0.8 if m.crystal else 0.4) * band.highest
-    found = [edge.value for edge in edges[:2] if np.isfinite(edge.value)]
+    found = [edge.value for edge in falls[:2] if np.isfinite(edge.value)]
     top = min(max([top, *(1.4 * value for value in found)]), band.highest)  # the legend's room
     rows = np.flatnonzero(frequency < top)[:: max(1, int((frequency < top).sum() // 150))]
     shade = 20 * np.log10(np.maximum(amplitude[rows] / amplitude.max(), 3e-3))
@@ -166,7 +166,7 @@ def spectrum_distance(m: Measuring) -> Panel:
     panel.map(1e3 * distance, frequency[rows] / 1e3, shade, cmap="gray_r")
     curves = threshold_curves(frequency, amplitude)
     ends = np.array(band.stretch) * m.network.length
-    for row, edge, text, ls in zip(curves, edges, ("2 %", "1 %"), ("-", ":"), strict=False):
+    for row, edge, text, ls in zip(curves, falls, ("2 %", "1 %"), ("-", ":"), strict=False):
         middle, level = _slabs(distance, row, m.network.length)
         text_of = f"{text} threshold, medians"
         panel.line_on_map(1e3 * middle, level / 1e3, text_of, 1.2, color=ORANGE, ls=ls)

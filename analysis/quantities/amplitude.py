@@ -22,7 +22,7 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.waves.source import Pulse
 
-OF_AMPLITUDE = {
+AMPLITUDE = {
     "odd_part": "change of the odd part of waves pushed both ways from the linear one",
     "even_part": "largest even part of waves pushed both ways over the odd one",
     "second_harmonic": "twice the pulse's frequency over that, root mean squares",
@@ -39,7 +39,6 @@ loss their mean; contacts share it as many would that all dissipate alike, (sum 
 """
 COUNTED = "slipping_share", "opening_share", "slip_sharing"
 """What has no error but the choice of the packing."""
-AMPLITUDE = tuple(OF_AMPLITUDE)
 
 
 @once
@@ -97,5 +96,5 @@ def _over_amplitudes(name: str, m: Measuring) -> Value:
     return Value(values, "1", {"fit": error}, (f"at amplitudes of {sizes} m",))
 
 
-for _name, _definition in OF_AMPLITUDE.items():
+for _name, _definition in AMPLITUDE.items():
     on_request(_name, "1", _definition)(partial(_over_amplitudes, _name))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.estimators.chain_wavenumber import chain_wavenumber
-from analysis.estimators.damped_transform import mode_dispersion
 from analysis.estimators.layer_lattice import LayerLattice
 from analysis.estimators.low_pass import SHORTEST, Edge, Passband
 from analysis.estimators.ridge import Ridge
@@ -32,19 +31,21 @@ def passband(m: Measuring, key: str = "linear") -> Passband:
     """The threshold rule on a record; on the linear wave with a run beside it."""
     m.require_walls()
     record, velocity = m.record(key), longest(m, key).value
-    if record is None or not velocity > 0:
+    if not velocity > 0:
         raise InputError(LOST)
     run = m.yade if key == "linear" else None
     return Passband(m.network, record, run, velocity=velocity, crystal=m.crystal)
 
 
 @once
-def edges(m: Measuring, producer: str, whose: str, reference: str) -> list[Edge]:
-    """f_low-pass by the thresholds, of `yade` or `linear`: `Passband.edges`."""
+def edges(m: Measuring, producer: str, whose: str = "chain", reference: str = "map") -> list[Edge]:
+    """f_low-pass by the thresholds, of `yade` or `linear`: `Passband.edges`.
+
+    By the paper's words with the error of the choice of the chain.
+    """
     band = passband(m)
-    if (whose, reference) == ("chain", "map"):
-        return band.of_yade if producer == "yade" else band.low_pass
-    return band.edges(m.record(producer), whose, reference, band.common)
+    found = band.edges(m.record(producer), whose, reference, band.common)
+    return band.of_any_chain(found) if (whose, reference) == ("chain", "map") else found
 
 
 def low_pass_2(m: Measuring) -> float:
@@ -59,46 +60,35 @@ def scale(m: Measuring) -> float:
 
 
 def band_edge(m: Measuring, key: str) -> float:
-    """f_low-pass of a crystal, Hz, without the threshold's bias; NaN for others."""
-    return chain(m, key).low_pass_frequency if m.crystal and m.record(key) else np.nan
-
-
-def modal_edge(m: Measuring) -> float:
-    """The same of its modes."""
-    modes = m.case.read("modes")
-    if not m.crystal or modes is None or modes.resonance_shape is None:
-        return np.nan
-    f, shape = modes.resonance_frequency, modes.resonance_shape
-    return mode_dispersion(f, shape, m.lattice.distance).low_pass_frequency
+    """f_low-pass of a crystal, Hz, without the threshold's bias."""
+    m.require_crystal()
+    return chain(m, key).low_pass_frequency
 
 
 @once
 def ridge(m: Measuring, key: str) -> Ridge:
     """Frequency over wave number along the chain of a crystal."""
-    return ridge_of(m.needed(key))
+    return ridge_of(m.record(key))
 
 
 def edge_wavelength(m: Measuring, key: str) -> float:
-    """Wavelength at a crystal's band edge / D; NaN for others.
+    """Wavelength at a crystal's band edge / D.
 
     Measured where the waves of the record turn round, not computed from the lattice (Eq. 7).
     """
-    known = m.crystal and m.record(key) is not None
-    return ridge(m, key).edge_wavelength / m.diameter if known else np.nan
+    m.require_crystal()
+    return ridge(m, key).edge_wavelength / m.diameter
 
 
 def wavelength_at(m: Measuring, frequency: float, key: str) -> float:
-    """Wavelength, m, along the chain of a record at a frequency, Hz; NaN without a record.
+    """Wavelength, m, along the chain of a record at a frequency, Hz.
 
     From the record as the threshold rule cuts it. Of a crystal from its ridge; NaN beyond the
     band edge, where no wave travels.
     """
-    record = m.record(key)
-    if record is None:
-        return np.nan
     if m.crystal:
         return ridge(m, key).wavelength(frequency)
-    band = passband(m)
+    record, band = m.record(key), passband(m)
     kappa = chain_wavenumber(
         record,
         frequency,

@@ -10,31 +10,26 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analysis.estimators.low_pass import THRESHOLDS
+from analysis.case import AbsentError
 from analysis.measuring import Measuring
 from analysis.quantities import gain, passband, scattering, spectrum, velocity
 from analysis.quantities.registry import on_request
-from analysis.value import NOTHING, Value, estimate
+from analysis.value import Value, estimate
 
 LOW, HIGH = 0.05, 0.07
 """In parts of the highest frequency: below the one modes move along z together, above the other no
 more. The paper has 10 and 15 kHz of 216."""
-PERCENT = {0.02: "2", 0.01: "1", 0.03: "3"}
-"""Thresholds of f_low-pass, and how their quantities are called."""
+PERCENT = "2", "1", "3"
+"""The first of the thresholds of f_low-pass, as their quantities are called."""
 MAPS = {"": ("chain", "map"), "own_": ("chain", "own"), "layers_": ("layers", "map")}
 """Rules of f_low-pass by their part of a name: whose motion, relative to which maximum."""
 PRODUCERS = {"yade": "run", "linear": "linear wave"}
 Number = Callable[[Measuring], float | Value]
 
 
-def _of_crystal(number: Callable[[Measuring], float | Value]) -> Number:
-    """A number that only crystals have."""
-    return lambda m: number(m) if m.crystal else NOTHING
-
-
-def _of_file(kind: str, number: Callable[[Measuring], float | Value]) -> Number:
-    """A number that is known where there is a file of this kind."""
-    return lambda m: number(m) if m.case.has(kind) else NOTHING
+def _by(function: Callable[..., float | Value], *given: object) -> Number:
+    """A function of a packing and more, as one of the packing alone."""
+    return lambda m: function(m, *given)
 
 
 def _f_max(m: Measuring) -> Value:
@@ -43,7 +38,7 @@ def _f_max(m: Measuring) -> Value:
 
 
 def _f_min(m: Measuring) -> Value:
-    modes = m.case.read("modes")
+    modes = m.case.needed("modes")
     return spectrum.natural_frequency(modes.frequency[0], modes)
 
 
@@ -51,12 +46,22 @@ def _resonance(m: Measuring, r: int) -> Value:
     """The r-th P resonance: of its mode, or of the structure factor's ridge."""
     f = spectrum.standing_waves(m)[0]
     if len(f) < r:
-        return NOTHING
+        raise AbsentError
     return spectrum.natural_frequency(float(f[r - 1]), m.case.read("modes"))
 
 
+def _resonances(m: Measuring) -> float:
+    m.case.needed("modes")
+    return len(spectrum.standing_waves(m)[0])
+
+
+def _last_of_crystal(m: Measuring) -> Value:
+    m.require_crystal()
+    return _resonance(m, 200)
+
+
 def _translations(m: Measuring) -> float:
-    highest = m.case.read("translations.modes").frequency[-1]
+    highest = m.case.needed("translations.modes").frequency[-1]
     return float(highest / m.lattice.low_pass_frequency)
 
 
@@ -65,29 +70,23 @@ def _chi(m: Measuring, low: float, high: float, chain: bool = True) -> float:
     return spectrum.largest_chi(m, low * top, high * top, chain)[0]
 
 
-def _limit(m: Measuring) -> float:
-    found = scattering.whole_ridge(m)
-    return np.nan if found is None else found.limit
+def _excess(m: Measuring, name: str) -> float:
+    """A number of the density of states in a file."""
+    m.case.needed("density")
+    return float(getattr(spectrum.excess(m), name))
 
 
-def _of_balance(name: str) -> Number:
+def _of_balance(m: Measuring, name: str) -> float:
     """A number of the energy balance of the YADE run."""
-
-    def found(m: Measuring) -> float:
-        books = None if m.yade is None else m.yade.balance
-        return np.nan if books is None else float(getattr(books, name))
-
-    return found
+    return float(getattr(m.record("yade").balance, name, np.nan))
 
 
 def _off_linear(m: Measuring) -> float:
     """YADE less the linear wave at the times of both, relative L2: layers' means, or a chain's.
 
-    Over the whole record; NaN without a run.
+    Over the whole record.
     """
-    run = m.yade
-    if run is None:
-        return np.nan
+    run = m.record("yade")
     every = round(float(m.linear.time[1]) / float(run.time[1]))
     seen, wanted = run.layer_displacement, m.linear.layer_displacement
     if m.crystal or seen is None or wanted is None:
@@ -97,79 +96,58 @@ def _off_linear(m: Measuring) -> float:
     return float(np.linalg.norm(seen - wanted) / np.linalg.norm(wanted))
 
 
-def _low_pass(m: Measuring, producer: str, rule: str, threshold: float) -> Value:
-    edge = passband.edges(m, producer, *MAPS[rule])[THRESHOLDS.index(threshold)]
+def _low_pass(m: Measuring, producer: str, rule: str, threshold: int) -> Value:
+    edge = passband.edges(m, producer, *MAPS[rule])[threshold]
     caveats = (edge.why,) if edge.why else () if edge.flat else ("no plateau",)
     return Value(edge.value, "Hz", {"fit": edge.error}, caveats)
 
 
-def _wavelength(m: Measuring, producer: str, rule: str, threshold: float) -> Value:
+def _wavelength(m: Measuring, producer: str, rule: str, threshold: int) -> Value:
     """lambda / D at the frequency of a rule, with what the frequency's error makes of it."""
-    edge = passband.edges(m, producer, *MAPS[rule])[THRESHOLDS.index(threshold)]
+    edge = passband.edges(m, producer, *MAPS[rule])[threshold]
     if not np.isfinite(edge.value):
-        return NOTHING
+        raise AbsentError
     at = [passband.wavelength_at(m, edge.value + s * edge.error, producer) for s in (0, -1, 1)]
     here, low, high = (value / m.diameter for value in at)
     return estimate(here, 0.5 * abs(low - high))
 
 
 def _shear_edge(m: Measuring, key: str) -> Value:
-    if m.record(key) is None:
-        return NOTHING
     edge = passband.passband(m, key).low_pass[0]
     return estimate(edge.value, edge.error)
-
-
-def _by(function: Callable[..., float | Value], *given: object) -> Number:
-    """A function of a packing and more, as one of the packing alone."""
-    return lambda m: function(m, *given)
 
 
 FOUND: dict[str, tuple[str, str, Number]] = {
     "particles": ("1", "spheres", lambda m: m.network.n_particles),
     "length_over_d": ("1", "length, D", lambda m: m.network.length / m.diameter),
     "width_over_d": ("1", "width, D", lambda m: m.network.cell_size[0] / m.diameter),
-    "v_p_first_peaks_yade": ("m/s", "V_P of first peaks, run", _by(velocity.first_peak, "yade")),
-    "v_p_first_peaks_linear": ("m/s", "V_P of first peaks", _by(velocity.first_peak, "linear")),
-    "v_p_first_peaks_all_columns": (
-        *("m/s", "the same, mean of columns"),
+    "v_p_first_peaks_columns": (
+        *("m/s", "V_P of first peaks, mean of columns and their scatter"),
         lambda m: estimate(*velocity.columns(m, "linear")),
     ),
-    "v_p_long_waves_yade": ("m/s", "V_P of the longest waves, run", _by(velocity.longest, "yade")),
-    "v_p_long_waves_linear": ("m/s", "V_P of the longest waves", _by(velocity.longest, "linear")),
     "v_p_modes_first": ("m/s", "2 L f_1 of the first resonance", spectrum.modal_first),
     "v_p_modes_eq_4": ("m/s", "V_P of modes, kappa = pi r / L", spectrum.modal_velocity),
     "v_p_modes_fitted": ("m/s", "V_P of modes, kappa fitted", spectrum.modal_fitted),
     "v_p_walls_phase": ("m/s", "phase velocity wall to wall", lambda m: velocity.walls(m)[0]),
     "v_p_walls_group": ("m/s", "group velocity wall to wall", lambda m: velocity.walls(m)[1]),
-    "v_p_emt_contacts": ("m/s", "V_P of even strains", lambda m: velocity.effective(m)[0]),
-    "v_p_emt_means": ("m/s", "the same of means of e and Z", lambda m: velocity.effective(m)[1]),
-    "v_p_theory": ("m/s", "V_P of the lattice", _of_crystal(lambda m: m.lattice.velocity)),
+    "v_p_emt_contacts": ("m/s", "V_P of even strains", lambda m: m.affine_velocity),
+    "v_p_emt_means": ("m/s", "the same of means of e and Z", velocity.of_means),
+    "v_p_theory": ("m/s", "V_P of the lattice", lambda m: m.lattice.velocity),
     "f_max": ("Hz", "highest natural frequency, of a list where there is one", _f_max),
     "f_max_spheres": ("1", "spheres that move there", lambda m: spectrum.highest_seat(m)[0]),
     "f_max_contacts": ("1", "contacts of the first", lambda m: spectrum.highest_seat(m)[1]),
-    "f_min": ("Hz", "lowest natural frequency", _of_file("modes", _f_min)),
+    "f_min": ("Hz", "lowest natural frequency", _f_min),
     "f_1": ("Hz", "first P resonance", _by(_resonance, 1)),
-    "f_200": ("Hz", "200th P resonance of a crystal", _of_crystal(_by(_resonance, 200))),
-    "resonances_found": (
-        *("1", "number of P resonances"),
-        _of_file("modes", lambda m: len(spectrum.standing_waves(m)[0])),
-    ),
-    "band_edge_linear": ("Hz", "end of a crystal's band", _by(passband.band_edge, "linear")),
-    "band_edge_yade": ("Hz", "end of a crystal's band, run", _by(passband.band_edge, "yade")),
-    "band_edge_modes": ("Hz", "end of a crystal's band, modes", passband.modal_edge),
+    "f_200": ("Hz", "200th P resonance of a crystal", _last_of_crystal),
+    "resonances_found": ("1", "number of P resonances", _resonances),
+    "band_edge_modes": ("Hz", "end of a crystal's band, modes", spectrum.modal_edge),
     "band_edge_theory": (
         *("Hz", "end of a crystal's band, lattice"),
-        _of_crystal(lambda m: m.lattice.low_pass_frequency),
+        lambda m: m.lattice.low_pass_frequency,
     ),
-    "lambda_edge_linear_over_d": (
-        *("1", "wavelength there, D"),
-        _by(passband.edge_wavelength, "linear"),
-    ),
-    "lambda_edge_yade_over_d": ("1", "the same of the run", _by(passband.edge_wavelength, "yade")),
     "translations_only_over_edge": (
         *("1", "highest mode without rotations over it"),
-        _of_crystal(_of_file("translations.modes", _translations)),
+        _translations,
     ),
     "chi_z_low": ("1", "largest chi_z of the chain's modes below 0.05 f_max", _by(_chi, 0.0, LOW)),
     "chi_z_high": ("1", "largest of them above 0.07 f_max", _by(_chi, HIGH, np.inf)),
@@ -183,54 +161,51 @@ FOUND: dict[str, tuple[str, str, Number]] = {
     "gain_resolution": ("Hz", "width of its lines", lambda m: gain.gain_of(m).resolution),
     "free_path_at_f_low_pass_over_d": ("1", "mean free path there, D", scattering.free_path),
     "ridge_width_power": ("1", "power of f in the ridge's width there", scattering.width_power),
-    "ioffe_regel_of_ridge": ("Hz", "the Ioffe-Regel frequency of a kept structure factor", _limit),
-    "excess_at_a_tenth": (
-        *("1", "D f_max^3 / f^2 at 0.1 f_max"),
-        _of_file("density", lambda m: spectrum.excess(m).at_a_tenth),
+    "ioffe_regel_of_ridge": (
+        *("Hz", "the Ioffe-Regel frequency of a kept structure factor"),
+        lambda m: scattering.whole_ridge(m).limit,
     ),
-    "excess_largest": (
-        *("1", "largest D f_max^3 / f^2"),
-        _of_file("density", lambda m: spectrum.excess(m).peak),
-    ),
-    "excess_largest_at": (
-        *("Hz", "where it is"),
-        _of_file("density", lambda m: spectrum.excess(m).peak_frequency),
-    ),
-    "energy_drift": ("1", "drift of the run's energy", _of_balance("drift")),
-    "energy_to_friction": ("1", "of it to friction", _of_balance("friction")),
-    "energy_gap": ("1", "gap to the wall's work", _of_balance("gap")),
-    "contacts_opened": ("1", "contacts that opened", _of_balance("opened")),
-    "contacts_slid": ("1", "contacts that slid", _of_balance("slid")),
+    "excess_at_a_tenth": ("1", "D f_max^3 / f^2 at 0.1 f_max", _by(_excess, "at_a_tenth")),
+    "excess_largest": ("1", "largest D f_max^3 / f^2", _by(_excess, "peak")),
+    "excess_largest_at": ("Hz", "where it is", _by(_excess, "peak_frequency")),
+    "energy_drift": ("1", "drift of the run's energy", _by(_of_balance, "drift")),
+    "energy_to_friction": ("1", "of it to friction", _by(_of_balance, "friction")),
+    "energy_gap": ("1", "gap to the wall's work", _by(_of_balance, "gap")),
+    "contacts_opened": ("1", "contacts that opened", _by(_of_balance, "opened")),
+    "contacts_slid": ("1", "contacts that slid", _by(_of_balance, "slid")),
     "yade_less_linear_layers": ("1", "run less linear wave, relative", _off_linear),
     "record_passages": ("1", "passages of the record", lambda m: passband.passband(m).common),
 }
 """Name: unit, what it is, and how it is measured."""
+OF_WAVE = (
+    ("v_p_first_peaks_{}", "m/s", "V_P of first peaks", velocity.first_peak, "{}"),
+    ("v_p_long_waves_{}", "m/s", "V_P of the longest waves", velocity.longest, "{}"),
+    ("band_edge_{}", "Hz", "end of a crystal's band", passband.band_edge, "{}"),
+    ("lambda_edge_{}_over_d", "1", "wavelength there, D", passband.edge_wavelength, "{}"),
+    ("v_s_long_waves_{}", "m/s", "V_S of the longest waves", velocity.longest, "shear_{}"),
+    ("v_s_first_peaks_{}", "m/s", "V_S of first peaks", velocity.first_peak, "shear_{}"),
+    ("f_low_pass_2_shear_{}", "Hz", "f_low-pass of S-waves, 2 %", _shear_edge, "shear_{}"),
+)
+"""Of each producer's wave: name, unit, what it is, how it is measured, and of which record."""
 LOW_PASS: dict[str, tuple[str, str]] = {}
 """Thresholds' quantities: name of f_low-pass, and of lambda / D there, by NUMBER_RULEPRODUCER."""
 SHEAR: dict[str, str] = {}
 """Quantities of S-waves, and whose record they need."""
 for _producer, _told in PRODUCERS.items():
+    for _name, _unit, _text, _rule_of, _key in OF_WAVE:
+        _name, _key = _name.format(_producer), _key.format(_producer)
+        FOUND[_name] = _unit, f"{_text}, {_told}", _by(_rule_of, _key)
+        SHEAR |= {_name: _producer} if _key.startswith("shear") else {}
     for _rule, (_whose, _reference) in MAPS.items():
-        for _threshold, _percent in PERCENT.items():
+        for _threshold, _percent in enumerate(PERCENT):
             _key, _which = f"{_percent}_{_rule}{_producer}", (_producer, _rule, _threshold)
             _text = f"{_percent} % of the maximum, {_whose}, {_reference}; {_told}"
-            LOW_PASS[_key] = f"f_low_pass_{_key}", f"lambda_{_key}_over_d"
-            FOUND[LOW_PASS[_key][1]] = (
-                *("1", f"wavelength there, D, {_text}"),
-                _by(_wavelength, *_which),
-            )
-            on_request(LOW_PASS[_key][0], "Hz", f"f_low-pass, {_text}")(_by(_low_pass, *_which))
-    for _name, _unit, _text, _rule_of in (
-        ("v_s_long_waves", "m/s", "V_S of the longest waves", velocity.longest),
-        ("v_s_first_peaks", "m/s", "V_S of first peaks", velocity.first_peak),
-        ("f_low_pass_2_shear", "Hz", "f_low-pass of S-waves, 2 %", _shear_edge),
-    ):
-        SHEAR[f"{_name}_{_producer}"] = _producer
-        _found = _unit, f"{_text}, {_told}", _by(_rule_of, f"shear_{_producer}")
-        FOUND[f"{_name}_{_producer}"] = _found
+            LOW_PASS[_key] = _names = f"f_low_pass_{_key}", f"lambda_{_key}_over_d"
+            FOUND[_names[0]] = "Hz", f"f_low-pass, {_text}", _by(_low_pass, *_which)
+            FOUND[_names[1]] = "1", f"wavelength there, D, {_text}", _by(_wavelength, *_which)
 for _name, (_unit, _text, _number) in FOUND.items():
     on_request(_name, _unit, _text)(_number)
 OF_MODULI = "bulk_modulus", "shear_modulus", "poisson", "v_p_moduli", "v_s_moduli"
 OF_PACKING = "void_ratio", "coordination", "coordination_of_bearing", "v_p_static"
-OF_CASE = *OF_PACKING, *FOUND, *(name for name, _ in LOW_PASS.values()), *OF_MODULI
+OF_CASE = *OF_PACKING, *FOUND, *OF_MODULI
 """What the result of a case has, as far as its files are there."""

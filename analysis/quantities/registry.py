@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
+from analysis.case import ABSENT, AbsentError
 from analysis.estimators.layer_lattice import LayerLattice
 from analysis.measuring import Measuring
 from analysis.value import Value, estimate, unknown
@@ -22,7 +23,6 @@ QUICK = (
 Exact = Callable[[LayerLattice], float]
 """What a quantity of the exact planar crystal is (`analysis.estimators.layer_lattice`)."""
 DISORDER = "a crystal, of which signals are known exactly, has none"
-ABSENT = "what it is read from is not among the packing's files"
 Of = TypeVar("Of", bound=Callable[[Measuring], Value | float])
 
 
@@ -49,6 +49,8 @@ class Quantity:
         """
         try:
             found = self.of(packing)
+        except AbsentError:
+            return unknown(self.unit, ABSENT)
         except InputError as error:
             files = (packing.case.files or {}).values()
             if any(str(error).startswith(f"{path}:") for path in files):

@@ -16,7 +16,7 @@ from analysis.prepare import kept_file
 from analysis.quantities.passband import low_pass_2, scale
 from analysis.quantities.registry import DISORDER, on_request, quantity
 from analysis.quantities.velocity import LOST, coherents, longest, of_frequency, v_p
-from analysis.value import NOTHING, Value, estimate, hertz, unknown
+from analysis.value import Value, estimate, hertz, unknown
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
@@ -32,6 +32,7 @@ COARSE = 2.0
 are a third as wide there as their frequency, hence a tenth of the highest one."""
 
 
+@once
 def attenuation_of(m: Measuring) -> tuple[Value, np.ndarray]:
     """Decay of the coherent amplitude, 1/m, at independent frequencies, and their group velocity.
 
@@ -47,7 +48,7 @@ def attenuation_of(m: Measuring) -> tuple[Value, np.ndarray]:
     sent_to = _sent_to(m, wave.frequency[-1])
     some = some[told & (wave.attenuation[some] * span < MOST) & (wave.frequency[some] <= sent_to)]
     if not len(some):
-        return unknown("1/m", "no coherent wave is left to be read"), np.empty(0)
+        raise InputError("no coherent wave is left to be read")
     error = abs(others[0].attenuation - others[1].attenuation)[some]
     error = np.maximum.reduce([error, np.roll(error, 1), np.roll(error, -1)])
     f = wave.frequency[some]
@@ -87,8 +88,6 @@ def attenuation(m: Measuring) -> Value:
 def quality(m: Measuring) -> Value:
     """alpha the attenuation, v the group velocity; unknown where alpha is not told from zero."""
     alpha, velocity = attenuation_of(m)
-    if alpha.at is None:
-        return unknown("1", *alpha.caveats)
     told = np.asarray(alpha.value) > 2 * np.asarray(alpha.error)
     if not told.any():
         return unknown("1", "attenuation is not told from zero at any frequency", *alpha.caveats)
@@ -129,8 +128,6 @@ def scattering_of_pulse(m: Measuring) -> Value:
     slowness is off: that is in the error, and not taken off, as two derivatives are noise.
     """
     alpha, velocity = attenuation_of(m)
-    if alpha.at is None:
-        return unknown("Hz", *alpha.caveats)
     wave = coherents(m)[0]
     omega = 2 * np.pi * wave.frequency
     bend = np.gradient(np.gradient(wave.attenuation, omega), omega)
@@ -204,22 +201,17 @@ def scattering(m: Measuring) -> Scattering:
 
 
 @once
-def whole_ridge(m: Measuring) -> Scattering | None:
-    """The same of all waves of a file's structure factor; None without one."""
-    found = m.case.read("structure")
-    return found and Scattering.of(found, longest(m, "linear").value, m.diameter)
+def whole_ridge(m: Measuring) -> Scattering:
+    """The same of all waves of a file's structure factor."""
+    return Scattering.of(m.case.needed("structure"), longest(m, "linear").value, m.diameter)
 
 
 def free_path(m: Measuring) -> float:
-    """Mean free path of the coherent wave at f_low-pass, 2 %, in diameters; NaN without a file."""
-    found = whole_ridge(m)
-    return np.nan if found is None else found.free_path(low_pass_2(m))
+    """Mean free path of the coherent wave at f_low-pass, 2 %, in diameters."""
+    return whole_ridge(m).free_path(low_pass_2(m))
 
 
 def width_power(m: Measuring) -> Value:
     """Power of the frequency that the ridge's width follows about f_low-pass of the linear wave."""
-    found = whole_ridge(m)
-    if found is None:
-        return NOTHING
-    law = found.power(scale(m))
+    law = whole_ridge(m).power(scale(m))
     return estimate(law.exponent, law.error)

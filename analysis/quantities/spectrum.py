@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.case import AbsentError
 from analysis.estimators import resonances as resonant
-from analysis.estimators.damped_transform import mode_dispersion
+from analysis.estimators.damped_transform import Dispersion, mode_dispersion
 from analysis.estimators.excess import Excess
 from analysis.estimators.resonances import Standing, long_wave_velocity, standing_modes
 from analysis.measuring import Measuring, once
 from analysis.prepare import DENSITY_TOLERANCE, kept_file
 from analysis.quantities.registry import DISORDER, on_request, quantity, without_signal
 from analysis.quantities.velocity import LOW_ORDER, longest
-from analysis.value import NOTHING, Value, estimate, hertz, unknown
+from analysis.value import Value, estimate, hertz, unknown
 from modal.modes.density import density_of_states
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import ModeSet, read_z_shapes
@@ -113,14 +114,27 @@ def modal_velocity(m: Measuring) -> Value:
     return estimate(*long_wave_velocity(*standing_waves(m)))
 
 
+@once
+def modal_dispersion(m: Measuring) -> Dispersion:
+    """The dispersion of a crystal's pure modes."""
+    lattice, modes = m.lattice, m.case.needed("modes")
+    if modes.resonance_shape is None:
+        raise AbsentError
+    return mode_dispersion(modes.resonance_frequency, modes.resonance_shape, lattice.distance)
+
+
+def modal_edge(m: Measuring) -> float:
+    """f_low-pass, Hz, of a crystal's modes."""
+    return modal_dispersion(m).low_pass_frequency
+
+
 def modal_fitted(m: Measuring) -> Value:
     """V_P, m/s, of wave numbers that are fitted to the modes' shapes."""
-    modes, bearers = m.case.read("modes"), standing(m)
-    if m.crystal and modes is not None and modes.resonance_shape is not None:
-        f, distance = standing_waves(m)[0], m.lattice.distance
-        return estimate(mode_dispersion(f, modes.resonance_shape, distance).velocity)
-    if bearers is None or z_shapes(m) is None:
-        return NOTHING
+    if m.crystal:
+        return estimate(modal_dispersion(m).velocity)
+    bearers = standing(m)
+    if bearers is None:
+        raise AbsentError
     bearing = force_bearing(m.network)
     depth = m.network.position[bearing, 2] - m.network.wall_position[0]
     rows = bearers.row[:LOW_ORDER]
@@ -137,13 +151,10 @@ def f_max(m: Measuring) -> float:
 
 
 def highest_seat(m: Measuring) -> tuple[float, float]:
-    """How many spheres move in the highest mode (participation), contacts of the first.
-
-    NaN without its shape.
-    """
-    found = m.case.read("highest.modes")
-    if found is None or found.mode_shape is None:
-        return np.nan, np.nan
+    """How many spheres move in the highest mode (participation), contacts of the first."""
+    found = m.case.needed("highest.modes")
+    if found.mode_shape is None:
+        raise AbsentError
     moved = (found.mode_shape[-1] ** 2)[:, :3].sum(axis=1)
     contacts = contacts_per_particle(m.network)[int(np.argmax(moved))]
     return float(moved.sum() ** 2 / (moved**2).sum()), float(contacts)
@@ -206,7 +217,7 @@ def mean_chi(m: Measuring, low: float, high: float) -> Value:
     """
     chi = chi_between(m, low, high, chain=True)[1]
     if len(chi) < 2:
-        return NOTHING
+        raise AbsentError
     return estimate(float(chi.mean()), float(chi.std(ddof=1) / len(chi) ** 0.5))
 
 
@@ -221,10 +232,11 @@ def last_pure(m: Measuring) -> Value:
     of modes ends less than two of them above.
     """
     f, chi = chi_between(m, 0, np.inf, chain=True)
-    if not (chi > PURE).any():
-        return NOTHING
-    last, apart = float(f[chi > PURE].max()), 0.5 * longest(m, "linear").value / m.network.length
-    return NOTHING if f.max() < last + 2 * apart else estimate(last, apart)
+    last = max(f[chi > PURE], default=np.inf)
+    apart = 0.5 * longest(m, "linear").value / m.network.length
+    if not last + 2 * apart <= max(f, default=0):
+        raise AbsentError
+    return estimate(last, apart)
 
 
 @once

@@ -11,15 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.case import AbsentError
 from analysis.estimators.coherent import DECAY, Coherent, coherent_wave, longest_waves
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
-from analysis.estimators.effective_medium import moduli_of, of_contacts, of_means
+from analysis.estimators.effective_medium import moduli_of, velocity_of_means
 from analysis.estimators.layer_lattice import LayerLattice
 from analysis.estimators.transfer import at_frequency, wall_velocity
-from analysis.estimators.travel_time import arrival_times, first_peaks_of_columns, travelled
+from analysis.estimators.travel_time import first_peaks_of_columns, travelled
 from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity, without_signal
-from analysis.value import NOTHING, Value, hertz, unknown
+from analysis.value import Value, hertz, unknown
 from modal.elasticity.slab import static_velocity
 from modal.packing.contact_law import sphere_volume
 from modal.packing.state import contacts_per_particle, void_ratio
@@ -46,14 +47,14 @@ def _exact(lattice: LayerLattice) -> float:
 @once
 def chain(m: Measuring, key: str, order: int = 0) -> Dispersion:
     """The dispersion of a crystal's chain, to an order of its neighbour ratio."""
-    record = m.needed(key)
+    record = m.record(key)
     return chain_dispersion(record, order=order or ORDERS[record.direction][0])
 
 
 @once
 def coherent(m: Measuring, key: str, decay: float = DECAY) -> Coherent:
     """The coherent wave of a record, of S-waves as far as they are long."""
-    record, length = m.needed(key), m.network.length
+    record, length = m.record(key), m.network.length
     if record.direction != "z":
         first = _travelled(m, record)[0]
         highest = first / (LONGEST * m.diameter) if first > 0 else None
@@ -73,8 +74,8 @@ def coherents(m: Measuring) -> list[Coherent]:
 def longest(m: Measuring, key: str) -> Value:
     """Velocity, m/s, of the longest waves of a record, with the error of its fit."""
     record = m.record(key)
-    if record is None or (key == "yade" and not m.crystal and record.layer_displacement is None):
-        return NOTHING
+    if key == "yade" and not m.crystal and record.layer_displacement is None:
+        raise AbsentError
     if m.crystal:
         value, other = (chain(m, key, order).velocity for order in ORDERS[record.direction])
         return Value(value, "m/s", {"fit": abs(value - other)})
@@ -82,8 +83,8 @@ def longest(m: Measuring, key: str) -> Value:
     return Value(value, "m/s", {"fit": error}) if np.isfinite(value) else unknown("m/s", LOST)
 
 
-def _travelled(m: Measuring, record: Signals, *times) -> tuple[float, float]:
-    return travelled(record, float(m.network.wall_position[0]), m.network.length, *times)
+def _travelled(m: Measuring, record: Signals) -> tuple[float, float]:
+    return travelled(record, float(m.network.wall_position[0]), m.network.length)
 
 
 def _told(value: float, error: float, scatter: float = 0.0) -> Value:
@@ -94,13 +95,11 @@ def _told(value: float, error: float, scatter: float = 0.0) -> Value:
 
 @once
 def first_peak(m: Measuring, key: str) -> Value:
-    """dL/dt of a record's first peaks, middle half of the chain, m/s; NaN without a record.
+    """dL/dt of a record's first peaks, middle half of the chain, m/s.
 
     Of P-waves with the error of the fit and of the choice of the chain.
     """
     record = m.record(key)
-    if record is None:
-        return NOTHING
     if record.direction != "z":
         return _told(*_travelled(m, record))
     scatter = columns(m, "wave" if key == "wave" else "linear")[1]
@@ -135,10 +134,10 @@ def low_frequency(m: Measuring) -> float:
     return LOW_ORDER * longest(m, "linear").value / (2 * m.network.length)
 
 
-def effective(m: Measuring) -> tuple[float, float]:
-    """V_P, m/s, by effective medium theory: of the contacts, and of the means alone."""
+def of_means(m: Measuring) -> float:
+    """V_P, m/s, by effective medium theory, of the means of void ratio and contacts alone."""
     network = m.network
-    means = of_means(
+    return velocity_of_means(
         void_ratio(network),
         float(contacts_per_particle(network).mean()),
         m.stress,
@@ -146,7 +145,6 @@ def effective(m: Measuring) -> tuple[float, float]:
         moduli_of(network),
         float(network.mass.sum() / sphere_volume(network.radius).sum()),
     )
-    return of_contacts(network).velocity, means.velocity
 
 
 def of_frequency(m: Measuring, frequency: float) -> tuple[str, ...]:
@@ -207,31 +205,3 @@ def v_p_static(m: Measuring) -> Value:
 def v_p_first_peaks(m: Measuring) -> Value:
     """Depends on pulse and chain: of disorder the first peak broadens on its way."""
     return first_peak(m, "wave").with_caveats(*m.of_waves)
-
-
-@quantity(
-    "v_p_first_peaks_columns",
-    "m/s",
-    "the same, mean over all columns of spheres",
-    exact="exact signals are those of one chain",
-    asked=True,
-)
-def v_p_first_peaks_columns(m: Measuring) -> Value:
-    """Each column is a chain of its own; its error is how they scatter."""
-    value, scatter = columns(m, "wave")
-    if not np.isfinite(value):
-        return unknown("m/s", "single spheres are not recorded, or no column is long enough")
-    return Value(value, "m/s", {"chain": scatter}, m.of_waves)
-
-
-@quantity(
-    "v_p_arrival",
-    "m/s",
-    "velocity at which 5 % of each particle's largest motion goes along the chain",
-    exact=_exact,
-    bias=0.02,
-    asked=True,
-)
-def v_p_arrival(m: Measuring) -> Value:
-    """Too fast where the wave broadens on its way."""
-    return _told(*_travelled(m, m.cut("wave"), arrival_times)).with_caveats(*m.of_waves)

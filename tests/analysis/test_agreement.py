@@ -9,8 +9,8 @@ import pytest
 from packings import sheared, stepped
 
 from analysis.__main__ import main
-from analysis.agreement import OTHER_RUNS, Agreement, by_frequency, over_time, split_by_cause
-from analysis.case import OTHER_WAVES, Case
+from analysis.agreement import Agreement, by_frequency, over_time, split_by_cause
+from analysis.case import Case
 from analysis.measuring import Measuring
 from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import write_modes
@@ -18,7 +18,7 @@ from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
-from modal.waves.propagate import propagate
+from modal.waves.propagate import TOLERANCE, propagate
 from modal.waves.signals import Signals, read_signals, write_signals
 from modal.waves.source import Pulse, chirp, step
 
@@ -102,17 +102,12 @@ def test_a_run_without_particles_is_compared_by_its_chain_and_layers():
     assert row.particles is None
 
 
-def test_every_other_run_is_a_known_product():
-    of_others = {"100kHz.signals", "shear_yade.signals"}
-    assert {f"{name}.signals" for name in OTHER_RUNS} | of_others == set(OTHER_WAVES)
-
-
 def test_within_leaves_out_what_is_far():
     run = made_up_run(1.0)
     near = Agreement(NETWORK, run, within=0.5 * NETWORK.length)
     motion = near.measured(run)
-    assert motion.chain.shape[1] == pytest.approx(10, abs=1)
-    assert motion.particles.shape[1] == 4 * motion.chain.shape[1]
+    assert motion["chain"].shape[1] == pytest.approx(10, abs=1)
+    assert motion["particles"].shape[1] == 4 * motion["chain"].shape[1]
     assert over_time(motion, motion) == pytest.approx(0)
 
 
@@ -152,14 +147,20 @@ def test_agreement_on_the_command_line(tmp_path, capsys):
     ],
 )
 def test_the_recorded_motion_of_the_source_is_sent_again(motion, within, producer, tmp_path):
-    """A wave recorded exactly is the case's own linear wave, and agrees with its network's."""
+    """A wave recorded exactly is the case's own linear wave, and agrees with its network's.
+
+    Recorded at other times the two are other series, each true to its tolerance.
+    """
     write_network(tmp_path / "a.network.h5", NETWORK)
     wave = propagate(NETWORK, 3e-4, motion=motion, interval=1e-6, pre_stress="full").signals
     springs = propagate(NETWORK, 3e-4, motion=motion, interval=1e-6).signals
     write_signals(tmp_path / "a.signals.h5", replace(springs, producer=producer))
-    again = Measuring.of(Case("a", tmp_path)).beside
-    difference = again.chain_displacement - springs.chain_displacement
-    assert abs(difference).max() < within * abs(springs.chain_displacement).max()
+    again = Measuring.of(Case("a", tmp_path)).linear
+    every = round(again.time[1] / 1e-6)
+    again = again.chain_displacement[: 1 + 300 // every]
+    difference = again - springs.chain_displacement[::every][: len(again)]
+    bound = max(within, 2 * TOLERANCE)
+    assert abs(difference).max() < bound * abs(springs.chain_displacement).max()
     pair = Agreement(NETWORK, replace(wave, time_step=1e-6))
     found, linear = pair.measured(pair.run), pair.linear("full", exact_in_time=True)
     assert over_time(found, linear).max() < within
@@ -171,7 +172,7 @@ def test_a_reversed_or_another_motion_is_not_the_same():
     pair = Agreement(NETWORK, run)
     motion = pair.measured(run)
     for low, _, _, apart in by_frequency(
-        -motion.chain, motion.chain, run.time, pair.chain_position, np.array([0, 5e4, 1e5])
+        -motion["chain"], motion["chain"], run.time, pair.chain_position, np.array([0, 5e4, 1e5])
     ):
         assert apart == pytest.approx(2), low
     other = replace(run, source_displacement=run.source_displacement**2)

@@ -67,6 +67,7 @@ def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products):
     """Without pre-stress the linear wave's V_P is theory's; the pre-stress row may differ from it.
 
     By the ratio of normal force to stiffness and distance, N / (kn D) = 2/3 overlap / D, at most.
+    The damped transform's own bias is below 1e-5.
     """
     rows = compared(products, "case02")
     assert rows["f_low-pass"]["modal"] == ""
@@ -74,7 +75,7 @@ def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products):
     full = rows["V_P, long waves, with pre-stress"]
     crystal = fcc(cells=(1, 1, 4))
     overlap = crystal.overlap.max() / (2 * crystal.radius[0])
-    assert float(rows["V_P, long waves"]["linear"]) == pytest.approx(theory, rel=1e-6)
+    assert float(rows["V_P, long waves"]["linear"]) == pytest.approx(theory, rel=1e-5)
     assert 0 < abs(float(full["linear"]) / theory - 1) < 2 / 3 * overlap
     assert full["theory"] == full["yade"] == "" and "tangent" in full["note"]
     void = rows["void ratio, wall to wall"]

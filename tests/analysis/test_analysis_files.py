@@ -64,13 +64,6 @@ def files(folder, *names):
     return [str(folder / name) for name in names]
 
 
-def test_kinds_are_found_from_the_schema(folder):
-    kinds = {name: kind_of(folder / name) for name in ("quartz.network.h5", "run7.h5", "heap.h5")}
-    assert list(kinds.values()) == ["network", "signals", "network"]
-    modes = [kind_of(folder / f"{name}.h5") for name in ("quartz_all", "low", "top", "band", "t")]
-    assert modes == ["modes", "modes", "highest.modes", "band.modes", "translations.modes"]
-
-
 def test_numbers_of_a_crystal_that_is_no_case(folder):
     """Its theory is found from the packing; every value is that of its own stress."""
     names = "quartz.network.h5", "run7.h5", "quartz_all.h5"
@@ -193,14 +186,14 @@ def test_what_does_not_belong_is_refused(folder, tmp_path, capsys):
 
 def test_files_of_before_say_in_words_which_modes_they_hold(folder, tmp_path):
     """Their attributes end at `interval`; the kinds are found all the same."""
-    for name in ("quartz_all.h5", "low.h5", "top.h5", "band.h5"):
-        old = tmp_path / name
-        shutil.copy(folder / name, old)
+    kinds = {"quartz_all": "modes", "low": "modes", "top": "highest.modes", "band": "band.modes"}
+    for name, kind in (kinds | {"t": "translations.modes"}).items():
+        new, old = folder / f"{name}.h5", tmp_path / f"{name}.h5"
+        shutil.copy(new, old)
         with h5py.File(old, "r+") as file:
             for attribute in ("choice", "count", "low", "high"):
                 file.attrs.pop(attribute, None)
-        assert kind_of(old) == kind_of(folder / name), name
-    assert kind_of(folder / "band.h5") == "band.modes"
+        assert kind_of(old) == kind_of(new) == kind, name
 
 
 def test_tables_and_figures_are_whole_or_as_they_were(tmp_path, monkeypatch):

@@ -10,7 +10,11 @@ from scipy.special import ndtr
 
 from analysis.__main__ import main
 from analysis.estimators.coherent import coherent_wave, longest_waves
-from analysis.estimators.effective_medium import moduli_of, of_contacts, of_means
+from analysis.estimators.effective_medium import (
+    moduli_of,
+    velocity_of_contacts,
+    velocity_of_means,
+)
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.structure_factor import (
     read_structure,
@@ -84,7 +88,7 @@ def test_picture_survives_its_file(tmp_path):
 
 
 def test_mean_strain_is_exact_for_the_crystal():
-    assert of_contacts(fcc(cells=(2, 2, 30))).velocity == pytest.approx(CHAIN.velocity, rel=1e-9)
+    assert velocity_of_contacts(fcc(cells=(2, 2, 30))) == pytest.approx(CHAIN.velocity, rel=1e-9)
 
 
 def test_affine_stiffness_is_the_energy_of_a_stretch(packing):
@@ -108,7 +112,7 @@ def test_affine_velocity_of_a_crystal_counts_its_ends():
 
 def test_mean_field_of_means_has_the_crystals_bulk_scaling():
     """V_P grows as stress^(1/6) at fixed geometry: Hertz."""
-    low, high = (of_means(0.55, 6.0, p, 1.27e-3).velocity for p in (1e5, 6.4e6))
+    low, high = (velocity_of_means(0.55, 6.0, p, 1.27e-3) for p in (1e5, 6.4e6))
     assert high / low == pytest.approx(64 ** (1 / 6), rel=1e-12)
 
 

@@ -146,7 +146,6 @@ def test_columns_of_a_crystal_agree():
     assert len(band.of_columns) == 4
     assert band.chain_scatter == pytest.approx(np.zeros(4), abs=1e-2 * lattice.low_pass_frequency)
     assert band.passages(wave) == pytest.approx(0.95)
-    assert np.isnan(band.of_yade[0].value)
     names = [name for name, _ in band.choices()]
     assert len(set(names)) == len(names)
 

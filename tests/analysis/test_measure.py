@@ -65,16 +65,6 @@ def test_ways_to_a_velocity_agree(found):
     assert set(found) > KEYS
 
 
-def test_an_attenuation_is_that_of_its_quality_factor(found):
-    alpha, quality = found["attenuation"], found["quality"]
-    seen = np.isfinite(quality.value)
-    assert seen.sum() >= 2 and (quality.at == alpha.at).all()
-    # Waves fade faster than their amplitude falls by a half in a wavelength only at their end.
-    assert (quality.value[seen] > 0.5).all()
-    value, error = quality.value[seen], quality.error[seen]
-    assert (np.diff(value) < error[1:] + error[:-1]).all()
-
-
 @pytest.mark.parametrize(("length", "mass", "time"), [(5, 125, 1), (1, 1, 0.1), (1e-3, 7, 40)])
 def test_other_units_and_materials_are_the_same_dimensionless_answers(random, length, mass, time):
     """No setting has a unit of its own: frequencies times D / V are equal to 1e-6."""
@@ -113,8 +103,6 @@ def test_records_take_the_place_of_the_own_wave(random, tmp_path, capsys):
     given = analysis.measure(random, wave, quantities=["v_p"])["v_p"]
     assert given.value != own.value
     assert abs(given.value - own.value) < 3 * np.hypot(own.error, given.error)
-    sent = analysis.measure(random, source=motion, quantities=["v_p"])["v_p"]
-    assert abs(sent.value - own.value) < 3 * np.hypot(own.error, sent.error)
     write_network(tmp_path / "a.network.h5", random)
     write_signals(tmp_path / "w.signals.h5", wave)
     files = [str(tmp_path / "a.network.h5"), str(tmp_path / "w.signals.h5")]
@@ -172,9 +160,14 @@ def test_files_on_the_command_line(tmp_path, capsys):
     assert main(["measure", paths[0], "--quantities", "coordination", "excess_peak"]) == 3
     told = capsys.readouterr()
     assert "coordination" in told.out and "excess_peak could not" in told.err
-    assert main(["measure", paths[0], "--json"]) == 0
-    assert set(json.loads(capsys.readouterr().out)) > KEYS
     assert main(["measure", str(tmp_path / "none.h5")]) == 2
+    capsys.readouterr()
+    asked = [paths[0], "--quantities", "void_ratio", "chi_z", "gain", "--json"]
+    assert main(["measure", *asked, "-o", str(tmp_path / "a.json")]) == 0
+    told = json.loads((tmp_path / "a.json").read_text())
+    assert json.loads(capsys.readouterr().out) == told  # the file is what is printed
+    assert len(told["gain"]["at"]) == len(told["gain"]["value"])
+    assert "list not complete: 40 of 3000 modes" in " ".join(told["chi_z"]["caveats"])
 
 
 def test_a_quantity_is_one_function(random, monkeypatch):
@@ -293,11 +286,15 @@ def fading(network, power, loss, seed=0):
 def test_attenuation_and_unbiased_low_pass_are_those_of_the_signals(random, power, loss):
     """alpha at every frequency, and where alpha 50 D = ln 50, known beforehand."""
     record, scale = fading(random, power, loss)
-    names = ["attenuation", "low_pass_unbiased", "scattering_of_pulse"]
-    alpha, edge, line = analysis.measure(random, record, quantities=names).values()
+    names = ["attenuation", "low_pass_unbiased", "scattering_of_pulse", "quality"]
+    alpha, edge, line, quality = analysis.measure(random, record, quantities=names).values()
     diameter = 2 * random.radius.mean()
     exact = loss / diameter * (np.array(alpha.at) / scale) ** power
     assert (abs(alpha.value - exact) < 2 * alpha.error + 0.03 * exact).all()
+    told = np.isfinite(quality.value)
+    wanted = (np.pi * np.array(quality.at) / 500 / exact)[told]
+    off = abs(quality.value[told] - wanted)
+    assert told.sum() >= 2 and (off < 2 * quality.error[told] + 0.03 * wanted).all()
     # At 500 m/s, whatever V_P the contacts give; what the window does to it is in the error.
     wide = alpha.value * 500 / np.pi
     assert (abs(line.value - wide) < abs(line.parts["fit"]) + 0.02 * wide).all()
@@ -337,14 +334,3 @@ def test_costly_spectra_are_kept_and_found_again(tmp_path):
         again = analysis.measure(packing, quantities=names, keep=tmp_path / "kept")
         assert again.as_json() == first.as_json()
         assert [path.stat().st_mtime_ns for path in made] == before
-
-
-def test_the_file_that_is_written_is_what_is_printed(tmp_path, capsys):
-    small = modal.random_packing(spheres=300, aspect=12, seed=4)
-    write_network(tmp_path / "a.network.h5", small)
-    asked = ["measure", str(tmp_path / "a.network.h5"), "-o", str(tmp_path / "a.json"), "--json"]
-    assert main([*asked, "--quantities", "void_ratio", "chi_z", "gain"]) == 0
-    told = json.loads((tmp_path / "a.json").read_text())
-    assert json.loads(capsys.readouterr().out) == told
-    assert len(told["gain"]["at"]) == len(told["gain"]["value"])
-    assert "list not complete: 40 of 1800 modes" in " ".join(told["chi_z"]["caveats"])

@@ -9,13 +9,7 @@ from packings import polydisperse
 from scipy.linalg import eigh
 
 import modal
-from analysis.estimators.scattering import Scattering
-from analysis.estimators.structure_factor import (
-    StructureFactor,
-    plane_waves,
-    structure_factor,
-    wave_vectors,
-)
+from analysis.estimators.structure_factor import plane_waves, structure_factor, wave_vectors
 from modal.packing.network import Network
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
@@ -134,21 +128,6 @@ def test_long_waves_of_a_disordered_cell_have_the_velocities_of_its_moduli():
         found = structure_factor(network, order, 500.0, 2e4, polarisation)
         speed = 2 * np.pi * found.ridge()[0][0] / found.wavenumber[0]
         assert speed == pytest.approx(wanted, rel=5e-3)
-
-
-def test_ioffe_regel_on_lines_of_known_width():
-    """Gaussians of width f0 (f / f0)^2 / pi: pi G = f at f0 exactly, whatever the spacing."""
-    f = np.arange(100.0, 40e3, 20.0)
-    f0, peak = 12e3, np.arange(1, 10) * 3e3 - 1e3
-    width = peak**2 / f0 / np.pi
-    resolution = 200.0
-    sigma = np.hypot(width, resolution) / (2 * np.sqrt(2 * np.log(2)))
-    power = np.exp(-((f - peak[:, None]) ** 2) / (2 * sigma[:, None] ** 2)) / sigma[:, None]
-    found = StructureFactor(f, np.arange(9), peak / 500.0, power, resolution)
-    # Between two peaks 3 kHz apart log(f / f0) is nearly straight: 3 % of its square.
-    assert Scattering.of(found, 500.0, 1e-3).limit == pytest.approx(f0, rel=0.01)
-    narrow = StructureFactor(f, np.arange(3), peak[:3] / 500.0, power[:3], resolution)
-    assert np.isnan(Scattering.of(narrow, 500.0, 1e-3).limit)
 
 
 def test_participation_ratio():

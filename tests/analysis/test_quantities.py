@@ -69,7 +69,7 @@ def test_orders_of_a_column_of_hertz_spheres():
     column = gallery.column(40)
     sizes = column.overlap[1] * np.array([0.01, 0.02])
     found = analysis.measure(sample_of_network(column, 0.3), amplitudes=sizes)
-    assert tuple(found) == AMPLITUDE
+    assert list(found) == list(AMPLITUDE)
     for name, order in (("even_part", 1), ("second_harmonic", 1), ("odd_part", 2)):
         low, high = found[name].value
         assert np.log2(high / low) == pytest.approx(order, abs=0.05), name

@@ -80,7 +80,7 @@ def test_agreement_of_a_run_whose_wall_slides(made):
     run = stepped(network, 1e-4, 1e-7, every=5, direction="x", particles=True)
     pair = Agreement(network, replace(run, producer="yade", time_step=1e-7))
     found, linear = pair.measured(pair.run), pair.linear("none")
-    assert relative(found.chain, linear.chain) < 1e-9
+    assert relative(found["chain"], linear["chain"]) < 1e-9
 
 
 def test_a_response_that_is_not_the_reports_is_refused(made, tmp_path):
