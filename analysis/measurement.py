@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.belonging import WAVES, cases_of_files, kind_of, owner_of
-from analysis.case import Case
+from analysis.case import WAVES, Case, cases_of_files, kind_of, owner_of
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES
 from analysis.quantities.amplitude import AMPLITUDE

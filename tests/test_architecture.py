@@ -13,7 +13,7 @@ ORDER = {
     ),
     "analysis": (
         *("table", "watch", "estimators", "agreement", "case"),
-        *("belonging", "value", "packing", "measuring", "prepare", "quantities", "measurement"),
+        *("value", "measuring", "prepare", "quantities", "measurement"),
         *("rows", "crystal", "figures", "study"),
         *("cli", "__main__"),
     ),

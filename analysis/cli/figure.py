@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from analysis.belonging import cases_of
+from analysis.case import cases_of
 from analysis.figures import FIGURES, compose
 from analysis.figures.picture import read_picture
 from analysis.figures.render import save

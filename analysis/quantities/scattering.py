@@ -86,15 +86,18 @@ def attenuation(m: Measuring) -> Value:
     exact=DISORDER,
 )
 def quality(m: Measuring) -> Value:
-    """alpha the attenuation, v the group velocity; unknown where alpha is not told from zero."""
-    alpha, velocity = attenuation_of(m)
-    told = np.asarray(alpha.value) > 2 * np.asarray(alpha.error)
+    """alpha the attenuation, v the group velocity; unknown where alpha is not told from zero.
+
+    The frequency over the width of the line that the decay makes, with the error of that.
+    """
+    alpha, line = attenuation_of(m)[0], scattering_of_pulse(m)
+    told = alpha.value > 2 * alpha.error
     if not told.any():
         return unknown("1", "attenuation is not told from zero at any frequency", *alpha.caveats)
-    decay = np.where(told, alpha.value, np.nan)
-    value = np.pi * alpha.at / (decay * velocity)
-    error = value * alpha.error / decay
-    return Value(value, "1", {"resolution": error}, alpha.caveats, alpha.at)
+    width = np.where(told, line.value, np.nan)
+    value = alpha.at / width
+    parts = {name: value * part / width for name, part in line.parts.items()}
+    return Value(value, "1", parts, alpha.caveats, alpha.at)
 
 
 @quantity(

@@ -26,11 +26,10 @@ NETWORK = gallery.fcc(cells=(2, 2, 20))
 QUADRATIC, DRIFT = 0.1, 1e-6
 
 
-def made_up_run(amplitude: float, slip: float = 0.0) -> Signals:
+def made_up_run(amplitude: float, slip: float = 0.0, step: float = 1e-7, every: int = 5) -> Signals:
     """The linear wave, plus a quadratic term, a constant drift, and what "slip" adds."""
-    run = stepped(
-        NETWORK, 6e-5, 1e-7, motion=Pulse(1.0), every=5, pre_stress="full", particles=True
-    )
+    how = {"motion": Pulse(1.0), "pre_stress": "full", "particles": True}
+    run = stepped(NETWORK, 6e-5, step, every=every, **how)
     size = abs(run.particle_displacement).max()
     shape = run.particle_displacement
     motion = amplitude * shape + QUADRATIC * amplitude**2 * shape**2 / size
@@ -70,16 +69,7 @@ def test_causes_are_told_apart():
 def test_a_tenth_and_half_the_step_are_told_apart():
     """The quadratic term is a tenth as large; the step's error is that of the linear scheme."""
     run = made_up_run(1.0)
-    finer = stepped(NETWORK, 6e-5, 5e-8, motion=Pulse(1.0), pre_stress="full", particles=True)
-    shape = finer.particle_displacement
-    quadratic = QUADRATIC * shape**2 / abs(shape).max()
-    finer = replace(
-        finer,
-        chain_displacement=(shape + quadratic)[:, finer.chain_particle],
-        particle_displacement=shape + quadratic,
-        layer_displacement=None,
-        amplitude=1.0,
-    )
+    finer = made_up_run(1.0, step=5e-8, every=1)
     assert len(finer.time) > 2 * len(run.time)  # ten records for each of the first run's
     pair = Agreement(NETWORK, run)
     rows = split_by_cause(pair, tenth=made_up_run(0.1), half_step=finer)

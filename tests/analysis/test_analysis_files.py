@@ -12,7 +12,7 @@ from packings import frictionless, slender, stepped
 from places import ROOT
 
 from analysis.__main__ import main
-from analysis.belonging import cases_of, cases_of_files, kind_of
+from analysis.case import cases_of, cases_of_files, kind_of
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.figures.picture import Panel, Picture, write_picture
 from analysis.figures.render import to_figure, write_png

@@ -10,8 +10,7 @@ from study_folder import measured
 
 import modal
 from analysis.agreement import Agreement, relative
-from analysis.belonging import kind_of
-from analysis.case import Case
+from analysis.case import Case, kind_of
 from analysis.estimators.transfer import network_gain
 from analysis.measuring import Measuring
 from analysis.quantities.velocity import chain, first_peak, longest
