@@ -9,7 +9,6 @@ import h5py
 import numpy as np
 import pytest
 from packings import frictionless, slender, stepped
-from places import ROOT
 
 from analysis.__main__ import main
 from analysis.case import cases_of, cases_of_files, kind_of
@@ -28,7 +27,6 @@ from modal.tools.errors import InputError
 from modal.waves.signals import write_signals
 from modal.waves.source import Pulse
 
-STUDY = str(ROOT / "studies/friction_width.yaml")
 STRESS = 2.5e5
 """Of the crystal, Pa; the study has none like it."""
 

@@ -41,7 +41,8 @@ def found(random):
 def test_a_crystal_is_as_theory_has_it():
     """Eqs. 6 and 10, Bloch waves and the top of their branches; without disorder no decay."""
     theory = modal.FccLattice(1e5)
-    found = analysis.measure(modal.fcc(), quantities=[*QUICK, "low_pass_unbiased", "attenuation"])
+    names = ["low_pass_unbiased", "attenuation", "v_p_moduli", "v_s_moduli"]
+    found = analysis.measure(modal.fcc(), quantities=[*QUICK, *names])
     for name, exact in (
         ("v_p", theory.velocity),
         ("low_pass_unbiased", theory.low_pass_frequency),
@@ -50,6 +51,8 @@ def test_a_crystal_is_as_theory_has_it():
         assert abs(found[name].value - exact) < 5 * found[name].error + 1e-6 * exact
     slow = 2 * np.pi * theory.bloch(np.array([0, 0, 1.0]))[0][0]
     assert abs(found["v_s"].value / slow - 1) < 1e-3
+    for name, exact in (("v_p_moduli", theory.velocity), ("v_s_moduli", slow)):
+        assert found[name].value == pytest.approx(exact, rel=1e-4)
     assert found["crystalline_share"].value == 1
     alpha = found["attenuation"]
     assert (abs(alpha.value) < 4 * alpha.error).mean() > 0.9

@@ -14,26 +14,19 @@ from modal.packing.crystal import fcc
 from modal.waves.signals import Signals
 from modal.waves.source import Pulse
 
-DIAMETER = np.sqrt(2) * CHAIN.distance
-
 
 def second_neighbours(share: float, passages: float) -> Signals:
     """Chain with springs C to the next and share C to the second neighbour, by its own modes.
 
     For this test alone; the record holds what the FCC's would, at the same amplitude and pulse.
     """
-    n, spring = CHAIN.layers, CHAIN.stiffness
-    stiffness = np.zeros((n, n))
-    for reach, c in ((1, spring), (2, share * spring)):
-        i = np.arange(n - reach)
-        stiffness[i, i] += c
-        stiffness[i + reach, i + reach] += c
-        stiffness[i, i + reach] -= c
-        stiffness[i + reach, i] -= c
+    u = np.eye(CHAIN.layers)
+    near, far = u[1:] - u[:-1], u[2:] - u[:-2]  # what stretches the springs
+    stiffness = CHAIN.stiffness * (near.T @ near + share * far.T @ far)
     stiffness[[0, -1], [0, -1]] += CHAIN.wall_stiffness
     square, shape = eigh(stiffness / CHAIN.mass)
     velocity = np.sqrt(1 + 4 * share) * CHAIN.velocity
-    time = np.arange(0, passages * n * CHAIN.distance / velocity, 4e-7)
+    time = np.arange(0, passages * CHAIN.layers * CHAIN.distance / velocity, 4e-7)
     record = lattice_signals(CHAIN, time)
 
     force = 2.5e-9 * CHAIN.wall_stiffness / CHAIN.mass * shape[0]
