@@ -34,8 +34,8 @@ class AbsentError(InputError):
 
 
 PACKINGS = "network", "sample"
-SHEAR = "shear_yade.signals", "signals", "shear.signals"
-"""Where S-waves are: by YADE as a further run, or as the case's own run; and the linear one."""
+WAVES = "shear_yade.signals", "signals", "shear.signals"
+"""Recorded waves; S-waves by YADE are a further run, or the case's own run; and the linear one."""
 OTHER_WAVES = tuple(f"{run}.signals" for run in ("100kHz", "shear_yade", *OTHER_RUNS))
 """Further YADE runs of a case: its pulse at 100 kHz where its own is another, an S-wave, and those
 that split its difference to the linear wave (`analysis.agreement.OTHER_RUNS`)."""
@@ -71,7 +71,6 @@ FORMATS: dict[str, tuple[Any, Callable[[Path], Any]]] = {
 """Kind, or last word of one: the module that has its SCHEMA and VERSION, and its reader."""
 KIND_OF = {form.SCHEMA: kind for kind, (form, _) in FORMATS.items()}
 """Kinds of product by their schema; modes are of several kinds, and so are signals."""
-WAVES = "signals", "shear.signals", "shear_yade.signals"
 
 
 def case_name(text: str) -> str:

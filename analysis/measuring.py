@@ -14,7 +14,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from analysis.case import SHEAR, AbsentError, Case
+from analysis.case import WAVES, AbsentError, Case
 from analysis.estimators.coherent import PASSAGES
 from analysis.estimators.damped_transform import UNEVEN, layer_distance
 from analysis.estimators.effective_medium import velocity_of_contacts
@@ -224,7 +224,7 @@ class Measuring:
     @cached_property
     def records(self) -> list[Signals]:
         """Recorded waves, each checked: S-waves by YADE first."""
-        kinds = filter(self.case.has, SHEAR)
+        kinds = filter(self.case.has, WAVES)
         return [self._checked(self.case.read(kind), self.case.path(kind)) for kind in kinds]
 
     def _checked(self, record: Signals, path: Path | str) -> Signals:
