@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from in_yade import script
 from places import ROOT
+from scipy.spatial.transform import Rotation
 
 from modal.dem import contacts as moving_contacts
 from modal.dem import forces as contact_forces
@@ -130,23 +131,17 @@ def test_shear_force_turns_with_a_rigid_motion(axis):
         contacts.move(shake)
         contacts.move(np.zeros((2, 6)))
         sheared = contacts.load[0, :3].copy()
-        turn, centre = rotation(axis, 1 / steps), contacts.position.mean(axis=0)
+        turn, centre = Rotation.from_rotvec(axis / steps), contacts.position.mean(axis=0)
         for _ in range(steps):
             motion = np.zeros((2, 6))
-            motion[:, :3] = (contacts.position - centre) @ turn.T + centre - contacts.position
+            motion[:, :3] = turn.apply(contacts.position - centre) + centre - contacts.position
             motion[:, 3:] = axis / steps
             contacts.move(motion)
-        expected = rotation(axis, 1.0) @ sheared
+        expected = Rotation.from_rotvec(axis).apply(sheared)
         errors.append(np.linalg.norm(contacts.load[0, :3] - expected) / np.linalg.norm(sheared))
     # Half of a times l over the shear displacement, times the direction cosines: 0.03.
     assert errors[1] < 0.04
     assert errors[1] < 0.55 * errors[0]
-
-
-def rotation(axis, angle):
-    """Shape (3, 3): the rotation about a unit axis, Rodrigues."""
-    K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
 
 
 def test_oblique_collision_against_its_closed_form():

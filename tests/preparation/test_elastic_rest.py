@@ -9,7 +9,7 @@ from modal.dem.contacts import MovingContacts
 from modal.packing.state import stress_tensor
 from modal.preparation import relax as relaxation
 from modal.preparation.random_packing import random_sample
-from modal.preparation.relax import RESERVE, equilibrium_of, relax
+from modal.preparation.relax import equilibrium_of, relax
 from modal.preparation.springs_rest import STRIDE, elastic_motion
 
 
@@ -127,16 +127,3 @@ def relax_alone(rested, monkeypatch):
     """What damped motion alone makes of the same shake."""
     alone(monkeypatch)
     return relax(shaken(rested, 0.01))[0]
-
-
-def test_a_sphere_pushed_aside_comes_to_rest(rested):
-    """By an overlap: balance and friction from the positions alone."""
-    contacts = MovingContacts(rested)
-    motion = np.zeros_like(contacts.load)
-    middle = int(np.argmin(abs(rested.position[:, 2] - rested.walls.mean())))
-    motion[middle, :3] = np.median(rested.network().overlap) / np.sqrt(3)
-    contacts.move(motion)
-    found, state = relax(contacts.sample())
-    again = equilibrium_of(found)
-    assert state.at_rest and again.residual == state.residual
-    assert again.friction_used <= RESERVE * (1 + 1e-9)

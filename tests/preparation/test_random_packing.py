@@ -15,7 +15,6 @@ from modal.preparation.cloud import cloud
 from modal.preparation.frictionless import Descent, Pressure
 from modal.preparation.protocol import Study, by_tens, stages_of
 from modal.preparation.random_packing import (
-    random_network,
     random_sample,
     sound_aspect,
     width_of,
@@ -117,13 +116,6 @@ def test_compiled_steps_of_a_descent_are_those_of_numpy(spheres):
         by(x, v, force, 0.9, 0.2, np.array([1.1, 1.0, 0.8]), 0.3)
         moved.append(np.hstack([x, v]))
     assert moved[0] == pytest.approx(moved[1], rel=1e-13, abs=1e-14)
-
-
-def test_same_seed_same_packing_and_another_seed_another():
-    first, again, other = (random_network(60, 1e7, seed, aspect=1.0) for seed in (1, 1, 2))
-    assert np.array_equal(first.position, again.position)
-    assert np.array_equal(first.particle_j, again.particle_j)
-    assert not np.array_equal(first.position, other.position)
 
 
 def test_packings_are_isostatic_or_denser_and_uncrystallised():
