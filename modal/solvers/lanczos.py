@@ -41,7 +41,7 @@ columns, 1.74 for 24."""
 LOOKS, LOOKS_LIFTED = (2.0, 1.5), (1.45, 1.0)
 """When the basis is looked at: vectors for each mode before the first look; from then on for each
 mode that is missing."""
-EPS, LOST = float(np.finfo(float).eps), 1e-9
+EPS, LOST = float(np.finfo(float).eps), 1e-10
 """Overlap of a new block with those before, by the recurrence of round-off, up to which it is made
 orthogonal to the last two alone. A basis that is orthogonal to the root of round-off gives
 eigenvalues to round-off (H. D. Simon, Math. Comp. 42, 115, 1984)."""
