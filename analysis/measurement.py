@@ -151,7 +151,8 @@ def measure_files(
 def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
     """Mean of each quantity over packings, its standard error and their scatter.
 
-    Of arrays at the frequencies of the first. `same` says that they are samples of one state.
+    Of arrays at the frequencies of the first, NaN outside of their own. `same` says that they are
+    samples of one state.
     """
     values = {}
     for name, first in measurements[0].items():
@@ -161,8 +162,10 @@ def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
         if not each or (each[0].at is None and np.ndim(each[0].value)):
             values[name] = first
             continue
-        at = each[0].at
-        rows = np.array([v.value if at is None else _at(v, at) for v in each], float)
+        if (at := each[0].at) is None:
+            rows = np.array([v.value for v in each], float)
+        else:
+            rows = np.array([np.interp(at, v.at, v.value, np.nan, np.nan) for v in each])
         scatter = rows.std(axis=0, ddof=1) if len(rows) > 1 else np.full(rows[0].shape, np.nan)
         caveats = [c for v in each for c in v.caveats if not c.startswith("one sample")]
         caveats.append(f"mean of {len(each)} of {len(measurements)} packings")
@@ -174,8 +177,3 @@ def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
         value = Value(mean, first.unit, told, (), at, scatter)
         values[name] = value.with_caveats(*caveats)
     return Measurement(values)
-
-
-def _at(value: Value, at: Any) -> np.ndarray:
-    """An array quantity at other frequencies (nf,), Hz; NaN outside of its own."""
-    return np.interp(at, np.asarray(value.at), np.asarray(value.value), np.nan, np.nan)

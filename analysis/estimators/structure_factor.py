@@ -24,6 +24,7 @@ import numpy as np
 from analysis.estimators.fits import summit
 from modal.formats.product import Column, Product
 from modal.formats.provenance import Provenance
+from modal.modes.density import FULL_WIDTH
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.solvers.chebyshev import chebyshev, jackson
@@ -48,7 +49,6 @@ FORMAT = Product(
 POLARISATIONS = ("L", "T")
 BLOCK = 8
 """Patterns that are made at once: bounds the memory."""
-FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
 
 
 @dataclass(frozen=True)
