@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exact_crystal import CHAIN, LENGTH, noisy, part_of_chain
-from exact_crystal import record as exact_record
+from exact_crystal import CHAIN, LENGTH, noisy, part_of_chain, record
 
 from analysis.estimators.chain_wavenumber import chain_wavenumber
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
@@ -26,6 +25,7 @@ from modal.waves.propagate import propagate
 from modal.waves.source import Pulse
 
 TIME = np.arange(0, 1e-3, 1e-6)
+EXACT = record(0.95)
 
 
 def bells(widths: np.ndarray) -> np.ndarray:
@@ -85,10 +85,9 @@ def test_exact_crystal_by_the_papers_words():
 
     The waves at the edge do not travel: the record of a passage does not hold them there.
     """
-    record = exact_record(0.95)
-    u, z = record.chain_displacement, record.chain_position
+    u, z = EXACT.chain_displacement, EXACT.chain_position
     highest = 0.5 * CHAIN.velocity / CHAIN.distance
-    two = threshold_curves(*spectra(record.time, u, highest))[0]
+    two = threshold_curves(*spectra(EXACT.time, u, highest))[0]
     near, far = (at_stretch(z, two, LENGTH, part) for part in (STRETCH[True], STRETCH[False]))
     assert near.value == pytest.approx(CHAIN.low_pass_frequency, rel=0.01)
     assert near.flat
@@ -103,9 +102,8 @@ def test_noise_below_the_threshold_does_not_move_it(noise, rel):
     times `noise` at sqrt(1060) samples over 25 of the pulse, 1.3 `noise`, a twentieth of the 2 %
     threshold at noise 1e-3; the median over twenty layers shifts by less.
     """
-    record = exact_record(0.95)
     highest, found = 0.5 * CHAIN.velocity / CHAIN.distance, []
-    for one in (record, noisy(record, noise, np.random.default_rng(5))):
+    for one in (EXACT, noisy(EXACT, noise, np.random.default_rng(5))):
         curve = threshold_curves(*spectra(one.time, one.chain_displacement, highest))[0]
         found.append(at_stretch(one.chain_position, curve, LENGTH, STRETCH[True]).value)
     assert found[1] == pytest.approx(found[0], rel=rel)
@@ -118,20 +116,17 @@ def test_wave_number_of_the_exact_chain(share, some):
 
     A record cut at the end smears the slow waves; up to 0.8 of the edge all have passed 0.5 L.
     """
-    record = exact_record(0.95)
-    if some:
-        kept = np.sort(np.random.default_rng(1).choice(CHAIN.layers, 133, replace=False))
-        record = part_of_chain(record, kept)
+    kept = np.sort(np.random.default_rng(1).choice(CHAIN.layers, 133, replace=False))
+    seen = part_of_chain(EXACT, kept) if some else EXACT
     frequency = share * CHAIN.low_pass_frequency
-    found = chain_wavenumber(record, frequency, LENGTH, velocity=CHAIN.velocity)
+    found = chain_wavenumber(seen, frequency, LENGTH, velocity=CHAIN.velocity)
     exact = 2 * np.arcsin(share) / CHAIN.distance
     assert found == pytest.approx(exact, rel=5e-3)
 
 
 def test_no_wave_number_of_noise_or_of_nothing():
-    record = exact_record(0.95)
-    assert np.isnan(chain_wavenumber(record, np.nan, LENGTH, velocity=CHAIN.velocity))
-    short = part_of_chain(record, slice(10))
+    assert np.isnan(chain_wavenumber(EXACT, np.nan, LENGTH, velocity=CHAIN.velocity))
+    short = part_of_chain(EXACT, slice(10))
     assert np.isnan(chain_wavenumber(short, 1e4, 10 * LENGTH, velocity=CHAIN.velocity))
 
 
@@ -155,10 +150,10 @@ def test_the_end_of_the_source_is_not_taken_for_the_packings():
     network = fcc(cells=(1, 1, 120), radius=0.2 * RADIUS)
     lattice = LayerLattice.of_network(network)
     passage = network.length / lattice.velocity
-    record = lattice_signals(lattice, np.arange(0, passage, 5e-8))
-    band = Passband(network, record, None, velocity=lattice.velocity, crystal=True)
-    for edge in band.edges(record):
+    seen = lattice_signals(lattice, np.arange(0, passage, 5e-8))
+    band = Passband(network, seen, None, velocity=lattice.velocity, crystal=True)
+    for edge in band.edges(seen):
         assert np.isnan(edge.value) and not edge.flat
         assert "the source sends too little" in edge.why
-    heard = lattice_signals(lattice, record.time, Pulse(frequency=5e5))
+    heard = lattice_signals(lattice, seen.time, Pulse(frequency=5e5))
     assert band.edges(heard)[0].value == pytest.approx(lattice.low_pass_frequency, rel=0.1)
