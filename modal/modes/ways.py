@@ -64,8 +64,7 @@ class Question:
             return "top"
         if self._lifting_pays:
             return "lifted"
-        few = self.count <= system.limits.slice
-        return "shift" if kind == "lowest" and few else "slices"
+        return "shift" if kind == "lowest" and self._few else "slices"
 
     def cost(self, way: str) -> Cost:
         """What a way will take that is no dense one."""
@@ -74,6 +73,10 @@ class Question:
         if way == "lifted":
             return effort.below_an_edge(self.system, self.count, self.low_end.degree)
         return effort.near_a_shift(self.system, self.count)
+
+    @property
+    def _few(self) -> bool:
+        return self.count <= self.system.limits.slice
 
     @property
     def _whole(self) -> bool:
@@ -105,7 +108,7 @@ class Question:
         """Frequency, Hz, below which the modes lie; of the lowest ones an estimate, with enough.
 
         It is that of a density of states, refined until its resolution is finer; infinite where
-        that would take longer than to find the modes in another way.
+        that would take longer than to find the modes about a shift, which asks for no frequency.
         """
         if self.choice.kind == "between":
             return self.choice.high
@@ -119,7 +122,7 @@ class Question:
                 return high
             resolution /= 2
             finer = effort.PRODUCT * self.system.size * 2 * states.products
-            if finer > self.cost("slices").operations:
+            if self._few and finer > self.cost("shift").operations:
                 return np.inf
 
     @cached_property

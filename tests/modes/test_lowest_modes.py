@@ -119,6 +119,18 @@ def test_the_way_that_is_taken(monkeypatch, way, kind, given, changed):
     assert Question(system, choice, choice.count or 200, system.size, from_zero).way == way
 
 
+@pytest.mark.parametrize("most", [9, 3])
+def test_the_frequency_of_few_modes_is_not_sought_longer_than_themselves(monkeypatch, most):
+    """A shift that costs nothing is taken for five modes of a column, and the estimate breaks off;
+    where they need slices, which are cut by frequencies, it is made."""
+    monkeypatch.setattr("modal.modes.effort.near_a_shift", lambda *_: Cost(0.0, 0.0, 0.0))
+    network = gallery.fcc(cells=(1, 1, 150))
+    system = LinearSystem.of(network, limits=Limits(dense=0, slice=most))
+    asked = Question(system, Choice("lowest", 5), 5, system.size)
+    assert asked.way == ("shift" if most == 9 else "slices")
+    assert np.isfinite(asked.high) == (most == 3)
+
+
 def test_a_small_part_of_a_small_packing_is_not_solved_dense():
     """A third of the modes are; a twentieth are searched for, with the same digits."""
     system = LinearSystem.of(diluted(0.35, 5, layers=7))
