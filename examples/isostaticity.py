@@ -179,45 +179,108 @@ plt.show()
 # each, made and measured by `studies/isostaticity.yaml`; here whole loading paths are drawn, one of
 # each friction and seed. The dashed lines are the fits of the study's packings.
 
-others = [
-    json.loads(path.read_text()) for path in sorted(RESULTS.glob("isostaticity/seeds/*.json"))
-]
-
-
-def other(name):
-    """A quantity of all other packings; NaN where there is none."""
-    found = [row["values"].get(name, {}).get("value") for row in others]
-    return np.array([np.nan if each is None else each for each in found])
-
-
 NAMES = {LOW_PASS: "low_pass", PEAK: "excess_peak", IOFFE_REGEL: "ioffe_regel"}
-of_seeds = {name: other(key) / other("highest_frequency") for name, key in NAMES.items()}
-other_z = other("coordination_of_bearing")
-other_friction, other_stress = (np.array([r[k] for r in others]) for k in ("mu_comp", "stress"))
-seed = np.array([row["name"].partition("seed")[2] for row in others])
-path = np.char.add(np.char.mod("%g ", other_friction), seed)
-for name, y in of_seeds.items():
-    fits[f"{name}, seeds"] = fitted(f"{name}, seeds", other_z, y, path)
-over_50 = other("low_pass_unbiased") / other("highest_frequency")
+
+
+def measured(folder):
+    """A line a packing: what was measured, the three frequencies over the highest, its path."""
+    found = []
+    for result in sorted((RESULTS / "isostaticity" / folder).glob("*.json")):
+        row = json.loads(result.read_text())
+        of = row["name"].replace(f"_stress{row['stress']:g}", "")
+        found.append({"friction": row["mu_comp"], "stress": row["stress"], "path": of})
+        found[-1] |= {name: each["value"] for name, each in row["values"].items()}
+    table = pd.DataFrame(found).fillna(np.nan)
+    for name, key in NAMES.items():
+        table[name] = table[key].astype(float) / table["highest_frequency"]
+    return table
+
+
+others = measured("seeds")
+other_z, path = others["coordination_of_bearing"].to_numpy(), others["path"].to_numpy(str)
+for name in NAMES:
+    fits[f"{name}, seeds"] = fitted(f"{name}, seeds", other_z, others[name].to_numpy(), path)
+over_50 = others["low_pass_unbiased"].astype(float) / others["highest_frequency"]
 name = "low-pass frequency over 50 D, seeds"
-fits[name] = fitted(name, other_z, over_50, path)
+fits[name] = fitted(name, other_z, over_50.to_numpy(), path)
 among, axes = plt.subplots(1, 3, figsize=(7, 2.7), sharey=True, layout="constrained")
-every = np.unique(other_friction)
+every = np.unique(others["friction"])
 shades = dict(zip(every, plt.get_cmap("viridis")(np.linspace(0, 0.9, len(every))), strict=True))
-for ax, name in zip(axes, of_seeds, strict=True):
+for ax, name in zip(axes, NAMES, strict=True):
     fit, before = fits[f"{name}, seeds"], fits[name]
     ax.plot(along, fit["slope"] * (along + 4 - fit["z_c"]), "k-", lw=0.8, label="fit")
     ax.plot(
         along, before["slope"] * (along + 4 - before["z_c"]), "k--", lw=0.8, label="the study's fit"
     )
-    for mu, p in {*zip(other_friction, other_stress, strict=True)}:
-        of = (other_friction == mu) & (other_stress == p) & np.isfinite(of_seeds[name])
-        if of.sum() < 2:
-            continue
-        x, y = other_z[of] - 4, of_seeds[name][of]
-        bar = np.std(y, ddof=1) / np.sqrt(len(y))
-        ax.errorbar(x.mean(), y.mean(), bar, fmt=markers[p], color=shades[mu], ecolor="k", **EDGE)
+    for (mu, p), of in others.dropna(subset=name).groupby(["friction", "stress"]):
+        if len(of) > 1:
+            at = of["coordination_of_bearing"].mean() - 4, of[name].mean(), of[name].sem()
+            ax.errorbar(*at, fmt=markers[p], color=shades[mu], ecolor="k", **EDGE)
 framed(axes, shades)
+plt.show()
+
+# %%
+# **Contacts or density?** In all packings above z falls where e grows. In those of
+# `studies/dilated.yaml` it does not: dense ones, whose contacts follow from the friction with which
+# spheres that were dense jam again, and loose ones. The table tells by which share of its mean a
+# frequency changes with z at one e, and with e at one z, over the range that each then has among
+# all packings of 6,000 spheres at 100 kPa. Packings of one kind and friction are drawn together.
+
+dilated = measured("dilated")
+kinds = {"friction": "as above", "dilate0.005": "dilated", "agitated": "loose"}
+at_100 = pd.concat([others.query("stress == 1e5"), dilated], ignore_index=True)
+at_100["kind"] = at_100["path"].str.extract(rf"^({'|'.join(kinds)})")[0].map(kinds)
+drawn = (at_100["kind"] + at_100["friction"].map(" {:g}".format)).to_numpy(str)
+z_and_e = at_100[["coordination_of_bearing", "void_ratio"]].to_numpy()
+
+
+def reaches(x, beside):
+    """The range of one variable among packings that have the other in common."""
+    return np.ptp(x - np.polyval(np.polyfit(beside, x, 1), beside))
+
+
+def changes(k, y):
+    """Of y with z at one e and with e at one z, over its mean."""
+    k = k[np.isfinite(y[k])]
+    terms = np.column_stack([np.ones(len(k)), z_and_e[k]])
+    ranges = [reaches(*z_and_e.T), reaches(*z_and_e.T[::-1])]
+    return np.linalg.lstsq(terms, y[k])[0][1:] * ranges / np.nanmean(y)
+
+
+separate = []
+for name in NAMES:
+    y = at_100[name].to_numpy(float)
+    known = np.isfinite(y)
+    now = changes(np.arange(len(y)), y)
+    low, high = interval(lambda k, y=y: changes(k, y), drawn)
+    row = {"quantity": name, "packings": known.sum()}
+    for k, x in enumerate(("z", "e")):
+        alone = np.corrcoef(z_and_e[known, k], y[known])[0, 1] ** 2
+        row |= {x: now[k], f"{x}_low": low[k], f"{x}_high": high[k], f"r_squared_{x}": alone}
+    fit = fits[f"{name}, seeds"]
+    off = y / (fit["slope"] * (z_and_e[:, 0] - fit["z_c"])) - 1
+    for kind in ("dilated", "loose"):
+        of = off[known & (at_100["kind"] == kind)]
+        row |= {f"{kind}_off": of.mean(), f"{kind}_error": np.std(of, ddof=1) / np.sqrt(len(of))}
+    separate.append(row)
+    print(name, row)
+
+one_e, axes = plt.subplots(1, 4, figsize=(7, 2.4), layout="constrained")
+looks = {"as above": ("o", "0.6"), "dilated": ("D", "k"), "loose": ("s", "w")}
+for ax, name in zip(axes, ["void_ratio", *NAMES], strict=True):
+    if name in NAMES:
+        fit = fits[f"{name}, seeds"]
+        ax.plot(along, fit["slope"] * (along + 4 - fit["z_c"]), "k-", lw=0.8)
+        ax.set(title=name, ylim=(0, 0.2))
+    else:
+        ax.set(title="void ratio")
+    for (kind, _), of in at_100.dropna(subset=name).groupby(["kind", "friction"]):
+        at = of["coordination_of_bearing"].mean() - 4, of[name].mean(), of[name].sem()
+        ax.errorbar(*at, fmt=looks[kind][0], color=looks[kind][1], ecolor="k", **EDGE)
+    ax.title.set_fontsize(8)
+    ax.set(xlabel="z - 4", xlim=(0, 2.4))
+axes[1].set_ylabel("frequency / highest frequency")
+legend(axes[2], "", [(kind, colour, mark) for kind, (mark, colour) in looks.items()])
 plt.show()
 
 # %%
@@ -285,7 +348,8 @@ def with_ends(fit, name, digits):
 if __name__ == "__main__" and len(sys.argv) == 2:
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
-    for figure, name in ((headline, "headline"), (among, "seeds"), (residuals, "residuals")):
+    figures = {"headline": headline, "seeds": among, "one_void_ratio": one_e}
+    for name, figure in (figures | {"residuals": residuals}).items():
         figure.savefig(folder / f"{name}.png", dpi=200)
         figure.savefig(folder / f"{name}.pdf", metadata={"CreationDate": None})
     as_csv = {"index": False, "float_format": "%.5g"}
@@ -304,6 +368,19 @@ if __name__ == "__main__" and len(sys.argv) == 2:
     lines.append(["wavelength at the low-pass frequency", f"{len(z)}", "", "", "", ""])
     lines[-1].append(with_ends(wave, "power", 2))
     (folder / "fits.md").write_text(markdown(header, lines))
+    pd.DataFrame(separate).to_csv(folder / "one_void_ratio.csv", **as_csv)
+    header = ["quantity", "packings", "z at one e", "e at one z", "R² of z, of e alone"]
+    header += ["dilated over the line - 1", "loose"]
+    lines = [
+        [row["quantity"], f"{row['packings']}", with_ends(row, "z", 2), with_ends(row, "e", 2)]
+        + [f"{row['r_squared_z']:.2f}, {row['r_squared_e']:.2f}"]
+        + [
+            f"{row[f'{kind}_off']:.2f} ± {row[f'{kind}_error']:.2f}"
+            for kind in ("dilated", "loose")
+        ]
+        for row in separate
+    ]
+    (folder / "one_void_ratio.md").write_text(markdown(header, lines))
     header = ["quantity", "log stress", "friction", "e", "R² of each alone"]
     lines = []
     for name in value:

@@ -53,17 +53,42 @@ def test_lines_and_powers(name):
         assert fit[f"{number}_low"] < fit[number] < fit[f"{number}_high"]
 
 
-@pytest.mark.parametrize(
-    ("name", "quantity"),
-    [(PEAK, "excess_peak"), (IOFFE_REGEL, "ioffe_regel"), (LOW_PASS, "low_pass")],
-)
-def test_lines_of_the_other_packings(name, quantity):
-    paths = (RESULTS / "isostaticity/seeds").glob("*.json")
-    found = [json.loads(path.read_text())["values"] for path in paths]
-    some = [one for one in found if one.get(quantity, {}).get("value") is not None]
-    z = [one["coordination_of_bearing"]["value"] for one in some]
-    y = [one[quantity]["value"] / one["highest_frequency"]["value"] for one in some]
-    fitted(FITS.loc[f"{name}, seeds"], z, y)
+MEASURED = {PEAK: "excess_peak", IOFFE_REGEL: "ioffe_regel", LOW_PASS: "low_pass"}
+
+
+def others(*folders):
+    """A line a packing: stress, z, e and the three frequencies over the highest."""
+    paths = [path for each in folders for path in (RESULTS / "isostaticity" / each).glob("*.json")]
+    found = [json.loads(path.read_text()) for path in paths]
+    values = [{name: one["value"] for name, one in of["values"].items()} for of in found]
+    table = pd.DataFrame(values).astype(float).assign(stress=[of["stress"] for of in found])
+    over = {name: table[key] / table["highest_frequency"] for name, key in MEASURED.items()}
+    return table.assign(z=table["coordination_of_bearing"], e=table["void_ratio"], **over)
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_lines_of_the_other_packings(name):
+    some = others("seeds").dropna(subset=name)
+    fitted(FITS.loc[f"{name}, seeds"], some["z"], some[name])
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_contacts_and_density_apart(name):
+    """What is left of y on what is left of a variable has the slope of the joint fit."""
+    told = pd.read_csv(RESULTS / "isostaticity/one_void_ratio.csv", index_col="quantity").loc[name]
+    table = others("seeds", "dilated").query("stress == 1e5")
+    some = table.dropna(subset=name)
+    assert told["packings"] == len(some)
+
+    def left(of, x, beside):
+        fit = linregress(of[beside], of[x])
+        return of[x] - fit.slope * of[beside] - fit.intercept
+
+    for x, beside in (("z", "e"), ("e", "z")):
+        slope = linregress(left(some, x, beside), left(some, name, beside)).slope
+        change = slope * np.ptp(left(table, x, beside)) / some[name].mean()
+        assert told[x] == pytest.approx(change, rel=1e-3)
+        assert told[f"{x}_low"] < told[x] < told[f"{x}_high"]
 
 
 def test_the_shared_zero():
