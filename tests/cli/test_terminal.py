@@ -9,9 +9,10 @@ import re
 import subprocess
 import sys
 
-import numpy as np
 import program_files
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from places import ROOT
 
 import modal
@@ -21,13 +22,12 @@ from modal.packing.network import write_network
 from modal.tools.display import PREFIXES, quantities
 
 POWER = {prefix: power for power, prefix in PREFIXES.items()}
-RANDOM = np.random.default_rng(3)
-NUMBERS = [[0.0], [-0.0, 9.9996e4], [999.96], [-999.995, 0.0], [1e11, -1e-8], [1e-8]]
-NUMBERS += [10.0 ** RANDOM.uniform(-8, 11, n) * RANDOM.choice([-1, 1], n) for n in (1, 2, 30, 30)]
 
 
-@pytest.mark.parametrize("digits", [3, 4, 8])
-@pytest.mark.parametrize("values", NUMBERS)
+@given(
+    st.lists(st.floats(-1e11, 1e11).filter(lambda x: x == 0 or abs(x) > 1e-8), min_size=1),
+    st.integers(3, 8),
+)
 def test_quantities_say_the_numbers(values, digits):
     """Read back, each differs by at most half of the last decimal, which the largest fixes."""
     *numbers, last = quantities(values, "Pa", digits).split(", ")
