@@ -11,7 +11,7 @@ import sys
 
 import program_files
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from places import ROOT
 
@@ -24,6 +24,7 @@ from modal.tools.display import PREFIXES, quantities
 POWER = {prefix: power for power, prefix in PREFIXES.items()}
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # on a busy machine
 @given(
     st.lists(st.floats(-1e11, 1e11).filter(lambda x: x == 0 or abs(x) > 1e-8), min_size=1),
     st.integers(3, 8),
