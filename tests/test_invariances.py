@@ -30,7 +30,7 @@ few = settings(max_examples=8, deadline=None)
 
 
 def packing(seed: int) -> Network:
-    """A small packing of unequal stiffnesses and masses, some contacts missing, both walls there."""
+    """A small packing of unequal stiffnesses and masses, between walls, some contacts missing."""
     random = np.random.default_rng(seed)
     network = gallery.fcc(cells=(2, 2, 5))
     network = network.with_contacts(random.random(network.n_contacts) > 0.15)
