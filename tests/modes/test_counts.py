@@ -9,7 +9,6 @@ from modal.modes.counts import count_below
 from modal.packing import crystal as gallery
 from modal.solvers.factor import SOLVERS, available
 from modal.system.linear_system import LinearSystem, frequency_of
-from modal.tools.errors import InputError
 
 pytestmark = pytest.mark.two_ways
 
@@ -38,23 +37,3 @@ def test_a_singular_block_on_the_way_does_not_spoil_the_count(solver, which):
     exact = dense_squares(system)
     assert abs(exact - square).min() > 1e-4 * exact[-1]
     assert count_below(system, frequency_of(square)) == int((exact < square).sum())
-
-
-@pytest.mark.parametrize("above", [3, 4])
-def test_counts_beside_an_uncertain_frequency_must_agree(above, monkeypatch):
-    """Where no method can tell at a frequency, three modes below and three above it are three;
-    three and four mean a mode in between."""
-    system = LinearSystem.of(gallery.fcc(cells=(4, 4, 8)))
-    square = (2 * np.pi * 5e4) ** 2
-
-    def negative(_, place, method, apart):
-        if abs(place / square - 1) > 1e-5:
-            return 99  # too far to tell anything
-        return None if place == square else 3 if place < square else above
-
-    monkeypatch.setattr("modal.modes.counts._negative", negative)
-    if above == 3:
-        assert count_below(system, 5e4) == 3
-    else:
-        with pytest.raises(InputError, match="a mode is so near"):
-            count_below(system, 5e4)

@@ -12,7 +12,6 @@ from packings import scaled
 from scipy.linalg import eigh_tridiagonal
 
 from modal.modes.eigenmodes import modes_of
-from modal.modes.observables import pure_waves, resonances
 from modal.packing import crystal as gallery
 from modal.packing.contact_law import Material
 from modal.system.assembly import mass_diagonal, stiffness_matrix
@@ -72,20 +71,6 @@ def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
     # Of unit norm in the mass of all nine spheres of a layer.
     energy = 9 * network.mass[0] * (found.resonance_shape**2).sum(axis=1)
     assert energy == pytest.approx(np.ones(layers), rel=1e-9)
-
-
-def test_resonances_are_the_largest_pure_waves_of_each_order():
-    """Five modes of two spheres: one that turns is none, of two alike the larger one is taken."""
-    shape = np.zeros((5, 2, 6))
-    shape[:, 0, 2], shape[:, 1, 2] = 1, [1, 1, -1, -1, -1]
-    shape *= np.array([1, 2, 4, 2, 1])[:, None, None]
-    turning, frequency = np.array([0, 0, 1e-3, 0, 0]), np.arange(1.0, 6)
-    table = np.array([frequency, 0 * frequency, np.ones(5), np.ones(5), turning])
-    network = gallery.column(2)
-    found = resonances(pure_waves(table, shape, np.arange(2)), network)
-    assert found["resonance_frequency"].tolist() == [2, 4]
-    assert found["resonance_wavenumber"] == pytest.approx(np.pi / network.length * np.arange(1, 3))
-    assert found["resonance_shape"].tolist() == [[2, 2], [2, -2]]
 
 
 def test_observables_do_not_depend_on_how_many_are_measured_together():

@@ -10,13 +10,12 @@ from packings import (
 
 from modal.__main__ import main
 from modal.modes.eigenmodes import modes_of
-from modal.modes.mode_set import Choice, ModeSet
-from modal.modes.ways import Question
+from modal.modes.mode_set import ModeSet
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.solvers.factor import SOLVERS, Cost, available
-from modal.solvers.lanczos import TOLERANCE, modes_nearest
+from modal.solvers.lanczos import TOLERANCE
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 
 pytestmark = pytest.mark.two_ways
@@ -88,49 +87,6 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
         assert (found.residual < 10 * residual_promised(system, found)).all()
 
 
-@pytest.mark.parametrize(
-    ("way", "kind", "given", "changed"),
-    [
-        ("lifted", "between", {"high": 2e4}, {}),
-        ("lifted", "lowest", {}, {}),
-        ("shift", "lowest", {}, {"solver": "superlu"}),
-        ("slices", "lowest", {"count": 800}, {"solver": "superlu"}),
-        ("slices", "between", {"high": 2e4}, {"solver": "superlu"}),
-        ("slices", "between", {"high": 2e4}, {"from_zero": False}),
-        ("slices", "between", {"high": 2e5}, {}),
-        ("slices", "between", {"high": 2e4}, {"memory": 1e5}),
-        ("top", "highest", {}, {}),
-        ("dense", "highest", {"count": 300}, {}),
-        ("dense", "between", {"high": 2e4}, {"limits": Limits()}),
-        ("dense", "all", {}, {}),
-        ("arnoldi", "lowest", {}, {"pre_stress": "full", "limits": Limits(unsymmetric=0)}),
-        ("dense", "lowest", {}, {"pre_stress": "full"}),
-    ],
-)
-def test_the_way_that_is_taken(monkeypatch, way, kind, given, changed):
-    """A polynomial costs nothing here: what is taken in its place where it does not serve."""
-    monkeypatch.setattr("modal.modes.effort.near_a_shift", lambda *_: Cost(0.0, 1e13, 0.0))
-    monkeypatch.setattr("modal.modes.effort.below_an_edge", lambda *_: Cost(1e6, 0.0, 0.0))
-    how = {"limits": Limits(dense=0, part=3), "memory": 1e9, "from_zero": True} | changed
-    memory, from_zero = how.pop("memory"), how.pop("from_zero")
-    monkeypatch.setattr("modal.modes.ways.memory_at_hand", lambda: memory)
-    system = LinearSystem.of(diluted(0.35, 5, layers=7), **how)
-    choice = Choice(kind, **given)
-    assert Question(system, choice, choice.count or 200, system.size, from_zero).way == way
-
-
-@pytest.mark.parametrize("most", [9, 3])
-def test_the_frequency_of_few_modes_is_not_sought_longer_than_themselves(monkeypatch, most):
-    """A shift that costs nothing is taken for five modes of a column, and the estimate breaks off;
-    where they need slices, which are cut by frequencies, it is made."""
-    monkeypatch.setattr("modal.modes.effort.near_a_shift", lambda *_: Cost(0.0, 0.0, 0.0))
-    network = gallery.fcc(cells=(1, 1, 150))
-    system = LinearSystem.of(network, limits=Limits(dense=0, slice=most))
-    asked = Question(system, Choice("lowest", 5), 5, system.size)
-    assert asked.way == ("shift" if most == 9 else "slices")
-    assert np.isfinite(asked.high) == (most == 3)
-
-
 def test_a_small_part_of_a_small_packing_is_not_solved_dense():
     """A third of the modes are; a twentieth are searched for, with the same digits."""
     system = LinearSystem.of(diluted(0.35, 5, layers=7))
@@ -141,32 +97,6 @@ def test_a_small_part_of_a_small_packing_is_not_solved_dense():
         assert (found.attributes["solver"] == "dense") is dense
         tolerance = 1e-13 * (elastic[-1] / elastic[0]) ** 2
         assert found.frequency == pytest.approx(elastic[: last + 1], rel=tolerance)
-
-
-def test_a_hundred_equal_frequencies_in_a_slice_take_one_factorisation(monkeypatch):
-    """Where a round of the search finds some only, the next goes on with the same factor."""
-    made, asked, plain = [], [], LinearSystem.factor
-
-    def noted(*arguments, **options):
-        made.append(plain(*arguments, **options))
-        return made[-1]
-
-    def some_of(solve, size, count, sigma, held):
-        asked.append(count)
-        return modes_nearest(solve, size, min(count, 30), sigma, held)
-
-    monkeypatch.setattr(LinearSystem, "factor", noted)
-    monkeypatch.setattr("modal.modes.search.modes_nearest", some_of)
-    system = LinearSystem.of(columns_side_by_side(100), limits=Limits(dense=0))
-    expected = frequency_of(dense_squares(system))[by_structure(system).total :]
-    low, high = 0.999 * expected[150], 1.001 * expected[150]
-    wanted = int(((expected >= low) & (expected < high)).sum())
-    assert wanted >= 100
-    found = modes_of(system, between=(low, high))
-    assert found.attributes["certified"]
-    assert len(found.frequency) == wanted
-    assert len(asked) > 3
-    assert len(made) == 1
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from modal.packing import crystal as gallery
 from modal.packing.contact_law import RADIUS
-from modal.packing.neighbours import periodic_pairs, tangents
+from modal.packing.neighbours import periodic_pairs
 from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
 from modal.tools.errors import InputError
 
@@ -46,15 +46,6 @@ def test_network_rebuilt_from_positions(width):
     assert np.sort(rebuilt.overlap) == pytest.approx(np.sort(made.overlap), rel=10 * tolerance)
     for name in ("void_ratio", "coordination_number"):
         assert rebuilt.study[name] == pytest.approx(made.study[name], rel=1e-12)
-
-
-def test_tangents_form_a_frame():
-    normal = np.random.default_rng(2).standard_normal((200, 3))
-    normal[0] = (0, 0, 1)
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    frame = np.stack([normal, *tangents(normal)], axis=1)
-    assert frame @ frame.transpose(0, 2, 1) == pytest.approx(np.tile(np.eye(3), (200, 1, 1)))
-    assert np.linalg.det(frame) == pytest.approx(np.ones(200))
 
 
 def sample_with_shear() -> Sample:

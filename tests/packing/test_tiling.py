@@ -96,14 +96,6 @@ def test_a_network_gives_no_sample_and_motion_is_refused(sample, tmp_path, capsy
         repeat_sample(replace(sample, velocity=np.zeros((150, 3))), 2, 1)
 
 
-def test_a_sample_beyond_the_memory_is_refused_before_it_starts(sample, tmp_path, monkeypatch):
-    path = tmp_path / "a.sample.h5"
-    write_sample(path, sample)
-    monkeypatch.setattr(workload, "memory_at_hand", lambda: 1e4)
-    with pytest.raises(InputError, match="a.sample.h5: finding .* takes .* memory"):
-        read_packing(path)
-
-
 def test_one_large_sphere_among_many_counts_in_the_memory(monkeypatch):
     """Pairs are sought as far as the largest reach: as many are refused as are looked at."""
     radii = np.full(1000, 1e-4)

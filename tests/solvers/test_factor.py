@@ -5,6 +5,7 @@ import pytest
 import scipy.sparse as sp
 from packings import diluted, polydisperse
 from scipy.sparse.csgraph import reverse_cuthill_mckee as order_of
+from scipy.sparse.linalg import splu
 
 import modal
 from modal.solvers import factor as registry
@@ -193,22 +194,12 @@ def test_too_little_memory_is_refused(solver, monkeypatch):
         factorise(matrix, solver=solver)
 
 
-@pytest.mark.parametrize("solver", HERE)
-def test_memory_is_that_of_the_factor(solver, systems):
-    """Within a factor of three: of blocks counted here, of the others as they say themselves."""
+@pytest.mark.parametrize("solver", ["superlu", "blocks"])
+def test_memory_is_that_of_the_factor(solver):
+    """Within a factor of three; PARDISO's is compared with what was measured by `test_effort`."""
     matrix = LinearSystem.of(modal.fcc(cells=(8, 8, 20))).shifted(-1.0)
     cost = named(solver).cost(Shape.of(matrix)).bytes
-    if solver == "pardiso":
-        from pypardiso import PyPardisoSolver
-
-        made = PyPardisoSolver(mtype=2)
-        made.set_iparm(1, 1), made.set_iparm(2, 2)
-        made.factorize(sp.triu(matrix, format="csr"))
-        stored = 1024 * made.get_iparm(17)
-        made.free_memory(everything=True)
-    elif solver == "superlu":
-        from scipy.sparse.linalg import splu
-
+    if solver == "superlu":
         options = {"SymmetricMode": True}
         lu = splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0, options=options)
         stored = 12 * (lu.L.nnz + lu.U.nnz)

@@ -75,23 +75,6 @@ def test_what_is_marked_as_converged_has_converged_and_no_other():
     assert 15 <= near.converged.sum() < count
 
 
-def test_no_more_solves_than_it_takes():
-    """Two blocks span the modes that are much nearer than all others; the first look, at twice
-    the count, ends the search."""
-    near_shift, far = np.linspace(1, 2, 2 * BLOCK), np.linspace(1e8, 2e8, 300 - 2 * BLOCK)
-    square, vector = np.concatenate([near_shift, far]), rotation(300, 2)
-    solve, widths = solver(square, vector, 0.0), set()
-
-    def noted(block):
-        widths.add(block.shape[1])
-        return solve(block)
-
-    near = modes_nearest(noted, 300, 2 * BLOCK, 0.0, nothing(300))
-    assert near.square == pytest.approx(near_shift, rel=1e-12)
-    assert near.products == 4 * BLOCK
-    assert widths == {BLOCK}
-
-
 def test_many_modes_without_a_restart():
     """Inside the spectrum, against the values that the solver is made of; solves as in `SLICE`."""
     square, vector, count = np.linspace(1, 9, 2000), rotation(2000, 4), 300

@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from numpy.polynomial.chebyshev import Chebyshev
 from operators import Known, rotation
 
-from modal.solvers.lanczos import LOST, TOLERANCE, Held, modes_below
+from modal.solvers.lanczos import TOLERANCE, Held, modes_below
 from modal.solvers.low_end import REACH, LowEnd
 
 pytestmark = pytest.mark.two_ways
@@ -68,16 +68,3 @@ def test_lowest_of_a_known_spectrum(count):
     )
     assert found.products == known.products
     assert abs(held.found.T @ found.vector).max() < 1e-13
-
-
-def test_fewer_vectors_than_nearest_a_shift():
-    """A spectrum like a packing's, omega^2 as the 2/3 power of the number."""
-    square = 100 * (np.arange(1, 4001) / 4000) ** (2 / 3)
-    nothing, count = Held(sp.csc_matrix((4000, 0)), np.empty((4000, 0))), 300
-    low_end = LowEnd(Known(square), 1.08 * square[count - 1], 101.0)
-    found = modes_below(low_end, 4000, count, nothing)
-    assert found.converged.all()
-    assert found.square == pytest.approx(square[:count], rel=1e-11)
-    assert abs(found.vector.T @ found.vector - np.eye(count)).max() < LOST
-    # About a shift it would be 2.4 of them and more.
-    assert found.products < 1.8 * count * low_end.degree

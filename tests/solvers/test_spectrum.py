@@ -45,14 +45,6 @@ def test_end_of_known_spectra(name):
     assert products == operator.products
 
 
-def test_few_values_take_as_many_products():
-    """A Krylov space of two eigenvalues is exhausted after two products."""
-    assert bound_of_spectrum(Known(SPECTRA["two values"])) == (pytest.approx(9 * 1.04), 2)
-    assert bound_of_spectrum(Known(np.zeros(20))) == (0.0, 1)
-    # Two values of either sign, whose mean is near zero.
-    assert bound_of_spectrum(Known([-1.0, 1.0] * 25)) == (pytest.approx(1.04), 2)
-
-
 @pytest.mark.parametrize("beyond", [0.05, 0.3, 3.0])
 @pytest.mark.parametrize("name", ["even", "an edge like a packing's"])
 def test_bound_holds_for_a_mode_that_the_start_hardly_contains(name, beyond, monkeypatch):
@@ -107,19 +99,6 @@ def test_growth_is_told_from_round_off_at_every_order(square, orders):
     with pytest.raises(GrowthError):
         read(Known(square))
     read(Known(np.clip(square, 0, 1 + 1e-15)))
-
-
-def test_a_record_of_its_end_alone_is_as_exact():
-    """Two times instead of three hundred: the orders follow the duration, not the record."""
-    long, short = (
-        propagate(gallery.fcc(cells=(2, 2, 30)), 3e-4, interval=dt) for dt in (1e-6, 3e-4)
-    )
-    end = long.signals.chain_displacement[-1]
-    # The tolerance times some hundred coefficients.
-    found = short.signals.chain_displacement[-1]
-    assert abs(found - end).max() < 1e-7 * abs(end).max()
-    # Every particle's motion is large: it is recorded where it is asked for alone.
-    assert long.signals.particle_displacement is None
 
 
 CRYSTAL = gallery.fcc(cells=(2, 2, 100))

@@ -15,11 +15,6 @@ def test_a_pulse_much_longer_than_the_record_is_a_parabola():
     assert Pulse(1e-9, 1e-4).displacement(5e-5) == pytest.approx(parabola, rel=1e-12, abs=0)
 
 
-def test_a_step_rises_to_twice_its_amplitude_and_stays():
-    moved = step(1e-9, 2e-5).displacement(np.array([0, 1e-5, 2e-5, 1.0]))
-    assert moved == pytest.approx([0, 1e-9, 2e-9, 2e-9], abs=1e-22)
-
-
 def test_a_chirp_sweeps_its_band():
     """Its spectrum lies between the two frequencies, and its phase turns as it should."""
     motion = chirp(1e-9, 2e4, 8e4, 1e-3)
@@ -28,9 +23,8 @@ def test_a_chirp_sweeps_its_band():
     power = abs(np.fft.rfft(d, 1 << 14)) ** 2
     f = np.fft.rfftfreq(1 << 14, 1e-6)
     assert power[(f > 2e4) & (f < 8e4)].sum() > 0.98 * power.sum()
-    assert motion.value[0] == motion.value[-1] == 0 and abs(d).max() == pytest.approx(
-        1e-9, rel=0.02
-    )
+    assert motion.value[0] == motion.value[-1] == 0
+    assert abs(d).max() == pytest.approx(1e-9, rel=0.02)
     turns = 2e4 * 1e-3 + 6e4 * 1e-3 / 2
     assert (np.diff(np.sign(d[1:])) != 0).sum() == pytest.approx(2 * turns, abs=3)
 
@@ -62,9 +56,7 @@ def test_what_is_no_motion_or_damping_is_refused():
         lambda: SampledMotion(np.array([0.0, 1]), np.array([1.0, 0])),
         lambda: SampledMotion(np.array([0.0, 1]), np.array([0, 1e-200])),
         lambda: SampledMotion(["a", "b"], [0, 1]),
-        lambda: SampledMotion(0.0, 1.0),
         lambda: SampledMotion(np.zeros((2, 2)), np.zeros((2, 2))),
-        lambda: Pulse(frequency=1e300),
         lambda: Pulse(amplitude=0.0),
         lambda: Pulse(amplitude="1 nm"),
         lambda: ContactDamping(1e300, 0.0),
