@@ -13,7 +13,7 @@ from modal.packing.sample import read_sample
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.system.assembly import block
-from modal.system.contacts import contact_tangent, terms_of
+from modal.system.contacts import contact_tangent, terms_of, with_sliding
 from modal.system.imposed import WallMoves, put_on
 from modal.system.linear_system import LinearSystem
 from modal.waves.propagate import propagate
@@ -399,6 +399,19 @@ def kinematics(network: Network) -> np.ndarray:
 def changed(network: Network, **columns) -> Network:
     """The network with functions of its columns in their place."""
     return replace(network, **{name: f(getattr(network, name)) for name, f in columns.items()})
+
+
+def stiffer(network: Network, normal=1.0, tangential=1.0) -> Network:
+    """Springs times factors, of all contacts or (m,) each, beside the checks of a network."""
+    return network.unchecked(
+        stiffness_normal=normal * network.stiffness_normal,
+        stiffness_tangential=tangential * network.stiffness_tangential,
+    )
+
+
+def slippery(network: Network) -> Network:
+    """All contacts slide: no tangential spring is left."""
+    return with_sliding(replace(network, sliding=np.ones(network.n_contacts, bool)), "slip")
 
 
 def times(factor: float):

@@ -67,14 +67,11 @@ def others(*folders):
 
 
 @pytest.mark.parametrize("name", MEASURED)
-def test_lines_of_the_other_packings(name):
-    some = others("seeds").dropna(subset=name)
-    fitted(FITS.loc[f"{name}, seeds"], some["z"], some[name])
-
-
-@pytest.mark.parametrize("name", MEASURED)
 def test_contacts_and_density_apart(name):
-    """What is left of y on what is left of a variable has the slope of the joint fit."""
+    """What is left of y on what is left of a variable has the slope of the joint fit.
+
+    Before that the line of the other seeds alone.
+    """
     told = pd.read_csv(RESULTS / "isostaticity/one_void_ratio.csv", index_col="quantity").loc[name]
     table = others("seeds", "dilated").query("stress == 1e5")
     some = table.dropna(subset=name)
@@ -84,6 +81,8 @@ def test_contacts_and_density_apart(name):
         fit = linregress(of[beside], of[x])
         return of[x] - fit.slope * of[beside] - fit.intercept
 
+    seeds = others("seeds").dropna(subset=name)
+    fitted(FITS.loc[f"{name}, seeds"], seeds["z"], seeds[name])
     for x, beside in (("z", "e"), ("e", "z")):
         slope = linregress(left(some, x, beside), left(some, name, beside)).slope
         change = slope * np.ptp(left(table, x, beside)) / some[name].mean()

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import OPTIONAL, SPRINGS, kinematics
+from packings import OPTIONAL, kinematics, slippery, stiffer
 from places import SHEARED
 from scipy.linalg import qr
 
@@ -22,7 +22,6 @@ from modal.packing.neighbours import tangents
 from modal.packing.network import Network, write_network
 from modal.packing.sample import Sample, read_sample
 from modal.solvers.factor import factorise
-from modal.system.contacts import with_sliding
 from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
@@ -80,7 +79,7 @@ def contrasted(network: Network, of: str, decades: float, seed: int) -> Network:
     random = np.random.default_rng(seed)
     if of == "stiffness":
         factor = 10 ** (-decades * random.random(network.n_contacts))
-        return network.unchecked(**{name: getattr(network, name) * factor for name in SPRINGS})
+        return stiffer(network, factor, factor)
     factor = 10 ** (decades * random.random(network.n_particles))
     return network.unchecked(
         mass=network.mass * factor, inertia=network.inertia * factor ** (5 / 3)
@@ -153,11 +152,9 @@ def test_nearly_coincident_contacts(angle):
     """Three contacts within a small angle: soft rocking proportional to it, never lost."""
     s, c = np.sin(angle), np.cos(angle)
     network = _ball(np.array([[0, 0, -1], [s, 0, -c], [0, s, -c]]))
-    exact, found = (
-        exact_frequencies(network),
-        modes_of(LinearSystem.of(network), all=True).frequency,
-    )
-    assert by_structure(LinearSystem.of(network)).total == 0
+    system, exact = LinearSystem.of(network), exact_frequencies(network)
+    found = modes_of(system, all=True).frequency
+    assert by_structure(system).total == 0
     assert (abs(found / exact - 1) < bound(exact, exact[-1], 6)).all()
 
 
@@ -226,7 +223,7 @@ def test_a_single_sphere(network, slips):
     the only sphere when it is taken for one."""
     assert network.n_particles == 1
     if slips:
-        network = with_sliding(replace(network, sliding=np.ones(network.n_contacts, bool)), "slip")
+        network = slippery(network)
     exact = exact_frequencies(network)
     zero = int((exact < 1e-6 * exact[-1]).sum())
     system = LinearSystem.of(network)
@@ -240,15 +237,8 @@ def test_a_single_sphere(network, slips):
 def test_every_command_takes_a_single_sphere(network, tmp_path):
     path, out = str(tmp_path / "one.network.h5"), str(tmp_path / "out.h5")
     write_network(path, network)
-    for command in (
-        "info NETWORK",
-        "modes NETWORK --lowest 1",
-        "modes NETWORK --highest 1",
-        "modes NETWORK --all",
-        "count NETWORK --at 1e5",
-        "density NETWORK",
-        "wave NETWORK --duration 1e-5 -o OUT",
-        "response NETWORK",
-    ):
-        words = command.replace("NETWORK", path).replace("OUT", out).split()
-        assert main(words) == 0, command
+    lists = "modes --lowest 1", "modes --highest 1", "modes --all"
+    wave = f"wave --duration 1e-5 -o {out}"
+    for command in ("info", *lists, "count --at 1e5", "density", wave, "response"):
+        name, *options = command.split()
+        assert main([name, path, *options]) == 0, command

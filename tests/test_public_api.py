@@ -189,7 +189,6 @@ WRONG = [
     (modal.eigenmodes, {"lowest": 3, "solver": "magic"}, "solver magic"),
     (modal.eigenmodes, {"lowest": 10_000}, "10000 modes asked"),
     (modal.eigenmodes, {"lowest": 2.5}, "2.5 modes asked"),
-    (modal.eigenmodes, {"highest": "3"}, "highest is '3'"),
     (modal.eigenmodes, {"between": (1.0, 2.0, 3.0)}, "two frequencies"),
     (modal.eigenmodes, {"between": 1e4}, "not 2 numbers"),
     (modal.eigenmodes, {"all": "no"}, "all is 'no', not True or False"),
@@ -199,16 +198,13 @@ WRONG = [
     (modal.count_modes, {"frequency": "low"}, ANOTHER_KIND),
     (modal.propagate, {"duration": "long"}, ANOTHER_KIND),
     (modal.fcc, {"cells": 3}, ANOTHER_KIND),
-    (modal.fcc, {"cells": (2, 2, 0)}, "three whole numbers"),
     (modal.fcc, {"cells": (1, 1, np.inf)}, "three whole numbers"),
     (modal.fcc, {"cells": (1, 1, 10**9)}, "1000000000 spheres takes 2.2 TB of memory"),
     (modal.fcc, {"stress": -1.0}, "stress -1 Pa"),
-    (modal.FccLattice, {"stress": np.nan}, "stress nan Pa"),
     (modal.FccLattice, {"stress": "high"}, ANOTHER_KIND),
     (modal.random_packing, {"sizes": "two"}, "sizes is 'two', not a list"),
     (modal.random_packing, {"spheres": 10**9, "friction": 0.3}, "1000000000 spheres takes .* mem"),
     (modal.random_packing, {"spheres": 3}, "3 spheres"),
-    (modal.random_packing, {"spheres": "many"}, ANOTHER_KIND),
     (modal.random_packing, {"friction": 2.0}, "mu_comp 2"),
     *((f, {"network": "mine.network.h5"}, ANOTHER_KIND) for f in OF_NETWORK),
     (modal.read, {"path": 3}, ANOTHER_KIND),
@@ -240,9 +236,8 @@ def test_a_network_does_not_change():
     mass[0] = 3e-5  # whoever made the array may go on with it, the network keeps its own
     assert (network.mass == 2e-5).all()
     heavier = replace(network, mass=4 * network.mass, inertia=4 * network.inertia, study={})
-    assert modal.eigenmodes(heavier, all=True).frequency == pytest.approx(
-        slow / 2, rel=1e-9, abs=1e-6 * slow[-1]
-    )
+    halved = modal.eigenmodes(heavier, all=True).frequency
+    assert halved == pytest.approx(slow / 2, rel=1e-9, abs=1e-6 * slow[-1])
     heavier.study["density"] = 1.0
     assert "stress" in network.study
 

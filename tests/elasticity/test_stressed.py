@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import contact_matrices, polydisperse
+from packings import changed, contact_matrices, polydisperse, times
 from places import PACKINGS
 
 from modal.__main__ import main
@@ -68,11 +68,7 @@ def test_first_order_of_the_bloch_waves(pre_stress, direction):
     assert np.sqrt(unloaded[::-1]) == pytest.approx(moduli.velocities(n), rel=1e-4)
     errors = []
     for share in (0.2, 0.1):
-        loaded = replace(
-            network,
-            force_normal=share * network.force_normal,
-            force_tangential=share * network.force_tangential,
-        )
+        loaded = changed(network, force_normal=times(share), force_tangential=times(share))
         stressed = elastic_moduli(loaded, tolerance=1e-10, pre_stress=pre_stress)
         found = stressed.velocities(n)[::-1] ** 2 - moduli.velocities(n)[::-1] ** 2
         wanted = long_waves(loaded, wavevector, pre_stress) - unloaded

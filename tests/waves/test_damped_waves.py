@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from packings import stiffer
 from scipy.linalg import eig
 
 import modal
@@ -49,12 +50,8 @@ def test_complex_modes_against_a_dense_quadratic_eigenproblem():
 
 def smooth_ends(network, contacts, mass):
     """Spheres with some of their contacts, other masses, and springs along the normals alone."""
-    chosen = network.with_contacts(np.array(contacts))
-    return chosen.unchecked(
-        mass=np.array(mass),
-        inertia=0.4 * np.array(mass) * network.radius**2,
-        stiffness_tangential=0 * chosen.stiffness_tangential,
-    )
+    chosen, mass = stiffer(network.with_contacts(np.array(contacts)), 1, 0), np.array(mass)
+    return chosen.unchecked(mass=mass, inertia=0.4 * mass * network.radius**2)
 
 
 PAIR = smooth_ends(column(2), [1], [1e-5, 8e-5])
