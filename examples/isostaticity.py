@@ -231,37 +231,41 @@ kinds = {"friction": "as above", "dilate0.005": "dilated", "agitated": "loose"}
 at_100 = pd.concat([others.query("stress == 1e5"), dilated], ignore_index=True)
 at_100["kind"] = at_100["path"].str.extract(rf"^({'|'.join(kinds)})")[0].map(kinds)
 drawn = (at_100["kind"] + at_100["friction"].map(" {:g}".format)).to_numpy(str)
-z_and_e = at_100[["coordination_of_bearing", "void_ratio"]].to_numpy()
+BESIDE, ENDS = ("dilated", "loose"), ("change", "change_low", "change_high")
+at_100_z, at_100_e = (at_100[x].to_numpy() for x in ("coordination_of_bearing", "void_ratio"))
 
 
-def reaches(x, beside):
-    """The range of one variable among packings that have the other in common."""
-    return np.ptp(x - np.polyval(np.polyfit(beside, x, 1), beside))
+def joint(x, beside, y, paths):
+    """Change of y with x in the fit to x and another variable, over the mean of y.
 
+    Over the range that x has where the other stays; with the R² of x alone.
+    """
+    reach = np.ptp(x - np.polyval(np.polyfit(beside, x, 1), beside))
+    known = np.isfinite(y)
 
-def changes(k, y):
-    """Of y with z at one e and with e at one z, over its mean."""
-    k = k[np.isfinite(y[k])]
-    terms = np.column_stack([np.ones(len(k)), z_and_e[k]])
-    ranges = [reaches(*z_and_e.T), reaches(*z_and_e.T[::-1])]
-    return np.linalg.lstsq(terms, y[k])[0][1:] * ranges / np.nanmean(y)
+    def change(k):
+        k = k[known[k]]
+        terms = np.column_stack([np.ones(len(k)), beside[k], x[k]])
+        return np.linalg.lstsq(terms, y[k])[0][2] * reach / np.nanmean(y)
+
+    now, (low, high) = change(np.arange(len(y))), interval(change, paths)
+    alone = np.corrcoef(x[known], y[known])[0, 1] ** 2
+    row = {"range": reach, "change": now, "change_low": low, "change_high": high}
+    return row | {"r_squared_alone": alone}
 
 
 separate = []
 for name in NAMES:
     y = at_100[name].to_numpy(float)
-    known = np.isfinite(y)
-    now = changes(np.arange(len(y)), y)
-    low, high = interval(lambda k, y=y: changes(k, y), drawn)
-    row = {"quantity": name, "packings": known.sum()}
-    for k, x in enumerate(("z", "e")):
-        alone = np.corrcoef(z_and_e[known, k], y[known])[0, 1] ** 2
-        row |= {x: now[k], f"{x}_low": low[k], f"{x}_high": high[k], f"r_squared_{x}": alone}
+    row = {"quantity": name, "packings": np.isfinite(y).sum()}
+    for key, x, beside in (("z", at_100_z, at_100_e), ("e", at_100_e, at_100_z)):
+        found = joint(x, beside, y, drawn)
+        row |= {end.replace("change", key): found[end] for end in ENDS}
+        row |= {f"r_squared_{key}": found["r_squared_alone"]}
     fit = fits[f"{name}, seeds"]
-    off = y / (fit["slope"] * (z_and_e[:, 0] - fit["z_c"])) - 1
-    for kind in ("dilated", "loose"):
-        of = off[known & (at_100["kind"] == kind)]
-        row |= {f"{kind}_off": of.mean(), f"{kind}_error": np.std(of, ddof=1) / np.sqrt(len(of))}
+    off = (at_100[name] / (fit["slope"] * (at_100_z - fit["z_c"])) - 1).groupby(at_100["kind"])
+    for kind in BESIDE:
+        row |= {f"{kind}_off": off.mean()[kind], f"{kind}_error": off.sem()[kind]}
     separate.append(row)
     print(name, row)
 
@@ -291,20 +295,10 @@ plt.show()
 tests = []
 for name, y in value.items():
     for beside, x in (("log stress", np.log10(stress)), ("friction", friction), ("e", void)):
-        reach = np.ptp(x - np.polyval(np.polyfit(z, x, 1), z))
-
-        def change(k, x=x, y=y, reach=reach):
-            """Of y with x at one z, over the mean of y."""
-            k = k[np.isfinite(y[k])]
-            terms = np.column_stack([np.ones(len(k)), z[k], x[k]])
-            return np.linalg.lstsq(terms, y[k])[0][2] * reach / np.nanmean(y)
-
-        now, (low, high) = change(np.arange(len(y))), interval(change)
-        known = np.isfinite(y)
-        alone = np.corrcoef(x[known], y[known])[0, 1] ** 2
-        row = {"quantity": name, "beside_z": beside, "range_at_one_z": reach, "change": now}
-        tests.append(row | {"change_low": low, "change_high": high, "r_squared_alone": alone})
-        print(f"{name}, {beside}: {now:+.2f} ({low:+.2f} to {high:+.2f}); alone R^2 {alone:.2f}")
+        found = joint(x, z, y, friction)
+        row = {"quantity": name, "beside_z": beside, "range_at_one_z": found.pop("range")}
+        tests.append(row | found)
+        print(name, beside, found)
 
 residuals, axes = plt.subplots(1, 4, figsize=(7, 2.4), layout="constrained")
 expected = fits[LOW_PASS]["slope"] * (z - fits[LOW_PASS]["z_c"])
@@ -374,10 +368,7 @@ if __name__ == "__main__" and len(sys.argv) == 2:
     lines = [
         [row["quantity"], f"{row['packings']}", with_ends(row, "z", 2), with_ends(row, "e", 2)]
         + [f"{row['r_squared_z']:.2f}, {row['r_squared_e']:.2f}"]
-        + [
-            f"{row[f'{kind}_off']:.2f} ± {row[f'{kind}_error']:.2f}"
-            for kind in ("dilated", "loose")
-        ]
+        + [f"{row[f'{kind}_off']:.2f} ± {row[f'{kind}_error']:.2f}" for kind in BESIDE]
         for row in separate
     ]
     (folder / "one_void_ratio.md").write_text(markdown(header, lines))
