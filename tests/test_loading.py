@@ -50,13 +50,14 @@ def test_nothing_heavy_is_loaded(code, heavy, tmp_path):
 @pytest.mark.parametrize(
     ("absent", "command", "said"),
     [
-        ("matplotlib", "figure", "matplotlib is absent, which draws; pip install matplotlib"),
-        ("pandas", "study", "pandas is absent, which groups the results of a study; pip install"),
+        ("matplotlib", "figure gain 2", "matplotlib is absent, which draws; pip install matp"),
+        ("matplotlib", "measure none.h5", "none.h5: no such file"),  # which draws nothing
+        ("pandas", "study --help", "pandas is absent, which groups the results of a study; pip"),
     ],
 )
 def test_analysis_without_a_package_is_one_line(absent, command, said, tmp_path):
     (tmp_path / f"{absent}.py").write_text(f"raise ModuleNotFoundError(name='{absent}')")
-    command = [sys.executable, "-m", "analysis", command, "--help"]
+    command = [sys.executable, "-m", "analysis", *command.split()]
     variables = os.environ | {"PYTHONPATH": f"{tmp_path}:{ROOT}"}
     done = subprocess.run(command, env=variables, capture_output=True, text=True)
     assert done.returncode == 2

@@ -17,7 +17,7 @@ from places import ROOT
 
 import modal
 from modal.cli.main import COMMANDS, main, parser
-from modal.cli.terminal import label_and_unit, page
+from modal.cli.terminal import label_and_unit
 from modal.packing.network import write_network
 from modal.tools.display import PREFIXES, quantities
 
@@ -63,47 +63,6 @@ def _example(name, capsys):
     return line.removeprefix("example: python -m modal ").split()
 
 
-@pytest.fixture
-def crystal(tmp_path):
-    path = tmp_path / "fcc.network.h5"
-    write_network(path, modal.fcc(cells=(2, 2, 8)))
-    return str(path)
-
-
-def test_info_in_groups_has_what_json_has(crystal, capsys):
-    assert main(["info", crystal, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert main(["info", crystal]) == 0
-    whole = capsys.readouterr().out
-    titles = re.findall(r"^(\S.*)$", whole, re.MULTILINE)
-    out, notes = whole.split("notes of the file")
-    rows = dict(re.findall(r"^ +(\S+(?: \S+)*)  +(.*)$", out, re.MULTILINE))
-    assert titles[0] == "packing" and titles[-2] == "notes of the file, in SI units"
-    assert rows["particles"] == str(told["particles"])
-    assert rows["length"] == f"{told['length_m'] * 1e3:.4g} mm"
-    assert rows["stress"].split(" ")[-1] == "kPa"
-    shown = [float(text) for text in rows["stress"].removesuffix(" kPa").split(", ")]
-    assert shown == pytest.approx([value / 1e3 for value in told["stress_pa"]], rel=1e-3)
-    assert re.search("^ +stress +100000", notes, re.MULTILINE)  # that it was made for, as it is
-    # Every name of the result is in the page, once.
-    for name in set(told) - {"study", "seconds", "peak_memory_bytes"}:
-        label = re.escape(label_and_unit(name)[0])
-        assert len(re.findall(rf"^ +{label}(?:  |$)", out, re.MULTILINE)) == 1, name
-
-
-def test_lists_of_modes_stand_in_columns(crystal, capsys):
-    assert main(["modes", crystal, "--lowest", "30", "--json"]) == 0
-    frequency = json.loads(capsys.readouterr().out)["frequency_hz"]
-    assert main(["modes", crystal, "--lowest", "30"]) == 0
-    out = capsys.readouterr().out
-    assert "frequency, kHz" in out and "... 6 more" in out
-    rows = re.findall(r"^ *(\d+) +(\d+\.\d+) +\S+ +\S+e-\d+$", out, re.MULTILINE)
-    assert [int(number) for number, _ in rows] == [*range(1, 13), *range(19, 31)]
-    for number, text in rows:
-        # Three digits before the point or fewer, six in the largest: 0.0005 kHz at most.
-        assert float(text) == pytest.approx(frequency[int(number) - 1] / 1e3, abs=5.1e-4)
-
-
 def test_examples_in_docstrings_run():
     """Of all modules of these rooms."""
     for room in ("cli", "exchange", "tools"):
@@ -113,17 +72,25 @@ def test_examples_in_docstrings_run():
                 assert doctest.testmod(importlib.import_module(name)).failed == 0, name
 
 
-def test_velocities_have_no_prefix_and_equal_decimals():
-    assert page({"velocity_m_per_s": [782.1, 549.0]}) == "velocity  782.1, 549.0 m/s"
+def test_info_shows_each_name_that_json_has(tmp_path, capsys):
+    write_network(tmp_path / "fcc.network.h5", modal.fcc(cells=(2, 2, 8)))
+    assert main(["info", str(tmp_path / "fcc.network.h5"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert main(["info", str(tmp_path / "fcc.network.h5")]) == 0
+    shown = capsys.readouterr().out.partition("notes of the file")[0]
+    for name in set(told) - {"study", "seconds", "peak_memory_bytes"}:
+        label = re.escape(label_and_unit(name)[0])
+        assert len(re.findall(rf"^ +{label}(?:  |$)", shown, re.MULTILINE)) == 1, name
 
 
-def test_a_reader_that_has_seen_enough_is_no_error():
+MEASURE = "analysis measure examples/packings/triaxial.network.h5 --quantities void_ratio"
+
+
+@pytest.mark.parametrize("command", ["modal lattice", MEASURE])
+def test_a_reader_that_has_seen_enough_is_no_error(command):
     """As with `python -m modal lattice | true`: what it read stays, nothing is said."""
-    with subprocess.Popen(
-        [sys.executable, "-m", "modal", "lattice"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as run:
+    words, pipe = [sys.executable, "-m", *command.split()], subprocess.PIPE
+    with subprocess.Popen(words, cwd=ROOT, stdout=pipe, stderr=pipe) as run:
         run.stdout.close()
         assert run.stderr.read() == b""
     assert run.returncode == 0
