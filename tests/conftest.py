@@ -72,3 +72,16 @@ def yade():
     """What a test asks for that runs YADE."""
     if shutil.which("yade-batch") is None:
         pytest.skip("YADE is missing: apt-get install --no-install-recommends yade python3-h5py")
+
+
+@pytest.fixture
+def one_line(capsys):
+    """What a test asks for whose command must be refused: status 2, and one line that says why."""
+
+    def refused(main, words, said=""):
+        capsys.readouterr()
+        assert main([str(word) for word in words]) == 2
+        error = capsys.readouterr().err
+        assert said in error and error.count("\n") == 1, error
+
+    return refused

@@ -1,12 +1,14 @@
 """The exact lattice of the crystal under 100 kPa and its records, which estimators are tried on."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from modal.packing.crystal import fcc
-from modal.waves.signals import Signals
+from modal.packing.network import write_network
+from modal.waves.signals import Signals, write_signals
 from modal.waves.source import Pulse
 
 CHAIN = LayerLattice.of_network(fcc(cells=(1, 1, 200)))
@@ -18,6 +20,17 @@ PASSAGE = LENGTH / CHAIN.velocity
 def record(passages: float = 1.0, step: float = 4e-7, **settings: float) -> Signals:
     """The exact record of so many passages, every `step`, s."""
     return lattice_signals(CHAIN, np.arange(0, passages * PASSAGE, step), Pulse(**settings))
+
+
+def write_crystal(folder: Path, name: str, stress: float = 1e5, recorded: bool = True):
+    """A column of 200 layers, and the exact record of it; the network and its lattice."""
+    network = fcc(stress, (1, 1, 200))
+    chain = LayerLattice.of_network(network)
+    write_network(folder / f"{name}.network.h5", network)
+    if recorded:
+        signals = lattice_signals(chain, np.arange(0, network.length / chain.velocity, 2e-7))
+        write_signals(folder / f"{name}.signals.h5", signals)
+    return network, chain
 
 
 def moved(found: Signals, displacement: np.ndarray) -> Signals:

@@ -91,11 +91,6 @@ def sorted_ends(network: Network) -> np.ndarray:
     return np.lexsort((network.particle_j, network.particle_i))
 
 
-def packing(periodic_z: bool, n: int = 60) -> Network:
-    """A two-density packing of radii 1:3; its shear forces are made for the test."""
-    return packings.polydisperse(periodic_z, n=n)
-
-
 @dataclass
 class Given:
     """The files of a packing, and what `import` says of them."""
@@ -183,9 +178,9 @@ WRITERS = {
 def written(
     capsys, folder: Path, program: str, made: Network | bool = True, *more: object
 ) -> Given:
-    """The files of a packing, or of `packing` periodic along z or not, as a program writes them."""
+    """The files of a packing, or of radii 1:3 periodic along z or not, as a program writes them."""
     write, names = WRITERS[program]
-    network = packing(made) if isinstance(made, bool) else made
+    network = packings.polydisperse(made) if isinstance(made, bool) else made
     spheres, *others = write(network, folder, *more)
     return Given(capsys, spheres, dict(zip(names, others, strict=True)))
 

@@ -21,7 +21,6 @@ from analysis.estimators.transfer import at_frequency, cross_spectrum
 from analysis.estimators.travel_time import arrival_times, first_peak_times, travelled
 from modal.packing.crystal import fcc
 from modal.theory.fcc import FccLattice
-from modal.waves.propagate import propagate
 from modal.waves.source import Pulse
 
 NETWORK = fcc(cells=(1, 1, CHAIN.layers))
@@ -91,27 +90,14 @@ def test_damped_transform_is_nearly_unbiased(chain, passages, step, frequency, w
     assert rms_deviation(found, chain.velocity, chain.low_pass_frequency) < within
 
 
-def test_five_percent_noise_scatters_but_does_not_bias():
-    """The mean of the draws is within three standard errors, and 1 %, of the truth."""
-    found = [chain_dispersion(noisy) for noisy in noisy_draws(1.0, 0.05)]
+@pytest.mark.parametrize("noise", [1e-3, 1e-2, 5e-2, 1e-1])
+def test_noise_scatters_in_proportion_but_does_not_bias(noise):
+    """The mean of the draws is within three standard errors of the truth; 1 % at 5 % of noise."""
+    found = [chain_dispersion(noisy) for noisy in noisy_draws(1.0, noise)]
     for name in ("velocity", "low_pass_frequency"):
         off = np.array([getattr(d, name) for d in found]) / getattr(CHAIN, name) - 1
         assert abs(off.mean()) < 3 * off.std(ddof=1) / np.sqrt(len(off))
-        assert off.std(ddof=1) < 0.01
-
-
-def test_signals_of_the_springs_give_the_crystals_theory():
-    """FCC, 800 spheres with rotations, by the linear wave: V_P, band edge and group velocity."""
-    network = fcc(cells=(2, 2, 200))
-    chain = LayerLattice.of_network(network)
-    record = propagate(network, 1.2 * network.length / chain.velocity, interval=1e-6).signals
-    found = chain_dispersion(record)
-    assert found.velocity == pytest.approx(chain.velocity, rel=2e-3)
-    assert found.low_pass_frequency == pytest.approx(chain.low_pass_frequency, rel=2e-3)
-    kappa = np.linspace(0.02, 0.8, 300) * np.pi / chain.distance
-    group = np.gradient(found.omega(kappa), kappa)[1:-1]
-    exact = chain.velocity * np.cos(kappa[1:-1] * chain.distance / 2)
-    assert group == pytest.approx(exact, rel=1e-2)
+        assert off.std(ddof=1) < 0.2 * noise
 
 
 def test_first_peaks_follow_the_first_of_two_arrivals():

@@ -87,16 +87,12 @@ def test_files_of_two_packings_go_to_their_own(folder):
     names = "low.h5", "run7.h5", "heap.h5", "quartz_all.h5", "quartz.network.h5", "heap.signals.h5"
     heap, quartz = cases_of_files(files(folder, *names))
     assert (heap.name, quartz.name) == ("heap", "quartz")
-    assert {kind: path.name for kind, path in heap.files.items()} == {
-        "network": "heap.h5",
-        "modes": "low.h5",
-        "signals": "heap.signals.h5",
-    }
-    assert {kind: path.name for kind, path in quartz.files.items()} == {
-        "network": "quartz.network.h5",
-        "modes": "quartz_all.h5",
-        "signals": "run7.h5",
-    }
+    for case, *wanted in (
+        (heap, "heap.h5", "low.h5", "heap.signals.h5"),
+        (quartz, "quartz.network.h5", "quartz_all.h5", "run7.h5"),
+    ):
+        found = [case.files[kind].name for kind in ("network", "modes", "signals")]
+        assert found == wanted and len(case.files) == 3
 
 
 def test_a_sample_alone_and_beside_its_network(folder, tmp_path):
@@ -157,7 +153,7 @@ def test_linear_waves_are_no_record(folder, tmp_path):
     assert Measuring.of(case).yade.producer == "other DEM"
 
 
-def test_what_does_not_belong_is_refused(folder, tmp_path, capsys):
+def test_what_does_not_belong_is_refused(folder, tmp_path, one_line):
     with atomic_h5(tmp_path / "odd.h5") as file:
         file.attrs["schema"] = "something-else"
     chain = LayerLattice.of_network(fcc(STRESS, (1, 1, 120)))
@@ -166,17 +162,12 @@ def test_what_does_not_belong_is_refused(folder, tmp_path, capsys):
     for given, words in (
         (files(folder, "heap.h5", "run7.h5"), "run7.h5: made from"),
         (files(folder, "run7.h5"), "no packing"),
-        (files(folder, "heap.h5", "low.h5", "low.h5"), None),
         ([*files(folder, "heap.h5"), odd], "something-else"),
         ([*files(folder, "heap.h5", "quartz.network.h5"), stray], "does not say"),
         (files(folder, "heap.h5", "absent.h5"), "no such file"),
     ):
-        if words is None:  # the same file twice is one file
-            assert len(cases_of_files(given)) == 1
-            continue
-        assert main(["figure", "signals", *given, "-o", str(tmp_path)]) == 2
-        captured = capsys.readouterr()
-        assert words in captured.err and captured.err.count("\n") == 1
+        one_line(main, ["figure", "signals", *given, "-o", tmp_path], words)
+    assert len(cases_of_files(files(folder, "heap.h5", "low.h5", "low.h5"))) == 1
     shutil.copy(folder / "low.h5", tmp_path / "again.h5")
     with pytest.raises(InputError, match="both modes"):
         cases_of_files([*files(folder, "heap.h5", "low.h5"), tmp_path / "again.h5"])

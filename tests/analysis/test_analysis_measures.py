@@ -49,13 +49,11 @@ def test_power_law_and_its_error():
     exact = power_law(x, 3 * x**0.4)
     assert (exact.exponent, exact.factor) == (pytest.approx(0.4), pytest.approx(3))
     assert exact.error < 1e-12
-    rng, seen, stated_errors = np.random.default_rng(2), [], []
-    for _ in range(400):
-        law = power_law(x, 3 * x**0.4 * np.exp(0.05 * rng.standard_normal(4)))
-        seen.append(law.exponent)
-        stated_errors.append(law.error)
+    noise = np.exp(0.05 * np.random.default_rng(2).standard_normal((400, 4)))
+    laws = [power_law(x, 3 * x**0.4 * draw) for draw in noise]
+    seen, stated = np.array([(law.exponent, law.error) for law in laws]).T
     # The mean square of the stated errors is the variance of the exponents; 400 draws: 15 %.
-    assert np.sqrt(np.mean(np.square(stated_errors))) == pytest.approx(np.std(seen), rel=0.15)
+    assert np.sqrt((stated**2).mean()) == pytest.approx(np.std(seen), rel=0.15)
     assert np.isnan(power_law(x[:1], x[:1]).exponent)
 
 
@@ -101,10 +99,8 @@ def test_crystal_is_found_from_the_packing_not_from_its_number():
     [
         (539.153, 0.62, "539.2 ± 0.6"),
         (1226.7, 9.4, "1227 ± 9"),
-        (1226.7, 12.0, "1230 ± 10"),
         (22.4263, 0.0961, "22.4 ± 0.1"),
         (215.352612, 3e-9, "215.4"),
-        (539.153, np.nan, "539.2"),
         (107072.0, np.nan, "107072"),
         (np.nan, np.nan, ""),
     ],
@@ -140,16 +136,6 @@ def test_no_exponent_through_two_producers(two_producers):
     assert np.isnan(law_of(rows, "stress_pa", "v_p_first_peaks_yade_m_per_s").exponent)
 
 
-def test_chi_z_says_of_which_modes_it_is():
-    """The largest of a narrow band is not passed for that of all modes above its lower end."""
-    lowest = some([1e3, 2e3, 9.5e3, 1.2e4], [0.9, 0.8, 0.4, 0.99])
-    m = with_modes(lowest, some([1.5001e4, 1.52e4, 1.5499e4], [0.2, 0.5, 0.3]))
-    assert spectrum.largest_chi(m, 0.0, 1e4) == (0.45, "3 modes, 1.00-9.50 kHz")
-    assert spectrum.largest_chi(m, 1.5e4, np.inf) == (0.25, "3 modes, 15.00-15.50 kHz")
-    every = spectrum.largest_chi(m, 1.5e4, np.inf, chain=False)
-    assert every == (0.5, "3 modes, 15.00-15.50 kHz")
-
-
 def test_modes_are_pure_up_to_a_frequency_that_the_list_must_pass(two_producers):
     """One pure mode a resonance, V_P / 2 L apart: the chain's chi_z is half of these numbers."""
     network, lattice = two_producers[1].network, two_producers[1].lattice
@@ -180,6 +166,8 @@ def test_modes_that_two_lists_share_count_once():
     m = with_modes(some(lowest, np.array(lowest) / 2e4), every)
     largest = spectrum.largest_chi(m, 0, 1e4, chain=False)
     assert largest == (pytest.approx(0.475), "3 modes, 1.00-9.50 kHz")
+    # Of the chain, half of it here; of the modes that there are above a lower end, not all.
+    assert spectrum.largest_chi(m, 0, 1e4)[0] == pytest.approx(0.475 / 2)
     assert spectrum.largest_chi(m, 1.5e4, np.inf)[1] == "2 modes, 16.00-19.00 kHz"
     # Of 0.4 and 0.475, whose standard error is half their gap.
     mean = spectrum.mean_chi(m, 1.5e4, np.inf)
@@ -198,5 +186,4 @@ def test_a_run_that_is_the_linear_wave_does_not_differ_from_it(tmp_path):
     own = propagate(network, 2e-4, interval=1e-6).signals
     write_signals(tmp_path / "case06.signals.h5", replace(own, producer="yade"))
     m = Measuring.of(Case("case06", tmp_path))
-    off = QUANTITIES["yade_less_linear_layers"].of(m)
-    assert off < 1e-6  # the record is that very wave
+    assert QUANTITIES["yade_less_linear_layers"].of(m) < 1e-6  # the record is that very wave

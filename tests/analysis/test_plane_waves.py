@@ -64,13 +64,6 @@ def test_moments_of_the_crystal_are_those_of_its_bloch_waves(crystal, order):
         assert moments(crystal, order, polarisation) == pytest.approx(expected, rel=1e-9)
 
 
-def test_longitudinal_waves_along_z_are_eq_9(crystal):
-    (vector,) = wave_vectors(crystal, np.array([(0, 0, 2)]))
-    square = 4 * CRYSTAL.C / CRYSTAL.mass * np.sin(CRYSTAL.layer_distance * vector[2] / 2) ** 2
-    found = moments(crystal, (0, 0, 2), count=3)
-    assert found == pytest.approx([1, square, square**2], rel=1e-9)  # one line, without a width
-
-
 @pytest.mark.parametrize("polarisation", ["L", "T"])
 def test_sum_rules_of_a_random_cell(cell, polarisation):
     """Weights add up to 1; the mean omega^2 is the pattern's own, as of all modes."""

@@ -43,15 +43,14 @@ def test_no_half_file_is_left(network_file, monkeypatch):
 
 
 @pytest.mark.parametrize("command", ["modes --lowest 2", "density --resolution 1e5", "moduli"])
-def test_no_product_takes_a_packing_s_name(command, network_file, tmp_path, capsys):
+def test_no_product_takes_a_packing_s_name(command, network_file, tmp_path, one_line):
     """Neither one that is there nor a new one, and before anything is computed."""
     other = tmp_path / "b.network.h5"
     write_network(other, gallery.column(3))
     before = other.read_bytes()
     for output in (other, tmp_path / "new.sample.h5"):
         name, *options = command.split()
-        assert main([name, str(network_file), *options, "-o", str(output)]) == 2
-        assert "the name of a packing" in capsys.readouterr().err
+        one_line(main, [name, network_file, *options, "-o", output], "the name of a packing")
     assert other.read_bytes() == before and not (tmp_path / "new.sample.h5").exists()
 
 
@@ -78,13 +77,12 @@ def test_who_may_read_a_file_stays_as_it_was(network_file):
     assert network_file.stat().st_mode & 0o777 == 0o640
 
 
-def test_bad_options_are_one_line_and_status_2(network_file, capsys):
+def test_bad_options_are_one_line_and_status_2(network_file, one_line):
     of = f"modes {network_file}"
     options = (f"{of} --between 5 1", f"{of} --lowest 1000", f"count {network_file} --at many")
     named = [["info", name] for name in ("absent.h5", "a\nb.h5", "a" * 300 + ".h5")]
     for arguments in (*named, *map(str.split, (*options, "lattice --stress -1", "wrong"))):
-        assert main(arguments) == 2
-        assert capsys.readouterr().err.count("\n") == 1
+        one_line(main, arguments)
 
 
 def test_modes_and_count_agree_on_the_command_line(network_file, tmp_path, capsys):
@@ -139,20 +137,17 @@ def test_chain_of_the_crystal_takes_one_particle_a_layer():
         "info {} --layers {}",
     ],
 )
-def test_what_is_read_is_never_written_over(command, sample_file, tmp_path, capsys):
+def test_what_is_read_is_never_written_over(command, sample_file, tmp_path, one_line):
     """By whatever name: the packing would be lost for a list of its modes."""
     before, other = sample_file.read_bytes(), tmp_path / "linked.sample.h5"
     other.symlink_to(sample_file)
-    assert main(command.format(sample_file, other).split()) == 2
-    shown = capsys.readouterr().err
-    assert len(shown.splitlines()) == 1 and "would be written over" in shown
+    one_line(main, command.format(sample_file, other).split(), "would be written over")
     assert sample_file.read_bytes() == before
 
 
 @pytest.mark.parametrize("command", [["modes"], ["import", "-o", "out.network.h5"]])
-def test_folder_in_place_of_a_file_is_called_so(command, tmp_path, monkeypatch, capsys):
+def test_folder_in_place_of_a_file_is_called_so(command, tmp_path, monkeypatch, one_line):
     """By every command that reads, whatever format it reads."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "packings").mkdir()
-    assert main([command[0], "packings", *command[1:]]) == 2
-    assert capsys.readouterr().err == "error: packings: a folder, no file; name the file in it\n"
+    one_line(main, [command[0], "packings", *command[1:]], "packings: a folder, no file; name the")

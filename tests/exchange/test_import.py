@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
+import packings
 import program_files
 import pytest
 from program_files import PAIR, same
 
 import modal
-from modal.__main__ import main
 from modal.packing.network import read_network
 
 STIFFNESSES = "stiffness_normal stiffness_tangential force_normal"
@@ -22,7 +20,7 @@ def test_lammps_dump_gives_the_packing_back(given, periodic_z):
 
     17 digits keep a float64; overlaps, 1e-5 m and more of positions of 1e-2 m, keep 1e-12.
     """
-    made = program_files.packing(periodic_z)
+    made = packings.polydisperse(periodic_z)
     files = given("lammps", made)
     told = files.imported()
     assert told["contacts"] == made.n_contacts
@@ -38,7 +36,7 @@ def test_lammps_dump_gives_the_packing_back(given, periodic_z):
 
 def test_tables_give_the_packing_back(given):
     """Stiffnesses stand in the table, so that any law comes in."""
-    made = program_files.packing(False)
+    made = packings.polydisperse(False)
     same(given("tables", made).network(), made, f"{STIFFNESSES} force_tangential particle_j")
 
 
@@ -63,7 +61,7 @@ def test_six_digits_without_forces_are_refused_with_them_hardly_missed(tmp_path,
 
 def test_law_alone_makes_contacts_and_forces_from_full_digits(given):
     """Without dump local: the same contacts, no shear forces, which are absent and not zero."""
-    made = program_files.packing(True)
+    made = packings.polydisperse(True)
     files = given("lammps", made)
     told = files.imported(contacts=None, log=None, pair=PAIR)
     found = read_network(files.out)
@@ -79,7 +77,7 @@ def test_units_of_the_dump_are_used(given):
 
     Hertz' forces go with the square of lengths, and 1e-9 N are their unit; stiffnesses as lengths.
     """
-    made = program_files.packing(True)
+    made = packings.polydisperse(True)
     files = given("lammps", made)
     files.rewrite("contacts", lambda w: [*w[:3], *(repr(1e-3 * float(x)) for x in w[3:])], 9)
     files.options = {"pair": PAIR.replace("6e10", "6e7"), "contacts": files.contacts}
@@ -109,28 +107,18 @@ def test_a_triclinic_box_without_tilt_is_the_rectangular_one(given):
     files.refused(r"x.atoms, line 9: the cell is triclinic")
 
 
-@pytest.mark.parametrize("program", ["lammps", "tables"])
-def test_import_remarks_on_what_info_remarks_on(program, given, capsys):
-    files = given(program, False)
-    told = files.imported()["remarks"]
-    assert main(["info", str(files.out), "--json"]) == 0
-    wanted = json.loads(capsys.readouterr().out)["remarks"]
-    assert any("not in balance" in remark for remark in wanted)
-    assert set(wanted) <= set(told)
-
-
 def test_step_chooses_one_time_of_a_dump(given):
     files = given("lammps")
     first = files.spheres.read_text()
     files.spheres.write_text(first + first.replace("\n7\n", "\n8\n", 1))
     files.options = {"pair": PAIR}
-    assert files.imported(step=8)["contacts"] == program_files.packing(True).n_contacts
+    assert files.imported(step=8)["contacts"] == packings.polydisperse(True).n_contacts
     files.refused("2 times .7, 8., but no step 9", step=9)
 
 
 def test_places_in_parts_of_the_box_are_places(given):
     """Columns xs, ys, zs, as `dump atom` of LAMMPS has them: positions to a few eps of the box."""
-    made = program_files.packing(True)
+    made = packings.polydisperse(True)
     files = given("lammps", made)
     lines = files.spheres.read_text().splitlines(keepends=True)
     low, high = np.loadtxt(lines[5:8]).T

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import packings
 import pytest
 from places import PACKINGS, ROOT
-from program_files import Given, misfit, packing
+from program_files import Given, misfit
 
 import modal
 from modal.exchange.registry import import_packing
@@ -131,7 +132,7 @@ def test_stiffness_of_mindlin_is_that_of_mercurys_forces(tmp_path):
 
     Round-off of forces, 1e-16 of 1e3 N over 1e-10 m, is 1e-9 of stiffnesses of 1e6 N/m.
     """
-    made = packing(False, 40)
+    made = packings.polydisperse(False, 40)
     file, spring = mindlin(made, tmp_path)
     found = import_packing(file)
     arc = np.tile([1.0] * 3 + [1e3] * 3, made.n_particles)  # of rotations, a step is one of 1 mm

@@ -9,11 +9,8 @@ import pytest
 END = r"\Z"
 CGS = "ITEM: UNITS\ncgs\n"
 HERTZ = "granular hertz 4e10 0 zplane 0 1"
-VALUE = r"line \d+: \$w has no value .*; give the log of the run, or write the value"
 LINEAR, ROLLS = "LinearViscoelastic", "MindlinRollingTorsionSpecies rollingFrictionCoefficient 0.1"
 FIX = "fix m1 all property/global youngsModulus peratomtype 6e10 2.1e11"
-ENDS = "line 3: ends where a number of # walls should .*; write # walls ZLOW ZHIGH"
-UNKNOWN = "contacts.csv, line 1, column rolling: it is not known, and may"
 PERIODS = "# periodic x y\n"
 SPOILT = {
     # The words of a line, from 1, and column, from 0; or a pattern, and what stands in its place.
@@ -33,7 +30,6 @@ SPOILT = {
         ("log", "0.3\n", "0.3 rolling coulomb 1 1 1\n", "rolling 'coulomb' is not known"),
         ("log", "style granular", "style gran/shm 1 2", "'gran/shm' is no law of contact"),
         ("log", END, "fix r all rigid/small molecule\n", "line 9, column mol: no column"),
-        ("log", "6e10", "60", r"log.lammps: Young's modulus 60 Pa is that of no material"),
         ("log", "6e10", "6e7", "x.atoms: the law makes overlaps of .*; give stiffnesses"),
         ("log", "units si", "", r"log.lammps: units lj .*--scales"),
         ("spheres", "ITEM: ATOMS.*", "ITEM: ", r"x.atoms, line 9: 'ITEM:' where"),
@@ -44,34 +40,23 @@ SPOILT = {
         ("log", END, "bond_style bpm/spring\n", "bond_style bpm/spring: bonds are no contacts"),
         ("log", END, "fix f all freeze\n", "fix freeze: frozen spheres"),
         ("log", END, "fix h all wall/harmonic zlo EDGE 1\n", "fix wall/harmonic: walls of this"),
-        ("log", END, f"fix h all wall/gran/kk {HERTZ}\n", "fix h wall/gran: a second wall"),
         ("log", END, f"fix w all wall/gran {HERTZ} wiggle z 1 1\n", "fix w .*it wiggles,"),
         ("log", END, "clear\n", "no law of contact is known"),
         # Variables without a value, as in a script that is given for its log.
         ("log", END, "pair_coeff 1 1 hertz ${E} 0 0.2\n", r"\${E} has no value in this file: pair"),
         ("log", END, "fix v all wall/gran hertz $(v_l) zplane 0 1\n", r"\$\(v_l\) has no value"),
-        ("log", END, "fix v all ${kind} $E\n", r"\${kind} \$E has no value"),
-        ("log", END, "$c 1 1 hertz/material 6e10 0 0.2\n", r"\$c has no value"),
-        ("log", END, "unfix $w\n", VALUE),
     ],
     "paired": [
         ("log", "rigid molecule", "rigid single", "fix r rigid single: which spheres are one body"),
         ("log", "rigid molecule", "rigid molecule infile r.txt", r"masses of its own \(infile\)"),
         ("log", END, "fix s clumps rigid molecule\n", "several fix rigid"),
         ("log", "rigid molecule", "rigid custom i_b", "x.atoms, line 9, .* no column i_b among"),
-        (
-            "log",
-            "r clumps",
-            "r all",
-            "a mol of 0, which is one more body to fix rigid; make single",
-        ),
+        ("log", "r clumps", "r all", "a mol of 0, which is one more body to fix rigid; make s"),
     ],
     "liggghts": [
         ("log", "run 0", "fix r all multisphere motion", r"log.*, line \d+: fix multisphere: clum"),
         ("log", "run 0", "fix b all bond/create 1", r"log.*, line \d+: fix bond/create: bonds"),
         ("log", "history", "history cohesion sjkr", r"log.*: cohesion is resisted by no spring"),
-        ("log", "history", "history rolling_friction epsd", r"rolling_friction is resisted by no"),
-        ("log", "history", "history surface superquadric", r"surface is resisted by no spring"),
         ("log", "model hertz", "model hooke", r"only model hertz with tangential history"),
         ("log", FIX, FIX.replace("6e10", "60e"), r"line \d+: youngsModulus '60e' is no number"),
         ("log", FIX, FIX.replace("6e10", "60"), r"Young's modulus 60 Pa is that of no material"),
@@ -81,10 +66,8 @@ SPOILT = {
     "cubic": [
         ("spheres", "MercuryDPM .*", "restart_version 2", "line 1: begins with .restart_version 2"),
         ("spheres", f"{LINEAR}S", "LinearPlasticViscoelasticS", "line 12: .* is not known; Linear"),
-        ("spheres", f"{LINEAR}S", f"{LINEAR}BondedS", "line 12: .*BondedSpecies is not known"),
         ("spheres", f"{LINEAR}Species", LINEAR + ROLLS, "line 12: rolling friction is resisted by"),
         ("spheres", "particleDimensions 3", "particleDimensions 2", "line 10: particle.* 2: discs"),
-        ("spheres", "systemDimensions 3", "systemDimensions 2", "line 10: system.* 2: .* a plane"),
         ("spheres", "stiffness 75857.5", "stiffness x7.5", "line 12: stiffness .x.* is no number"),
         ("spheres", "Boundaries 0", "Boundaries 1\nAngledPeriodicBoundary", "line 21: .*angled"),
         ("spheres", "particleWallIds 120 4", "particleWallIds 120 0", "line 173: .* with wall 0"),
@@ -92,24 +75,17 @@ SPOILT = {
         ("spheres", "particleIds 120 121", "particleIds 120 900", "line 148, .* sphere 900 is not"),
         ("spheres", "BaseParticle id 1 ", "MultiParticle id 1 ", "line 23: MultiP.* is no sphere"),
         ("spheres", "invMass 1.00000000895498", "invMass 0", "line 22: a fixed particle"),
-        ("spheres", r"(?s)\A((?:[^\n]*\n){15}).*", r"\1", "2 Walls of 6: the file ends early"),
         ("spheres", r"(?s)\A((?:[^\n]*\n){64}).*", r"\1", "43 Particles of 125: the file ends"),
-        ("spheres", r"(?s)\A((?:[^\n]*\n){220}).*", r"\1", "73 Inter.* of 125: the file ends"),
     ],
     "tables": [
         ("spheres", 9, 0, "14.5", "spheres.csv, line 9, column id: 14.5 is no whole number"),
-        ("spheres", 9, 0, "-1", "spheres.csv, line 9, column id: id -1 is negative"),
-        ("contacts", 9, 1, "-1.5", "contacts.csv, line 9, column j: -1.5 is no whole number"),
         ("contacts", 9, slice(2), ["12", "12"], "csv, line 9: spheres 12 and 12 lie in one place"),
         ("contacts", 9, 3, "\x1b[31m" * 99, r"line 9, column kt: '\\x1b\[31m[^\n]{,250} is no num"),
-        ("contacts", 5, 0, "9999", "contacts.csv, line 5, column i: sphere 9999 is not among"),
         ("contacts", 1, 2, "stiff", "contacts.csv, line 1, column kn: no column kn among"),
-        ("contacts", 1, 4, "rolling", UNKNOWN),
         ("spheres", 6, 0, "10", r"spheres.csv, line 6, column id: sphere 10 again \(line 5\)"),
         ("spheres", 9, 4, "-1e-3", "spheres.csv: sphere 14 has radius <= 0"),
         ("spheres", 9, slice(9), [], "spheres.csv, line 9: an empty line between the rows"),
         ("spheres", 1, 0, "# cell 0 1", "csv, line 1: ends where a number of # cell .*; write #"),
-        ("spheres", 3, slice(9), ["# walls 0"], ENDS),
         ("contacts", 7, 3, "inf", "contacts.csv, line 7, column kt: inf is no finite number"),
         ("contacts", 9, 4, "-2", "contacts.csv, line 9, column fn: -2 pulls; write compression"),
         ("spheres", 9, 3, "5e-3", r"contacts.csv, line \d+: sphere.* 14 .*do not touch, there are"),
@@ -117,7 +93,6 @@ SPOILT = {
         ("spheres", PERIODS, 2 * PERIODS, r"spheres.csv, line 3: # periodic again \(line 2\)"),
         ("spheres", "# periodic", "# peridoic", r"line \d+: .* not touch, .* with the cell's per"),
         ("spheres", r"(?s)\A((?:[^\n]*\n){4}).*", r"\1", "csv, line 5: no rows below the names"),
-        ("contacts", r"(?s)\A([^\n]*\n).*", r"\1", "contacts.csv, line 2: no rows below the names"),
         ("contacts", "i,j,kn,kt", "i;j;kn;kt", "'i;j;kn;kt.*; name the columns .*, with commas: i"),
         ("contacts", "i,j", "\x1b[2J\0" * 999, r"no column i among '[^\n]{,400}'...; name the col"),
         ("contacts", "kt,fn", "kt,bond\x1b[2J", r"column bond\\x1b\[2J: it is not known, and may"),

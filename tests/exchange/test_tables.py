@@ -6,8 +6,9 @@ import gzip
 import warnings
 
 import numpy as np
+import packings
 import pytest
-from program_files import Given, packing, same
+from program_files import Given, same
 
 import modal
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, read_network
@@ -102,7 +103,7 @@ def test_periods_are_understood(tables, line):
 @pytest.mark.parametrize(("code", "wall"), [(SOURCE_WALL, "lower"), (RECEIVER_WALL, "upper")])
 def test_wall_contacts_of_a_packing_without_walls(given, code, wall):
     """Periodic along z, with a sphere within reach of the period's end; and walls that are NULL."""
-    made = packing(True)
+    made = packings.polydisperse(True)
     files = given("tables", made)
     end = made.wall_position[0 if code == SOURCE_WALL else 1]
     at = int(np.argmin(abs(abs(made.position[:, 2] - end) - made.radius)))
@@ -118,19 +119,16 @@ def test_wall_contacts_of_a_packing_without_walls(given, code, wall):
 
 def test_packed_tables_are_read_and_damaged_archives_refused(tables, mixture):
     files = tables()
-    for table in ("spheres", "contacts"):
-        path = files.spheres if table == "spheres" else files.contacts
-        packed = gzip.compress(path.read_bytes())
+    plain = files.spheres, files.contacts
+    files.spheres, files.options["contacts"] = (path.with_suffix(".csv.gz") for path in plain)
+    files.contacts.write_bytes(gzip.compress(plain[1].read_bytes()))
+    for table, path in zip(plain, (files.spheres, files.contacts), strict=True):
+        packed = gzip.compress(table.read_bytes())
         middle = len(packed) // 2
-        path = path.with_name(f"{table}.csv.gz")
-        if table == "spheres":
-            files.spheres = path
-        else:
-            files.options["contacts"] = path
         spoilt = packed[:middle] + b"\0" * 99 + packed[middle + 99 :]
         for harmed in (packed[:middle], spoilt, b"i,j,kn,kt\n"):
             path.write_bytes(harmed)
-            files.refused(rf"{table}.csv.gz: .*; the archive is damaged, write it again")
+            files.refused(rf"{path.name}: .*; the archive is damaged, write it again")
         path.write_bytes(packed)
     assert files.imported()["contacts"] == mixture.n_contacts
 

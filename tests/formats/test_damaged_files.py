@@ -195,10 +195,11 @@ def test_what_is_raised_while_a_file_is_open_is_no_damage_of_it(error, sound):
         f["particles/charge"]
 
 
+@pytest.mark.parametrize("count", [30, pytest.param(500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", READERS)
-def test_damaged_bytes_are_refused_or_change_nothing(kind, sound, tmp_path):
-    found, faults = spoiled(kind, sound, tmp_path, 1, 30)
-    assert not faults and found["refused"] > 10
+def test_damaged_bytes_are_refused_or_change_nothing(kind, count, sound, tmp_path):
+    found, faults = spoiled(kind, sound, tmp_path, 1, count)
+    assert not faults and found["refused"] > count / 3
 
 
 @pytest.mark.parametrize(("kind", "how"), [(kind, how) for kind in WRONG for how in WRONG[kind]])
@@ -219,25 +220,7 @@ def test_zeros_that_became_ones_are_noticed(kind, sound, tmp_path):
     path, whole = tmp_path / FILES[kind], (sound / FILES[kind]).read_bytes()
     reading = READERS[kind](sound / FILES[kind])
     zeros = [at for at in range(0, len(whole) - 4, 2) if whole[at : at + 4] == bytes(4)]
-    chosen = np.random.default_rng(5).permutation(zeros)[:100]
-
-    def work(number: int) -> str:
-        at = chosen[number]
+    for at in np.random.default_rng(5).permutation(zeros)[:100]:
         path.write_bytes(whole[:at] + b"\xff" * 4 + whole[at + 4 :])
-        try:
-            return "same" if same(READERS[kind](path), reading) else f"SILENT at {at}"
-        except InputError:
-            return "refused"
-
-    results = damage.in_child(work, list(range(len(chosen))), tmp_path / "log")
-    found = Counter(result for _, result in results)
-    assert set(found) <= {"refused", "same"}, found
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", READERS)
-def test_two_thousand_damaged_files(kind, sound, tmp_path):
-    """The same, 2,000 times."""
-    found, faults = spoiled(kind, sound, tmp_path, 3, 500)
-    print(kind, dict(found))
-    assert not faults
+        with contextlib.suppress(InputError):
+            assert same(READERS[kind](path), reading), at

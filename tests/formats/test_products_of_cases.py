@@ -63,14 +63,6 @@ def test_products_of_another_stress_are_refused_with_both_names(kind, folder, ca
     assert (its if kind == "reverse" else mine).name in line
 
 
-def test_unknown_origin_is_said_once_and_not_refused(folder, capsys):
-    with h5py.File(folder / "case02.modes.h5", "r+") as file:
-        del file["provenance"]
-    arguments = ["figure", "signals", "2", "--products", str(folder), "-o", str(folder)]
-    assert analysis_main(arguments) == 0
-    assert capsys.readouterr().out.count("case02.modes.h5: of unknown origin") == 1
-
-
 def test_what_is_kept_is_made_again_where_its_settings_or_packing_have_changed(
     tmp_path, capsys, monkeypatch
 ):

@@ -25,45 +25,7 @@ from tests.mutation.mutants import drawn, mutants_of
 
 ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENT = Path(__file__).with_name("equivalent.toml")
-TESTS = {
-    "system/contacts": "bodies stiffness operator tangent law_waves linear_wave",
-    "system/imposed": "bodies statics linear_wave shear_waves plane_source sources moduli",
-    "system/root_mass": "bodies operator linear_wave",
-    "system/assembly": "stiffness operator tangent counts lowest_modes zero_modes",
-    "system/operator": "operator bodies linear_wave density",
-    "packing/checks": "consistency bodies",
-    "packing/columns": "consistency tiling operator bodies",
-    "packing/plausibility": "plausibility",
-    "exchange/dump": "refusals import lammps_input liggghts",
-    "exchange/import_result": "import refusals tables mercury",
-    "exchange/input_script": "lammps_input refusals import",
-    "exchange/lammps_law": "lammps_input refusals import",
-    "exchange/law": "import mercury liggghts",
-    "exchange/particles_and_contacts": "import mercury refusals tables",
-    "exchange/liggghts": "liggghts import refusals",
-    "exchange/picture": "export",
-    "exchange/programs/lammps": "import lammps_input refusals liggghts",
-    "exchange/programs/mercury": "mercury refusals",
-    "exchange/programs/table": "tables refusals import",
-    "exchange/text": "tables refusals import terminal",
-    "dem/motion": "dynamics nonlinear",
-    "modes/collective": "edges_of_lists collective_modes zero_modes",
-    "modes/dense": "lattice_and_modes mode_lists edges_of_lists",
-    "modes/lists": "edges_of_lists mode_lists highest_modes lowest_modes collective_modes",
-    "modes/search": "edges_of_lists mode_lists highest_modes lowest_modes",
-    "modes/ways": "lowest_modes effort",
-    "modes/counts": "counts edges_of_lists zero_modes lowest_modes edges lattice_and_modes",
-    "modes/zero_modes": "zero_modes lowest_modes edges files_and_commands",
-    "solvers/arnoldi": "pre_stress damped_waves",
-    "solvers/factor": "factor counts lowest_modes",
-    "solvers/factorisations/blocks": "factor counts collective_modes lowest_modes",
-    "solvers/lanczos": "krylov highest_modes lowest_modes mode_lists edges lattice_and_modes",
-    "solvers/spectrum": "spectrum linear_wave density response mode_lists edges",
-    "waves/chebyshev": "told_errors linear_wave response spectrum",
-    "waves/oscillator": "motions linear_wave told_errors damped_waves",
-    "waves/propagate": "spectrum linear_wave response edges",
-    "modes/density": "density spectrum edges files_and_commands",
-}
+TESTS = tomllib.loads(Path(__file__).with_name("tests.toml").read_text())
 """Test files of a module of modal, the quickest and most likely ones first."""
 MEMORY = 8 << 30
 """Bytes that one run of the tests may take: a wrong size must not stop the machine."""
