@@ -6,6 +6,7 @@ skipped without being asked to has failed.
 """
 
 import importlib.util
+import json
 import os
 import runpy
 import shutil
@@ -65,6 +66,33 @@ def pytest_runtest_makereport():
 def pytest_make_collect_report():
     """Of a whole module."""
     return refuse_unasked_skip((yield))
+
+
+@pytest.fixture
+def printed(capsys):
+    """The JSON object that a command prints, which must succeed; NaN and Infinity are not JSON."""
+    from modal.__main__ import main  # not before packages are hidden
+
+    def run(*command: object) -> dict:
+        capsys.readouterr()
+        assert main([*map(str, command), "--json"]) == 0
+        return json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+
+    return run
+
+
+@pytest.fixture
+def refused(capsys):
+    """The one line with which a command says what is wrong; its exit status is 2."""
+    from modal.__main__ import main
+
+    def run(*command: object) -> str:
+        capsys.readouterr()
+        assert main([*map(str, command)]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        return line
+
+    return run
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,6 @@
 """What `import modal` offers: the same digits as the command line, pictures, examples that run."""
 
 import doctest
-import json
 import re
 import sys
 import time
@@ -14,7 +13,6 @@ import numpy as np
 import pytest
 
 import modal
-from modal.__main__ import main
 from modal.elasticity.moduli import ElasticModuli
 from modal.modes.damped import decay_rates
 from modal.modes.density import DensityOfStates
@@ -39,17 +37,6 @@ def packing(tmp_path_factory):
     path = tmp_path_factory.mktemp("packing") / "random.network.h5"
     write_network(path, network)
     return network, str(path)
-
-
-@pytest.fixture
-def printed(capsys):
-    """The JSON object that a command prints."""
-
-    def run(*command: str) -> dict:
-        assert main([*command, "--json"]) == 0
-        return json.loads(capsys.readouterr().out)
-
-    return run
 
 
 def test_the_public_names_and_nothing_else():

@@ -1,6 +1,5 @@
 """Elastic moduli: against the crystal in closed form, Bloch waves, least squares, chains."""
 
-import json
 from dataclasses import replace
 
 import h5py
@@ -209,12 +208,10 @@ def test_what_cannot_be_strained_is_refused():
             elastic_moduli(crystal).velocities(wrong)
 
 
-def test_command_prints_what_the_function_finds(tmp_path, capsys, cell):
+def test_command_prints_what_the_function_finds(tmp_path, capsys, printed, cell):
     path, product = tmp_path / "cell.network.h5", tmp_path / "cell.moduli.h5"
     write_network(path, cell)
-    command = ["moduli", str(path), "--direction", "1", "1", "0", "-o", str(product)]
-    assert main([*command, "--non-affine", "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
+    said = printed("moduli", path, "--direction", 1, 1, 0, "-o", product, "--non-affine")
     found = elastic_moduli(cell, non_affine=True)
     assert said["stiffness_pa"] == found.stiffness.tolist()
     assert said["velocity_m_per_s"]["1 1 0"] == found.velocities((1, 1, 0)).tolist()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 from packings import changed, contact_matrices, polydisperse, times
 from places import PACKINGS
 
-from modal.__main__ import main
 from modal.elasticity.moduli import elastic_moduli, read_moduli
 from modal.packing.network import Network
 from modal.packing.rattlers import keeping_contacts
@@ -77,12 +75,10 @@ def test_first_order_of_the_bloch_waves(pre_stress, direction):
     assert errors[1] < 0.6 * errors[0]
 
 
-def test_command_and_file(tmp_path, capsys):
-    path, product, told = PACKINGS / "triaxial.network.h5", tmp_path / "a.moduli.h5", []
-    command = ["moduli", str(path), "-o", str(product), "--json", "--pre-stress"]
-    for pre_stress in ("none", "full"):
-        assert main([*command, pre_stress]) == 0
-        told.append(json.loads(capsys.readouterr().out))
+def test_command_and_file(tmp_path, printed):
+    product = tmp_path / "a.moduli.h5"
+    command = "moduli", PACKINGS / "triaxial.network.h5", "-o", product, "--pre-stress"
+    told = [printed(*command, pre_stress) for pre_stress in ("none", "full")]
     v, w = (np.array(each["velocity_m_per_s"]["z"]) for each in told)
     # The order of stress over modulus: 1 MPa over some 300 MPa.
     assert 1e-4 < abs(w / v - 1).max() < 2e-2

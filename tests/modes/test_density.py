@@ -1,7 +1,5 @@
 """Density of states against dense spectra, component by component, and against its own claims."""
 
-import json
-
 import h5py
 import numpy as np
 import pytest
@@ -148,18 +146,16 @@ def test_width_of_a_single_mode(place):
     assert at_half == pytest.approx(peak / 2, rel=0.05)
 
 
-def test_command_and_file(tmp_path, capsys):
+def test_command_and_file(tmp_path, printed):
     network = gallery.fcc(cells=(2, 2, 6))
     path, output = tmp_path / "a.network.h5", tmp_path / "a.density.h5"
     write_network(path, network)
-    options = ["--resolution", "5e3", "--at", "1e5", "3e5", "--json", "-o", str(output)]
-    assert main(["density", str(path), *options]) == 0
-    result = json.loads(capsys.readouterr().out)
+    options = "--resolution", "5e3", "--at", "1e5", "3e5", "-o", output
+    result = printed("density", path, *options)
     # Above the top of the spectrum all modes are counted, without scatter.
     size = 6 * network.n_particles
     assert result["estimated_count_below"]["3e5"] == pytest.approx(size, rel=1e-9)
-    assert main(["count", str(path), "--at", "1e5", "--json"]) == 0
-    exact = json.loads(capsys.readouterr().out)["count_below"]["1e5"]
+    exact = printed("count", path, "--at", "1e5")["count_below"]["1e5"]
     # Modes of the crystal come in groups of equal frequency; one group may lie within a width.
     assert result["estimated_count_below"]["1e5"] == pytest.approx(exact, abs=0.1 * size)
     with h5py.File(output) as file:
@@ -228,15 +224,14 @@ def test_nothing_lies_above_the_top(packing, tolerance):
 
 
 @pytest.mark.parametrize("wrong", [-5.0, np.nan, np.inf, "low"])
-def test_what_is_no_frequency_is_refused(packing, wrong, tmp_path, capsys):
+def test_what_is_no_frequency_is_refused(packing, wrong, tmp_path, refused):
     states = density_of_states(packing[0], resolution=5e4, tolerance=0.1)
     for ask in (states.density, states.count_below, states.reduced):
         with pytest.raises(InputError, match="frequency"):
             ask([wrong])
     path = tmp_path / "a.network.h5"
     write_network(path, packing[0])
-    assert main(["density", str(path), "--at", str(wrong)]) == 2
-    assert "--at" in capsys.readouterr().err
+    assert "--at" in refused("density", path, "--at", wrong)
 
 
 def test_a_frequency_beyond_the_modes_is_remarked_on(packing, tmp_path, capsys):

@@ -32,12 +32,11 @@ def crystal_without_symmetry(layers: int) -> Network:
 
 @pytest.mark.parametrize("options", [("--below", "10"), ("--between", "1", "2")])
 @pytest.mark.parametrize("layers", [6, 30])
-def test_an_interval_without_modes_is_an_empty_certified_list(tmp_path, capsys, layers, options):
+def test_an_interval_without_modes_is_an_empty_certified_list(tmp_path, printed, layers, options):
     """The lowest mode lies at kHz: below 10 Hz there is nothing, dense and not."""
     source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
     write_network(source, gallery.fcc(cells=(2, 2, layers)))
-    assert main(["modes", str(source), "--json", *options, "-o", str(out)]) == 0
-    found, written = json.loads(capsys.readouterr().out), read_modes(out)
+    found, written = printed("modes", source, *options, "-o", out), read_modes(out)
     assert found["frequency_hz"] == [] and found["certified"] and found["missing"] == 0
     assert len(written.frequency) == 0 and written.attributes["certified"]
 

@@ -1,6 +1,5 @@
 """Modes, counts and densities with the forces that the contacts carry, by dense matrices."""
 
-import json
 from functools import cache
 
 import numpy as np
@@ -119,22 +118,18 @@ def test_what_needs_a_symmetric_stiffness_refuses_another_by_name():
         modal.eigenmodes(network, pre_stress="some")
 
 
-def test_commands_take_pre_stress(tmp_path, capsys):
+def test_commands_take_pre_stress(tmp_path, printed):
     """`modes`, `count` and `density` with the normal forces; `modes` with all of them."""
     path = tmp_path / "a.network.h5"
     write_network(path, packing("random"))
     elastic, zero, unstable = spectrum("random", "normal")
 
-    def said(*words: str) -> dict:
-        assert main([words[0], str(path), *words[1:], "--json"]) == 0
-        return json.loads(capsys.readouterr().out)
-
-    modes = said("modes", "--lowest", "3", "--pre-stress", "normal")
+    modes = printed("modes", path, "--lowest", 3, "--pre-stress", "normal")
     assert modes["frequency_hz"] == pytest.approx(elastic[:3], rel=1e-6)
     assert (modes["floppy_modes"], modes["unstable_modes"]) == (zero, unstable)
-    counted = said("count", "--at", "0", "2e4", "--pre-stress", "normal")
+    counted = printed("count", path, "--at", 0, "2e4", "--pre-stress", "normal")
     assert counted["count_below"]["0"] == counted["unstable_modes"] == unstable
-    everything = said("modes", "--lowest", "3", "--pre-stress", "full")
+    everything = printed("modes", path, "--lowest", 3, "--pre-stress", "full")
     assert everything["frequency_hz"] == pytest.approx(spectrum("random", "full")[0][:3], rel=1e-4)
     assert main(["count", str(path), "--at", "1", "--pre-stress", "full"]) == 2
     assert main(["density", str(path), "--pre-stress", "normal"]) == 2 * bool(unstable)

@@ -1,13 +1,11 @@
 """Stresses, layers and coordination: against the crystal, energies, integrals and each other."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from places import PACKINGS, SHEARED
 
-from modal.__main__ import main
 from modal.packing import crystal as gallery
 from modal.packing import state
 from modal.packing.contact_law import RADIUS
@@ -147,18 +145,16 @@ def test_wall_layers_are_told_from_the_bulk():
     assert "void_ratio_of_bulk" not in summary(gallery.fcc(cells=(2, 2, 8)))
 
 
-def test_info_reads_the_compact_form(tmp_path, capsys):
+def test_info_reads_the_compact_form(tmp_path, printed):
     """The same numbers, to the last digit, from a sample and from the network made of it."""
     sample = replace(read_sample(SHEARED), study={"mu_wave": 0.3})
     write_sample(tmp_path / "x.sample.h5", sample)
     write_network(tmp_path / "x.network.h5", sample.network())
-    printed = []
-    for kind in ("sample", "network"):
-        assert main(["info", str(tmp_path / f"x.{kind}.h5"), "--json"]) == 0
-        printed.append(json.loads(capsys.readouterr().out))
-        del printed[-1]["seconds"], printed[-1]["peak_memory_bytes"]
-    assert printed[0] == printed[1]
-    assert printed[0]["largest_share_of_friction"] > 0
+    told = [printed("info", tmp_path / f"x.{kind}.h5") for kind in ("sample", "network")]
+    for each in told:
+        del each["seconds"], each["peak_memory_bytes"]
+    assert told[0] == told[1]
+    assert told[0]["largest_share_of_friction"] > 0
 
 
 def test_layers_of_a_cell_without_walls_know_no_end():

@@ -1,6 +1,5 @@
 """Repeated packings: every copy has the small one's surroundings, and the wave is the same."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -50,16 +49,15 @@ def test_repeated_sample_has_the_repeated_network(sample):
 
 
 @pytest.mark.parametrize("kind", ["sample", "network"])
-def test_tile_makes_equal_parts(kind, tmp_path, capsys):
+def test_tile_makes_equal_parts(kind, tmp_path, printed):
     """Twice along y, then thrice along x; overlaps differ by round-off, 1e-11.
 
     Waves in them are those of the small one: `tests/waves/test_one_part.py`.
     """
     paths = [SHEARED, tmp_path / f"b.{kind}.h5", tmp_path / f"c.{kind}.h5"]
     for path, out, times in zip(paths, paths[1:], ("1 2", "3 1"), strict=False):
-        command = ["tile", str(path), "--repeat", *times.split(), "--json", "-o", str(out)]
-        assert main(command) == 0
-    assert json.loads(capsys.readouterr().out.splitlines()[-1])["spheres"] == 900
+        told = printed("tile", path, "--repeat", *times.split(), "-o", out)
+    assert told["spheres"] == 900
     small, large = (read_packing(path) for path in (paths[0], paths[-1]))
     assert large.cell_size == pytest.approx(small.cell_size * [3, 2, 1])
     parts = lateral_repeats(large)
@@ -78,20 +76,18 @@ def test_tile_makes_equal_parts(kind, tmp_path, capsys):
         (("--repeat", "100000", "100000", "-o", "b.network.h5"), "TB of memory"),
     ],
 )
-def test_mistakes_are_one_line(arguments, why, sample, tmp_path, capsys, monkeypatch):
+def test_mistakes_are_one_line(arguments, why, sample, tmp_path, refused, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_sample("a.sample.h5", replace(sample, shear=None))
-    assert main(["tile", "a.sample.h5", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert why in error and error.count("\n") == 1
+    assert why in refused("tile", "a.sample.h5", *arguments)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.sample.h5"]
 
 
-def test_a_network_gives_no_sample_and_motion_is_refused(sample, tmp_path, capsys):
-    path = str(tmp_path / "a.network.h5")
+def test_a_network_gives_no_sample_and_motion_is_refused(sample, tmp_path, refused):
+    path = tmp_path / "a.network.h5"
     write_network(path, sample.network())
-    assert main(["tile", path, "--repeat", "2", "1", "-o", str(tmp_path / "b.sample.h5")]) == 2
-    assert "only a sample" in capsys.readouterr().err
+    command = "tile", path, "--repeat", 2, 1, "-o", tmp_path / "b.sample.h5"
+    assert "only a sample" in refused(*command)
     with pytest.raises(InputError, match="in motion"):
         repeat_sample(replace(sample, velocity=np.zeros((150, 3))), 2, 1)
 

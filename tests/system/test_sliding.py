@@ -1,6 +1,5 @@
 """Contacts at the friction limit that slip: every command is that of kt = 0."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 from packings import polydisperse, stiffer
 
 import modal
-from modal.__main__ import main
 from modal.packing.network import write_network
 
 SLAB = polydisperse(n=40)
@@ -32,13 +30,12 @@ ANSWERS = {
 
 
 @pytest.mark.parametrize("name", ANSWERS)
-def test_every_command_has_the_answer_of_no_tangential_spring(name, tmp_path, capsys):
+def test_every_command_has_the_answer_of_no_tangential_spring(name, tmp_path, printed):
     """The same springs, so the same bits; the elastic answer is another one."""
     (given, key), told, path = ANSWERS[name], [], str(tmp_path / "a.network.h5")
     for network, options in ((SLAB, ["--sliding", "slip"]), (without_kt(SLAB), []), (SLAB, [])):
         write_network(path, network)
-        assert main([name, path, *given, *options, "--json"]) == 0
-        told.append(json.loads(capsys.readouterr().out)[key])
+        told.append(printed(name, path, *given, *options)[key])
     assert told[0] == told[1] != told[2]
 
 

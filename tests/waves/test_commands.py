@@ -1,7 +1,5 @@
 """`wave`, `response`, `moduli`: the digits of the functions; what they cannot do is one line."""
 
-import json
-
 import h5py
 import numpy as np
 import pytest
@@ -47,15 +45,14 @@ SAME = [
 @pytest.mark.two_ways
 @pytest.mark.parametrize(("packing", "words", "settings"), SAME)
 def test_file_and_numbers_are_those_of_the_function(
-    packing, words, settings, tmp_path, capsys, monkeypatch
+    packing, words, settings, tmp_path, capsys, printed, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
     network, (command, *options) = PACKINGS[packing](), words.split()
     write_network("a.network.h5", network)
     np.savetxt("wall.txt", np.column_stack([TABLE.time, TABLE.value]))
     length = ["--duration", "2e-5"] if command == "wave" else []
-    assert main([command, "a.network.h5", *options, *length, "-o", "a.h5", "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
+    said = printed(command, "a.network.h5", *options, *length, "-o", "a.h5")
     turns, waves = settings.get("direction") == "torsion", command == "wave"
     if waves:
         found = modal.propagate(network, 2e-5, **settings)
@@ -125,12 +122,10 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("packing", "words", "said"), WRONG)
-def test_one_line_and_no_file(packing, words, said, tmp_path, capsys, monkeypatch):
+def test_one_line_and_no_file(packing, words, said, tmp_path, refused, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_network("a.network.h5", PACKINGS[packing]())
     (tmp_path / "still.txt").write_text("0 0\n1e-5 0\n")
     command, *options = words.split()
-    assert main([command, "a.network.h5", *options, "-o", "a.product.h5"]) == 2
-    error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1
+    assert said in refused(command, "a.network.h5", *options, "-o", "a.product.h5")
     assert not (tmp_path / "a.product.h5").exists()
