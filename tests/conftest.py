@@ -81,20 +81,6 @@ def printed(capsys):
     return run
 
 
-@pytest.fixture
-def refused(capsys):
-    """The one line with which a command says what is wrong; its exit status is 2."""
-    from modal.__main__ import main
-
-    def run(*command: object) -> str:
-        capsys.readouterr()
-        assert main([*map(str, command)]) == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        return line
-
-    return run
-
-
 @pytest.fixture(scope="session")
 def yade():
     """What a test asks for that runs YADE."""

@@ -224,14 +224,14 @@ def test_nothing_lies_above_the_top(packing, tolerance):
 
 
 @pytest.mark.parametrize("wrong", [-5.0, np.nan, np.inf, "low"])
-def test_what_is_no_frequency_is_refused(packing, wrong, tmp_path, refused):
+def test_what_is_no_frequency_is_refused(packing, wrong, tmp_path, one_line):
     states = density_of_states(packing[0], resolution=5e4, tolerance=0.1)
     for ask in (states.density, states.count_below, states.reduced):
         with pytest.raises(InputError, match="frequency"):
             ask([wrong])
     path = tmp_path / "a.network.h5"
     write_network(path, packing[0])
-    assert "--at" in refused("density", path, "--at", wrong)
+    one_line(main, ["density", path, "--at", wrong], "--at")
 
 
 def test_a_frequency_beyond_the_modes_is_remarked_on(packing, tmp_path, capsys):

@@ -73,15 +73,15 @@ def test_what_would_not_end_is_refused_at_full_size(packing, question, said, mon
         modal.eigenmodes(packing, **question, hours=1.0)
 
 
-def test_memory_and_hours_decide(tmp_path, refused, monkeypatch):
+def test_memory_and_hours_decide(tmp_path, one_line, monkeypatch):
     """A search of a second runs, is refused in a thousandth of the time, or in 0.1 MB."""
     path = tmp_path / "x.network.h5"
     write_network(path, gallery.fcc(cells=(4, 4, 10)))
     assert main(["modes", str(path), "--lowest", "5"]) == 0
-    assert "more hours" in refused("modes", path, "--lowest", 5, "--hours", 1e-6)
+    one_line(main, ["modes", path, "--lowest", 5, "--hours", 1e-6], "more hours")
     monkeypatch.setattr("modal.tools.workload.memory_at_hand", lambda: 1e5)
     for choice in (["--lowest", "5"], ["--highest", "5"], ["--all"]):
-        assert "100 kB are free" in refused("modes", path, *choice)
+        one_line(main, ["modes", path, *choice], "100 kB are free")
 
 
 def test_highest_modes_go_without_a_count_that_does_not_fit(monkeypatch):

@@ -8,6 +8,7 @@ from packings import (
     diluted,
 )
 
+from modal.__main__ import main
 from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import ModeSet
 from modal.modes.zero_modes import by_structure
@@ -108,7 +109,7 @@ def test_a_small_part_of_a_small_packing_is_not_solved_dense():
         (["--below", "nan"], "is empty"),
     ],
 )
-def test_bad_requests_get_one_line(tmp_path, refused, arguments, message):
+def test_bad_requests_get_one_line(tmp_path, one_line, arguments, message):
     path = tmp_path / "x.network.h5"
     write_network(path, gallery.fcc(cells=(3, 3, 6)))
-    assert message in refused("modes", path, *arguments)
+    one_line(main, ["modes", path, *arguments], message)

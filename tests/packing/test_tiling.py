@@ -76,18 +76,18 @@ def test_tile_makes_equal_parts(kind, tmp_path, printed):
         (("--repeat", "100000", "100000", "-o", "b.network.h5"), "TB of memory"),
     ],
 )
-def test_mistakes_are_one_line(arguments, why, sample, tmp_path, refused, monkeypatch):
+def test_mistakes_are_one_line(arguments, why, sample, tmp_path, one_line, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_sample("a.sample.h5", replace(sample, shear=None))
-    assert why in refused("tile", "a.sample.h5", *arguments)
+    one_line(main, ["tile", "a.sample.h5", *arguments], why)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.sample.h5"]
 
 
-def test_a_network_gives_no_sample_and_motion_is_refused(sample, tmp_path, refused):
+def test_a_network_gives_no_sample_and_motion_is_refused(sample, tmp_path, one_line):
     path = tmp_path / "a.network.h5"
     write_network(path, sample.network())
     command = "tile", path, "--repeat", 2, 1, "-o", tmp_path / "b.sample.h5"
-    assert "only a sample" in refused(*command)
+    one_line(main, command, "only a sample")
     with pytest.raises(InputError, match="in motion"):
         repeat_sample(replace(sample, velocity=np.zeros((150, 3))), 2, 1)
 

@@ -72,7 +72,7 @@ def test_cloud_of_a_mixture_has_no_contact_and_its_own_sizes():
     assert ratio < 0.9 and stage.time_step() == pytest.approx(ratio * equal.time_step())
 
 
-def test_mixture_goes_on_from_its_checkpoint_alone(tmp_path, capsys):
+def test_mixture_goes_on_from_its_checkpoint_alone(tmp_path, one_line):
     """With its materials; the first leg of a walk, and the same folder asked for other sizes."""
     words = {"sizes": "two 2 0.5", "densities": "2500 7800", "walls": "2.1e11 0.3"}
     sample = compacted(Study(spheres=100, width=4.5, **words), in_motion)
@@ -83,9 +83,7 @@ def test_mixture_goes_on_from_its_checkpoint_alone(tmp_path, capsys):
     write_sample(tmp_path / "checkpoint.h5", sample)
     command = [*SMALL[:3], *SMALL[5:], "--width", "4.5", "-o", str(tmp_path), "--stress", "1e4"]
     for sizes in ([], ["--sizes", "two", "2", "0.5"]):
-        assert main([*command, *sizes]) == 2
-        error = capsys.readouterr().err
-        assert "it belongs to another study" in error and error.count("\n") == 1
+        one_line(main, [*command, *sizes], "it belongs to another study")
 
 
 def test_states_have_their_stress_and_say_whether_they_are_settled(walked):
@@ -103,13 +101,8 @@ def test_states_have_their_stress_and_say_whether_they_are_settled(walked):
         assert found == pytest.approx([stress] * 3, rel=2 * study["stress_error"] + 1e-3)
         assert 0.55 < study["void_ratio"] < 0.85
         assert sample.velocity is None
-
-
-def test_contacts_obey_friction(walked):
-    network = read_sample(walked / "100000Pa.sample.h5").network()
-    shear = np.linalg.norm(network.force_tangential, axis=1)
-    assert (shear <= 0.4 * network.force_normal * (1 + 1e-9)).all()
-    assert shear.max() > 0.3 * network.force_normal.mean()
+        shear, force = np.linalg.norm(sample.shear, axis=1), sample.network().force_normal
+        assert (shear <= 0.4 * force * (1 + 1e-9)).all() and shear.max() > 0.3 * force.mean()
 
 
 def test_dilated_packing_is_dense_with_few_contacts(tmp_path):
@@ -120,9 +113,7 @@ def test_dilated_packing_is_dense_with_few_contacts(tmp_path):
     command = ["pack", "--spheres", "300", "--aspect", "1", "--periodic", "--friction", "0.3"]
     command += ["--dilate", "0.005", "--stress", "1e4", "-o", str(tmp_path)]
     assert main(command) == 0
-    found = [
-        read_sample(tmp_path / name) for name in ("dense/10000Pa.sample.h5", "10000Pa.sample.h5")
-    ]
+    found = [read_sample(tmp_path / way / "10000Pa.sample.h5") for way in ("dense", "")]
     dense, few = (summary(sample.network()) for sample in found)
     loosest = (1 + dense["void_ratio"]) * 1.005**3 - 1
     assert dense["void_ratio"] < few["void_ratio"] < 0.5 * (dense["void_ratio"] + loosest)
@@ -134,7 +125,7 @@ def test_dilated_packing_is_dense_with_few_contacts(tmp_path):
 
 def the_same(one, other):
     """Whether the states of two folders are, to the bit."""
-    names = [path.name for path in sorted(one.glob("*Pa.sample.h5"))]
+    names = [path.name for path in one.glob("*Pa.sample.h5")]
     assert len(names) == 2
     for name in names:
         first, second = read_sample(one / name), read_sample(other / name)
@@ -208,12 +199,10 @@ WRONG = {
     "--aspect 1e-3": "narrower than two",
     "--aspect 500": "no packing",
     "--stress -5": "stress -5 Pa: outside",
-    "--stress 1e12": "outside",
     "--residual 2": "between 0 and 1",
     "--stress 1e6 1e7 1e6": "twice",
     "--seed -1": "negative",
     "--peak 1e5": "below one of the stresses",
-    "--peak 1e12": "above 2e+09 Pa",
     "--local-damping 0.1": "no meaning without friction",
     "--oedometric": "need friction",
     "--densities 2.23 7.8": "--densities 2.23 7.8: give kg/m^3",
@@ -222,12 +211,9 @@ WRONG = {
     "--friction -0.1": "mu_comp",
     "--friction 0.4 --spheres 99": "at least 100",
     "--friction 0.4 --width 60": "width",
-    "--friction 0.4 --aspect 0": "width",
     "--friction 0.4 --stress 1e5 1e4": "rising order",
     "--friction 0.4 --time-step-fraction 2": "fraction",
     "--friction 0.4 --peak 1e8": "no meaning with friction",
-    "--friction 0.4 --densities glass": "--densities glass: give kg/m^3",
-    "--friction 0.4 --walls 210 0.3": "--walls 210 0.3: give Young's modulus, Pa",
     "--friction 0.3 --stress-ratio 0": "few packings hold",
     "--friction 0.3 --stress-ratio 0.5 --oedometric": "leave one out",
 }
@@ -235,10 +221,9 @@ WRONG = {
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_bad_input_is_one_line(wrong, tmp_path, capsys):
-    assert main([*SHAPE, "--stress", "1e6", *wrong.split(), "-o", str(tmp_path / "new")]) == 2
-    shown = capsys.readouterr().err
-    assert len(shown.splitlines()) == 1 and WRONG[wrong] in shown
+def test_bad_input_is_one_line(wrong, tmp_path, one_line):
+    command = *SHAPE, "--stress", "1e6", *wrong.split(), "-o", tmp_path / "new"
+    one_line(main, command, WRONG[wrong])
     assert not (tmp_path / "new").exists()
 
 
@@ -247,58 +232,55 @@ def test_bad_input_is_one_line(wrong, tmp_path, capsys):
     [
         (["--seed", "2"], "seed is 1, not 2"),
         (["--friction", "0.3"], "mu_comp is 0.4, not 0.3"),
-        (["--time-step-fraction", "0.35"], "fraction is 0.7, not 0.35"),
         (["--stress", "5e4", "1e6"], "gone by way of approach; cool; jam; 10000; 100000"),
     ],
 )
-def test_checkpoint_of_another_walk_is_kept(wrong, said, walked, capsys):
+def test_checkpoint_of_another_walk_is_kept(wrong, said, walked, one_line):
     before = {path.name: path.read_bytes() for path in walked.iterdir()}
     arguments = wrong if "--stress" in wrong else [*wrong, "--stress", "1e4", "1e5"]
-    assert pack(walked, *arguments) == 2
-    shown = capsys.readouterr().err
-    assert len(shown.splitlines()) == 1 and said in shown
+    one_line(main, [*SMALL, *arguments, "-o", walked], said)
     assert before == {path.name: path.read_bytes() for path in walked.iterdir()}
 
 
-def test_walk_on_its_way_elsewhere_is_not_diverted(walked, tmp_path, capsys):
+def go_on(walked, folder, stage, **state):
+    """A copy of the walk, on its way to one more stress."""
     sample = read_sample(walked / "checkpoint.h5")
-    sample.study |= {"stage": "500000", "stage_time": 1e-5}
-    sample.study["way"] += "; 500000"
-    shutil.copytree(walked, tmp_path, dirs_exist_ok=True)
-    write_sample(tmp_path / "checkpoint.h5", sample)
+    study = sample.study | {"stage": stage, "stage_time": 0.0}
+    study["way"] += f"; {stage}"
+    shutil.copytree(walked, folder, dirs_exist_ok=True)
+    write_sample(folder / "checkpoint.h5", replace(sample, study=study, **state))
+
+
+def test_walk_on_its_way_elsewhere_is_not_diverted(walked, tmp_path, one_line):
+    go_on(walked, tmp_path, "500000")
     # Neither a stress beyond it nor one on the way, which would never be written.
     for asked in (["1e6"], ["2e5", "5e5", "1e6"]):
-        assert pack(tmp_path, "--stress", "1e4", "1e5", *asked) == 2
-        shown = capsys.readouterr().err
-        assert len(shown.splitlines()) == 1 and "100000; 500000 (Pa)" in shown
+        command = *SMALL, "--stress", "1e4", "1e5", *asked, "-o", tmp_path
+        one_line(main, command, "100000; 500000 (Pa)")
 
 
-def test_walk_of_another_program_is_not_continued(walked, tmp_path, capsys):
+def test_walk_of_another_program_is_not_continued(walked, tmp_path, one_line):
     """YADE's states are not given out as modal's, nor walked on by it."""
     for path in walked.iterdir():
         sample = read_sample(path)
         made = sample.provenance | {"command": "yade_scripts/compress.py"}
         write_sample(tmp_path / path.name, replace(sample, provenance=made))
-    assert pack(tmp_path, "--stress", "1e4", "1e5") == 2
-    shown = capsys.readouterr().err
-    assert len(shown.splitlines()) == 1
-    assert "made by yade_scripts/compress.py, not by python -m modal pack" in shown
+    one_line(
+        main,
+        [*SMALL, "--stress", "1e4", "1e5", "-o", tmp_path],
+        "made by yade_scripts/compress.py, not by python -m modal pack",
+    )
 
 
-def test_unstable_step_is_one_line_and_loses_nothing(walked, tmp_path, monkeypatch, capsys):
+def test_unstable_step_is_one_line_and_loses_nothing(walked, tmp_path, monkeypatch, one_line):
     """A step far beyond the limit: the motion explodes, the checkpoint before it stays."""
     whole = protocol.time_step
     monkeypatch.setattr(protocol, "time_step", lambda *given: 20 * whole(*given))
-    sample = read_sample(walked / "checkpoint.h5")
-    sample.study |= {"stage": "1e+06", "stage_time": 0.0}
-    sample.study["way"] += "; 1e+06"
+    go_on(walked, tmp_path, "1e+06", strain_rate=np.full(3, -10.0))
     path = tmp_path / "checkpoint.h5"
-    shutil.copytree(walked, tmp_path, dirs_exist_ok=True)
-    write_sample(path, replace(sample, strain_rate=np.full(3, -10.0)))
     before = path.read_bytes()
-    assert pack(tmp_path, "--stress", "1e4", "1e5", "1e6") == 2
-    shown = capsys.readouterr().err
-    assert len(shown.splitlines()) == 1 and "smaller fraction" in shown
+    command = *SMALL, "--stress", "1e4", "1e5", "1e6", "-o", tmp_path
+    one_line(main, command, "smaller fraction")
     assert path.read_bytes() == before
 
 

@@ -1,6 +1,5 @@
 """Equilibrium of the law: against wall forces, rigid motions, friction, and the exact tangent."""
 
-import json
 from dataclasses import replace
 from functools import partial
 
@@ -15,7 +14,7 @@ from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import net_forces
 from modal.preparation import relax as relaxation
 from modal.preparation.random_packing import random_sample
-from modal.preparation.relax import NEAR, RESERVE, Equilibrium, equilibrium_of, relax
+from modal.preparation.relax import NEAR, RESERVE, equilibrium_of, relax
 from modal.tools.errors import InputError
 
 
@@ -111,27 +110,10 @@ def test_wedged_sphere_is_freed():
     assert network.force_normal == pytest.approx(network.force_normal[0], rel=1e-6)
 
 
-def test_shift_across_the_periods_changes_forces_at_the_walls_only(sheared):
-    motion = np.zeros((len(sheared.position), 6))
-    motion[:, 0], motion[:, 1] = 0.4 * sheared.side[0], -0.3 * sheared.side[1]
-    network = sheared.network()
-    contacts = MovingContacts(sheared, np.inf)
-    contacts.move(motion)
-    found = contacts.sample().network()
-    assert found.n_contacts == network.n_contacts
-    mean = network.force_normal.mean()
-    # Round-off of a coordinate over an overlap, times the contacts of a sphere.
-    tolerance = 100 * np.finfo(float).eps * network.length / network.overlap.min() * mean
-    inner = np.setdiff1d(np.arange(len(motion)), network.particle_i[network.with_wall])
-    assert abs(net_forces(found) - net_forces(network))[inner].max() < tolerance
-
-
-def test_command_writes_a_sample_at_rest(packed, tmp_path, capsys):
+def test_command_writes_a_sample_at_rest(packed, tmp_path, printed):
     write_sample(tmp_path / "a.sample.h5", packed)
     out = tmp_path / "b.sample.h5"
-    arguments = ["relax", str(tmp_path / "a.sample.h5"), "--friction", "0.5", "-o", str(out)]
-    assert main([*arguments, "--json"]) == 0
-    shown = json.loads(capsys.readouterr().out)
+    shown = printed("relax", tmp_path / "a.sample.h5", "--friction", 0.5, "-o", out)
     assert shown["residual"] < 1e-9 < shown["residual_before"]
     rested = read_sample(out)
     assert rested.friction == 0.5
@@ -139,37 +121,26 @@ def test_command_writes_a_sample_at_rest(packed, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("fault", ["frictionless", "no contacts", "missing"])
-def test_bad_input_is_one_line(fault, packed, tmp_path, capsys):
+def test_bad_input_is_one_line(fault, packed, tmp_path, one_line):
     path = tmp_path / "a.sample.h5"
     if fault == "frictionless":
         write_sample(path, replace(packed, friction=0.0))
     if fault == "no contacts":
         write_sample(path, Sample(np.array([[1.0, 1, 1]]), np.ones(2) * 2, np.array([0, 2.0]), 0.1))
-    assert main(["relax", str(path), "-o", str(tmp_path / "b.sample.h5")]) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
+    one_line(main, ["relax", path, "-o", tmp_path / "b.sample.h5"])
     assert not (tmp_path / "b.sample.h5").exists()
 
 
 def test_far_from_rest_is_said(packed):
-    position = (
-        packed.position
-        + np.random.default_rng(34).standard_normal(packed.position.shape) * 0.02 * packed.radius
-    )
-    position[:, :2] %= packed.side
     with pytest.raises(InputError, match="does not come to rest"):
-        relax(replace(packed, position=position), max_steps=3)
+        relax(shaken(packed, 20.0, np.inf), max_steps=3)
 
 
 @pytest.fixture
-def by_damping_alone(monkeypatch):
-    """Without the springs, which would pass many digits between two looks."""
-    monkeypatch.setattr(relaxation, "elastic_motion", lambda contacts, sample: None)
-
-
-@pytest.fixture
-def approach(packed, by_damping_alone):
-    """Residuals and largest ones every hundred steps on the way of `packed` to 1e-12."""
+def approach(packed, monkeypatch):
+    """Residuals every hundred steps to 1e-12 by damping alone: springs pass many digits at once."""
     seen = []
+    monkeypatch.setattr(relaxation, "elastic_motion", lambda contacts, sample: None)
     relax(packed, tolerance=1e-12, watch=lambda state: seen.append(replace(state)))
     return seen
 
@@ -193,13 +164,6 @@ def test_tolerance_that_is_not_reached_is_said(packed, approach, tmp_path, capsy
     assert study["residual"] == state.residual
 
 
-def test_a_single_sphere_out_of_balance_is_not_at_rest():
-    """A mean far below the tolerance says nothing of one sphere among many."""
-    one_of_many = Equilibrium(1e-11, 1e-8, 0.5, 0, 100)
-    assert not one_of_many.within(1e-10)
-    assert one_of_many.within(1e-9)
-
-
 def test_rest_is_that_of_the_sample_that_is_given_back(packed):
     """Round-off of the positions included; 10 eps L / overlap is what they allow."""
     rested, state = relax(packed, tolerance=1e-300)
@@ -212,10 +176,6 @@ def test_rest_is_that_of_the_sample_that_is_given_back(packed):
 
 def test_spheres_that_come_apart_are_said():
     """A sphere that a wall pushes away, with nothing behind it."""
-    radius = 1e-3
-    walls = np.array([0.0, 4 * radius])
-    pushed = Sample(
-        np.array([[2e-3, 2e-3, radius - 1e-8]]), np.full(2, 4e-3), walls, 0.3, radius=radius
-    )
+    place, size = np.array([[2e-3, 2e-3, 1e-3 - 1e-8]]), np.array([0.0, 4e-3])
     with pytest.raises(InputError, match="come apart"):
-        relax(pushed)
+        relax(Sample(place, np.full(2, 4e-3), size, 0.3, radius=1e-3))

@@ -15,7 +15,6 @@ from modal.packing.tiling import repeat_sample
 from modal.preparation.durations import inertial_time
 from modal.preparation.protocol import Study
 from modal.preparation.random_packing import random_sample
-from modal.preparation.sizes import densities_of
 from modal.tools.errors import InputError
 
 STEEL = 2.1e11, 0.3
@@ -83,20 +82,10 @@ def test_files_and_networks_keep_materials(mixed, tmp_path):
 def test_network_of_another_law_is_no_sample(mixed):
     """Forgotten walls and other moduli are said, not taken for glass."""
     network = mixed.network()
-    for wrong in (
-        replace(network, study={}),
-        replace(network, stiffness_tangential=0.9 * network.stiffness_tangential),
-    ):
+    other = {"stiffness_tangential": 0.9 * network.stiffness_tangential}
+    for changed in ({"study": {}}, other):
         with pytest.raises(InputError, match="is not that of hertz-mindlin contacts"):
-            sample_of_network(wrong, 0.3)
-
-
-def test_densities_are_dealt_out_in_equal_numbers():
-    """And to sizes where there are as many; the same of one seed."""
-    of_equal = densities_of(99, (1500, 2500, 4000), None, seed=1)
-    assert [int((of_equal == rho).sum()) for rho in (1500, 2500, 4000)] == [33, 33, 33]
-    assert np.array_equal(of_equal, densities_of(99, ("1500", "2500", "4000"), None, seed=1))
-    assert not np.array_equal(of_equal, densities_of(99, (1500, 2500, 4000), None, seed=2))
+            sample_of_network(replace(network, **changed), 0.3)
 
 
 def test_frequencies_fall_as_the_root_of_the_density():

@@ -86,10 +86,8 @@ def test_state_is_settled_by_stress_and_balance():
     "wrong",
     [
         {"mu_comp": math.nan},
-        {"mu_comp": 1.5},
         {"width": 3.9},
         {"width": math.inf},
-        {"fraction": 0.0},
         {"inertial_number": -0.1},
         {"approach_rate": 0.0},
         {"agitated_damping": 1.0},

@@ -1,12 +1,9 @@
 """Unequal stresses: reached or refused, stiffer along the larger one, K0 plausible."""
 
-import json
-
 import numpy as np
 import pytest
 
 import modal
-from modal.__main__ import main
 from modal.packing.sample import read_sample
 from modal.preparation.random_packing import pack
 from modal.tools.errors import InputError
@@ -61,7 +58,7 @@ def test_ratio_beyond_the_strength_is_refused_in_a_line(folder):
         states(folder, [1e5], stress_ratio=0.2)
 
 
-def test_k0_of_one_dimensional_compression(folder, capsys):
+def test_k0_of_one_dimensional_compression(folder, printed):
     """From 10 kPa to 1 MPa at constant width.
 
     Jaky's rule, K0 = 1 - sin(phi), has 0.58 to 0.66 for angles of friction of 20 to 25 degrees. The
@@ -78,9 +75,6 @@ def test_k0_of_one_dimensional_compression(folder, capsys):
     assert 0.4 < second.study["stress_ratio"] < 0.7
     stiffness = modal.elastic_moduli(second.network()).stiffness
     assert stiffness[2, 2] > 1.1 * max(stiffness[0, 0], stiffness[1, 1])
-    words = (
-        "pack --spheres 300 --friction 0.3 --aspect 1.5 --periodic --stress 1e5 1e6 --oedometric"
-    )
-    assert main([*words.split(), "-o", str(folder), "--json"]) == 0
-    k0 = json.loads(capsys.readouterr().out)["k0"]
+    words = "pack --spheres 300 --friction 0.3 --aspect 1.5 --periodic --stress 1e5 1e6"
+    k0 = printed(*words.split(), "--oedometric", "-o", folder)["k0"]
     assert list(k0.values()) == [first.study["stress_ratio"], second.study["stress_ratio"]]

@@ -1,6 +1,5 @@
 """The wave at finite amplitude: against an ODE solver, the linear wave, its books, YADE."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -250,13 +249,12 @@ def test_energy_of_a_tiny_wave_adds_up(rested):
     assert abs(balance.gap) < 5e-3
 
 
-def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, capsys):
+def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, printed, one_line):
     sample, out = str(tmp_path / "rested.sample.h5"), str(tmp_path / "wave.signals.h5")
     write_sample(sample, rested)
     words = f"wave {sample} --nonlinear --amplitude 1e-8 --duration 5e-5 --direction x -o {out}"
     words += f" --plane {rested.walls.mean()}"
-    assert main([*words.split(), "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
+    said = printed(*words.split())
     signals = read_signals(out, of_any_source=True)
     assert signals.direction == "x" and signals.source.startswith("plane")
     assert len(signals.time) == said["times"] == 51
@@ -264,13 +262,11 @@ def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, capsys):
     assert said["time_step_error"] < 1e-3
     # Held by friction nothing slides; what slip takes is over what the source gave in all.
     said_slip = said["contacts_slid"], said["dissipated_share"]
-    assert main([*words.split(), "--friction", "1e9", "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
+    said = printed(*words.split(), "--friction", 1e9)
     assert said["contacts_slid"] == said["dissipated_share"] == 0 < said_slip[0]
     energy = signals.balance.work
     assert said_slip[1] == pytest.approx(signals.slip_energy.sum() / energy, rel=1e-9)
-    assert main(["wave", sample, "--nonlinear", "--friction", "0"]) == 2
-    assert "must be positive" in capsys.readouterr().err
+    one_line(main, ["wave", sample, "--nonlinear", "--friction", 0], "must be positive")
 
 
 def test_what_is_no_sample_at_rest_is_refused(rested, column, endless):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from in_yade import measured_tangent, script
-from packings import asymmetry, contact_matrices, sheared
+from packings import asymmetry, sheared
 from places import ROOT, SHEARED
 
 from modal.dem.contacts import MovingContacts
@@ -15,8 +15,6 @@ from modal.packing.sample import read_sample
 from modal.packing.state import net_forces
 from modal.preparation.random_packing import random_sample
 from modal.system.assembly import stiffness_matrix
-from modal.system.operator import ContactOperator
-from modal.tools.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -121,10 +119,3 @@ def test_every_column_equals_finite_differences_of_yades_forces(tmp_path, yade):
     # Each term of the pre-stress is seen: overlap / R and friction times that.
     assert apart["none"] > 1e-4
     assert 1e-5 < apart["normal"] < apart["none"]
-
-
-def test_unknown_pre_stress_is_refused():
-    network = gallery.column(2)
-    for refuse in (contact_matrices, lambda n, p: ContactOperator(n, pre_stress=p)):
-        with pytest.raises(InputError, match="choose one of"):
-            refuse(network, "some")

@@ -92,13 +92,6 @@ def test_energy_error_has_order_two(products, tmp_path):
     assert np.log2(drift[0] / drift[1]) == pytest.approx(2, abs=0.3)
 
 
-def test_unstable_time_step_is_refused_without_a_product(products, tmp_path):
-    beside(products, tmp_path)
-    log = batch("wave", tmp_path, WAVE_DURATION="1e-3", WAVE_FRACTION="1.5")
-    assert "error: WAVE_FRACTION 1.5" in log
-    assert not (tmp_path / "case02.signals.h5").exists()
-
-
 def test_finished_products_are_not_made_again(products):
     for script, kind in (("sample_fcc", "network"), ("wave", "signals")):
         path = products / f"case02.{kind}.h5"
@@ -146,13 +139,6 @@ def test_highest_modes_of_another_network_are_refused_with_both_names(products, 
     )
     assert "not the highest modes" in batch("wave", tmp_path, WAVE_DURATION="1.2e-5")
     assert not (tmp_path / "case02.signals.h5").exists()
-
-
-def test_crystal_of_another_stress_is_stale(products, tmp_path):
-    shutil.copy(products / "case02.network.h5", tmp_path)
-    log = batch("sample_fcc", tmp_path, columns={"stress": "2e5", "layers": "8"})
-    assert "stale, layers was 30, is 8; stress was 100000.0, is 200000.0; making it again" in log
-    assert read_network(tmp_path / "case02.network.h5").study["stress"] == 2e5
 
 
 def test_time_step_error_has_order_two(products, tmp_path):

@@ -104,17 +104,6 @@ def test_sample_out_of_balance_or_of_other_settings_is_not_exported(products, tm
     assert not (tmp_path / "case30.network.h5").exists()
 
 
-def test_no_sphere_misses_its_wall(products):
-    """With boxes as walls a collider can miss contacts; then spheres leave through the wall."""
-    network = read_network(products / "case30.network.h5")
-    z, radius = network.position[:, 2], network.radius[0]
-    low, high = network.wall_position
-    at_wall = set(network.particle_i[network.with_wall].tolist())
-    reaching = np.flatnonzero((z - low < radius) | (high - z < radius))
-    assert set(reaching.tolist()) == at_wall
-    assert ((z > low) & (z < high)).all()
-
-
 def test_network_from_the_compact_form_is_the_exported_one(products):
     """YADE's overlaps, stiffnesses and forces against those rebuilt from positions and shear."""
     exported = read_network(products / "case30.network.h5")
