@@ -8,7 +8,7 @@ from places import SHEARED
 from test_yade_fcc import LAYERS, WIDTH, batch
 
 import modal
-from analysis.agreement import Agreement, Motion, compare
+from analysis.agreement import Agreement, compare
 from benchmarks.harness.yade import in_yades_order
 from modal.packing import crystal as gallery
 from modal.packing.sample import read_sample
@@ -94,8 +94,8 @@ def test_odd_part_of_a_random_packing_is_the_exact_tangent(packing):
     """All force-bearing spheres, all times; the even part and the drift cancel between the runs."""
     network, (forth, back) = packing
     pair = Agreement(network, forth)
-    both = zip(pair.measured(forth), pair.measured(back), strict=True)
-    odd = Motion(*((a + b) / 2 for a, b in both))
+    one, other = pair.measured(forth), pair.measured(back)
+    odd = {name: (one[name] + other[name]) / 2 for name in one}
     apart = {kind: compare("", odd, pair.linear(kind)) for kind in ("none", "normal", "full")}
     # What is left is cubic: (0.05 nm / 300 nm)^2, weak contacts more; and rounded positions.
     assert apart["full"].particles < 1e-4
