@@ -9,7 +9,7 @@ from places import SHEARED
 
 from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.sample import read_sample
+from modal.packing.sample import Sample, read_sample
 from modal.packing.tiling import repeat
 from modal.preparation.random_packing import random_network
 from modal.system.assembly import block
@@ -412,6 +412,12 @@ def stiffer(network: Network, normal=1.0, tangential=1.0) -> Network:
 def slippery(network: Network) -> Network:
     """All contacts slide: no tangential spring is left."""
     return with_sliding(replace(network, sliding=np.ones(network.n_contacts, bool)), "slip")
+
+
+def in_flight(sample: Sample, velocity: np.ndarray, spin: np.ndarray | None = None) -> Sample:
+    """With velocities (n, 3), m/s, and spins, rad/s, of its spheres, in a cell at rest."""
+    spin = np.zeros_like(velocity) if spin is None else spin
+    return replace(sample, velocity=velocity, angular_velocity=spin, strain_rate=np.zeros(3))
 
 
 def times(factor: float):

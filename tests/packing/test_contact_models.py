@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from packings import in_flight
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
@@ -90,10 +91,7 @@ def test_two_spheres_bounce_with_their_energy_and_at_the_time_of_the_law(model):
     position = np.full((2, 3), side / 2)
     position[:, 0] += [-RADIUS, RADIUS]
     velocity = np.array([[approach / 2, 0, 0], [-approach / 2, 0, 0]])
-    sample = Sample(
-        position, np.full(2, side), np.array([0.0, side]), 0.3, material=of(model),
-        velocity=velocity, angular_velocity=np.zeros((2, 3)), strain_rate=np.zeros(3),
-    )  # fmt: skip
+    sample = Sample(position, np.full(2, side), np.array([0.0, side]), 0.3, material=of(model))
     law, (mass, _) = sample.laws[0], sample.material.sphere(RADIUS)
     energy = mass * approach**2 / 4
     deepest = brentq(lambda d: law.elastic_energy(d, RADIUS / 2) - energy, 1e-12, 1e-3, xtol=1e-20)
@@ -103,7 +101,7 @@ def test_two_spheres_bounce_with_their_energy_and_at_the_time_of_the_law(model):
         / np.sqrt(4 / mass * (energy - law.elastic_energy(deepest * (1 - x * x), RADIUS / 2))),
         1e-9, 1,
     )  # fmt: skip
-    motion, depth, kept, open_at = Dynamics(sample), 0.0, [], 0
+    motion, depth, kept, open_at = Dynamics(in_flight(sample, velocity)), 0.0, [], 0
     dt = time / 500
     for step in range(1500):
         before = motion.velocity[:, :3].copy()
@@ -148,11 +146,9 @@ def test_compiled_loop_is_that_of_numpy(model, monkeypatch):
     """A hundred steps of spheres that slide, open and close, between walls rougher than they."""
     packed = modal.random_packing(60, seed=2, aspect=1.0)
     material = of(f"{model} 1e-6" if model.startswith("rough") else model, young=6e9)
-    sample = replace(
-        sample_of_network(packed, 0.1), material=material, shear=None, study={},
-        velocity=0.2 * np.random.default_rng(1).standard_normal((60, 3)),
-        angular_velocity=np.zeros((60, 3)), strain_rate=np.zeros(3),
-    )  # fmt: skip
+    bare = sample_of_network(packed, 0.1)
+    bare = replace(bare, material=material, shear=None, study={})
+    sample = in_flight(bare, 0.2 * np.random.default_rng(1).standard_normal((60, 3)))
     runs = []
     for _ in range(2):
         motion = Dynamics(sample)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from in_yade import script
+from packings import in_flight
 from places import ROOT
 from scipy.spatial.transform import Rotation
 
@@ -30,14 +31,10 @@ def agitated(spheres=120, friction=0.3, speed=0.05, aspect=1.5, **mixture):
     """A packing at 100 kPa whose spheres fly and spin: overlaps of 1 um, 2 um in 50 steps."""
     random = np.random.default_rng(5)
     packed = random_sample(spheres, 1e5, aspect=aspect, tolerance=1e-3, **mixture)
-    return replace(
-        packed,
-        friction=friction,
-        shear=np.zeros((packed.network().n_contacts, 2)),
-        velocity=speed * random.standard_normal((spheres, 3)),
-        angular_velocity=speed / packed.radius * random.standard_normal((spheres, 3)),
-        strain_rate=np.zeros(3),
-    )
+    velocity, turning = speed * random.standard_normal((2, spheres, 3))
+    shear = np.zeros((packed.network().n_contacts, 2))
+    packed = replace(packed, friction=friction, shear=shear)
+    return in_flight(packed, velocity, turning / packed.radius)
 
 
 @pytest.fixture(scope="module")
@@ -50,16 +47,8 @@ def two(separation, velocity, friction):
     side = 20 * RADIUS
     centre, direction = np.full(3, side / 2), np.ones(3) / np.sqrt(3)
     position = centre + np.outer([-0.5, 0.5], direction) * separation
-    walls = np.array([0.0, side])
-    return Sample(
-        position,
-        np.full(2, side),
-        walls,
-        friction,
-        velocity=np.array(velocity, float),
-        angular_velocity=np.zeros((2, 3)),
-        strain_rate=np.zeros(3),
-    )
+    pair = Sample(position, np.full(2, side), np.array([0.0, side]), friction)
+    return in_flight(pair, np.array(velocity, float))
 
 
 def test_energy_is_kept_at_second_order(hot):
@@ -90,11 +79,9 @@ def test_momenta_of_a_free_cluster_are_kept():
     random = np.random.default_rng(2)
     grid = np.array([(x, y, z) for x in range(3) for y in range(3) for z in range(3)])
     position = 0.03 + 2 * RADIUS * (0.999 * grid + 0.0004 * random.standard_normal((27, 3)))
+    velocity, turning = 0.03 * random.standard_normal((2, 27, 3))
     sample = Sample(position, np.full(2, 0.1), np.array([0.0, 0.1]), 0.2)
-    sample.velocity = 0.03 * random.standard_normal((27, 3))
-    sample.angular_velocity = 0.03 / RADIUS * random.standard_normal((27, 3))
-    sample.strain_rate = np.zeros(3)
-    motion = Dynamics(sample)
+    motion = Dynamics(in_flight(sample, velocity, turning / RADIUS))
 
     def momenta():
         mass, inertia = motion.masses[0]
@@ -110,7 +97,7 @@ def test_momenta_of_a_free_cluster_are_kept():
     assert motion.contacts.touching != 54
     # Each step adds the forces of some 54 contacts, rounded at EPS; they are at most some 100 N.
     rounding = 300 * 54 * EPS * 100 * STEP
-    assert rounding < 1e-6 * motion.masses[0, 0] * abs(sample.velocity).sum()
+    assert rounding < 1e-6 * motion.masses[0, 0] * abs(velocity).sum()
     assert abs(momenta()[0] - start[0]).max() < rounding
     assert abs(momenta()[1] - start[1]).max() < rounding * 6 * RADIUS
 
@@ -199,8 +186,7 @@ def test_small_sphere_flies_far_between_two_lists_of_a_mixture():
     start = np.array([[10.0, 10, 20], [30, 30, 20]]) * RADIUS
     size, flight = 40 * RADIUS, np.array([[0.0, 0, 0], [0, 0, 1]])
     sample = Sample(start, np.full(2, size), np.array([0.0, size]), 0.3, radii=radii)
-    moving = replace(sample, velocity=flight, angular_velocity=0 * flight, strain_rate=np.zeros(3))
-    motion = Dynamics(moving, skin=WIDEST)
+    motion = Dynamics(in_flight(sample, flight), skin=WIDEST)
     for _ in range(200):
         motion.step(0.01 * RADIUS)
     # Rounding of 200 sums.

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from packings import in_flight
 
 import modal
 from modal.__main__ import main
@@ -59,13 +60,7 @@ def test_steps_know_no_place(rough):
     """Strained by a servo, spheres slide, part and meet: the same from another origin along z."""
     random, low = np.random.default_rng(1), rough.walls[0]
     velocity = 0.03 * random.standard_normal(rough.position.shape)
-    still = replace(
-        rough,
-        shear=None,
-        velocity=velocity,
-        angular_velocity=velocity / rough.radius,
-        strain_rate=np.zeros(3),
-    )
+    still = in_flight(replace(rough, shear=None), velocity, velocity / rough.radius)
     by = 0.37 * (rough.walls[1] - low)
     runs = []
     for sample in (still, shifted(still, by)):
