@@ -6,8 +6,8 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from places import ROOT
@@ -121,13 +121,6 @@ def test_a_tiny_study_from_cloud_to_page_and_again(study):
     assert "No result of case 2" in (study / "tiny/study/study.html").read_text()
 
 
-def test_the_rules_pass_snakemakes_own_lint(study):
-    command = [sys.executable, "-m", "snakemake", "-s", "workflow/Snakefile", "--lint"]
-    settings = ["--config", f"study={PAPER}", "products=products"]
-    done = subprocess.run([*command, *settings], cwd=study, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-
-
 @pytest.fixture
 def jobs(monkeypatch):
     """The modules of the workflow, at home."""
@@ -140,12 +133,7 @@ def test_jobs_ask_for_what_their_size_takes_and_a_retry_for_more(jobs):
     """Crystals of 3,200 spheres ask for less, and measured ones change nothing of others."""
     found = jobs.Jobs({"study": PAPER, "products": "products"})
     need = found.needs("yade_wave")
-
-    class Of:
-        def __init__(self, case):
-            self.case = case
-
-    large, small = Of("case30"), Of("case02")
+    large, small = SimpleNamespace(case="case30"), SimpleNamespace(case="case02")
     assert need["mem_mb"](large, 1) >= 1586 and need["mem_mb"](small, 1) < need["mem_mb"](large, 1)
     assert need["runtime"](large, 1) > 58 and need["runtime"](small, 1) < 30
     for ask in need.values():
