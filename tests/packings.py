@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from places import SHEARED
 
 from modal.packing import crystal as gallery
+from modal.packing.columns import COLUMNS
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import Sample, read_sample
 from modal.packing.tiling import repeat
@@ -93,6 +94,19 @@ def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Networ
         sliding=share >= limit,
         cell_shift=shift,
     )
+
+
+def in_units(network: Network, length: float, mass: float, time: float) -> Network:
+    """The same packing in other units, and without notes, whose units nobody knows."""
+    stiffness = mass / time**2
+    units = {"m": length, "kg": mass, "kg m^2": mass * length**2}
+    units |= {"N/m": stiffness, "N": stiffness * length}
+    changed = {
+        name: units[column.unit] * getattr(network, name)
+        for name, column in COLUMNS.items()
+        if column.unit in units and getattr(network, name) is not None
+    }
+    return replace(network, study={}, **changed)
 
 
 @cache

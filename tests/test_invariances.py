@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from packings import SPRINGS, from_other_end, mirrored, renumbered, turned
+from packings import SPRINGS, from_other_end, in_units, mirrored, renumbered, turned
 from scipy.spatial.transform import Rotation
 
 from modal.modes.counts import count_below
@@ -160,12 +160,7 @@ def test_units(seed, length, mass, time):
     """Other units of length, mass and time, each up to nine decades away."""
     L, M, T = 10.0**length, 10.0**mass, 10.0**time
     network = packing(seed)
-    force, stiffness = M * L / T**2, M / T**2
-    unit = {name: L for name in ("position", "radius", "lever_i", "lever_j", "overlap")}
-    unit |= {"cell_size": L, "wall_position": L, "mass": M, "inertia": M * L**2}
-    unit |= {"stiffness_normal": stiffness, "stiffness_tangential": stiffness}
-    unit |= {"force_normal": force}
-    scaled = replace(network, study={}, **{k: getattr(network, k) * u for k, u in unit.items()})
+    scaled = in_units(network, L, M, T)
     one, two = (by_structure(LinearSystem.of(net)).kinds for net in (network, scaled))
     assert one == two
     here, pulse = propagate(network, 3e-5).signals, Pulse(2.5e-9 * L, 1e5 / T)

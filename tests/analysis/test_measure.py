@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from packings import in_units
 
 import analysis
 import modal
@@ -13,7 +14,7 @@ from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.registry import quantity
-from analysis.value import Value, unknown
+from analysis.value import Value
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
@@ -43,10 +44,8 @@ def test_a_crystal_is_as_theory_has_it():
     theory = modal.FccLattice(1e5)
     names = ["low_pass_unbiased", "attenuation", "v_p_moduli", "v_s_moduli"]
     found = analysis.measure(modal.fcc(), quantities=[*QUICK, *names])
-    for name, exact in (
-        ("v_p", theory.velocity),
-        ("low_pass_unbiased", theory.low_pass_frequency),
-    ):
+    exact_of = {"v_p": theory.velocity, "low_pass_unbiased": theory.low_pass_frequency}
+    for name, exact in exact_of.items():
         assert found[name].value == pytest.approx(exact, rel=1e-4)
         assert abs(found[name].value - exact) < 5 * found[name].error + 1e-6 * exact
     slow = 2 * np.pi * theory.bloch(np.array([0, 0, 1.0]))[0][0]
@@ -72,32 +71,16 @@ def test_ways_to_a_velocity_agree(found):
 def test_other_units_and_materials_are_the_same_dimensionless_answers(random, length, mass, time):
     """No setting has a unit of its own: frequencies times D / V are equal to 1e-6."""
     names = [*QUICK, "attenuation"]
-    scaled = replace(
-        random,
-        **{
-            name: getattr(random, name) * length
-            for name in ("position", "radius", "lever_i", "lever_j", "overlap", "cell_size")
-        },
-        study={},
-        force_normal=random.force_normal * mass * length / time**2,
-        force_tangential=random.force_tangential * mass * length / time**2,
-        wall_position=random.wall_position * length,
-        mass=random.mass * mass,
-        inertia=random.inertia * mass * length**2,
-        stiffness_normal=random.stiffness_normal * mass / time**2,
-        stiffness_tangential=random.stiffness_tangential * mass / time**2,
-    )
+    scaled = in_units(random, length, mass, time)
     units = {"m/s": length / time, "Hz": 1 / time, "1": 1.0, "1/m": 1 / length}
     one, two = (analysis.measure(net, quantities=names) for net in (random, scaled))
     for name in names:
-        unit = units[one[name].unit]
-        assert np.array(two[name].value) == pytest.approx(
-            one[name].value * np.array(unit), rel=1e-6
-        )
+        wanted = one[name].value * np.array(units[one[name].unit])
+        assert np.array(two[name].value) == pytest.approx(wanted, rel=1e-6)
         assert np.size(two[name].error) == np.size(one[name].error)
 
 
-def test_records_take_the_place_of_the_own_wave(random, tmp_path, capsys):
+def test_records_take_the_place_of_the_own_wave(random, tmp_path, printed):
     """Of another motion of the wall, in memory and from a file: the same within the errors."""
     own = analysis.measure(random, quantities=["v_p"])["v_p"]
     duration = 3 * random.length / own.value
@@ -109,8 +92,8 @@ def test_records_take_the_place_of_the_own_wave(random, tmp_path, capsys):
     write_network(tmp_path / "a.network.h5", random)
     write_signals(tmp_path / "w.signals.h5", wave)
     files = [str(tmp_path / "a.network.h5"), str(tmp_path / "w.signals.h5")]
-    assert main(["measure", *files, "--json", "--quantities", "v_p"]) == 0
-    assert json.loads(capsys.readouterr().out)["v_p"]["value"] == given.value
+    told = printed("measure", *files, "--quantities", "v_p", main=main)
+    assert told["v_p"]["value"] == given.value
     assert analysis.measure(*files, quantities=["v_p"])["v_p"].value == given.value
     with pytest.raises(InputError, match="leaves the packing"):
         analysis.measure(modal.fcc(cells=(1, 1, 20)), wave)
@@ -118,18 +101,15 @@ def test_records_take_the_place_of_the_own_wave(random, tmp_path, capsys):
 
 def test_caveats_have_their_numbers(random, found):
     said = " ".join(found["low_pass"].caveats)
-    length = random.length / (2 * random.radius.mean())
-    assert length > 50 and "too short" not in said and "one sample" in said and "narrow: 5" in said
+    assert "too short" not in said and "one sample" in said and "narrow: 5" in said
     short = modal.random_packing(spheres=1000, aspect=5, seed=1)
     said = " ".join(analysis.measure(short, quantities=["low_pass"])["low_pass"].caveats)
     assert f"too short: {short.length / (2 * short.radius.mean()):.1f} D" in said
-    assert any("above the width: 8 D at" in caveat for caveat in found["low_pass"].caveats)
     small = modal.random_packing(spheres=300, aspect=1, seed=1)
     few = analysis.measure(small, quantities=["v_p", "bulk_modulus"])
     assert not few["v_p"].known and few["v_p"].caveats
-    moved = random.force_normal.copy()
-    moved[::7] *= 1.5
-    pushed = replace(random, force_normal=moved)
+    often = np.where(np.arange(random.n_contacts) % 7, 1, 1.5)
+    pushed = replace(random, force_normal=often * random.force_normal)
     said = " ".join(analysis.measure(pushed, quantities=["v_p"])["v_p"].caveats)
     assert "not in equilibrium: residual" in said
 
@@ -140,19 +120,17 @@ def test_a_cell_without_walls_has_velocities_and_says_how():
     assert not found["low_pass"].known and "no two walls" in " ".join(found["low_pass"].caveats)
 
 
-def test_files_on_the_command_line(tmp_path, capsys):
+def test_files_on_the_command_line(tmp_path, capsys, printed, one_line):
     """One file: the quantities. Seeds: a block each, and their mean with its standard error."""
     paths = []
     for seed in (1, 2, 3):
         paths.append(str(tmp_path / f"seed{seed}.network.h5"))
         write_network(paths[-1], modal.random_packing(spheres=500, aspect=12, seed=seed))
-    assert main(["measure", paths[0], "--quick", "--json"]) == 0
-    alone = json.loads(capsys.readouterr().out)
+    alone = printed("measure", paths[0], "--quick", main=main)
     assert set(alone) == set(QUICK)
     assert set(alone["v_p"]) == {"value", "error", "unit", "caveats"}
     assert alone["v_p"]["unit"] == "m/s" and alone["void_ratio"]["error"] == 0
-    assert main(["measure", *paths, "--quick", "--json"]) == 0
-    several = json.loads(capsys.readouterr().out)
+    several = printed("measure", *paths, "--quick", main=main)
     assert set(several) == {*paths, "mean"} and several[paths[0]] == alone
     values = [several[path]["v_p"]["value"] for path in paths]
     mean = several["mean"]["v_p"]
@@ -163,12 +141,10 @@ def test_files_on_the_command_line(tmp_path, capsys):
     assert main(["measure", paths[0], "--quantities", "coordination", "excess_peak"]) == 3
     told = capsys.readouterr()
     assert "coordination" in told.out and "excess_peak could not" in told.err
-    assert main(["measure", str(tmp_path / "none.h5")]) == 2
-    capsys.readouterr()
-    asked = [paths[0], "--quantities", "void_ratio", "chi_z", "gain", "--json"]
-    assert main(["measure", *asked, "-o", str(tmp_path / "a.json")]) == 0
-    told = json.loads((tmp_path / "a.json").read_text())
-    assert json.loads(capsys.readouterr().out) == told  # the file is what is printed
+    one_line(main, ["measure", tmp_path / "none.h5"])
+    asked = ["measure", paths[0], "--quantities", "void_ratio", "chi_z", "gain"]
+    told = printed(*asked, "-o", tmp_path / "a.json", main=main)
+    assert json.loads((tmp_path / "a.json").read_text()) == told
     assert len(told["gain"]["at"]) == len(told["gain"]["value"])
     assert "list not complete: 40 of 3000 modes" in " ".join(told["chi_z"]["caveats"])
 
@@ -186,21 +162,6 @@ def test_a_quantity_is_one_function(random, monkeypatch):
         del QUANTITIES["spheres"]
     with pytest.raises(InputError, match="quantity 'spheres': unknown; choose from v_p"):
         analysis.measure(random, quantities=["spheres"])
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (Value(776.3824, "m/s", {"fit": 0.0041}), "776.382 ± 0.004 m/s"),
-        (Value(8131.4, "Hz", {"a": 300.0, "b": 400.0}), "8.13 ± 0.50 kHz"),
-        (Value(4.859e-10, "1"), "4.859e-10"),
-        (unknown("Hz", "no wall"), "not known"),
-    ],
-)
-def test_a_value_is_written_as_exact_as_it_is(value, text):
-    assert value.text() == text
-    assert value.known or value.as_json()["error"] is None
-    assert json.loads(json.dumps(value.as_json()))["unit"] == value.unit
 
 
 def _motions(frequency, duration):

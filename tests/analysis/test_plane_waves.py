@@ -10,9 +10,11 @@ from scipy.linalg import eigh
 
 import modal
 from analysis.estimators.structure_factor import plane_waves, structure_factor, wave_vectors
+from modal.modes.mode_set import participation_ratio
 from modal.packing.network import Network
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
+from modal.system.root_mass import RootMass
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 
@@ -125,9 +127,6 @@ def test_long_waves_of_a_disordered_cell_have_the_velocities_of_its_moduli():
 
 def test_participation_ratio():
     """Plane standing waves 2/3, a motion of all alike 1, one sphere 1/n; a rotation counts too."""
-    from modal.modes.mode_set import participation_ratio
-    from modal.system.root_mass import RootMass
-
     n = 1000
     z = (np.arange(n) + 0.5) / n
     root = RootMass(np.sqrt(np.tile([2.0] * 3 + [0.5] * 3, n)))
@@ -173,7 +172,6 @@ def test_refusals(cell):
         (lambda: moments(cell, (1, 0, 0), "P"), "polarisation 'P'"),
         (lambda: structure_factor(cell, np.array([(1, 0, 0)]), 0.0), "resolution"),
         (lambda: bare.participation(slab), "no mode shapes"),
-        (lambda: bare.chi("x"), "no mode shapes"),
     ):
         with pytest.raises(InputError, match=words):
             wrong()

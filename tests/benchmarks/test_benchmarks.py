@@ -1,7 +1,6 @@
 """The benchmarks' harness, and what they measure, on tiny sizes; each whole job is slow."""
 
 import re
-import shutil
 import sys
 
 import numpy as np
@@ -146,10 +145,8 @@ def test_what_is_measured_still_works(packing, curve):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMED)
-def test_every_job_writes_its_tables_and_figures(name, tmp_path):
+def test_every_job_writes_its_tables_and_figures(name, tmp_path, yade):
     """No column without a number; complete where YADE is, LAMMPS may be missing."""
-    if shutil.which("yade") is None:
-        pytest.skip("YADE is missing: apt-get install --no-install-recommends yade python3-h5py")
     assert main(["--quick", name, "-o", str(tmp_path)]) == 0
     page = (tmp_path / f"{name}.md").read_text()
     shown = re.findall(r"\((\w+\.png)\)", page)

@@ -1,7 +1,6 @@
 """File formats round trip, bad input is refused in one line, the command line in-process."""
 
 import contextlib
-import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -85,18 +84,16 @@ def test_bad_options_are_one_line_and_status_2(network_file, one_line):
         one_line(main, arguments)
 
 
-def test_modes_and_count_agree_on_the_command_line(network_file, tmp_path, capsys):
+def test_modes_and_count_agree_on_the_command_line(network_file, tmp_path, printed):
     out = tmp_path / "slab.modes.h5"
-    assert main(["modes", str(network_file), "--all", "--json", "-o", str(out)]) == 0
-    result = json.loads(capsys.readouterr().out)
+    result = printed("modes", network_file, "--all", "-o", out)
     frequency = np.array(result["frequency_hz"])
     assert len(frequency) == result["degrees_of_freedom"] == 144
     written = read_modes(out)
     assert result["modes_with_chi_z_above_0.999"] == int((written.chi_z > 0.999).sum())
     assert len(written.resonance_frequency) == 6
     assert np.array_equal(written.frequency, frequency)
-    assert main(["count", str(network_file), "--at", "1e5", "--json"]) == 0
-    counts = json.loads(capsys.readouterr().out)["count_below"]
+    counts = printed("count", network_file, "--at", "1e5")["count_below"]
     assert counts == {"1e5": int((frequency < 1e5).sum())}
 
 

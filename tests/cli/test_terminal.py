@@ -3,7 +3,6 @@
 import doctest
 import importlib
 import importlib.util
-import json
 import math
 import re
 import subprocess
@@ -72,10 +71,9 @@ def test_examples_in_docstrings_run():
                 assert doctest.testmod(importlib.import_module(name)).failed == 0, name
 
 
-def test_info_shows_each_name_that_json_has(tmp_path, capsys):
+def test_info_shows_each_name_that_json_has(tmp_path, capsys, printed):
     write_network(tmp_path / "fcc.network.h5", modal.fcc(cells=(2, 2, 8)))
-    assert main(["info", str(tmp_path / "fcc.network.h5"), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = printed("info", tmp_path / "fcc.network.h5")
     assert main(["info", str(tmp_path / "fcc.network.h5")]) == 0
     shown = capsys.readouterr().out.partition("notes of the file")[0]
     for name in set(told) - {"study", "seconds", "peak_memory_bytes"}:

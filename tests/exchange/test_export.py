@@ -37,19 +37,16 @@ def exported(folder, *arguments) -> None:
 
 def read_frames(path) -> list[tuple[float, dict[str, np.ndarray]]]:
     """The frames of a file of extended XYZ: times, s, and columns (n,) or (n, k) by their names."""
-    lines, frames, at = path.read_text().splitlines(), [], 0
-    while at < len(lines):
-        count = int(lines[at])
+    lines, frames = path.read_text().splitlines(), []
+    count = int(lines[0])
+    for at in range(0, len(lines), count + 2):
         words = lines[at + 1].rsplit("Properties=", 1)[1].split(":")
         time = float(lines[at + 1].split("Time=")[1].split()[0])
-        rows = lines[at + 2 : at + 2 + count]
-        table = np.loadtxt(rows, usecols=range(1, len(rows[0].split())), ndmin=2)
-        columns, first = {}, 0
-        for name, width in zip(words[3::3], map(int, words[5::3]), strict=True):
-            columns[name] = table[:, first : first + width].squeeze(axis=1 if width == 1 else ())
-            first += width
-        frames.append((time, columns))
-        at += 2 + count
+        ends = 1 + np.cumsum([int(width) for width in words[5::3]])
+        rows = np.array([row.split() for row in lines[at + 2 : at + 2 + count]])
+        table = np.split(rows[:, 1 : ends[-1]].astype(float), ends[:-1] - 1, axis=1)
+        columns = (part[:, 0] if part.shape[1] == 1 else part for part in table)
+        frames.append((time, dict(zip(words[3::3], columns, strict=True))))
     return frames
 
 

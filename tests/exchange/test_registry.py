@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 
 import program_files
@@ -48,7 +47,7 @@ def test_a_program_is_one_file(tmp_path, monkeypatch, capsys):
     assert files.imported()["spheres"] == read_network(files.out).n_particles == 20
 
 
-def test_commands_take_a_file_that_needs_no_options(tmp_path, capsys, one_line):
+def test_commands_take_a_file_that_needs_no_options(tmp_path, printed, one_line):
     """And know their products again: modes of the restart file belong to it, and to no other."""
     modes, picture = tmp_path / "x.modes.h5", tmp_path / "x.xyz"
     told = {}
@@ -58,8 +57,7 @@ def test_commands_take_a_file_that_needs_no_options(tmp_path, capsys, one_line):
         ["modes", RESTART, "--highest", "3", "-o", modes],
         ["export", RESTART, modes, "--modes", "1", "-o", picture],
     ):
-        assert main([*map(str, command), "--json"]) == 0
-        told[command[0]] = json.loads(capsys.readouterr().out)
+        told[command[0]] = printed(*command)
     assert told["info"]["particles"] == told["export"]["spheres"] == 125
     # 625 motions without energy, and below 13 Hz one of the five modes of each chain.
     assert told["count"]["count_below"]["13"] == 625 + 25
