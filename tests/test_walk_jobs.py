@@ -16,11 +16,9 @@ from places import ROOT
 )
 def test_a_job_of_yade_fails_with_its_script(says, there, status, tmp_path):
     """yade-batch itself returns 0 whatever comes of its job; a product may be there from before."""
-    batch = tmp_path / "yade-batch"
-    batch.write_text(f"#!/bin/sh\necho '{says}'\n")
-    batch.chmod(0o755)
-    (tmp_path / "yade").write_text("#!/bin/sh\necho 2023.02a\n")
-    (tmp_path / "yade").chmod(0o755)
+    for name, text in (("yade-batch", says), ("yade", "2023.02a")):
+        (tmp_path / name).write_text(f"#!/bin/sh\necho '{text}'\n")
+        (tmp_path / name).chmod(0o755)
     product = tmp_path / "100000Pa.sample.h5"
     if there:
         product.touch()

@@ -93,12 +93,3 @@ def test_maxima_of_the_crystals_gain_are_modes_of_a_free_source():
     assert len(found) > 11
     assert abs(found[:12] - free[:12]).max() < 2e-3 * gain.first_resonance(m)
     assert gain.orders(m)[0][:12] == pytest.approx(gain.free_held(m)[:12], abs=2e-3)
-
-
-def test_ridge_ends_at_the_limit():
-    """Widths beyond pi times the width = f are those of no wave: one point past it, no more."""
-    f = np.geomspace(1e3, 4e4, 40)
-    ridge = Scattering(f, 1e3 * (f / 1e4) ** 3, 500.0, 2.5e-3)
-    shown, width, path = ridge.of_waves()
-    assert shown[-2] < ridge.limit <= shown[-1]
-    assert path == pytest.approx(500 / (2 * np.pi * width) / 2.5e-3)
