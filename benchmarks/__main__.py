@@ -36,9 +36,8 @@ def index(folder: Path, quick: bool) -> None:
         "run once. Each task has a process of its own, whose peak memory is given.",
         "",
     ]
-    for path in sorted(folder.glob("*.md")):
-        if path.name != "README.md":
-            lines.append(f"- [{path.read_text().splitlines()[0].lstrip('# ')}]({path.name})")
+    pages = [path for path in sorted(folder.glob("*.md")) if path.name != "README.md"]
+    lines += [f"- [{page.read_text().splitlines()[0].lstrip('# ')}]({page.name})" for page in pages]
     lines += [] if quick else ["", defaults.table(folder)]
     (folder / "README.md").write_text("\n".join(lines) + "\n")
 
