@@ -1,24 +1,16 @@
-"""Sound networks of every kind that a reader must accept."""
+"""Packings that tests share, of every kind."""
 
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import scipy.sparse as sp
+from changes import ENDS, PER_CONTACT
 from places import SHEARED
 
 from modal.packing import crystal as gallery
-from modal.packing.columns import COLUMNS
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.sample import Sample, read_sample
-from modal.packing.tiling import repeat
+from modal.packing.sample import read_sample
 from modal.preparation.random_packing import random_network
-from modal.system.assembly import block
-from modal.system.contacts import contact_tangent, terms_of, with_sliding
-from modal.system.imposed import WallMoves, put_on
-from modal.system.linear_system import LinearSystem
-from modal.waves.propagate import propagate
-from modal.waves.signals import Signals
 
 YOUNG, POISSON = 60e9, 0.2
 
@@ -96,19 +88,6 @@ def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Networ
     )
 
 
-def in_units(network: Network, length: float, mass: float, time: float) -> Network:
-    """The same packing in other units, and without notes, whose units nobody knows."""
-    stiffness = mass / time**2
-    units = {"m": length, "kg": mass, "kg m^2": mass * length**2}
-    units |= {"N/m": stiffness, "N": stiffness * length}
-    changed = {
-        name: units[column.unit] * getattr(network, name)
-        for name, column in COLUMNS.items()
-        if column.unit in units and getattr(network, name) is not None
-    }
-    return replace(network, study={}, **changed)
-
-
 @cache
 def frictionless() -> Network:
     """150 spheres without friction at 100 kPa, some rattling; made once."""
@@ -164,51 +143,6 @@ def deep() -> Network:
     return network
 
 
-def bonded(network: Network) -> Network:
-    """Contacts that roll and twist as well, and bodies with tensors of inertia."""
-    rng = np.random.default_rng(2)
-    turned = np.linalg.qr(rng.standard_normal((network.n_particles, 3, 3)))[0]
-    moments = network.inertia[:, None, None] * np.diag([0.8, 1.0, 1.2])
-    reach = network.radius.mean() ** 2 * network.stiffness_normal
-    return replace(
-        network,
-        stiffness_rolling=rng.uniform(0, 0.1, network.n_contacts) * reach,
-        stiffness_twisting=rng.uniform(0, 0.1, network.n_contacts) * reach,
-        inertia_tensor=turned @ moments @ turned.transpose(0, 2, 1),
-    )
-
-
-def levers_of_radii(network: Network) -> Network:
-    """Levers as long as the radii, as some programs have them; to the plane of a wall."""
-    pair = ~network.with_wall
-    plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
-    to_wall = abs(plane - network.position[network.particle_i, 2])
-    length = np.where(pair, network.radius[network.particle_i], to_wall)
-    other = np.where(pair, network.radius[network.particle_j], 0.0)
-    return replace(
-        network,
-        lever_i=length[:, None] * network.normal,
-        lever_j=-other[:, None] * network.normal,
-    )
-
-
-def scaled(values: np.ndarray, rows: object, factor: float) -> np.ndarray:
-    """A copy with some rows times a factor."""
-    changed = values.copy()
-    changed[rows] *= factor
-    return changed
-
-
-def rounded(network: Network, digits: int = 7) -> Network:
-    """All numbers as a text of so many significant digits keeps them."""
-    columns = {}
-    for name, data in vars(network).items():
-        if isinstance(data, np.ndarray) and data.dtype.kind == "f":
-            text = [float(f"{x:.{digits - 1}e}") for x in data.ravel()]
-            columns[name] = np.reshape(text, data.shape)
-    return replace(network, **columns)
-
-
 def cohesive() -> Network:
     """Some contacts pull, some across a gap of 2 % of the radius."""
     network = gallery.column(5)
@@ -231,103 +165,10 @@ def cohesive() -> Network:
     )
 
 
-def shells() -> Network:
-    """A crystal of hollow spheres."""
-    network = gallery.fcc(cells=(3, 3, 4))
-    return replace(network, inertia=2 / 3 * network.mass * network.radius**2, study={})
-
-
-def unwrapped() -> Network:
-    """Centres several periods away, with the periods that bring them back."""
-    network = gallery.fcc(cells=(2, 2, 5))
-    away = np.random.default_rng(1).integers(-3, 4, network.position.shape) * [1, 1, 0]
-    pair = ~network.with_wall
-    shift = network.cell_shift.copy()
-    shift[pair] += (away[network.particle_i] - away[network.particle_j])[pair]
-    return replace(network, position=network.position + away * network.cell_size, cell_shift=shift)
-
-
-SOUND = {
-    "crystal": lambda: gallery.fcc(cells=(2, 2, 8)),
-    "crystal one sphere wide": lambda: gallery.fcc(cells=(1, 1, 8)),
-    "long crystal": lambda: gallery.fcc(cells=(1, 1, 300)),
-    "hardly pressed": lambda: gallery.fcc(1e-3, (2, 2, 8)),
-    "column": lambda: gallery.column(3),
-    "copies side by side": lambda: repeat(gallery.fcc(cells=(1, 1, 5)), 3, 2),
-    "sheared": sheared,
-    "deep overlaps": deep,
-    "levers as long as deep radii": lambda: levers_of_radii(deep()),
-    "levers as long as radii": lambda: levers_of_radii(sheared()),
-    "radii 1:3": polydisperse,
-    "radii 1:3, levers as long": lambda: levers_of_radii(polydisperse()),
-    "periodic in all directions": lambda: polydisperse(periodic_z=True),
-    "cohesive": cohesive,
-    "shells": shells,
-    "unwrapped": unwrapped,
-}
-"""Name -> maker of a network."""
-OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
-
-
-def bare(network: Network, *kept: str) -> Network:
-    """The network without its optional data, but for those `kept`."""
-    return replace(network, **{name: None for name in OPTIONAL if name not in kept})
-
-
-def turned(network: Network, matrix: np.ndarray, **columns: np.ndarray) -> Network:
-    """All vectors turned; cell and walls are left to those who have them."""
-    vectors = ("position", "normal", "lever_i", "lever_j", "force_tangential")
-    network = network.unchecked(**{name: getattr(network, name) @ matrix.T for name in vectors})
-    return replace(network, **columns)
-
-
-def mirrored(network: Network) -> Network:
-    """Left and right exchanged along x: another packing with as many contacts."""
-    flip = np.array([-1, 1, 1])
-    return turned(network, np.diag(flip), cell_shift=network.cell_shift * flip)
-
-
-ENDS = ("particle_i", "particle_j")
-SPRINGS = ("stiffness_normal", "stiffness_tangential")
-PER_CONTACT = (*ENDS, "normal", "lever_i", "lever_j", *SPRINGS, *OPTIONAL)
-
-
-def from_other_end(network: Network, other: np.ndarray) -> Network:
-    """The contacts of `other` (m,) bool, none with a wall, told from their second sphere."""
-    i, j, side = network.particle_i, network.particle_j, other[:, None]
-    names = ("normal", "force_tangential", "cell_shift")
-    vectors = {name: getattr(network, name) for name in names}
-    return replace(
-        network,
-        particle_i=np.where(other, j, i),
-        particle_j=np.where(other, i, j),
-        lever_i=np.where(side, network.lever_j, network.lever_i),
-        lever_j=np.where(side, network.lever_i, network.lever_j),
-        **{name: np.where(side, -1, 1) * data for name, data in vectors.items()},
-    )
-
-
-def renumbered(network: Network, number: np.ndarray) -> Network:
-    """The same packing, sphere k being number[k], its contacts in another order."""
-    back = np.argsort(number)
-    mixed = network.with_contacts(np.random.default_rng(2).permutation(network.n_contacts))
-    return replace(
-        mixed,
-        **{k: getattr(network, k)[back] for k in ("position", "radius", "mass", "inertia")},
-        particle_i=number[mixed.particle_i],
-        particle_j=np.where(mixed.with_wall, mixed.particle_j, number[mixed.partner]),
-    )
-
-
 def diluted(share: float, seed: int, layers: int = 6) -> Network:
     """A crystal that has lost a share of its contacts at random: loose parts of every kind."""
     network = gallery.fcc(cells=(4, 4, layers))
     return network.with_contacts(np.random.default_rng(seed).random(network.n_contacts) > share)
-
-
-def dense_squares(system: LinearSystem) -> np.ndarray:
-    """All omega^2, ascending, by a dense solver."""
-    return np.linalg.eigvalsh(system.scaled.toarray())
 
 
 def columns_side_by_side(copies: int, high: int = 2) -> Network:
@@ -339,114 +180,3 @@ def columns_side_by_side(copies: int, high: int = 2) -> Network:
     for end in ENDS:
         many[end] = np.where(many[end] >= 0, many[end] + first, many[end])
     return replace(single, **many)
-
-
-def wall_pattern(network: Network, wall: int, pre_stress: str = "none", axis: int = 2):
-    """Push on the particles (6n,), pull on the wall (6n,) and what holds it, N/m and N."""
-    coupling = put_on(network, terms_of(pre_stress), WallMoves(wall, axis))
-    push, pull = (each.toarray()[:, 0] for each in (coupling.push, coupling.pull))
-    return push, pull, float(coupling.held[0, 0])
-
-
-def contact_matrices(network: Network, pre_stress: str | tuple[str, ...] = "none") -> np.ndarray:
-    """Shape (m, 12, 12): of each contact on (u_i, theta_i, u_j, theta_j); zero for a wall's."""
-    terms = terms_of(pre_stress) if isinstance(pre_stress, str) else pre_stress
-    tangent, pair = contact_tangent(network, terms), network.particle_j >= 0
-    whole = np.block([[block(tangent, a, b) for b in (0, 1)] for a in (0, 1)])
-    whole[~pair, 6:] = 0
-    whole[~pair, :, 6:] = 0
-    return whole
-
-
-def stepped(
-    network: Network, duration: float, step: float, *, every: int = 1, **settings
-) -> Signals:
-    """The signals of a wave by leapfrog, recorded at each `every`-th time step, s."""
-    how = {"interval": every * step, "time_step": step, **settings}
-    return propagate(network, duration, **how).signals
-
-
-def slow_stiffness(network: Network) -> np.ndarray:
-    """Dense K (6n, 6n), column by column from forces: an oracle without the 12x12 matrices.
-
-    Each degree of freedom is displaced by one unit in turn; the springs' forces and the torques
-    they exert with their levers are summed in plain vector algebra. Walls are a body that rests.
-    """
-    n, normal = network.n_particles, network.normal
-    i, j = (
-        network.particle_i,
-        np.where(network.particle_j < 0, network.n_particles, network.particle_j),
-    )
-
-    def split(vector: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
-        part = (vector * normal).sum(axis=1)[:, None] * normal
-        return along[:, None] * part + across[:, None] * (vector - part)
-
-    K = np.zeros((6 * n, 6 * n))
-    for column in range(6 * n):
-        motion, load = np.zeros((2, n + 1, 2, 3))
-        motion.flat[column] = 1.0
-        u, turn = motion[:, 0], motion[:, 1]
-        slip = u[j] + np.cross(turn[j], network.lever_j) - u[i] - np.cross(turn[i], network.lever_i)
-        force = split(slip, network.stiffness_normal, network.stiffness_tangential)
-        for end, lever, sign in ((i, network.lever_i, -1), (j, network.lever_j, 1)):
-            np.add.at(load[:, 0], end, sign * force)
-            np.add.at(load[:, 1], end, sign * np.cross(lever, force))
-            if network.stiffness_rolling is not None:
-                rolling, twisting = network.stiffness_rolling, network.stiffness_twisting
-                np.add.at(load[:, 1], end, sign * split(turn[j] - turn[i], twisting, rolling))
-        K[:, column] = load[:n].ravel()
-    return K
-
-
-def kinematics(network: Network) -> np.ndarray:
-    """Shape (m, 3, 12): from (u_i, theta_i, u_j, theta_j) to the slip, by its definition."""
-    B = np.zeros((network.n_contacts, 3, 12))
-    for axis, unit in enumerate(np.eye(3)):
-        B[:, axis, axis], B[:, axis, 6 + axis] = -1, 1
-        B[:, :, 3 + axis] = -np.cross(unit, network.lever_i)
-        B[:, :, 9 + axis] = np.cross(unit, network.lever_j)
-    B[network.with_wall, :, 6:] = 0
-    return B
-
-
-def changed(network: Network, **columns) -> Network:
-    """The network with functions of its columns in their place."""
-    return replace(network, **{name: f(getattr(network, name)) for name, f in columns.items()})
-
-
-def stiffer(network: Network, normal=1.0, tangential=1.0) -> Network:
-    """Springs times factors, of all contacts or (m,) each, beside the checks of a network."""
-    return network.unchecked(
-        stiffness_normal=normal * network.stiffness_normal,
-        stiffness_tangential=tangential * network.stiffness_tangential,
-    )
-
-
-def slippery(network: Network) -> Network:
-    """All contacts slide: no tangential spring is left."""
-    return with_sliding(replace(network, sliding=np.ones(network.n_contacts, bool)), "slip")
-
-
-def in_flight(sample: Sample, velocity: np.ndarray, spin: np.ndarray | None = None) -> Sample:
-    """With velocities (n, 3), m/s, and spins, rad/s, of its spheres, in a cell at rest."""
-    spin = np.zeros_like(velocity) if spin is None else spin
-    return replace(sample, velocity=velocity, angular_velocity=spin, strain_rate=np.zeros(3))
-
-
-def times(factor: float):
-    return lambda data: factor * data
-
-
-def permuted(data: np.ndarray) -> np.ndarray:
-    return np.random.default_rng(1).permutation(data)
-
-
-PRE_STRESS = ("none", "normal", "full")
-"""Choices that every network with forces knows."""
-
-
-def asymmetry(matrix: sp.csr_matrix) -> float:
-    """Frobenius norm of a matrix's antisymmetric part over its own: 0 where it is symmetric."""
-    difference = (matrix - matrix.T) / 2
-    return float(np.sqrt((difference.data**2).sum() / (matrix.data**2).sum()))

@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import OPTIONAL, kinematics, slippery, stiffer
+from changes import OPTIONAL, slippery, stiffer
+from oracles import kinematics
 from places import SHEARED
 from scipy.linalg import qr
 

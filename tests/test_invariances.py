@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from changes import SPRINGS, from_other_end, in_units, mirrored, renumbered, turned
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from packings import SPRINGS, from_other_end, in_units, mirrored, renumbered, turned
 from scipy.spatial.transform import Rotation
 
 from modal.modes.counts import count_below

@@ -8,7 +8,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
-from packings import renumbered
+from changes import renumbered
 
 import modal
 from modal.dem.contacts import MovingContacts

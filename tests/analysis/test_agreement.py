@@ -6,7 +6,8 @@ from pathlib import Path
 import in_yade
 import numpy as np
 import pytest
-from packings import sheared, stepped
+from oracles import stepped
+from packings import sheared
 
 from analysis.__main__ import main
 from analysis.agreement import Agreement, by_frequency, over_time, split_by_cause

@@ -6,7 +6,7 @@ import exact_crystal
 import numpy as np
 import pytest
 from exact_crystal import CHAIN, LENGTH, noisy
-from packings import stepped
+from oracles import stepped
 
 from analysis.estimators.coherent import coherent_wave, longest_waves
 from analysis.estimators.damped_transform import (

@@ -8,7 +8,8 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from packings import frictionless, slender, stepped
+from oracles import stepped
+from packings import frictionless, slender
 
 from analysis.__main__ import main
 from analysis.case import cases_of, cases_of_files, kind_of

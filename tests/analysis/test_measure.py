@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import in_units
+from changes import in_units
 
 import analysis
 import modal

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import stepped
+from oracles import stepped
 from shear_lattice import ShearLattice
 from study_folder import measured
 

@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from packings import stepped
+from oracles import stepped
 
 from analysis.estimators.layer_lattice import LayerLattice
 from benchmarks import dem, density, scaling, wave

@@ -5,7 +5,9 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from packings import bare, kinematics, levers_of_radii, polydisperse, stiffer
+from changes import bare, levers_of_radii, stiffer
+from oracles import kinematics
+from packings import polydisperse
 from scipy.linalg import lstsq
 
 from modal.__main__ import main

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from packings import stiffer
+from changes import stiffer
 
 from modal.elasticity.moduli import elastic_moduli
 from modal.elasticity.slab import static_velocity

@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import changed, contact_matrices, polydisperse, times
+from changes import changed, times
+from oracles import contact_matrices
+from packings import polydisperse
 from places import PACKINGS
 
 from modal.elasticity.moduli import elastic_moduli, read_moduli

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import packings
 import pytest
-from packings import stepped
+from oracles import stepped
 from places import ROOT
 from program_files import misfit
 from scipy.spatial.transform import Rotation

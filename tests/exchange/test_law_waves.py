@@ -6,7 +6,7 @@ import numpy as np
 import packings
 import program_files
 import pytest
-from packings import asymmetry, stepped, wall_pattern
+from oracles import asymmetry, stepped, wall_pattern
 from scipy.integrate import solve_ivp
 
 import modal

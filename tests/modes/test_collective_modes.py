@@ -5,7 +5,9 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
-from packings import dense_squares, diluted, slippery
+from changes import slippery
+from oracles import dense_squares
+from packings import diluted
 from scipy.linalg import eigvals_banded
 
 import modal

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from packings import dense_squares, diluted
+from oracles import dense_squares
+from packings import diluted
 
 import modal
 from modal.modes.counts import count_below

@@ -3,7 +3,7 @@
 import h5py
 import numpy as np
 import pytest
-from packings import stiffer
+from changes import stiffer
 from scipy.linalg import eigh
 from scipy.special import ndtr
 

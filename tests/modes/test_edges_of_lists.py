@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import columns_side_by_side, diluted, scaled
+from changes import scaled
+from packings import columns_side_by_side, diluted
 
 import modal
 from modal.modes.collective import summary_at_zero

@@ -4,7 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from packings import columns_side_by_side, dense_squares, stiffer
+from changes import stiffer
+from oracles import dense_squares
+from packings import columns_side_by_side
 
 from modal.__main__ import main
 from modal.modes import search

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import scaled
+from changes import scaled
 from scipy.linalg import eigh_tridiagonal
 
 from modal.modes.eigenmodes import modes_of

@@ -2,11 +2,8 @@
 
 import numpy as np
 import pytest
-from packings import (
-    columns_side_by_side,
-    dense_squares,
-    diluted,
-)
+from oracles import dense_squares
+from packings import columns_side_by_side, diluted
 
 from modal.__main__ import main
 from modal.modes.eigenmodes import modes_of

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import stiffer
+from changes import stiffer
 
 from modal.__main__ import main
 from modal.modes.eigenmodes import modes_of

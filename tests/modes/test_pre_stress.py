@@ -2,7 +2,9 @@
 
 from functools import cache
 
+import changes
 import numpy as np
+import oracles
 import packings
 import pytest
 import scipy.sparse as sp
@@ -137,11 +139,11 @@ def test_commands_take_pre_stress(tmp_path, printed):
 
 def test_modes_and_counts_of_bonded_bodies_are_those_of_a_loop_over_contacts():
     """K phi = omega^2 M phi by LAPACK, K summed contact by contact, M with each body's tensor."""
-    network = packings.bonded(packing("friction"))
+    network = changes.bonded(packing("friction"))
     masses = [sp.identity(3) * mass for mass in network.mass]
     pairs = zip(masses, network.inertia_tensor, strict=True)
     mass = sp.block_diag([part for pair in pairs for part in pair]).toarray()
-    square = eigh(packings.slow_stiffness(network), mass, eigvals_only=True)
+    square = eigh(oracles.slow_stiffness(network), mass, eigvals_only=True)
     zero = int((square <= 1e-11 * square[-1]).sum())
     elastic = frequency_of(square[zero:])
     assert LinearSystem.of(network).size > Limits().small

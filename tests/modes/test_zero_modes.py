@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
-from packings import dense_squares, diluted, from_other_end, slippery
+from changes import from_other_end, slippery
+from oracles import dense_squares
+from packings import diluted
 
 from modal.modes.counts import count_below
 from modal.modes.zero_modes import by_structure

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import changes
 import numpy as np
-import packings
 import pytest
 
 from modal.__main__ import main
@@ -25,15 +25,15 @@ def answers(printed, *arguments: object) -> dict:
     return {name: value for name, value in found if name not in ("seconds", "peak_memory_bytes")}
 
 
-@pytest.mark.parametrize("kept", [(), ("force_normal",), ("overlap", "sliding"), packings.OPTIONAL])
+@pytest.mark.parametrize("kept", [(), ("force_normal",), ("overlap", "sliding"), changes.OPTIONAL])
 def test_round_trip_keeps_what_is_absent(kept, tmp_path):
-    network = packings.bare(gallery.fcc(cells=(2, 2, 6)), *kept)
+    network = changes.bare(gallery.fcc(cells=(2, 2, 6)), *kept)
     path = tmp_path / "x.network.h5"
     write_network(path, network)
     again = read_network(path)
     fewer = again.with_contacts(np.arange(5))
-    assert again.absent == [name for name in packings.OPTIONAL if name not in kept]
-    for name in packings.OPTIONAL:
+    assert again.absent == [name for name in changes.OPTIONAL if name not in kept]
+    for name in changes.OPTIONAL:
         before, after, few = (getattr(net, name) for net in (network, again, fewer))
         if name in kept:
             assert np.array_equal(before, after) and np.array_equal(few, after[:5])
@@ -53,7 +53,7 @@ def test_springs_alone_need_none_of_it(tmp_path, printed):
         ("response", "--highest", "3e4"),
     )
     paths = [tmp_path / f"{name}.network.h5" for name in ("whole", "bare")]
-    for path, network in zip(paths, (whole, packings.bare(whole)), strict=True):
+    for path, network in zip(paths, (whole, changes.bare(whole)), strict=True):
         write_network(path, network)
     for command, *options in commands:
         first, second = (answers(printed, command, path, *options) for path in paths)
@@ -74,9 +74,9 @@ def test_info_names_what_is_absent_and_leaves_its_numbers_out(tmp_path, printed)
         (("force_normal", "overlap"), needs_forces),
         ((), needs_forces | needs_normal_force),
     ):
-        write_network(path, packings.bare(whole, *kept))
+        write_network(path, changes.bare(whole, *kept))
         found = answers(printed, "info", path)
-        assert found["absent"] == [name for name in packings.OPTIONAL if name not in kept]
+        assert found["absent"] == [name for name in changes.OPTIONAL if name not in kept]
         assert known.keys() - found.keys() == lost
         assert all(found[name] == known[name] for name in found if name != "absent")
         table = tmp_path / "layers.csv"
@@ -96,12 +96,12 @@ def test_info_names_what_is_absent_and_leaves_its_numbers_out(tmp_path, printed)
 )
 def test_what_is_needed_is_asked_for_by_name(kept, arguments, missing, tmp_path, one_line):
     path = tmp_path / "x.network.h5"
-    write_network(path, packings.bare(gallery.fcc(cells=(2, 2, 6)), *kept))
+    write_network(path, changes.bare(gallery.fcc(cells=(2, 2, 6)), *kept))
     one_line(main, [arguments[0], path, *arguments[1:]], f"contacts/{missing},")
 
 
 def test_functions_ask_by_name():
-    network = packings.bare(gallery.fcc(cells=(2, 2, 6)))
+    network = changes.bare(gallery.fcc(cells=(2, 2, 6)))
     for function, missing in (
         (stress_tensor, "force_normal"),
         (wall_stress, "force_normal"),
@@ -114,7 +114,7 @@ def test_functions_ask_by_name():
             function(network)
     assert firmly_held(network).all()
     whole = gallery.fcc(cells=(2, 2, 60))
-    assert static_velocity(packings.bare(whole)) == static_velocity(whole)
+    assert static_velocity(changes.bare(whole)) == static_velocity(whole)
 
 
 def test_networks_without_a_cross_section_or_a_length(tmp_path, printed, one_line):

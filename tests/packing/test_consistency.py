@@ -5,29 +5,68 @@ from __future__ import annotations
 from contextlib import nullcontext
 from dataclasses import replace
 
+import changes
 import numpy as np
 import packings
 import pytest
-from packings import permuted, times
+from changes import levers_of_radii, permuted, times
 
 from modal.packing import crystal as gallery
 from modal.packing.checks import _of_pairs
 from modal.packing.columns import COLUMNS
 from modal.packing.network import Network, read_network, write_network
 from modal.packing.sample import Sample
+from modal.packing.tiling import repeat
 from modal.tools.errors import InputError
 
 CRYSTAL = gallery.fcc(cells=(2, 2, 8))
 
 
+def shells() -> Network:
+    """A crystal of hollow spheres."""
+    network = gallery.fcc(cells=(3, 3, 4))
+    return replace(network, inertia=2 / 3 * network.mass * network.radius**2, study={})
+
+
+def unwrapped() -> Network:
+    """Centres several periods away, with the periods that bring them back."""
+    network = gallery.fcc(cells=(2, 2, 5))
+    away = np.random.default_rng(1).integers(-3, 4, network.position.shape) * [1, 1, 0]
+    pair = ~network.with_wall
+    shift = network.cell_shift.copy()
+    shift[pair] += (away[network.particle_i] - away[network.particle_j])[pair]
+    return replace(network, position=network.position + away * network.cell_size, cell_shift=shift)
+
+
+SOUND = {
+    "crystal": lambda: gallery.fcc(cells=(2, 2, 8)),
+    "crystal one sphere wide": lambda: gallery.fcc(cells=(1, 1, 8)),
+    "long crystal": lambda: gallery.fcc(cells=(1, 1, 300)),
+    "hardly pressed": lambda: gallery.fcc(1e-3, (2, 2, 8)),
+    "column": lambda: gallery.column(3),
+    "copies side by side": lambda: repeat(gallery.fcc(cells=(1, 1, 5)), 3, 2),
+    "sheared": packings.sheared,
+    "deep overlaps": packings.deep,
+    "levers as long as deep radii": lambda: levers_of_radii(packings.deep()),
+    "levers as long as radii": lambda: levers_of_radii(packings.sheared()),
+    "radii 1:3": packings.polydisperse,
+    "radii 1:3, levers as long": lambda: levers_of_radii(packings.polydisperse()),
+    "periodic in all directions": lambda: packings.polydisperse(periodic_z=True),
+    "cohesive": packings.cohesive,
+    "shells": shells,
+    "unwrapped": unwrapped,
+}
+"""Name -> maker of a network."""
+
+
 @pytest.mark.parametrize("digits", [17, 7])
-@pytest.mark.parametrize("name", packings.SOUND)
+@pytest.mark.parametrize("name", SOUND)
 def test_sound_networks_are_read(name, digits, tmp_path):
     """As they are, in numbers of 7 digits, and without what is optional."""
-    network = packings.SOUND[name]()
-    network = network if digits == 17 else packings.rounded(network, digits)
+    network = SOUND[name]()
+    network = network if digits == 17 else changes.rounded(network, digits)
     path = tmp_path / "x.network.h5"
-    for known in (network, packings.bare(network)):
+    for known in (network, changes.bare(network)):
         write_network(path, known)
         assert read_network(path).n_contacts == network.n_contacts
 
@@ -54,7 +93,7 @@ def turned(normal: np.ndarray, angle: float) -> np.ndarray:
 
 def one(data: np.ndarray) -> np.ndarray:
     """The first in g."""
-    return packings.scaled(data, 0, 1e3)
+    return changes.scaled(data, 0, 1e3)
 
 
 PLAIN = replace(CRYSTAL, study={})
@@ -117,7 +156,7 @@ SPOILED = {
     "complex": ("fib", lambda x: x + 0j),
     "halves": ("ib", lambda x: x + 0.5),
     "lists of unequal lengths": ("fib", lambda x: [[0.0], *x.tolist()[1:]]),
-    "not a number": ("f", lambda x: packings.scaled(x, 0, np.nan)),
+    "not a number": ("f", lambda x: changes.scaled(x, 0, np.nan)),
     "infinite": ("f", lambda x: np.full_like(x, np.inf)),
 }
 """What is no table of numbers, or no number: the kinds of column, what is done."""
@@ -128,7 +167,7 @@ def test_each_column_has_its_kind_its_shape_and_finite_numbers(how):
     """In one line that names it, or where it gives others their length, one of these."""
     pushed = dict.fromkeys(("shear_growth", "motion_shortening", "torque_shortening"), 0.0)
     pushed = {name: np.full(PLAIN.n_contacts, zero) for name, zero in pushed.items()}
-    whole = replace(packings.bonded(PLAIN), **pushed)
+    whole = replace(changes.bonded(PLAIN), **pushed)
     kinds, change = SPOILED[how]
     for name, column in COLUMNS.items():
         if column.kind in kinds:
@@ -197,10 +236,10 @@ def test_a_contact_listed_twice_is_refused():
     with pytest.raises(InputError, match="selected twice"):
         CRYSTAL.with_contacts(rows)
     pair = ~CRYSTAL.with_wall
-    other = packings.from_other_end(CRYSTAL, pair).with_contacts(pair)
+    other = changes.from_other_end(CRYSTAL, pair).with_contacts(pair)
     both = {
         name: np.concatenate([getattr(CRYSTAL, name), getattr(other, name)])
-        for name in packings.PER_CONTACT
+        for name in changes.PER_CONTACT
     }
     for columns in (both, both | {"cell_shift": None}):
         with pytest.raises(InputError, match="are the same"):

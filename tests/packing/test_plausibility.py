@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import packings
 import pytest
-from packings import changed, permuted, times
+from changes import changed, permuted, times
 
 from modal.__main__ import main
 from modal.packing import crystal as gallery

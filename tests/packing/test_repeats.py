@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
+import changes
 import numpy as np
-import packings
 import pytest
 
 from modal.packing import crystal as gallery
@@ -50,11 +50,11 @@ def test_the_part_has_the_folded_matrix(network: Network, count: int, pre_stress
 
 def test_numbering_turned_contacts_and_the_origin_do_not_matter():
     network, rng = repeat(RANDOM, 3, 2), np.random.default_rng(5)
-    other = packings.renumbered(network, rng.permutation(network.n_particles))
+    other = changes.renumbered(network, rng.permutation(network.n_particles))
     turned = ~other.with_wall & (rng.random(other.n_contacts) < 0.5)
     # A fifth of a period aside, in which no sphere keeps its cell, and far out of the cell.
     position = other.position + network.cell_size * [0.2, 3.7, 0]
-    other = packings.from_other_end(other, turned).unchecked(cell_shift=None)
+    other = changes.from_other_end(other, turned).unchecked(cell_shift=None)
     other = replace(other, position=position)
     assert lateral_repeats(other, pre_stress=True).count == 6
 

@@ -2,8 +2,8 @@
 
 from itertools import product
 
+import changes
 import numpy as np
-import packings
 import pytest
 
 from modal.packing import crystal as gallery
@@ -73,7 +73,7 @@ def test_shear_forces_survive_the_file(tmp_path):
     random = np.random.default_rng(1)
     listed = network.with_contacts(random.permutation(network.n_contacts))
     other = (listed.particle_j >= 0) & (random.random(listed.n_contacts) < 0.5)
-    turned = packings.from_other_end(listed, other)
+    turned = changes.from_other_end(listed, other)
     assert other.any()
     assert sample_of_network(turned, 0.3).shear == pytest.approx(sample.shear, abs=1e-17)
     normal_part = (network.force_tangential * network.normal).sum(axis=1)

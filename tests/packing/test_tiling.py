@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
+import changes
 import numpy as np
-import packings
 import pytest
 from places import SHEARED
 
@@ -35,7 +35,7 @@ def test_repeated_sample_has_the_repeated_network(sample):
     assert (np.diff(large.position[:, 2]) >= 0).all()  # the loops over contacts go along z
     found, wanted = large.network(), repeat(sample.network(), 3, 2)
     assert found.n_contacts == wanted.n_contacts == 6 * sample.network().n_contacts
-    wanted = packings.from_other_end(
+    wanted = changes.from_other_end(
         wanted, (wanted.particle_j >= 0) & (wanted.particle_i > wanted.particle_j)
     )
     ours, order = (

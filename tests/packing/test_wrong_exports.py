@@ -12,10 +12,11 @@ from dataclasses import replace
 from functools import cache
 from itertools import combinations
 
+import changes
 import numpy as np
 import packings
 import pytest
-from packings import ENDS, PER_CONTACT, SPRINGS, scaled
+from changes import ENDS, PER_CONTACT, SPRINGS, scaled
 
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, read_network, write_network
@@ -45,7 +46,7 @@ UNTOLD = {
 
 NETWORKS = {
     "crystal": (lambda: gallery.fcc(cells=(2, 2, 6)), lambda: gallery.fcc(4e6, (2, 2, 6))),
-    "sheared": (packings.sheared, lambda: packings.mirrored(packings.sheared())),
+    "sheared": (packings.sheared, lambda: changes.mirrored(packings.sheared())),
     "mixed": (packings.polydisperse, lambda: packings.polydisperse(seed=3)),
 }
 """Each a packing, and another of its kind, of nearly as many particles and contacts."""
@@ -181,7 +182,7 @@ def of_rows(network: Network) -> dict[str, Callable[[Network], Network]]:
     }
 
 
-def changes(name: str) -> dict[str, Callable[[Network], Network]]:
+def mistakes(name: str) -> dict[str, Callable[[Network], Network]]:
     """All wrong contents of a network: name -> what makes the wrong one of it."""
     network = sound(name)
     columns = of_columns(network) | of_groups(network, NETWORKS[name][1]())
@@ -238,7 +239,7 @@ def test_wrong_exports(name, every, tmp_path):
     expected, usual = answers(network), plausibility(network)["remarks"]
     found = {
         f"{name}: {change}": verdict(make(network), path, expected, usual)
-        for change, make in list(changes(name).items())[::every]
+        for change, make in list(mistakes(name).items())[::every]
     }
     assert not [
         change for change, result in found.items() if result == "untold" and not known(change)

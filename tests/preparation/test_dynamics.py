@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from changes import in_flight
 from in_yade import script
-from packings import in_flight
 from places import ROOT
 from scipy.spatial.transform import Rotation
 

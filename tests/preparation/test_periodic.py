@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import in_flight
+from changes import in_flight
 
 import modal
 from modal.__main__ import main

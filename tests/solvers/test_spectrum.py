@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from operators import Known
-from packings import PRE_STRESS, random_springs, sheared
+from oracles import PRE_STRESS
+from packings import random_springs, sheared
 
 from modal.modes import density
 from modal.modes.collective import every_floppy

@@ -5,7 +5,9 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from packings import PER_CONTACT, polydisperse, random_springs, slow_stiffness
+from changes import PER_CONTACT
+from oracles import slow_stiffness
+from packings import polydisperse, random_springs
 from scipy.linalg import eigh
 
 import modal

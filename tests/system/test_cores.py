@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import PRE_STRESS, renumbered
+from changes import renumbered
+from oracles import PRE_STRESS
 
 from modal.packing import crystal as gallery
 from modal.packing.network import Network

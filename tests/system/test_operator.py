@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from packings import PRE_STRESS, contact_matrices, random_springs
+from oracles import PRE_STRESS, contact_matrices
+from packings import random_springs
 
 from modal.system import packed as packed_contacts
 from modal.system.assembly import mass_diagonal, own_blocks, stiffness_matrix

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import polydisperse, stiffer
+from changes import stiffer
+from packings import polydisperse
 
 import modal
 from modal.packing.network import write_network

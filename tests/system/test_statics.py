@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import scaled, wall_pattern
+from changes import scaled
+from oracles import wall_pattern
 
 from modal.elasticity import steady
 from modal.elasticity.slab import static_velocity

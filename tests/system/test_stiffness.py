@@ -1,7 +1,8 @@
 """K against a slow oracle; the part of its translations."""
 
 import pytest
-from packings import polydisperse, slow_stiffness
+from oracles import slow_stiffness
+from packings import polydisperse
 
 from modal.packing import crystal as gallery
 from modal.system.assembly import stiffness_matrix

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from packings import stiffer
+from changes import stiffer
 from scipy.linalg import eig
 
 import modal

@@ -4,7 +4,8 @@ from functools import partial
 
 import numpy as np
 import pytest
-from packings import scaled, stepped, stiffer, wall_pattern
+from changes import scaled, stiffer
+from oracles import stepped, wall_pattern
 from places import SHEARED
 
 from modal.packing import crystal as gallery

@@ -9,7 +9,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from packings import bonded, polydisperse, sheared
+from changes import bonded
+from packings import polydisperse, sheared
 from scipy.linalg import expm
 
 import modal

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from packings import wall_pattern
+from oracles import wall_pattern
 from test_sources import dense_wave
 
 import modal

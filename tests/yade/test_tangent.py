@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from in_yade import measured_tangent, script
-from packings import asymmetry, sheared
+from oracles import asymmetry
+from packings import sheared
 from places import ROOT, SHEARED
 
 from modal.dem.contacts import MovingContacts

@@ -1,0 +1,153 @@
+"""Changes of a packing: other units, another numbering or direction, fewer or other columns."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from modal.packing.columns import COLUMNS
+from modal.packing.network import SOURCE_WALL, Network
+from modal.packing.sample import Sample
+from modal.system.contacts import with_sliding
+
+
+def in_units(network: Network, length: float, mass: float, time: float) -> Network:
+    """The same packing in other units, and without notes, whose units nobody knows."""
+    stiffness = mass / time**2
+    units = {"m": length, "kg": mass, "kg m^2": mass * length**2}
+    units |= {"N/m": stiffness, "N": stiffness * length}
+    changed = {
+        name: units[column.unit] * getattr(network, name)
+        for name, column in COLUMNS.items()
+        if column.unit in units and getattr(network, name) is not None
+    }
+    return replace(network, study={}, **changed)
+
+
+def bonded(network: Network) -> Network:
+    """Contacts that roll and twist as well, and bodies with tensors of inertia."""
+    rng = np.random.default_rng(2)
+    turned = np.linalg.qr(rng.standard_normal((network.n_particles, 3, 3)))[0]
+    moments = network.inertia[:, None, None] * np.diag([0.8, 1.0, 1.2])
+    reach = network.radius.mean() ** 2 * network.stiffness_normal
+    return replace(
+        network,
+        stiffness_rolling=rng.uniform(0, 0.1, network.n_contacts) * reach,
+        stiffness_twisting=rng.uniform(0, 0.1, network.n_contacts) * reach,
+        inertia_tensor=turned @ moments @ turned.transpose(0, 2, 1),
+    )
+
+
+def levers_of_radii(network: Network) -> Network:
+    """Levers as long as the radii, as some programs have them; to the plane of a wall."""
+    pair = ~network.with_wall
+    plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
+    to_wall = abs(plane - network.position[network.particle_i, 2])
+    length = np.where(pair, network.radius[network.particle_i], to_wall)
+    other = np.where(pair, network.radius[network.particle_j], 0.0)
+    return replace(
+        network,
+        lever_i=length[:, None] * network.normal,
+        lever_j=-other[:, None] * network.normal,
+    )
+
+
+def scaled(values: np.ndarray, rows: object, factor: float) -> np.ndarray:
+    """A copy with some rows times a factor."""
+    changed = values.copy()
+    changed[rows] *= factor
+    return changed
+
+
+def rounded(network: Network, digits: int = 7) -> Network:
+    """All numbers as a text of so many significant digits keeps them."""
+    columns = {}
+    for name, data in vars(network).items():
+        if isinstance(data, np.ndarray) and data.dtype.kind == "f":
+            text = [float(f"{x:.{digits - 1}e}") for x in data.ravel()]
+            columns[name] = np.reshape(text, data.shape)
+    return replace(network, **columns)
+
+
+OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
+
+
+def bare(network: Network, *kept: str) -> Network:
+    """The network without its optional data, but for those `kept`."""
+    return replace(network, **{name: None for name in OPTIONAL if name not in kept})
+
+
+def turned(network: Network, matrix: np.ndarray, **columns: np.ndarray) -> Network:
+    """All vectors turned; cell and walls are left to those who have them."""
+    vectors = ("position", "normal", "lever_i", "lever_j", "force_tangential")
+    network = network.unchecked(**{name: getattr(network, name) @ matrix.T for name in vectors})
+    return replace(network, **columns)
+
+
+def mirrored(network: Network) -> Network:
+    """Left and right exchanged along x: another packing with as many contacts."""
+    flip = np.array([-1, 1, 1])
+    return turned(network, np.diag(flip), cell_shift=network.cell_shift * flip)
+
+
+ENDS = ("particle_i", "particle_j")
+SPRINGS = ("stiffness_normal", "stiffness_tangential")
+PER_CONTACT = (*ENDS, "normal", "lever_i", "lever_j", *SPRINGS, *OPTIONAL)
+
+
+def from_other_end(network: Network, other: np.ndarray) -> Network:
+    """The contacts of `other` (m,) bool, none with a wall, told from their second sphere."""
+    i, j, side = network.particle_i, network.particle_j, other[:, None]
+    names = ("normal", "force_tangential", "cell_shift")
+    vectors = {name: getattr(network, name) for name in names}
+    return replace(
+        network,
+        particle_i=np.where(other, j, i),
+        particle_j=np.where(other, i, j),
+        lever_i=np.where(side, network.lever_j, network.lever_i),
+        lever_j=np.where(side, network.lever_i, network.lever_j),
+        **{name: np.where(side, -1, 1) * data for name, data in vectors.items()},
+    )
+
+
+def renumbered(network: Network, number: np.ndarray) -> Network:
+    """The same packing, sphere k being number[k], its contacts in another order."""
+    back = np.argsort(number)
+    mixed = network.with_contacts(np.random.default_rng(2).permutation(network.n_contacts))
+    return replace(
+        mixed,
+        **{k: getattr(network, k)[back] for k in ("position", "radius", "mass", "inertia")},
+        particle_i=number[mixed.particle_i],
+        particle_j=np.where(mixed.with_wall, mixed.particle_j, number[mixed.partner]),
+    )
+
+
+def changed(network: Network, **columns) -> Network:
+    """The network with functions of its columns in their place."""
+    return replace(network, **{name: f(getattr(network, name)) for name, f in columns.items()})
+
+
+def stiffer(network: Network, normal=1.0, tangential=1.0) -> Network:
+    """Springs times factors, of all contacts or (m,) each, beside the checks of a network."""
+    return network.unchecked(
+        stiffness_normal=normal * network.stiffness_normal,
+        stiffness_tangential=tangential * network.stiffness_tangential,
+    )
+
+
+def slippery(network: Network) -> Network:
+    """All contacts slide: no tangential spring is left."""
+    return with_sliding(replace(network, sliding=np.ones(network.n_contacts, bool)), "slip")
+
+
+def in_flight(sample: Sample, velocity: np.ndarray, spin: np.ndarray | None = None) -> Sample:
+    """With velocities (n, 3), m/s, and spins, rad/s, of its spheres, in a cell at rest."""
+    spin = np.zeros_like(velocity) if spin is None else spin
+    return replace(sample, velocity=velocity, angular_velocity=spin, strain_rate=np.zeros(3))
+
+
+def times(factor: float):
+    return lambda data: factor * data
+
+
+def permuted(data: np.ndarray) -> np.ndarray:
+    return np.random.default_rng(1).permutation(data)

@@ -1,0 +1,96 @@
+"""The same quantities by slow and plain ways, which other tests compare with."""
+
+import numpy as np
+import scipy.sparse as sp
+
+from modal.packing.network import Network
+from modal.system.assembly import block
+from modal.system.contacts import contact_tangent, terms_of
+from modal.system.imposed import WallMoves, put_on
+from modal.system.linear_system import LinearSystem
+from modal.waves.propagate import propagate
+from modal.waves.signals import Signals
+
+
+def dense_squares(system: LinearSystem) -> np.ndarray:
+    """All omega^2, ascending, by a dense solver."""
+    return np.linalg.eigvalsh(system.scaled.toarray())
+
+
+def wall_pattern(network: Network, wall: int, pre_stress: str = "none", axis: int = 2):
+    """Push on the particles (6n,), pull on the wall (6n,) and what holds it, N/m and N."""
+    coupling = put_on(network, terms_of(pre_stress), WallMoves(wall, axis))
+    push, pull = (each.toarray()[:, 0] for each in (coupling.push, coupling.pull))
+    return push, pull, float(coupling.held[0, 0])
+
+
+def contact_matrices(network: Network, pre_stress: str | tuple[str, ...] = "none") -> np.ndarray:
+    """Shape (m, 12, 12): of each contact on (u_i, theta_i, u_j, theta_j); zero for a wall's."""
+    terms = terms_of(pre_stress) if isinstance(pre_stress, str) else pre_stress
+    tangent, pair = contact_tangent(network, terms), network.particle_j >= 0
+    whole = np.block([[block(tangent, a, b) for b in (0, 1)] for a in (0, 1)])
+    whole[~pair, 6:] = 0
+    whole[~pair, :, 6:] = 0
+    return whole
+
+
+def stepped(
+    network: Network, duration: float, step: float, *, every: int = 1, **settings
+) -> Signals:
+    """The signals of a wave by leapfrog, recorded at each `every`-th time step, s."""
+    how = {"interval": every * step, "time_step": step, **settings}
+    return propagate(network, duration, **how).signals
+
+
+def slow_stiffness(network: Network) -> np.ndarray:
+    """Dense K (6n, 6n), column by column from forces: an oracle without the 12x12 matrices.
+
+    Each degree of freedom is displaced by one unit in turn; the springs' forces and the torques
+    they exert with their levers are summed in plain vector algebra. Walls are a body that rests.
+    """
+    n, normal = network.n_particles, network.normal
+    i, j = (
+        network.particle_i,
+        np.where(network.particle_j < 0, network.n_particles, network.particle_j),
+    )
+
+    def split(vector: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
+        part = (vector * normal).sum(axis=1)[:, None] * normal
+        return along[:, None] * part + across[:, None] * (vector - part)
+
+    K = np.zeros((6 * n, 6 * n))
+    for column in range(6 * n):
+        motion, load = np.zeros((2, n + 1, 2, 3))
+        motion.flat[column] = 1.0
+        u, turn = motion[:, 0], motion[:, 1]
+        slip = u[j] + np.cross(turn[j], network.lever_j) - u[i] - np.cross(turn[i], network.lever_i)
+        force = split(slip, network.stiffness_normal, network.stiffness_tangential)
+        for end, lever, sign in ((i, network.lever_i, -1), (j, network.lever_j, 1)):
+            np.add.at(load[:, 0], end, sign * force)
+            np.add.at(load[:, 1], end, sign * np.cross(lever, force))
+            if network.stiffness_rolling is not None:
+                rolling, twisting = network.stiffness_rolling, network.stiffness_twisting
+                np.add.at(load[:, 1], end, sign * split(turn[j] - turn[i], twisting, rolling))
+        K[:, column] = load[:n].ravel()
+    return K
+
+
+def kinematics(network: Network) -> np.ndarray:
+    """Shape (m, 3, 12): from (u_i, theta_i, u_j, theta_j) to the slip, by its definition."""
+    B = np.zeros((network.n_contacts, 3, 12))
+    for axis, unit in enumerate(np.eye(3)):
+        B[:, axis, axis], B[:, axis, 6 + axis] = -1, 1
+        B[:, :, 3 + axis] = -np.cross(unit, network.lever_i)
+        B[:, :, 9 + axis] = np.cross(unit, network.lever_j)
+    B[network.with_wall, :, 6:] = 0
+    return B
+
+
+PRE_STRESS = ("none", "normal", "full")
+"""Choices that every network with forces knows."""
+
+
+def asymmetry(matrix: sp.csr_matrix) -> float:
+    """Frobenius norm of a matrix's antisymmetric part over its own: 0 where it is symmetric."""
+    difference = (matrix - matrix.T) / 2
+    return float(np.sqrt((difference.data**2).sum() / (matrix.data**2).sum()))
