@@ -76,7 +76,7 @@ def _of_densities(density: Floats) -> Remarks:
     low, median, high = _spread(density)
     no_solid = f"density of no solid, {median:.4g} kg/m^3: mass in kg, radius in m?"
     yield not SOLIDS[0] < median < SOLIDS[1], no_solid
-    yield high - low > UNIFORM * low, f"densities from {low:.4g} to {high:.4g} kg/m^3"
+    yield _differ(density), f"densities from {low:.4g} to {high:.4g} kg/m^3"
 
 
 def _of_shape(network: Network, waves: bool) -> Remarks:
@@ -154,8 +154,7 @@ def _of_stiffnesses(network: Network, told: dict[str, Any]) -> Remarks:
     if len(ratio):
         told["tangential_over_normal_stiffness"] = _spread(ratio)
         yield ratio.max() > 1 + UNIFORM, "contacts stiffer across than along their normal"
-        differ = "tangential over normal stiffness differs among contacts"
-        yield np.ptp(ratio) > UNIFORM * ratio.max(), differ
+        yield _differ(ratio), "tangential over normal stiffness differs among contacts"
     loose = network.n_contacts - len(ratio)
     yield loose, f"{loose} contacts without normal stiffness"
     ratio = force_ratio(network)
@@ -200,7 +199,7 @@ def _of_forces(network: Network, told: dict[str, Any]) -> Remarks:
         )
     share = norm(shear, axis=1) / np.where(force > 0, force, np.inf)
     most = share[sliding].max()
-    unequal = np.ptp(share[sliding]) > UNIFORM * most or share[~sliding].max(initial=0.0) > most
+    unequal = _differ(share[sliding]) or share[~sliding].max(initial=0.0) > most
     yield unequal, "sliding contacts use unequal shares of friction, or less than others"
 
 
@@ -210,6 +209,11 @@ def _law(ratio: Floats) -> str:
         if wanted * (1 - LAW_TOLERANCE) < low and high < wanted * (1 + LAW_TOLERANCE):
             return law
     return "unknown"
+
+
+def _differ(values: Floats) -> bool:
+    """Whether these are more than one number."""
+    return bool(np.ptp(values) > UNIFORM * values.max())
 
 
 def _spread(values: Floats) -> list[float]:

@@ -13,6 +13,7 @@ from changes import changed, permuted, times
 from modal.__main__ import main
 from modal.packing import crystal as gallery
 from modal.packing.columns import SOURCE_WALL
+from modal.packing.neighbours import tangents
 from modal.packing.network import write_network
 from modal.packing.plausibility import plausibility
 
@@ -89,6 +90,27 @@ def test_shape_and_order_are_remarked_on_with_their_numbers():
         (length,) = _remark(network, "diameters long", waves=True)
         assert length == pytest.approx(crystal.length / diameter, abs=0.05)
         assert not _remark(network, "diameters long")
+
+
+@pytest.mark.parametrize(("spread", "told"), [(0.008, False), (0.012, True)])
+def test_numbers_within_a_hundredth_count_as_one(spread, told):
+    """Densities, shares of friction, ratios of stiffnesses, a ratio of 1, springs of a lattice."""
+    crystal = gallery.fcc(cells=(2, 2, 8))
+    of_spheres, of_contacts = (
+        1 + spread * (np.arange(n) % 2) for n in (crystal.n_particles, crystal.n_contacts)
+    )
+    shear = (0.3 * of_contacts * crystal.force_normal)[:, None] * tangents(crystal.normal)[0]
+    slid = {"force_tangential": shear, "sliding": np.ones(crystal.n_contacts, bool)}
+    across = of_contacts * crystal.stiffness_tangential
+    for words, columns in (
+        ("densities from", {"mass": of_spheres * crystal.mass}),
+        ("unequal shares of friction", slid),
+        ("differs among contacts", {"stiffness_tangential": across}),
+        ("stiffer across", {"stiffness_tangential": of_contacts * crystal.stiffness_normal}),
+        ("diameters wide", {"stiffness_normal": (2 * of_contacts - 1) * crystal.stiffness_normal}),
+    ):
+        remarks = plausibility(crystal.unchecked(**columns))["remarks"]
+        assert any(words in remark for remark in remarks) == told, words
 
 
 @pytest.mark.parametrize("sliding", [True, False])
