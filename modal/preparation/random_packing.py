@@ -94,7 +94,7 @@ def pack(
         usual = PEAK * hardness
         if not max(targets) <= peak <= 10 * usual:
             raise InputError(
-                f"--peak {peak:g} Pa: below one of the stresses, or above {10 * usual:g} Pa; "
+                f"peak {peak:g} Pa: below one of the stresses, or above {10 * usual:g} Pa; "
                 f"{usual:g} is usual"
             )
         protocol["peak"] = peak / hardness
@@ -107,8 +107,8 @@ def pack(
             f"stress ratio {stress_ratio:g}: lateral over axial stress, {RATIOS[0]:g} to "
             f"{RATIOS[1]:g}; few packings hold less than 0.3"
         )
-    if seed < 0:
-        raise InputError(f"seed {seed}: negative; give 0, 1, 2 ...")
+    if not 0 <= seed < 2**63:  # as an attribute of the file holds it
+        raise InputError(f"seed {seed}: outside 0 to 2^63 - 1; give 0, 1, 2 ...")
     if periodic and walls:
         raise InputError("walls of a cell that is periodic along z: it has none; leave one out")
     of = words({"sizes": sizes, "densities": densities, "walls": walls, "solid": solid})

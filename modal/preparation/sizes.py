@@ -131,7 +131,8 @@ def words(given: Mapping[str, Sequence[str | float] | None]) -> dict[str, str]:
     >>> words({"sizes": ("two", 2, 0.5), "walls": None})
     {'sizes': 'two 2 0.5'}
     """
-    return {name: " ".join(map(str, listed)) for name, listed in given.items() if listed}
+    some = {name: listed for name, listed in given.items() if listed is not None and len(listed)}
+    return {name: " ".join(map(str, listed)) for name, listed in some.items()}
 
 
 def radii_of(spheres: int, sizes: Sequence[str | float], seed: int) -> np.ndarray:
@@ -157,15 +158,15 @@ def radii_of(spheres: int, sizes: Sequence[str | float], seed: int) -> np.ndarra
         count = round(large * spheres)
         if not 0 < count < spheres:
             raise InputError(
-                f"--sizes two {ratio:g} {share:g}: that are {count} large ones of {spheres} "
+                f"sizes two {ratio:g} {share:g}: that are {count} large ones of {spheres} "
                 "spheres; take more spheres or another share"
             )
         radii = np.where(np.arange(spheres) < count, ratio, 1.0)
     else:
-        raise InputError(f"--sizes {' '.join(map(str, sizes))}: give {KINDS}")
+        raise InputError(f"sizes {' '.join(map(str, sizes))}: give {KINDS}")
     if radii.max() > WIDEST * radii.min():
         raise InputError(
-            f"--sizes {' '.join(map(str, sizes))}: radii from 1 to "
+            f"sizes {' '.join(map(str, sizes))}: radii from 1 to "
             f"{radii.max() / radii.min():.3g}; up to {WIDEST:g} is allowed, take a smaller spread"
         )
     radii = RADIUS * radii / radii.mean()
@@ -187,7 +188,7 @@ def densities_of(
     given = _numbers(densities)
     if not given or not all(DENSE[0] <= one <= DENSE[1] for one in given):
         raise InputError(
-            f"--densities {' '.join(map(str, densities))}: give {DENSITIES}; from {DENSE[0]:g} to "
+            f"densities {' '.join(map(str, densities))}: give {DENSITIES}; from {DENSE[0]:g} to "
             f"{DENSE[1]:g}"
         )
     kinds = np.unique(radii) if radii is not None else np.empty(0)
@@ -202,7 +203,7 @@ def wall_material(words: Sequence[str | float]) -> Elasticity:
     given = _numbers(words)
     if len(given) != 2 or not (YOUNG[0] <= given[0] <= YOUNG[1] and -1 < given[1] < 0.5):
         raise InputError(
-            f"--walls {' '.join(map(str, words))}: give {WALLS}, as 2.1e11 0.3; from {YOUNG[0]:g} "
+            f"walls {' '.join(map(str, words))}: give {WALLS}, as 2.1e11 0.3; from {YOUNG[0]:g} "
             f"to {YOUNG[1]:g} Pa, and from -1 to 0.5"
         )
     return Elasticity(*given)

@@ -16,7 +16,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 NUMBERS = int, float, np.integer, np.floating
 WORDS: dict[Any, str] = {
-    **{float: "a number", int: "a number", bool: "True or False"},
+    **{float: "a number", int: "a whole number", bool: "True or False"},
     **{str: "a text", Sequence: "a list", type(None): "None"},
 }
 """What a kind of argument is called; others by the name of their class."""
@@ -30,7 +30,7 @@ MAKES = {
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """The function, which raises InputError where an argument is not of its annotated kind.
 
-    Whole numbers of all kinds arrive as Python's own, which do not overflow.
+    Numbers of all kinds arrive as Python's own: whole ones do not overflow, others are doubles.
 
     >>> import modal
     >>> modal.eigenmodes("mine.network.h5")  # doctest: +ELLIPSIS
@@ -49,8 +49,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         refuse_other_kinds(function, function.__name__, given)
         for name, kind in _kinds(function).items():
             number = given.get(name)
-            if int in _alternatives(kind) and isinstance(number, NUMBERS) and number % 1 == 0:
-                given[name] = int(number)
+            if isinstance(number, NUMBERS) and (own := {int, float} & {*_alternatives(kind)}):
+                given[name] = own.pop()(number)
         return function(*bound.args, **bound.kwargs)
 
     return call
@@ -94,7 +94,9 @@ def _fits(value: object, kind: Any) -> bool:
     if kind is bool:
         return isinstance(value, bool | np.bool_)
     if kind in (float, int):
-        return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+        if not isinstance(value, Real) or isinstance(value, bool | np.bool_):
+            return False
+        return kind is float or float(value).is_integer()
     if get_origin(kind) in (tuple, Sequence):
         each = float if get_origin(kind) is tuple else get_args(kind)[0]
         text = isinstance(value, str | bytes)

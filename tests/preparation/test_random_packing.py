@@ -206,7 +206,7 @@ def test_loop_and_arrays_agree(sizes, monkeypatch):
     "sizes", [("two", 2), ("two", 20, 0.5), ("lognormal", "x"), ("three", 1), ("two", 9, 0.01)]
 )
 def test_unknown_mixtures_are_refused(sizes):
-    with pytest.raises(InputError, match="--sizes"):
+    with pytest.raises(InputError, match="sizes"):
         radii_of(100, sizes, seed=1)
 
 
