@@ -57,7 +57,7 @@ def kept_file(m: Measuring, kind: str) -> Any:
     made = Provenance(command, noted, own.packing)
     if not is_current(path, made):
         make, write = MADE[kind]
-        write(path, make(m.network, **settings), own.packing[0].sha256, made)
+        write(path, make(m.network, **settings), made)
     own.files = {of: packing, kind: path}
     return own.read(kind)
 

@@ -165,7 +165,6 @@ def main():
         input_frequency=motion.frequency,
         time_step=O.dt,
         run_time=run.seconds,
-        network_sha256=packing[0].sha256,
         direction=direction,
         layer_position=run.layers.position,
         layer_displacement=np.array(run.layer_records),

@@ -139,5 +139,4 @@ def lattice_signals(
         input_frequency=motion.frequency,
         time_step=float(time[1] - time[0]),
         run_time=0.0,
-        network_sha256="",
     )

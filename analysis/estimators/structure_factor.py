@@ -44,7 +44,7 @@ FORMAT = Product(
         "wavenumber": Column("wavenumber", "f", ("R",), "1/m"),
         "power": Column("power", "f", ("R", "nf"), "1/Hz"),
     },
-    {"network_sha256": str, "resolution": float},
+    {"resolution": float},
 )
 POLARISATIONS = ("L", "T")
 BLOCK = 8
@@ -204,17 +204,12 @@ def _moments(
 
 
 def write_structure(
-    path: str | Path,
-    found: StructureFactor,
-    network_sha256: str = "",
-    made: Provenance | None = None,
+    path: str | Path, found: StructureFactor, made: Provenance | None = None
 ) -> None:
     """Write atomically, of standing waves."""
-    FORMAT.write(path, vars(found) | {"network_sha256": network_sha256}, made)
+    FORMAT.write(path, vars(found), made)
 
 
 def read_structure(path: str | Path) -> StructureFactor:
     """Read and validate; InputError with one line for anything wrong."""
-    found = FORMAT.read(path)
-    del found["network_sha256"]
-    return StructureFactor(**found)
+    return StructureFactor(**FORMAT.read(path))

@@ -4,7 +4,6 @@ import numpy as np
 
 from modal.cli.options import Given, Option, Result, chosen
 from modal.cli.reading import frequencies, packing_of, remark_on_ends, springs
-from modal.formats.hdf5 import sha256
 from modal.modes.density import density_of_states, write_density
 from modal.system.contacts import SYMMETRIC
 
@@ -28,7 +27,7 @@ def run(options: Given) -> Result:
     asked = chosen(options, "resolution", "tolerance", "pre_stress")
     states = density_of_states(network, **asked)
     if options.output:
-        write_density(options.output, states, sha256(options.network), options.made)
+        write_density(options.output, states, options.made)
     frequency = states.grid()
     below = states.count_below(frequency)[0]
     value, error = states.count_below(at)

@@ -5,7 +5,6 @@ from modal.cli.reading import packing_of, springs
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli, read_moduli, write_moduli
 from modal.elasticity.plane_waves import unit_vector
 from modal.elasticity.steady import SOLVERS
-from modal.formats.hdf5 import sha256
 from modal.system.contacts import TANGENTS
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -32,7 +31,7 @@ def run(options: Given) -> Result:
     found = elastic_moduli(packing_of(options), **asked)
     options.remarks.extend(found.remarks())
     if options.output:
-        write_moduli(options.output, found, sha256(options.network), options.made)
+        write_moduli(options.output, found, options.made)
     velocities = {name: found.velocities(way).tolist() for name, way in (AXES | along).items()}
     return {
         "region": found.region,

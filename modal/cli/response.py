@@ -3,7 +3,6 @@
 from modal.cli.options import Given, Option, Result, chosen
 from modal.cli.reading import packing_of, springs
 from modal.cli.wave import OF_SOURCE, asked_of
-from modal.formats.hdf5 import sha256
 from modal.system.contacts import TANGENTS
 from modal.waves.response import frequency_response, write_response
 
@@ -23,7 +22,7 @@ def run(options: Given) -> Result:
     asked = asked_of(options) | chosen(options, "highest", "resolution")
     found = frequency_response(packing_of(options), **asked)
     if options.output:
-        write_response(options.output, found, sha256(options.network), options.made)
+        write_response(options.output, found, options.made)
     own: Result = {"resolution_hz": found.resolution}
     if found.damping:
         own = {"damping": [found.damping.normal, found.damping.tangential]}

@@ -7,7 +7,6 @@ from typing import Any
 from modal.cli.options import Given, Group, Option, Result, chosen, flag, say, typed
 from modal.cli.reading import packing_of, springs
 from modal.exchange.programs.own import is_sample
-from modal.formats.hdf5 import sha256
 from modal.packing.sample import read_sample
 from modal.system.contacts import TANGENTS
 from modal.system.damping import ContactDamping
@@ -118,7 +117,7 @@ def run(options: Given) -> Result:
             "contacts"
         )
     packing: Any = read_sample(path) if options.nonlinear else packing_of(options, waves=True)
-    given = chosen(options, *ASKED) | asked_of(options) | {"network_sha256": sha256(path)}
+    given = chosen(options, *ASKED) | asked_of(options)
     wave: Any = propagate(packing, motion=_motion(options), **given)
     signals = wave.signals
     if options.output:

@@ -53,10 +53,10 @@ FORMAT = Product(
     | MOTIONS,
     {
         **dict.fromkeys(("density", "error", "asymmetry"), float),
-        **dict.fromkeys(("region", "solver", "pre_stress", "network_sha256"), str),
+        **dict.fromkeys(("region", "solver", "pre_stress"), str),
         "products": int,
     },
-    defaults={"network_sha256": "", "pre_stress": "none"},
+    defaults={"pre_stress": "none"},
     versions=VERSION,
 )
 TOLERANCE = 1e-6
@@ -349,14 +349,9 @@ def _without_floppy(system: LinearSystem, motion: Floats) -> Floats:
     return system.root.over(scaled).T.reshape(6, system.network.n_particles, 6)
 
 
-def write_moduli(
-    path: str | Path,
-    moduli: ElasticModuli,
-    network_sha256: str = "",
-    made: Provenance | None = None,
-) -> None:
+def write_moduli(path: str | Path, moduli: ElasticModuli, made: Provenance | None = None) -> None:
     """Write the moduli atomically, and the non-affine motions if there are any."""
-    values, beyond = vars(moduli) | {"network_sha256": network_sha256}, moduli.non_affine
+    values, beyond = vars(moduli), moduli.non_affine
     if beyond is not None:
         values |= {"displacement": beyond[:, :, :3], "rotation": beyond[:, :, 3:]}
     FORMAT.write(path, values, made)
@@ -365,6 +360,4 @@ def write_moduli(
 def read_moduli(path: str | Path) -> ElasticModuli:
     """Read and validate, without the non-affine motions; InputError for anything wrong."""
     said = FORMAT.read(path, leave=MOTIONS)
-    for name in (*MOTIONS, "network_sha256"):
-        del said[name]
-    return ElasticModuli(**said)
+    return ElasticModuli(**{name: said[name] for name in said if name not in MOTIONS})

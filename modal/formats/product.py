@@ -29,12 +29,12 @@ import h5py
 import numpy as np
 
 from modal.formats.hdf5 import atomic_h5, complete, named, open_h5, put
-from modal.formats.provenance import Provenance
+from modal.formats.provenance import OF_PACKING, Provenance
 from modal.tools.arrays import Array
 from modal.tools.errors import InputError
 
 CREATOR = "granular-wave-modes"
-OF_THE_FORMAT = ("schema", "schema_version", "creator")
+OF_THE_FORMAT = ("schema", "schema_version", "creator", OF_PACKING)
 """Attributes that each product has, and that are none of its own."""
 KINDS = {
     "f": ("fiu", "numbers", np.float64),

@@ -23,7 +23,8 @@ import numpy as np
 from modal.formats.hdf5 import complete, open_h5, refuse_absent, sha256
 from modal.tools.errors import InputError
 
-GROUP = "provenance"
+GROUP, OF_PACKING = "provenance", "network_sha256"
+"""The group, and the root attribute with the digest of the packing that a product is of."""
 PACKING = "packing"
 """Role of the packing that a product is of: a network or sample, and what it was exported from."""
 STATE = "state"
@@ -95,8 +96,10 @@ class Provenance:
         }
 
     def write(self, file: h5py.File) -> None:
-        """Write the group into a file that is open for writing."""
+        """Write the group, and of which packing it is, into a file that is open for writing."""
         file.require_group(GROUP).attrs.update(self.attributes())
+        for source in self.packing[:1]:
+            file.attrs[OF_PACKING] = source.sha256
 
 
 def versions(**others: str) -> str:
@@ -134,7 +137,7 @@ def read_provenance(path: str | Path) -> Provenance:
     """What a product says of itself; files of earlier versions at least name their packing."""
     with open_h5(path) as file:
         said = dict(file[GROUP].attrs) if GROUP in file else {}
-        digest = str(file.attrs.get("network_sha256", ""))
+        digest = str(file.attrs.get(OF_PACKING, ""))
         schema = file.attrs.get("schema")
     made = Provenance(str(said.get("command", "")), versions=str(said.get("versions", "")))
     if "settings" in said and "sources" in said:

@@ -52,7 +52,7 @@ FORMAT = Product(
         for which, more in {"all": (), "translation": (3,), "rotation": (3,)}.items()
         for kind, unit in KINDS.items()
     },
-    {"network_sha256": str, "resolution": float, "vectors": int},
+    {"resolution": float, "vectors": int},
 )
 FEWEST = 6
 """Random vectors: enough to see their scatter."""
@@ -343,10 +343,7 @@ def _moments(
 
 
 def write_density(
-    path: str | Path,
-    states: DensityOfStates,
-    network_sha256: str = "",
-    made: Provenance | None = None,
+    path: str | Path, states: DensityOfStates, made: Provenance | None = None
 ) -> None:
     """Write density and counts on `states.grid()` atomically."""
     frequency = states.grid()
@@ -356,7 +353,7 @@ def write_density(
         for which, columns in SUMS.items()
         for kind, data in zip(KINDS, found, strict=True)
     }
-    values |= {"frequency": frequency, "network_sha256": network_sha256}
+    values |= {"frequency": frequency}
     values |= {"resolution": states.resolution, "vectors": states.random_vectors}
     FORMAT.write(path, values, made)
 

@@ -120,7 +120,6 @@ class NonlinearRuns:
     motion: Motion
     direction: str
     particles: bool
-    network_sha256: str
 
     def __post_init__(self) -> None:
         self.network, direction = self.sample.network(), self.direction
@@ -242,7 +241,6 @@ class NonlinearRuns:
             producer="nonlinear",
             time_step=dt,
             run_time=clock.perf_counter() - started,
-            network_sha256=self.network_sha256,
             balance=self._balance(energy, dt, int((dissipated > 0).sum()), opened)
             if driven
             else None,

@@ -74,7 +74,6 @@ def propagate(
     direction: str = "z",
     damping: ContactDamping | None = None,
     whole: bool = False,
-    network_sha256: str = "",
     time_step: float | None = None,
     friction: float | None = None,
 ) -> LinearWave | NonlinearWave:
@@ -118,8 +117,6 @@ def propagate(
         u.
     whole : bool, default False
         Compute all parts of a packing of equal ones.
-    network_sha256 : str, default ""
-        Checksum of the network's file, noted in the signals.
     time_step : float, optional
         s; goes by leapfrog, with the error of DEM programs.
     friction : float, optional
@@ -168,8 +165,8 @@ def propagate(
     source, motion = source or Wall(), motion or Pulse()
     if nonlinear:
         sample = at_rest(network, friction)
-        about = (sample, duration, interval, source, motion, direction, particles, network_sha256)
-        return NonlinearRuns(*about).wave(error, time_step)
+        runs = NonlinearRuns(sample, duration, interval, source, motion, direction, particles)
+        return runs.wave(error, time_step)
     if isinstance(network, Sample):
         network = network.network()
     started = clock.perf_counter()
@@ -189,7 +186,6 @@ def propagate(
         producer="linear",
         time_step=time_step or interval,
         run_time=clock.perf_counter() - started,
-        network_sha256=network_sha256,
     )
     part = driven.part
     return LinearWave(signals, seen.products, seen.error + part.difference, part.count)

@@ -300,16 +300,10 @@ def _damped(
     return frequency, record, 0
 
 
-def write_response(
-    path: str | Path,
-    response: Response,
-    network_sha256: str = "",
-    made: Provenance | None = None,
-) -> None:
+def write_response(path: str | Path, response: Response, made: Provenance | None = None) -> None:
     """Write the response atomically."""
     ratios = response.damping
     more = {
-        "network_sha256": network_sha256,
         "gain": response.gain if response.from_wall_to_wall else None,
         "damping": [ratios.normal, ratios.tangential] if ratios else [],
     }

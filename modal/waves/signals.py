@@ -67,7 +67,6 @@ class Recording:
     source_height: Annotated[Any, Column("source/height", "f", (1,), "m", since=2)] = None
     direction: str = "z"
     source: str = "wall"
-    network_sha256: str = ""
 
 
 def product_of(schema: str, table: type[Recording], groups: tuple[str, ...] = ()) -> Product:
@@ -147,7 +146,7 @@ class Signals(Recording):
         A and f of u = A (1 - cos 2 pi f t).
     time_step, run_time : float
         s; the latter is the wall-clock time that the run took.
-    producer, case, network_sha256 : str
+    producer, case : str
         Who made it, and of which packing.
     balance : EnergyBalance or None
         The energy of a DEM run.
@@ -310,7 +309,7 @@ def _said(path: str | Path) -> dict[str, Any]:
 
 def _of_plane(path: str | Path) -> dict[str, Any]:
     """What a file of before says of a wave from a plane; the rest is taken from its columns."""
-    attributes = {"height": float, "direction": str, "network_sha256": str}
+    attributes = {"height": float, "direction": str}
     said = read_recording(Product(PLANE, FORMAT.columns, attributes), path)
     height, time = said.pop("height"), said["time"]
     return (

@@ -20,7 +20,8 @@ from analysis.measuring import Measuring
 from analysis.rows import row_of
 from analysis.table import Table
 from modal.__main__ import main as modal_main
-from modal.formats.hdf5 import atomic_h5, sha256
+from modal.formats.hdf5 import atomic_h5
+from modal.formats.provenance import Provenance, packing_of
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
 from modal.packing.sample import sample_of_network, write_sample
@@ -40,14 +41,15 @@ def folder(tmp_path_factory):
     chain = LayerLattice.of_network(crystal)
     write_network(folder / "quartz.network.h5", crystal)
     recorded = lattice_signals(chain, np.arange(0, crystal.length / chain.velocity, 2e-7))
-    digest = sha256(folder / "quartz.network.h5")
-    write_signals(folder / "run7.h5", replace(recorded, network_sha256=digest))
+    made = Provenance(sources=packing_of(folder / "quartz.network.h5"))
+    write_signals(folder / "run7.h5", recorded, made)
     packing = replace(slender(), study={})
     write_network(folder / "heap.h5", packing)
     run = stepped(packing, 1e-4, 2e-7, motion=Pulse(2.5e-9), every=2, particles=True)
-    digest = sha256(folder / "heap.h5")
-    run = replace(run, producer="other DEM", network_sha256=digest)
-    write_signals(folder / "heap.signals.h5", run)
+    run = replace(run, producer="other DEM")
+    write_signals(
+        folder / "heap.signals.h5", run, Provenance(sources=packing_of(folder / "heap.h5"))
+    )
     for name, options, target in (
         ("quartz.network.h5", ["--all"], "quartz_all.h5"),
         ("heap.h5", ["--lowest", "40"], "low.h5"),

@@ -20,7 +20,8 @@ from places import SHEARED
 
 from analysis.__main__ import main as analysis_main
 from modal.__main__ import main as modal_main
-from modal.formats.hdf5 import open_h5, sha256
+from modal.formats.hdf5 import open_h5
+from modal.formats.provenance import Provenance, packing_of
 from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import read_modes, write_modes
 from modal.packing import crystal as gallery
@@ -49,8 +50,8 @@ def sound(tmp_path_factory) -> Path:
     network = gallery.fcc(cells=(2, 2, 12))
     write_network(folder / FILES["network"], network)
     write_sample(folder / FILES["sample"], read_sample(SHEARED))
-    wave = propagate(network, 6e-5, network_sha256=sha256(folder / FILES["network"]))
-    write_signals(folder / FILES["signals"], wave.signals)
+    made = Provenance(sources=packing_of(folder / FILES["network"]))
+    write_signals(folder / FILES["signals"], propagate(network, 6e-5).signals, made)
     write_modes(folder / FILES["modes"], modes_of(LinearSystem.of(network), all=True))
     return folder
 

@@ -50,7 +50,7 @@ def undamped_column(window: float, travels: float) -> Signals:
     return Signals(
         time=time, chain_displacement=np.zeros((len(time), 0)), source_displacement=0 * time,
         source_stress=source, receiver_stress=receiver, producer="rod", case="", amplitude=1.0,
-        input_frequency=1 / window, time_step=5e-6, run_time=0.0, network_sha256="",
+        input_frequency=1 / window, time_step=5e-6, run_time=0.0,
     )  # fmt: skip
 
 
