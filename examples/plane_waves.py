@@ -10,7 +10,6 @@ both over the frequency f* at which soft modes set in.
 `results/plane_waves/friction*.json`, the results of `studies/plane_waves.yaml`.
 """
 
-import json
 import sys
 from itertools import permutations
 from pathlib import Path
@@ -18,20 +17,15 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from _committed import PEAK_SLOPE, results, write, write_page
 
-from analysis.table import Table
-
-HOME = Path(sys.argv[0]).resolve().parents[1] / "results/plane_waves"
-SLOPE = 0.058  # f* = SLOPE (z - 4) f_max: the peak of D(f) / f^2 of the study's packings
 LIMIT = 1 / np.pi  # width over frequency at the Ioffe-Regel limit
 DASHPOTS = 2.62e6  # Hz, Q f of dashpots of 1 %, friction 0, 100 kPa
 SPANS = (0.5, 1.5), (1.5, 5)  # of f / f*, over which pulse and plane waves are compared
 WAVES = {"P": "scattering_of_p", "S": "scattering_of_s", "pulse": "scattering_of_pulse"}
 
 parts = []
-for path in sorted(HOME.glob("friction*.json")):
-    found = json.loads(path.read_text())
-    value = {name: each["value"] for name, each in found["values"].items()}
+for cell, value, found in results("plane_waves/friction*.json"):
     curves, z = found["curves"], value["coordination_of_bearing"]
     if "attenuation" in curves and WAVES["pulse"] not in curves:
         # What falls as exp(-alpha x) has a line alpha v / pi wide, v the group velocity; results of
@@ -41,8 +35,8 @@ for path in sorted(HOME.glob("friction*.json")):
     for wave, name in WAVES.items():
         if name in curves:
             f, width, error = np.array(curves[name])
-            part = {"cell": path.stem, "friction": found["mu_comp"], "z": z, "wave": wave, "f": f}
-            part |= {"f_star": SLOPE * (z - 4) * value["highest_frequency"]}
+            part = {"cell": cell, "friction": found["mu_comp"], "z": z, "wave": wave, "f": f}
+            part |= {"f_star": PEAK_SLOPE * (z - 4) * value["highest_frequency"]}
             part |= {"share": width / f, "error": error / f}
             parts.append(pd.DataFrame(part)[(wave != "pulse") | (width > 2 * error)])
 lines = pd.concat(parts)
@@ -131,8 +125,6 @@ for low, high in SPANS:
 # %%
 # **The figure.** If the distance from isostaticity alone decided, all points would be one curve.
 
-plt.rcParams.update({"font.size": 8, "axes.linewidth": 0.6, "pdf.fonttype": 42})
-plt.rcParams.update({"xtick.direction": "in", "ytick.direction": "in"})
 figure, axes = plt.subplots(1, 2, figsize=(6.4, 2.9), sharey=True, layout="constrained")
 bars = {"mec": "k", "mew": 0.4, "ecolor": "k", "elinewidth": 0.5, "ms": 4}
 shades = plt.get_cmap("viridis")(np.linspace(0, 1, len(rows)))
@@ -147,10 +139,10 @@ for ax, wave in zip(axes, "PS", strict=True):
     ax.text(14, 0.25, "Ioffe-Regel limit", ha="right", va="top")
     along = np.array([0.3, 1.0])
     ax.plot(along, LIMIT * along**3, "k--", lw=0.7)
-    ax.text(0.42, 0.0105, "width as $f^4$")
+    ax.text(0.37, 0.0135, "width as $f^4$")
     along = np.array([0.8, 12.0])
     ax.plot(along, along * plane["f_star"].max() / DASHPOTS, "k-.", lw=0.7)
-    ax.text(14, 0.019, "dashpots of 1 %, z = 6", ha="right")
+    ax.text(14, 0.0105, "dashpots of 1 %, z = 6", ha="right")
     ax.set(xscale="log", yscale="log", xlabel="f / f*", xlim=(0.2, 15), ylim=(8e-3, 3))
     ax.set_title(f"{wave}-waves", fontsize=8)
     ax.set_xticks([0.2, 0.5, 1, 2, 5, 10], ["0.2", "0.5", "1", "2", "5", "10"])
@@ -165,30 +157,22 @@ axes[1].legend(title="z", frameon=False, fontsize=6.5, title_fontsize=7, loc="up
 plt.show()
 
 
-def shown(row):
-    """A row of the table of the page, as text."""
-    found = [f"{row['z']:.2f}", f"{row['friction']:g}", f"{row['f_star_khz']:.1f}"]
-    for wave in "PS":
-        limit, error = (row[f"limit_{wave}_{end}"] for end in ("over_f_star", "error"))
-        found.append("not seen" if np.isnan(limit) else f"{limit:.2f} ± {error:.2f}")
-    some = ratios[ratios["friction"] == row["friction"]]
-    for span in SPANS:
-        own = some[some["f_over_f_star"].between(*span, inclusive="neither")]
-        ratio, error = own["pulse_over_plane"], own["error"]
-        off = max(error.mean(), ratio.std(ddof=0)) / max(len(own) - 1, 1) ** 0.5
-        found.append(f"{ratio.mean():.2f} ± {off:.2f} ({len(own)})" if len(own) else "")
-    return found
+def mean_ratio(own):
+    """Mean of some ratios, its error, of scatter or of each, and their number, as text."""
+    ratio, error = own["pulse_over_plane"], own["error"]
+    off = max(error.mean(), ratio.std(ddof=0)) / max(len(own) - 1, 1) ** 0.5
+    return f"{ratio.mean():.2f} ± {off:.2f} ({len(own)})"
 
 
 if __name__ == "__main__" and len(sys.argv) == 2:
-    folder = Path(sys.argv[1])
-    folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(folder / "plane_waves.png", dpi=200)
-    figure.savefig(folder / "plane_waves.pdf", metadata={"CreationDate": None})
-    as_csv = {"index": False, "float_format": "%.4g", "na_rep": "nan"}
-    for name, table in (("limits", rows), ("two_ways", ratios), ("collapse", scatter)):
-        table.to_csv(folder / f"{name}.csv", **as_csv)
-    header = ["z", "friction", "f*, kHz", "limit of P-waves / f*", "limit of S-waves / f*"]
-    header += [f"pulse / plane waves, {low:g} to {high:g} f*" for low, high in SPANS]
-    table = Table("", header, [shown(row) for _, row in rows[::-1].iterrows()])
-    (folder / "limits.md").write_text(table.markdown())
+    tables = {"limits": rows, "two_ways": ratios, "collapse": scatter, "lines": lines}
+    write(sys.argv[1], {"plane_waves": figure}, tables, float_format="%.4g", na_rep="nan")
+    page = {"z": "{z:.2f}", "friction": "{friction:g}", "f*, kHz": "{f_star_khz:.1f}"}
+    for wave in "PS":
+        form = f"{{limit_{wave}_over_f_star:.2f}} ± {{limit_{wave}_error:.2f}}"
+        page[f"limit of {wave}-waves / f*"] = form
+    for name, (low, high) in zip(("below", "above"), SPANS, strict=True):
+        inside = ratios["f_over_f_star"].between(low, high, inclusive="neither")
+        rows[name] = rows["friction"].map(ratios[inside].groupby("friction").apply(mean_ratio))
+        page[f"pulse / plane waves, {low:g} to {high:g} f*"] = f"{{{name}}}"
+    write_page(Path(sys.argv[1]) / "limits.md", rows[::-1], page, unknown="not seen")

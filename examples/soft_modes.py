@@ -11,28 +11,23 @@ makes these two tables of them.
 """
 
 import gzip
-import json
 import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from _committed import PEAK_SLOPE, RESULTS, results, write, write_page
 
-from analysis.table import Table
-
-HOME = Path(sys.argv[0]).resolve().parents[1] / "results/soft_modes"
+HOME = RESULTS / "soft_modes"
 DRAWS = 400  # of packings, for the errors
 RANGES = (0.1, 0.5), (0.2, 0.5), (0.5, 0.8)  # of f / f*, in which a power is told
-SLOPE = 0.058  # f* = SLOPE (z - 4) f_max: the peak of D(f) / f^2 of the study's packings
 
 
-def gather(results):
+def gather(folder):
     """Tables of packings and of their modes, from the results of the study."""
     packings, modes = [], ["packing,frequency_hz,spheres,rotation,contacts"]
-    for k, path in enumerate(sorted(results.glob("*.json"))):
-        found = json.loads(path.read_text())
-        value = {name: each["value"] for name, each in found["values"].items()}
+    for k, (_, value, found) in enumerate(results("*.json", folder)):
         seed = int(found["name"].partition("seed")[2])
         row = {"friction": found["mu_comp"], "seed": seed, "spheres": 1000 if seed < 1001 else 2000}
         row |= {"z": value["coordination_of_bearing"], "void_ratio": value["void_ratio"]}
@@ -56,7 +51,7 @@ packings = pd.read_csv(HOME / "packings.csv")
 modes = pd.read_csv(HOME / "modes.csv.gz")
 packings["large"] = packings["spheres"] > 1000
 groups = packings.groupby(["friction", "large"])
-packings["f_star"] = SLOPE * (groups["z"].transform("mean") - 4)
+packings["f_star"] = PEAK_SLOPE * (groups["z"].transform("mean") - 4)
 packings["f_star"] *= groups["f_max_hz"].transform("mean")
 # The first wave of any packing of a group is an end of what is seen of all of them.
 packings["end"] = packings["first_wave_hz"] / packings["f_star"]
@@ -109,8 +104,6 @@ print(rows.T.to_string(header=False, float_format="%.4g"))
 # %%
 # **The figure.** Over f*, the line on which the peak of D(f) / f^2 lies.
 
-plt.rcParams.update({"font.size": 8, "axes.linewidth": 0.6, "pdf.fonttype": 42})
-plt.rcParams.update({"xtick.direction": "in", "ytick.direction": "in"})
 figure, axes = plt.subplots(1, 3, figsize=(7, 2.6), layout="constrained")
 shades = dict(zip(rows["friction"].unique(), ("0.1", "0.45", "0.75"), strict=True))
 for (_, row), (_, some), mark in zip(rows.iterrows(), groups, "os^D", strict=True):
@@ -121,9 +114,9 @@ for (_, row), (_, some), mark in zip(rows.iterrows(), groups, "os^D", strict=Tru
     per = np.diff(edges) * some["spheres"].sum()
     style = {"color": shades[row["friction"]] if small else "w", "mec": "k", "mew": 0.4, "ms": 3.5}
     style |= {"fmt": mark, "elinewidth": 0.5}
-    label = f"{row['z']:.2f}" + ("" if small else ", 2,000 spheres")
+    style["label"] = f"{row['z']:.2f}" + ("" if small else ", 2,000 spheres")
     x, y, bars = (each[count > 0] for each in (middle, count / per, np.sqrt(count) / per))
-    axes[0].errorbar(x, y, bars, ecolor="k", label=label, **style)
+    axes[0].errorbar(x, y, bars, ecolor="k", **style)
     for ax, name in ((axes[1], "spheres"), (axes[2], "rotation")):
         enough = [part[name].quantile((0.25, 0.5, 0.75)) for part in parts if len(part) > 7]
         low, median, high = np.transpose(enough)
@@ -133,37 +126,28 @@ for ax in axes:
     ax.set(xscale="log", xlabel="f / f*", xlim=(0.07, 2.2))
     ax.set_xticks([0.1, 0.2, 0.5, 1, 2], ["0.1", "0.2", "0.5", "1", "2"])
     ax.minorticks_off()
-along = np.array([0.12, 0.5])
-for b, line in ((2, "k-"), (4, "k--")):
-    axes[0].plot(along, 4e-3 * (along / 0.5) ** b, line, lw=0.7)
-    axes[0].text(0.13, 4e-3 * (0.12 / 0.5) ** b, f"$f^{b}$", va="top")
+along = np.array([0.15, 0.5])
+for b, line, end in ((2, "k-", 2e-3), (4, "k--", 5e-4)):
+    axes[0].plot(along, end * (along / 0.5) ** b, line, lw=0.7)
+    axes[0].text(0.54, end, f"$f^{b}$", va="center")
 axes[0].set(yscale="log", ylabel="modes a sphere, per f / f*", ylim=(5e-6, 0.3))
-axes[0].legend(title="z", frameon=False, fontsize=6, title_fontsize=7, loc="lower right")
+axes[2].legend(title="z", frameon=False, fontsize=6, title_fontsize=7, loc="upper right")
 axes[1].set(yscale="log", ylabel="spheres that move")
-axes[2].set(ylabel="share of rotation", ylim=(0.3, 0.9))
+axes[2].set(ylabel="share of rotation", ylim=(0.3, 1.09), yticks=(0.4, 0.6, 0.8, 1))
 plt.show()
 
 if __name__ == "__main__" and len(sys.argv) > 1:
     folder = Path(sys.argv[1])
-    folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(folder / "soft_modes.png", dpi=200)
-    figure.savefig(folder / "soft_modes.pdf", metadata={"CreationDate": None})
-    rows.to_csv(folder / "powers.csv", index=False, float_format="%.4g", na_rep="nan")
-    header = ["z", "friction", "packings, spheres", "f*, kHz"]
-    header += [f"power, {a:g} to {b:g} f*" for a, b in RANGES]
-    header += ["modes from 0.1 to 0.5 f*, of 1,000 spheres", "spheres that move", "rotation"]
-    header += ["first mover has 2 or 3 contacts"]
-    lines = []
-    for _, r in rows.iterrows():
-        line = [
-            f"{r['z']:.2f}",
-            f"{r['friction']:g}",
-            f"{r['packings']:.0f} of {r['spheres']:,.0f}",
-        ]
-        line += [f"{r['f_star_khz']:.1f}"]
-        for name in (f"{a:g}_to_{b:g}" for a, b in RANGES):
-            line += [f"{r[f'power_{name}']:.2f} ± {r[f'error_{name}']:.2f}"]
-        line += [f"{r['per_1000_spheres']:.2f}", f"{r['spheres_that_move']:.1f}"]
-        line += [f"{r['rotation']:.2f}", f"{100 * r['at_most_three_contacts']:.0f} %"]
-        lines.append(line)
-    (folder / "powers.md").write_text(Table("", header, lines).markdown())
+    write(folder, {"soft_modes": figure}, {"powers": rows}, float_format="%.4g", na_rep="nan")
+    page = {"z": "{z:.2f}", "friction": "{friction:g}", "packings": "{packings}"}
+    page |= {"spheres": "{spheres:,}", "f*, kHz": "{f_star_khz:.1f}"}
+    for low, high in RANGES:
+        name = f"{low:g}_to_{high:g}".replace(".", "_")  # dots are none in a form
+        form = f"{{power_{name}:.2f}} ± {{error_{name}:.2f}}"
+        page[f"power, {low:g} to {high:g} f*"] = form
+    page["modes from 0.1 to 0.5 f*, of 1,000 spheres"] = "{per_1000_spheres:.2f}"
+    page["spheres that move"] = "{spheres_that_move:.1f}"
+    page["rotation"] = "{rotation:.2f}"
+    page["first mover has 2 or 3 contacts"] = "{at_most_three_contacts:.0%}"
+    rows = rows.rename(columns=lambda name: name.replace(".", "_"))
+    write_page(folder / "powers.md", rows, page)

@@ -10,29 +10,25 @@ of four widths W: where further waves set in, how far modes are pure P-waves, an
 study that are 72 D long, measured one by one, as the low-pass frequency needs 50 D.
 """
 
-import json
 import sys
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from _committed import results, write
 
-HOME = Path(sys.argv[0]).resolve().parents[1] / "results/width"
 DIAMETER = 2.54e-3  # m
 PURE, MIXED = 0.9, 0.45  # chi_z of P-waves, and of modes that have hardly a direction
 STEP = (0.85, 1.0), (1.0, 1.15)  # of V_S / W, where modes are counted below and above it
 
 
-def measured(path):
-    """What a result has of a cell, and its curves; NaN for a number that is not known."""
-    found = json.loads(path.read_text())
-    values = found.get("values", found)
-    nominal = float(path.stem.removeprefix("width").partition("_seed")[0])
-    of = {name: each["value"] for name, each in values.items()} | {"nominal": nominal}
-    # Spheres and void ratio say how wide a cell is, as its nominal shape is kept.
-    of["width_over_d"] = nominal * ((1 + of["void_ratio"]) * 0.6) ** (1 / 3)
-    return of, found.get("curves", found)
+def cells(pattern):
+    """What each result has of a cell, and all of the result."""
+    for name, of, found in results(f"width/{pattern}"):
+        nominal = float(name.removeprefix("width").partition("_seed")[0])
+        # Spheres and void ratio say how wide a cell is, as its nominal shape is kept.
+        width = nominal * ((1 + of["void_ratio"]) * 0.6) ** (1 / 3)
+        yield of | {"nominal": nominal, "width_over_d": width}, found
 
 
 # %%
@@ -42,9 +38,8 @@ def measured(path):
 # to the end of the list.
 
 rows, modes = [], []
-for path in sorted(HOME.glob("width*.json")):
-    of, curves = measured(path)
-    f, chi, _ = np.array(curves["chi_z_of_branches"])
+for of, found in cells("width*.json"):
+    f, chi, _ = np.array(found["curves"]["chi_z_of_branches"])
     v_p, v_s = of["v_p_moduli"], of["v_s_moduli"]
     unit = v_s / (of["width_over_d"] * DIAMETER)
     below, above = (int(((f > a * unit) & (f < b * unit)).sum()) for a, b in STEP)
@@ -63,8 +58,7 @@ for path in sorted(HOME.glob("width*.json")):
 # **The low-pass frequency** and the decay of the coherent wave by a wall's pulse, cells 72 D long.
 
 long = []
-for path in sorted((HOME / "long").glob("*.json")):
-    of, found = measured(path)
+for of, found in cells("long/*.json"):
     row = {"width_over_d": of["width_over_d"], "z": of["coordination"]}
     row |= {"v_p": of["v_p"], "v_s": of["v_s"], "low_pass_khz": of["low_pass"] / 1e3}
     row |= {"low_pass_error_khz": found["low_pass"]["error"] / 1e3}
@@ -83,8 +77,6 @@ for table in (rows, long):
 # **The figure.** Left: all modes below a frequency over V_S / W; right: the largest chi_z of all
 # modes from a frequency on, and the first cut-on of each width.
 
-plt.rcParams.update({"font.size": 8, "axes.linewidth": 0.6, "pdf.fonttype": 42})
-plt.rcParams.update({"xtick.direction": "in", "ytick.direction": "in"})
 figure, axes = plt.subplots(1, 2, figsize=(7, 2.8), layout="constrained")
 modes = pd.DataFrame(modes)
 widths = modes.groupby("nominal")
@@ -113,9 +105,5 @@ axes[1].set(xlabel="f, kHz", ylabel=r"largest $\chi_z$ from f on", xlim=(0, 24),
 plt.show()
 
 if __name__ == "__main__" and len(sys.argv) == 2:
-    folder = Path(sys.argv[1])
-    folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(folder / "width.png", dpi=200)
-    figure.savefig(folder / "width.pdf", metadata={"CreationDate": None})
-    for name, table in (("cut_ons", rows), ("long", long)):
-        table.to_csv(folder / f"{name}.csv", index=False, float_format="%.4g", na_rep="nan")
+    tables = {"cut_ons": rows, "long": long}
+    write(sys.argv[1], {"width": figure}, tables, float_format="%.4g", na_rep="nan")
