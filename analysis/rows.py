@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis.case import ABSENT
-from analysis.estimators.fits import PowerLaw, power_law
 from analysis.measuring import Measuring, once
 from analysis.quantities import QUANTITIES, gain, records, spectrum
 from analysis.quantities.records import LOW_PASS, PERCENT
@@ -37,7 +36,6 @@ OF_RECORD = {"v_p_first_peaks_m_per_s": "v_p_first_peaks_{record}_m_per_s"} | {
     for quantity, unit in (("f_low_pass", "khz"), ("lambda", "over_d"))
 }
 """Columns that a case has of its record, and the same with `{record}` for its producer."""
-PRODUCERS = {"yade": "YADE", "linear": "linear"}
 MAY_LACK = "signals", "highest.modes", "modes", "density", "structure", "response"
 
 
@@ -50,8 +48,7 @@ class Row:
     of the chain; `samples` their scatter over packings of other seeds, `packings` how many these
     are with its own; `flat` says of thresholds whether they stand on a plateau; `curves` are arrays
     by name; `absent` says which products are not there; `state` is one that is no case; `tables`
-    are cells of text by name; `provenance` has a line for each file that was read; `stated` are
-    lower and upper end of what a study states of the case, and no part of its result.
+    are cells of text by name; `provenance` has a line for each file that was read.
     """
 
     number: int | None
@@ -73,7 +70,6 @@ class Row:
     state: bool = False
     tables: dict[str, list[list[str]]] = field(default_factory=dict)
     provenance: list[list[str]] = field(default_factory=list)
-    stated: dict[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
     @classmethod
     def of(cls, m: Measuring) -> Row:
@@ -116,34 +112,6 @@ class Row:
             if not value.known:
                 told = [one for one in value.caveats if one not in ("no plateau", ABSENT)]
                 self.notes += [f"{column}: {caveat}" for caveat in told]
-
-
-def groups_of(rows: Iterable[Row]) -> dict[str, list[Row]]:
-    """Rows by kind and friction, in order of stress."""
-    found: dict[str, list[Row]] = {}
-    for row in sorted(rows, key=lambda r: (not r.crystal, r.mu_comp, r.stress)):
-        found.setdefault(row.group, []).append(row)
-    return found
-
-
-def law_of(members: list[Row], x: str, y: str) -> PowerLaw:
-    """y as a power of x over the cases of a group; x may be `stress_pa`."""
-    at = [row.stress if x == "stress_pa" else row.value(x) for row in members]
-    return power_law(np.array(at), np.array([row.value(y) for row in members]))
-
-
-def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:
-    """Columns with `{record}` in them as those of one producer, whose name comes first.
-
-    YADE's where all `records` are its, else the linear wave's: never some of one and some of the
-    other, which differ where contacts slide.
-
-    >>> of_one_producer(["yade", "linear"], "f_low_pass_2_{record}_khz")
-    ('linear', 'f_low_pass_2_linear_khz')
-    """
-    records = set(records)
-    producer = "yade" if records == {"yade"} else "linear"
-    return PRODUCERS[producer], *(text.replace("{record}", producer) for text in columns)
 
 
 @once

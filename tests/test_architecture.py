@@ -14,7 +14,7 @@ ORDER = {
     "analysis": (
         *("table", "watch", "estimators", "agreement", "case"),
         *("value", "measuring", "prepare", "quantities", "measurement"),
-        *("rows", "crystal", "figures", "study"),
+        *("rows", "frame", "crystal", "figures", "study"),
         *("cli", "__main__"),
     ),
 }

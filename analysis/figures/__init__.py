@@ -8,18 +8,19 @@ from typing import Any
 from analysis.figures import beyond, modes, packing, spectra, waves
 from analysis.figures import cases as of_cases
 from analysis.figures.picture import Picture
+from analysis.frame import frame_of
 from analysis.measuring import Measuring
 from analysis.rows import row_of
 from modal.tools.errors import InputError
 
-Figure = Callable[[list[Any]], Picture]
+Figure = Callable[[Any], Picture]
 OF_ROWS: tuple[Figure, ...] = (
     *(of_cases.velocity_cases, of_cases.highest_frequency, of_cases.low_pass_cases),
-    *(of_cases.velocity_low_pass, of_cases.wavelength_cases, of_cases.gain, of_cases.gain_cases),
+    *(of_cases.velocity_low_pass, of_cases.wavelength_cases, of_cases.gain_cases),
     *(beyond.isostaticity, beyond.gain_orders, beyond.scattering, beyond.density_excess),
     beyond.low_pass_rules,
 )
-"""Figures of the numbers of cases, `analysis.rows.Row`."""
+"""Figures of the numbers of cases, as `analysis.frame.frame_of` has them."""
 OF_CASES: tuple[Figure, ...] = (
     *(packing.samples, packing.source, waves.signals, waves.signals_stress, waves.space_time),
     *(modes.natural_frequencies, modes.chi_z, modes.mode_shapes, spectra.velocity_frequency),
@@ -35,7 +36,7 @@ def compose(name: str, cases: list[Measuring]) -> Picture:
         known = ", ".join(FIGURES)
         raise InputError(f"{name!r} is not a figure; choose one of {known}")
     rows = [row_of(m) for m in cases] if FIGURES[name] in OF_ROWS else []
-    picture = FIGURES[name](rows or cases)
+    picture = FIGURES[name](frame_of(rows) if rows else cases)
     if not picture.shown:
         what = ", ".join(dict.fromkeys(panel.ylabel or panel.title for panel in picture.panels))
         why = next((f" ({note})" for row in rows for note in row.notes), "")

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from analysis.estimators.fits import straight_line
 from analysis.figures import groups
-from analysis.figures.groups import LOG, column, legend, mark, random_of, scatter, styles
+from analysis.figures.groups import LOG, legend, mark, random_of, scatter, styles
 from analysis.figures.picture import Panel, Picture
+from analysis.frame import numbers, of_one_producer
 from analysis.rows import Row
 from modal.tools.errors import InputError
 
@@ -17,17 +19,17 @@ SHOWN = 15
 """Maxima of the gain that are drawn."""
 
 
-def isostaticity(rows: list[Row]) -> Picture:
+def isostaticity(cases: pd.DataFrame) -> Picture:
     """Beyond the paper: three frequencies over the highest against contacts beyond isostaticity."""
-    random, panels = random_of(rows), list[Panel]()
-    z, top = column(random, groups.AXES[groups.BEYOND]), column(random, "f_max_khz")
+    random, panels = random_of(cases), list[Panel]()
+    z, top = (numbers(random, name) for name in (groups.AXES[groups.BEYOND], "f_max_khz"))
     along = np.array([0.0, np.nanmax([0.0, *z])])
     for name, title in (
         ("f_low_pass_2_linear_khz", "low-pass frequency, 2 %"),
         ("excess_peak_khz", "peak of $D(f) / f^2$"),
         ("ioffe_regel_khz", "Ioffe-Regel limit"),
     ):
-        y = column(random, name) / top
+        y = numbers(random, name) / top
         panel = Panel(groups.BEYOND, "", title, legend="upper left")
         if (np.isfinite(y) & np.isfinite(z)).sum() > 2:
             slope, offset = straight_line(z, y)[0]
@@ -40,7 +42,7 @@ def isostaticity(rows: list[Row]) -> Picture:
     return Picture(panels, columns=3, shape=(13, 3.8))
 
 
-def gain_orders(rows: list[Row]) -> Picture:
+def gain_orders(cases: pd.DataFrame) -> Picture:
     """Beyond the paper: the gain's maxima as orders of the resonances: r - 1/2, not r.
 
     A maximum is where the source wall is free of stress: a mode of the column whose source end is
@@ -51,10 +53,10 @@ def gain_orders(rows: list[Row]) -> Picture:
     left = Panel(axis, "order of its frequency among the resonances", "(a)", ylim=(0, 17))
     right = Panel(axis, "order less (r - 1/2)", "(b)", ylim=(-0.35, 0.65), legend="outside")
     left.legend = "upper left"
-    for _, members, style in styles(rows):
-        for k, row in enumerate(members):
+    for _, members, style in styles(cases):
+        for k, row in enumerate(members["row"]):
             at, expected = (values[:SHOWN] for values in row.curves["gain_orders"])
-            look = style | {"ms": 4, "marker": mark(row)}
+            look = style | {"ms": 4, "marker": mark(row.stress)}
             left.line(expected + 0.5, at, "", **look)
             right.line(expected + 0.5, at - expected, "", **look)
             exact = row.curves["free_held"][0][:SHOWN]
@@ -69,17 +71,17 @@ def gain_orders(rows: list[Row]) -> Picture:
     ):
         left.line(orders, orders - held, text, color="k", ls=ls)
         right.line(orders, 0 * orders + 0.5 - held, color="k", ls=ls)
-    legend(right, rows)
+    legend(right, cases)
     return Picture([left, right], columns=2, shape=(12, 4.4))
 
 
-def scattering(rows: list[Row]) -> Picture:
+def scattering(cases: pd.DataFrame) -> Picture:
     """Beyond the paper: width of the ridge, mean free path, and the Ioffe-Regel limit.
 
     Frequencies are in units of V_P / D. Curves are of one stress, and end at the limit: beyond it
     the ridge's width is that of no wave.
     """
-    members = groups.with_curve(rows, "ridge", "structure factor")
+    members = groups.with_curve(cases, "ridge", "structure factor")
     common = _common_stress(members)
     axis, title = "frequency, $f D / V_P$", f"{common / 1e3:g} kPa"
     width = Panel(axis, "full width of the ridge over $f$", f"(a) {title}", **LOG)
@@ -89,9 +91,9 @@ def scattering(rows: list[Row]) -> Picture:
         groups.ON_CONTACTS, "Ioffe-Regel over $f_{low-pass}$, 2 %", "(d)", legend="outside"
     )
     width.hline(1 / np.pi, r"$l = \lambda / 2$ (Ioffe-Regel)", color="k")
-    for row, style in _of_stress(members, common):
+    for row, look in _of_stress(members, common):
         f, w, free = row.curves["ridge"]
-        look = style | {"marker": mark(row), "ms": 3, "lw": 0.8, "ls": "-"}
+        look |= {"ms": 3, "lw": 0.8, "ls": "-"}
         width.line(f, w, **look)
         path.line(f, free, **look)
     scatter(limit, members, "ioffe_regel_khz")
@@ -101,48 +103,51 @@ def scattering(rows: list[Row]) -> Picture:
     return Picture([width, path, limit, ratio], columns=2, shape=(12, 7))
 
 
-def density_excess(rows: list[Row]) -> Picture:
+def density_excess(cases: pd.DataFrame) -> Picture:
     """Beyond the paper: density of states over f^2, and its size against coordination number."""
-    members = [row for row in rows if np.isfinite(row.value("excess_at_a_tenth"))]
-    if not members:
+    members = cases[np.isfinite(numbers(cases, "excess_at_a_tenth"))]
+    if members.empty:
         raise InputError("no case has a density of states; keep one: measure FILE --keep DIR")
     height = Panel(groups.ON_CONTACTS, "$D f_{max}^3 / f^2$ at a tenth of $f_{max}$", yscale="log")
     place = Panel(groups.ON_CONTACTS, "frequency of its maximum over $f_{max}$", legend="outside")
     scatter(height, members, "excess_at_a_tenth")
     scatter(place, members, "excess_peak_khz", over="f_max_khz")
     legend(place, members)
-    curves = [row for row in members if "excess" in row.curves]
-    panels = [_density(curves), height, place] if curves else [height, place]
+    members = members[["excess" in row.curves for row in members["row"]]]
+    panels = [height, place] if members.empty else [_density(members), height, place]
     return Picture(panels, columns=len(panels), shape=(5 * len(panels), 4.2))
 
 
-def _density(rows: list[Row]) -> Panel:
+def _density(cases: pd.DataFrame) -> Panel:
     """The density over f^2 itself, at one stress."""
-    common, axis = _common_stress(rows), "$f / f_{max}$"
+    common, axis = _common_stress(cases), "$f / f_{max}$"
     title = f"{common / 1e3:g} kPa"
     panel = Panel(axis, "$D f_{max}^3 / f^2$", title, ylim=(0.1, 2e3), **LOG)
-    for row, style in _of_stress(rows, common):
+    for row, look in _of_stress(cases, common):
         f, reduced = row.curves["excess"]
         every = np.unique(np.geomspace(1, len(f), 60).astype(int)) - 1
-        look = style | {"ls": "-", "lw": 0.9, "marker": mark(row), "markevery": 6}
+        look |= {"ls": "-", "lw": 0.9, "markevery": 6}
         panel.line(f[every], reduced[every], **look)
     return panel
 
 
-def _of_stress(rows: list[Row], stress: float) -> list[tuple[Row, dict[str, Any]]]:
-    """The cases under one stress, each with the look of its group."""
-    return [(row, look) for _, group, look in styles(rows) for row in group if row.stress == stress]
+def _of_stress(cases: pd.DataFrame, stress: float) -> list[tuple[Row, dict[str, Any]]]:
+    """The cases under one stress, each with the look of its group and its marker."""
+    found, marker = [], {"marker": mark(stress)}
+    for _, members, look in styles(cases):
+        found += [(row, look | marker) for row in members["row"] if row.stress == stress]
+    return found
 
 
-def _common_stress(rows: list[Row]) -> float:
+def _common_stress(cases: pd.DataFrame) -> float:
     """The stress, Pa, under which most of the cases are; of several that nearest to 100 kPa."""
-    stresses = sorted({row.stress for row in rows}, key=lambda stress: abs(np.log(stress / 1e5)))
-    return max(stresses, key=lambda stress: sum(row.stress == stress for row in rows))
+    stresses = sorted(set(cases["stress"]), key=lambda stress: abs(np.log(stress / 1e5)))
+    return max(stresses, key=cases["stress"].to_list().count)
 
 
-def low_pass_rules(rows: list[Row]) -> Picture:
+def low_pass_rules(cases: pd.DataFrame) -> Picture:
     """Beyond the paper: f_low-pass by each rule over that by the paper's words."""
-    random, panels = random_of(rows), []
+    random, panels = random_of(cases), []
     look: dict[str, Any] = {"yscale": "log", "ylim": (0.5, 20)}
     for name, text in (
         ("f_low_pass_1_{record}_khz", "1 %"),
@@ -152,7 +157,7 @@ def low_pass_rules(rows: list[Row]) -> Picture:
         ("f_low_pass_2_linear_khz", "2 %, linear wave"),
         ("ioffe_regel_khz", "Ioffe-Regel"),
     ):
-        _, own, base = groups.of_record(random, name, "f_low_pass_2_{record}_khz")
+        _, own, base = of_one_producer(random["record"], name, "f_low_pass_2_{record}_khz")
         panel = Panel(groups.ON_CONTACTS, "over 2 %, one chain", text, **look)
         panels.append(scatter(panel, random, own, over=base))
         panel.hline(1.0, color="0.6", lw=0.8)

@@ -16,8 +16,7 @@ import pandas as pd
 from analysis.figures import FIGURES
 from analysis.figures.groups import EDGE, SHADES, STRESS_MARKS
 from analysis.figures.picture import Panel, Picture, merged, read_picture, share_limits
-from analysis.rows import Row
-from analysis.study.selection import numbers, select
+from analysis.frame import numbers, select
 from analysis.study.words import Words
 from modal.tools.errors import InputError
 
@@ -34,7 +33,7 @@ def wanted(specs: Sequence[Spec], case: pd.DataFrame) -> list[str]:
 
 
 def arrange(
-    specs: Sequence[Spec], cases: pd.DataFrame, rows: list[Row], panels: Path, output: Path
+    specs: Sequence[Spec], cases: pd.DataFrame, panels: Path, output: Path
 ) -> tuple[list[tuple[Path, str]], list[str]]:
     """Write the figures; PNG and caption in the order of the specs, a line for each not drawn.
 
@@ -45,6 +44,8 @@ def arrange(
     drawn, absent, words = [], [], Words(cases)
     for spec in specs:
         caption = words(spec["caption"])
+        if "plot" not in spec and spec.get("figure") not in FIGURES:
+            raise InputError(f"{spec['name']}: its figure is none of {', '.join(FIGURES)}")
         try:
             if "plot" in spec:
                 picture = _plot(spec["plot"], cases[cases["there"]])
@@ -52,7 +53,7 @@ def arrange(
                 picture, away = _of_cases(spec, select(cases, spec["cases"]).index, panels)
                 caption += f" Absent: {', '.join(away)}." if away else ""
             else:
-                picture = FIGURES[spec["figure"]]([row for row in rows if not row.state])
+                picture = FIGURES[spec["figure"]](cases[cases["there"]])
             drawn.append((save(picture, output / spec["name"])[0], caption))
         except InputError as error:
             absent.append(f"{spec['name']}: {error}")

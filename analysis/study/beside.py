@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from analysis.frame import frame_of, numbers
 from analysis.rows import OF_RECORD, Row
 from analysis.study.description import Study
-from analysis.study.results import frame_of, read_results
-from analysis.study.selection import numbers
+from analysis.study.results import read_results
 from analysis.study.targets import Rules
 from analysis.table import Table, number
 from modal.tools.errors import InputError

@@ -52,6 +52,14 @@ DEFAULTS: dict[str, Any] = {
     "forget": False,
 }
 
+FORMS = {str: "a text", list: "a list", dict: "lines NAME: VALUE", bool: "true or false"}
+ENTRIES = {
+    "tables": ("name", "title"),
+    "figures": ("name", "caption"),
+    "targets": ("id", "stated", "rule"),
+}
+"""Parts that are lists, and what each of their entries has."""
+
 
 # YAML takes 1e5 for a text; here it is a number.
 _Loader: Any = type("_Loader", (yaml.SafeLoader,), {})
@@ -71,6 +79,10 @@ class Study:
         self.folder = self.path.parent
         found = self._yaml(self.path)
         self._known(found, DEFAULTS.keys(), "setting")
+        for name, value in found.items():
+            form = type(DEFAULTS[name])
+            if not isinstance(value, form if form in FORMS else int | float):
+                raise InputError(f"{path}: {name} {value}: give {FORMS.get(form, 'a number')}")
         if not found.get("groups"):
             raise InputError(f"{path}: no groups; give at least one, with kind and factors")
         self.settings = DEFAULTS | {"name": self.path.stem} | found
@@ -113,8 +125,8 @@ class Study:
         self._known(group, OF_CASE, "group's setting")
         if group.get("kind") not in KINDS:
             raise InputError(f"{self.path}: kind {group.get('kind')} is none of {', '.join(KINDS)}")
+        self._known(group.get("factors", {}), OF_CASE, "factor")
         factors = {name: _listed(values) for name, values in group.get("factors", {}).items()}
-        self._known(factors, OF_CASE, "factor")
         for values in itertools.product(*factors.values()):
             own = dict(zip(factors, values, strict=True))
             line = group | own
@@ -159,8 +171,13 @@ class Study:
 
     def part(self, name: str) -> Any:
         """A setting of many lines, or the YAML file of this name beside; empty without either."""
-        path = self.folder / f"{name}.yaml"
-        return self.settings.get(name) or (self._yaml(path) if path.is_file() else [])
+        path, own = self.folder / f"{name}.yaml", self.settings.get(name)
+        entries = own or (self._yaml(path) if path.is_file() else [])
+        for entry in entries:
+            if not isinstance(entry, Mapping) or not entry.keys() >= {*ENTRIES[name]}:
+                lacks = f"{path if not own else self.path}: {name}: {entry}"
+                raise InputError(f"{lacks}: give it {', '.join(ENTRIES[name])}")
+        return entries
 
     def stated(self) -> pd.DataFrame:
         """Stated numbers: `quantity`, `select` (cases), `value`, its ends `low` and `high`."""

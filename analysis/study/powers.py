@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimators.fits import power_law, straight_line
-from analysis.study.selection import numbers
+from analysis.frame import numbers
 
 COLUMNS = "e", "power", "error", "cases", "moving", "whole"
 

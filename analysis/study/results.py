@@ -7,7 +7,7 @@ these files alone, so that a clone of the project makes it in seconds, without a
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.rows import OF_RECORD, Row, of_one_producer
+from analysis.frame import of_one_producer
+from analysis.rows import OF_RECORD, Row
 from analysis.value import estimate, plain
 from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
@@ -27,7 +28,7 @@ DIGITS, OF_CURVES = 12, 6
 
 def write_result(path: Path, row: Row) -> None:
     """Write the result of a case, what is empty left out; numbers that are not known are null."""
-    found = {"schema": SCHEMA, "version": VERSION} | asdict(replace(row, values={}, stated={}))
+    found = {"schema": SCHEMA, "version": VERSION} | asdict(replace(row, values={}))
     found["values"] = {n: {"value": v.value, "error": v.error} for n, v in row.values.items()}
     found["curves"] = plain(found["curves"], OF_CURVES)
     lines = [
@@ -88,40 +89,3 @@ def scatter_of_samples(several: Sequence[Row]) -> dict[str, float]:
         if np.isfinite(deviation):
             found[name] = float(deviation)
     return found
-
-
-def frame_of(rows: Iterable[Row], cases: pd.DataFrame) -> pd.DataFrame:
-    """The study's cases, one line each, with all numbers; NaN where a case has no result.
-
-    Columns besides those of `cases` (what the study says of each): `there`; the words of its result
-    (`record`, `group`, `unsettled`, ...); each quantity, `QUANTITY_error`, `QUANTITY_spread`, which
-    is the scatter of samples where that is larger, and `QUANTITY_sample_error`; `plateau_NAME`. The
-    numbers of states that are no cases stand beside all cases of their compression, their stress in
-    the name: `void_ratio_at_1_kpa`; of the lowest also as `void_ratio_of_state`, `state_kpa`, ...
-    """
-    rows = list(rows)
-    lines = {row.name: _line(row) for row in rows if not row.state}
-    found = pd.DataFrame.from_dict(lines, orient="index").reindex(cases.index)
-    found["there"] = cases.index.isin(list(lines))
-    frame = cases.join(found).copy()
-    for state in sorted((row for row in rows if row.state), key=lambda row: -row.stress):
-        same = (frame["mu_comp"] == state.mu_comp) & (frame["kind"] == "random")
-        numbers: dict[str, Any] = {name: one.value for name, one in state.values.items()}
-        for name, value in (numbers | {"unsettled": state.unsettled}).items():
-            columns = [f"{name}_at_{state.stress / 1e3:g}_kpa", f"{name}_of_state"]
-            frame.loc[same, columns] = value
-        frame.loc[same, "state_kpa"] = state.stress / 1e3
-    return frame
-
-
-def _line(row: Row) -> dict[str, Any]:
-    """A result as one line of the frame."""
-    words = "label", "record", "unsettled", "group", "packings"
-    line: dict[str, Any] = {name: getattr(row, name) for name in words}
-    line |= {"absent": " ".join(row.absent)}
-    line |= {f"{name}_text": text for name, text in row.texts.items()}
-    for name, found in row.values.items():
-        ends = {"": found.value, "_error": found.error, "_spread": row.spread(name)}
-        line |= {f"{name}{end}": value for end, value in ends.items()}
-    line |= {f"{name}_sample_error": value for name, value in row.samples.items()}
-    return line | {f"plateau_{name}": flat for name, flat in row.flat.items()}

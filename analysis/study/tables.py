@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimators.fits import limit, power_law
+from analysis.frame import numbers, select, spreads
 from analysis.rows import Row
 from analysis.study.powers import powers
-from analysis.study.selection import numbers, select, spreads
 from analysis.study.targets import Rules
 from analysis.study.words import UNKNOWN, Words
 from analysis.table import Table, number

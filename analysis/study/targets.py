@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.rows import of_one_producer
+from analysis.frame import missing, numbers, of_one_producer, runs, select, spreads
 from analysis.study.description import Study
 from analysis.study.powers import powers
-from analysis.study.selection import missing, numbers, runs, select, spreads
 from analysis.table import Table, number
 from modal.tools.errors import InputError
 

@@ -14,14 +14,13 @@ from typing import Any
 import jinja2
 import pandas as pd
 
+from analysis.frame import frame_of, runs
 from analysis.study.arrangement import arrange
 from analysis.study.description import Study
-from analysis.study.results import frame_of, read_results
-from analysis.study.selection import runs
+from analysis.study.results import read_results
 from analysis.study.tables import tables, whole
 from analysis.study.targets import Rules, answers, second_verdicts, targets
 from analysis.table import Table, number
-from analysis.value import estimate
 from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
 
@@ -51,13 +50,10 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
         table.write_csv(output / f"{table.name}.csv")
         if table.name in of_pages:
             write_text(output / f"{table.name}.md", table.markdown())
-    for row in rows:
-        if row.name in frame.index:
-            row.stated = rules.stated_of(row.name)
-            if "void_ratio_of_state" in frame:  # figures order packings by it
-                e = float(frame["void_ratio_of_state"][row.name])
-                row.values["void_ratio_of_state"] = estimate(e)
-    figures, absent = arrange(study.part("figures"), frame, rows, results, output)
+    for line, index in rules.lines:
+        name = line["quantity"]
+        frame.loc[index, [f"{name}_stated", f"{name}_stated_to"]] = line[["low", "high"]].to_list()
+    figures, absent = arrange(study.part("figures"), frame, results, output)
     header = ["file", "SHA-256, first 16 digits", "command", "made from"]
     provenance = [line for row in rows for line in row.provenance]
     content = {

@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimators.fits import power_law, straight_to
+from analysis.frame import numbers, select, spreads
 from analysis.study.powers import powers
-from analysis.study.selection import numbers, select, spreads
 from analysis.table import number
+from modal.tools.errors import InputError
 
 UNKNOWN = "(not measured)"
 RANDOM = "kind == 'random'"
@@ -29,7 +30,10 @@ class Words:
 
     def __call__(self, text: str) -> str:
         """The sentence."""
-        return jinja2.Environment().from_string(text).render(self._known)
+        try:
+            return jinja2.Environment().from_string(text).render(self._known)
+        except (jinja2.TemplateError, TypeError, ValueError) as error:
+            raise InputError(f"{text}: {error}; mend what stands in {{{{ }}}}") from None
 
     def value(self, case: str, quantity: str) -> str:
         """A number of one case, with its error where that is known."""

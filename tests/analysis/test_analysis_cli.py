@@ -43,8 +43,8 @@ def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products):
     "arguments, words",
     [
         (["figure"], "required"),
-        (["figure", "gain", "x"], "no such file"),
-        (["figure", "gain", "9"], "run the case first"),
+        (["figure", "gain_cases", "x"], "no such file"),
+        (["figure", "gain_cases", "9"], "run the case first"),
         (["figure", "nothing", "2"], "choose one of"),
         (["figure", "chi_z"], "no case given"),
         (["figure", "absent.csv"], "cannot be read"),

@@ -11,9 +11,10 @@ from analysis.estimators.fits import power_law
 from analysis.estimators.layer_lattice import lattice_signals
 from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.resonances import standing_modes
+from analysis.frame import frame_of, numbers, of_one_producer
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES, passband, spectrum, velocity
-from analysis.rows import law_of, of_one_producer, row_of
+from analysis.rows import row_of
 from analysis.table import number
 from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import ModeSet
@@ -128,12 +129,15 @@ def test_no_exponent_through_two_producers(two_producers):
     middle = two_producers[1]
     run, linear = (velocity.first_peak(middle, key).value for key in ("yade", "linear"))
     assert run == pytest.approx(0.9 * linear, rel=1e-2)
-    rows = [row_of(m) for m in two_producers]
-    assert of_one_producer(row.record for row in rows) == ("linear",)
-    law = law_of(rows, "stress_pa", "v_p_first_peaks_linear_m_per_s")
-    assert law.exponent == pytest.approx(1 / 6, abs=2e-3)
+    rows = [replace(row_of(m), name=str(k)) for k, m in enumerate(two_producers)]
+    frame, columns = frame_of(rows), ("v_p_first_peaks_{record}_m_per_s", "{record}")
+    _, name, producer = of_one_producer(frame["record"], *columns)
+    law = power_law(frame["stress"], numbers(frame, name))
+    assert producer == "linear" and law.exponent == pytest.approx(1 / 6, abs=2e-3)
     # One case is no law.
-    assert np.isnan(law_of(rows, "stress_pa", "v_p_first_peaks_yade_m_per_s").exponent)
+    assert np.isnan(
+        power_law(frame["stress"], numbers(frame, columns[0].format(record="yade"))).exponent
+    )
 
 
 def test_modes_are_pure_up_to_a_frequency_that_the_list_must_pass(two_producers):

@@ -42,7 +42,7 @@ def made(tmp_path_factory):
     """The figures that a crystal without modes has, by the command line."""
     folder, output = tmp_path_factory.mktemp("products"), tmp_path_factory.mktemp("figures")
     write_crystal(folder, "case02")
-    for name in ("signals_stress", "space_time", "dispersion", "samples", "gain"):
+    for name in ("signals_stress", "space_time", "dispersion", "samples", "gain_cases"):
         assert main(["figure", name, "2", "--products", str(folder), "-o", str(output)]) == 0
     return output
 
@@ -62,7 +62,7 @@ def test_random_case_without_a_run(packing, tmp_path):
     kept = ["measure", str(tmp_path / "case06.network.h5"), "--keep", str(tmp_path)]
     assert main([*kept, "--quantities", "gain", "excess_peak", "ioffe_regel"]) in (0, 3)
     assert len(list(tmp_path.iterdir())) == 4
-    for name in ("natural_frequencies", "structure", "gain", "signals", "dispersion"):
+    for name in ("natural_frequencies", "structure", "gain_cases", "signals", "dispersion"):
         assert main(["figure", name, "6", *folder, "-o", str(tmp_path)]) == 0
         assert (tmp_path / f"case06.{name}.png").is_file()
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from analysis.__main__ import main
+from analysis.frame import frame_of
 from analysis.rows import Row
 from analysis.study.description import Study
-from analysis.study.results import frame_of
 from analysis.study.tables import tables
 from analysis.study.targets import Rules
 from analysis.value import estimate
@@ -59,6 +59,8 @@ def _of_sweep(name: str, case) -> Row:
         ("friction + 0.1", "friction + mu", "is no sum"),
         ("by: friction", "by: colour", "by colour is no factor"),
         ("measure: [v_p]", "measure: [v_p", "not YAML"),
+        ("measure: [v_p]", "measure: v_p", "measure v_p: give a list"),
+        ("{friction: [0, 0.4], width: [4, 5], seed: 1 to 3}", "[1]", "factors have names"),
     ],
 )
 def test_a_study_that_means_none_is_refused_in_one_line(old, new, said, tmp_path, one_line):

@@ -1,0 +1,127 @@
+"""The cases of a study, or of a call, one line each: numbers by name, and expressions of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from tokenize import TokenError
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.rows import Row
+from modal.tools.errors import InputError
+
+PRODUCERS = {"yade": "YADE", "linear": "linear"}
+NO_SUM = SyntaxError, TypeError, ValueError, TokenError
+"""What pandas raises for a text that is no expression."""
+
+
+def frame_of(rows: Iterable[Row], cases: pd.DataFrame | None = None) -> pd.DataFrame:
+    """The study's cases, one line each, with all numbers; NaN where a case has no result.
+
+    Columns besides those of `cases` (what a study says of each; without one what the rows say):
+    `there`; the words of its result (`record`, `group`, `unsettled`, ...) and the `row` itself;
+    each quantity, `QUANTITY_error`, `QUANTITY_spread`, which is the scatter of samples where that
+    is larger, and `QUANTITY_sample_error`; `plateau_NAME`. The numbers of states that are no cases
+    stand beside all cases of their compression, their stress in the name: `void_ratio_at_1_kpa`; of
+    the lowest also as `void_ratio_of_state`, `state_kpa`, ...
+    """
+    rows = list(rows)
+    if cases is None:
+        own = {r.name: (("random", "fcc")[r.crystal], r.mu_comp, r.stress) for r in rows}
+        cases = pd.DataFrame.from_dict(own, "index", columns=["kind", "mu_comp", "stress"])
+    lines = {row.name: _line(row) for row in rows if not row.state}
+    found = pd.DataFrame.from_dict(lines, orient="index").reindex(cases.index)
+    found["there"] = cases.index.isin(list(lines))
+    frame = cases.join(found).copy()
+    for state in sorted((row for row in rows if row.state), key=lambda row: -row.stress):
+        same = (frame["mu_comp"] == state.mu_comp) & (frame["kind"] == "random")
+        numbers: dict[str, Any] = {name: one.value for name, one in state.values.items()}
+        for name, value in (numbers | {"unsettled": state.unsettled}).items():
+            columns = [f"{name}_at_{state.stress / 1e3:g}_kpa", f"{name}_of_state"]
+            frame.loc[same, columns] = value
+        frame.loc[same, "state_kpa"] = state.stress / 1e3
+    return frame
+
+
+def _line(row: Row) -> dict[str, Any]:
+    """A result as one line of the frame."""
+    words = "label", "record", "unsettled", "group", "packings"
+    line: dict[str, Any] = {name: getattr(row, name) for name in words}
+    line |= {"absent": " ".join(row.absent), "row": row}
+    line |= {f"{name}_text": text for name, text in row.texts.items()}
+    for name, found in row.values.items():
+        ends = {"": found.value, "_error": found.error, "_spread": row.spread(name)}
+        line |= {f"{name}{end}": value for end, value in ends.items()}
+    line |= {f"{name}_sample_error": value for name, value in row.samples.items()}
+    return line | {f"plateau_{name}": flat for name, flat in row.flat.items()}
+
+
+def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:
+    """Columns with `{record}` in them as those of one producer, whose name comes first.
+
+    YADE's where all `records` are its, else the linear wave's: never some of one and some of the
+    other, which differ where contacts slide.
+
+    >>> of_one_producer(["yade", "linear"], "f_low_pass_2_{record}_khz")
+    ('linear', 'f_low_pass_2_linear_khz')
+    """
+    records = set(records)
+    producer = "yade" if records == {"yade"} else "linear"
+    return PRODUCERS[producer], *(text.replace("{record}", producer) for text in columns)
+
+
+def _named(frame: pd.DataFrame, text: str) -> pd.DataFrame:
+    """The columns that an expression names: pandas looks at each of hundreds in every one."""
+    return frame[[name for name in set(re.findall(r"\w+", text)) if name in frame]]
+
+
+def select(frame: pd.DataFrame, text: str) -> pd.DataFrame:
+    """The cases that an expression of their columns is true of; all for an empty one."""
+    if not text:
+        return frame
+    try:
+        return frame[_named(frame, text).eval(text, engine="python")]
+    except (*NO_SUM, pd.errors.UndefinedVariableError) as error:
+        raise InputError(f"select: {text}: {error}; name columns of the cases") from None
+
+
+def numbers(frame: pd.DataFrame, text: str) -> pd.Series:
+    """A quantity of each case, or an expression of quantities; NaN where it is not known."""
+    if text in frame.columns:
+        return pd.to_numeric(frame[text], errors="coerce")
+    if text.isidentifier():
+        return pd.Series(np.nan, frame.index)
+    try:
+        return _named(frame, text).eval(text, engine="python").astype(float)
+    except pd.errors.UndefinedVariableError:
+        return pd.Series(np.nan, frame.index)
+    except NO_SUM as error:
+        raise InputError(f"quantity {text}: {error}; write names of quantities") from None
+
+
+def spreads(frame: pd.DataFrame, text: str) -> pd.Series:
+    """Uncertainty of a quantity of each case; NaN where it is not known, as of an expression."""
+    return numbers(frame, f"{text}_spread" if text.isidentifier() else "unknown")
+
+
+def runs(cases: Iterable[int]) -> str:
+    """Numbers of cases as 1-4, 7."""
+    each = np.sort(list(cases))
+    found = np.split(each, np.flatnonzero(np.diff(each) > 1) + 1)
+    parts = (f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in found if len(run))
+    return ", ".join(parts)
+
+
+def missing(frame: pd.DataFrame, text: str) -> str:
+    """What is not there for a quantity of these cases."""
+    away = frame[~frame["there"]]
+    blank = frame[frame["there"] & ~np.isfinite(numbers(frame, text))]
+    parts = [f"no packing of case {runs(away['case'])}"] if len(away) else []
+    if len(blank):
+        absent = sorted({kind for kinds in blank["absent"] for kind in kinds.split()})
+        why = f" (absent: {', '.join(absent)})" if absent else ""
+        parts.append(f"case {runs(blank['case'])} does not give it{why}")
+    return "; ".join(parts) or "nothing to measure it on"
