@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis.estimators.fk import frequency_wavenumber
 from analysis.estimators.source_motion import recorded_motion
 from analysis.table import Table
 from modal.packing.layers import Layers
@@ -94,10 +93,8 @@ class Agreement:
         depth = network.position[:, 2] - network.wall_position[0]
         self._bearing = force_bearing(network) & (depth <= within)
         self._chain = depth[run.chain_particle] <= within
-        self.chain_position = run.chain_position[self._chain]
         self._layers = Layers(network)
         self._near = self._layers.position - network.wall_position[0] <= within
-        self.layer_position = self._layers.position[self._near]
 
     def measured(self, run: Signals) -> Motion:
         """What a YADE run recorded at the first run's times, per amplitude.
@@ -194,63 +191,11 @@ def split_by_cause(pair: Agreement, **others: Signals) -> list[Difference]:
     ]
 
 
-def over_time(found: Motion, reference: Motion, windows: int = 8) -> np.ndarray:
-    """Shape (windows,): relative L2 difference of the chain in equal parts of the record."""
-    parts = np.array_split(found["chain"] - reference["chain"], windows)
-    size = np.linalg.norm(reference["chain"]) / np.sqrt(windows)
-    return np.array([np.linalg.norm(part) / size for part in parts])
-
-
-def by_frequency(
-    found: np.ndarray,
-    reference: np.ndarray,
-    time: np.ndarray,
-    position: np.ndarray,
-    bands: np.ndarray,
-) -> list[tuple[float, float, float, float]]:
-    """(low, high, share of the energy, relative difference) for each band of frequency, f-k.
-
-    Of the complex spectra: what differs in sign or time differs.
-    """
-    f, _, have = frequency_wavenumber(found, time, position)
-    _, _, want = frequency_wavenumber(reference, time, position)
-    total, rows = (abs(want) ** 2).sum(), []
-    for low, high in zip(bands[:-1], bands[1:], strict=True):
-        inside = (f >= low) & (f < high)
-        size = (abs(want[inside]) ** 2).sum()
-        if size > 0:
-            apart = np.sqrt((abs(have - want)[inside] ** 2).sum() / size)
-            rows.append((float(low), float(high), float(size / total), float(apart)))
-    return rows
-
-
-def report(pair: Agreement, **others: Signals) -> list[Table]:
-    """Three tables: by cause, over time, and over frequency (f-k spectra of the chain).
-
-    The f-k table takes the layer means where the run has them: in a random packing they carry the
-    coherent wave.
-    """
+def report(pair: Agreement, **others: Signals) -> Table:
+    """The difference by cause, as text."""
     header = ["cause", "chain %", "layer means %", "particles %", "median particle %"]
     causes = [
         [cause, *("" if share is None else f"{100 * share:.4g}" for share in shares)]
         for cause, *shares in split_by_cause(pair, **others)
     ]
-    of_cause = Table("The difference by cause", header, causes)
-    found, linear = pair.measured(pair.run), pair.linear("full")
-    parts = over_time(found, linear)
-    lines = [[f"{k} of {len(parts)}", f"{100 * part:.4g}"] for k, part in enumerate(parts, 1)]
-    header = ["part of the record", "chain, difference % of its mean size"]
-    of_time = Table("The difference over time", header, lines)
-    field, position = "chain", pair.chain_position
-    if "layers" in found:
-        field, position = "layers", pair.layer_position
-    top = min(2.5e5, 0.5 / float(pair.run.time[1] - pair.run.time[0]))
-    bands, order = np.append(np.arange(0, top, 2.5e4), top), np.argsort(position)
-    both = [motion[field][:, order] for motion in (found, linear)]
-    rows = by_frequency(both[0], both[1], pair.run.time, position[order], bands)
-    lines = [
-        [f"{low / 1e3:g} to {high / 1e3:g}", f"{100 * share:.3g}", f"{100 * apart:.4g}"]
-        for low, high, share, apart in rows
-    ]
-    header = ["band, kHz", "share of the energy %", f"difference in f-k ({field}) %"]
-    return [of_cause, of_time, Table("The difference over frequency", header, lines)]
+    return Table("The difference by cause", header, causes)

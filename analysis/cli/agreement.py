@@ -21,14 +21,14 @@ OPTIONS = [
     Option("signals", "SIGNALS", "*.signals.h5 of the run", kind=str),
     *(Option(typed(name), "FILE", what, kind=str) for name, what in OTHER_RUNS.items()),
     Option("--first", "N", "up to the chain's N-th particle", kind=int),
-    output("write the tables, *.md"),
+    output("write the table, *.md"),
 ]
 
 
 def run(options: Given) -> None:
-    """Print the tables, and write them where --output says."""
+    """Print the table, and write it where --output says."""
     if options.output and options.output.endswith(".csv"):
-        raise InputError(f"-o {options.output}: the tables are text, a *.csv is put beside; *.md")
+        raise InputError(f"-o {options.output}: the table is text, a *.csv is put beside; *.md")
     network, first = read_packing(options.network), read_signals(options.signals)
     within = np.inf
     if options.first is not None:
@@ -43,8 +43,7 @@ def run(options: Given) -> None:
             say(f"note: {note}")
     others = {name: read_signals(path) for name, path in paths.items()}
     found = report(Agreement(network, first, within), **others)
-    text = "\n".join(table.markdown() for table in found)
-    put(text, end="")
+    put(found.markdown(), end="")
     if options.output:
-        write_text(options.output, text)
-        found[0].write_csv(Path(options.output).with_suffix(".csv"))
+        write_text(options.output, found.markdown())
+        found.write_csv(Path(options.output).with_suffix(".csv"))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from modal.tools.errors import InputError
@@ -17,11 +15,6 @@ PADDING = 4
 """Of the map, in lengths of the record."""
 
 
-def both_ends(count: int) -> np.ndarray:
-    """Shape (count,): Hann's window, for records whose ends both have a wave in them."""
-    return np.hanning(count + 2)[1:-1]
-
-
 def far_end(count: int) -> np.ndarray:
     """Shape (count,): 1, and a squared cosine over the last fifth, for what begins at rest."""
     fall = np.cos(np.linspace(-4, 1, count) * np.pi / 2) ** 2
@@ -29,12 +22,7 @@ def far_end(count: int) -> np.ndarray:
 
 
 def frequency_wavenumber(
-    motion: np.ndarray,
-    time: np.ndarray,
-    position: np.ndarray,
-    *,
-    window: Callable[[int], np.ndarray] = both_ends,
-    padding: int = 1,
+    motion: np.ndarray, time: np.ndarray, position: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frequencies (nf,) Hz, wave numbers (nk,) rad/m, complex U (nf, nk) of motion (nt, nl).
 
@@ -44,12 +32,12 @@ def frequency_wavenumber(
     spacing = np.diff(position)
     if len(spacing) == 0 or abs(spacing - spacing.mean()).max() > UNEVEN * abs(spacing.mean()):
         raise InputError("layers are too unequally spaced for a spectrum in space")
-    nt, nl = motion.shape
-    taper = window(nt)[:, None] * window(nl)
-    spectrum = np.fft.rfft(motion * taper, padding * nt, axis=0)
-    spectrum = np.fft.fft(spectrum.conj(), padding * nl, axis=1)
-    frequency = np.fft.rfftfreq(padding * nt, float(np.mean(np.diff(time))))
-    wavenumber = 2 * np.pi * np.fft.fftfreq(padding * nl, float(spacing.mean()))
+    nt, nl = (PADDING * count for count in motion.shape)
+    taper = far_end(len(time))[:, None] * far_end(len(position))
+    spectrum = np.fft.rfft(motion * taper, nt, axis=0)
+    spectrum = np.fft.fft(spectrum.conj(), nl, axis=1)
+    frequency = np.fft.rfftfreq(nt, float(np.mean(np.diff(time))))
+    wavenumber = 2 * np.pi * np.fft.fftfreq(nl, float(spacing.mean()))
     order = np.argsort(wavenumber)
     return frequency, wavenumber[order], spectrum[:, order]
 
@@ -61,7 +49,7 @@ def fk_map(signals: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     amplitude (nf, nk) relative to its maximum.
     """
     u, z = signals.chain_displacement, signals.chain_position
-    f, k, spectrum = frequency_wavenumber(u, signals.time, z, window=far_end, padding=PADDING)
+    f, k, spectrum = frequency_wavenumber(u, signals.time, z)
     low, ahead = f < 4 * signals.input_frequency, k >= 0
     amplitude = abs(spectrum)[low][:, ahead]
     return f[low], k[ahead], amplitude / amplitude.max()
