@@ -28,13 +28,10 @@ class Table:
         return head + "|" + "---|" * len(self.header) + "\n" + "".join(rows)
 
     def text(self) -> str:
-        """Aligned for a terminal, without the title; columns of numbers to the right."""
-        columns = []
-        for head, *cells in zip(self.header, *self.rows, strict=True):
-            width = max(map(len, (head, *cells)))
-            right = any(cells) and all(map(_is_number, cells))
-            columns.append([c.rjust(width) if right else c.ljust(width) for c in (head, *cells)])
-        return "\n".join("  ".join(line).rstrip() for line in zip(*columns, strict=True))
+        """Aligned for a terminal, without the title; lines are told apart by their first cell."""
+        from pandas import DataFrame  # which other tables do without
+
+        return DataFrame(self.rows, columns=self.header).set_index(self.header[0]).to_string()
 
     def write_csv(self, path: Path) -> Path:
         """Write the header and the rows as CSV; returns the path."""
@@ -64,11 +61,3 @@ def number(value: float, error: float = np.nan, digits: int = 4) -> str:
     error = float(f"{error:.0e}")  # one digit, which may carry: 0.96 is 1
     places = -int(np.floor(np.log10(error)))
     return f"{round(value, places):.{max(places, 0)}f} ± {error:.{max(places, 0)}f}"
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell or "nan")
-    except ValueError:
-        return False
-    return True

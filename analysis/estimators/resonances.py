@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimators.fits import summit
+from analysis.estimators.fits import straight_to, summit
 from analysis.estimators.structure_factor import standing_waves
 from modal.packing.network import Network
 
@@ -88,12 +88,10 @@ def long_wave_velocity(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[f
     if len(frequency) < LONG[1]:
         return np.nan, np.nan
     f, kappa = frequency[slice(*LONG)], wavenumber[slice(*LONG)]
-    known = np.isfinite(f) & np.isfinite(kappa)
-    if known.sum() < 5:
-        return np.nan, np.nan
-    f, kappa = f[known], kappa[known]
-    fit, spread = np.polyfit(kappa**2, 2 * np.pi * f / kappa, 1, cov=True)
-    return float(fit[1]), float(np.sqrt(spread[1, 1]))
+    velocity = 2 * np.pi * f / kappa
+    return (
+        straight_to(kappa**2, velocity, 0.0) if np.isfinite(velocity).sum() > 4 else (np.nan,) * 2
+    )
 
 
 def mode_velocities(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

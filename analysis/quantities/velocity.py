@@ -115,18 +115,10 @@ def columns(m: Measuring, key: str) -> tuple[float, float]:
     return first_peaks_of_columns(m.cut(key), m.network)
 
 
-@once
-def walls(m: Measuring) -> tuple[float, float]:
-    """Phase and group velocity, m/s, between the wall stresses at the low frequency."""
+def walls(m: Measuring) -> float:
+    """Phase velocity, m/s, between the wall stresses at the low frequency."""
     found = wall_velocity(m.linear, m.network.length)
-    if found is None:
-        return np.nan, np.nan
-    f, phase, *_ = found
-    # The group velocity is a derivative: the slope of the phase over an octave about it.
-    low = low_frequency(m)
-    near = (f > 0.7 * low) & (f < 1.4 * low)
-    slope = np.polyfit(f[near], f[near] * m.network.length / phase[near], 1)[0]
-    return at_frequency(f, phase, low), m.network.length / slope
+    return np.nan if found is None else at_frequency(*found[:2], low_frequency(m))
 
 
 def low_frequency(m: Measuring) -> float:
