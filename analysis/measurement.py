@@ -18,7 +18,7 @@ from modal.exchange.registry import read_remarked
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample
 from modal.tools.display import table
-from modal.tools.errors import InputError
+from modal.tools.errors import refuse_unknown
 from modal.waves.signals import Signals, read_signals
 from modal.waves.source import Motion
 
@@ -115,8 +115,7 @@ def measure(
     usual = [q.name for q in QUANTITIES.values() if not q.asked]
     names = list(quantities or (AMPLITUDE if len(amplitudes) else usual))
     for name in names:
-        if name not in QUANTITIES:
-            raise InputError(f"quantity {name!r}: unknown; choose from {', '.join(QUANTITIES)}")
+        refuse_unknown("quantity", name, QUANTITIES)
     state = tuple(str(network.study.get(key)) for key in SAME_STATE)
     return Measurement({name: QUANTITIES[name].measured(m) for name in names}, state)
 
@@ -144,8 +143,12 @@ def measure_files(
         found[path] = measure(case, *records, quantities=quantities, **how)
     if len(found) < 2:
         return found, None
-    states = {one.state for one in found.values()}
-    return found, mean_of(list(found.values()), same=len(states) == 1)
+    return found, mean_of(list(found.values()), same=one_state(found))
+
+
+def one_state(found: Mapping[str, Measurement]) -> bool:
+    """Whether packings have the same friction and stress, so that their mean says something."""
+    return len({each.state for each in found.values()}) == 1
 
 
 def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:

@@ -128,7 +128,10 @@ class Measuring:
     def require_walls(self) -> None:
         """InputError without them."""
         if not self.walls:
-            raise InputError("there are no two walls along z, which a wave here goes between")
+            raise InputError(
+                "the cell has no two walls along z, from one to the other of which a wave here "
+                "goes; `modal wave --plane Z` sends one through a cell without walls"
+            )
 
     def require_crystal(self) -> None:
         """`AbsentError` for other packings."""

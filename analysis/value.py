@@ -11,6 +11,9 @@ import numpy as np
 from modal.tools.arrays import Floats
 from modal.tools.display import quantities, quantity
 
+FEW = 3
+"""Numbers over frequency that are all told; of more the first and the last."""
+
 
 @dataclass(frozen=True)
 class Value:
@@ -94,6 +97,12 @@ class Value:
             if self.at is None:
                 first, last = (quantity(v, self.unit, 4) for v in value[seen][[0, -1]])
                 return f"{first} to {last}, {seen.sum()} of them"
+            if seen.sum() <= FEW:
+                each = zip(self.at[seen], value[seen], error[seen], strict=True)
+                texts = [
+                    f"{Value(v, self.unit, {'fit': e}).text()} at {hertz(f)}" for f, v, e in each
+                ]
+                return "; ".join(texts)
             low, high = (hertz(f) for f in self.at[seen][[0, -1]])
             return f"{ends} {self.unit} from {low} to {high}".replace(" 1 from", " from")
         unit = "" if self.unit == "1" else self.unit

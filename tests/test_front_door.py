@@ -31,7 +31,7 @@ def test_another_system_is_told_what_runs_there(tmp_path, monkeypatch):
     [
         (["--case", "33", "--dry-run"], "case 33: none of the study's"),
         (["--case"], "--case needs a number"),
-        (["--stage", "lunch"], "--stage lunch: choose one of"),
+        (["--stage", "lunch"], "--stage 'lunch': unknown"),
         (["-j", "0"], "-j needs a number"),
         (["--spheres", "100"], "at least 750"),
         (["--study", "none.yaml"], "none.yaml: cannot be read"),

@@ -173,7 +173,7 @@ OF_NETWORK = (
 )
 WRONG = [
     (modal.eigenmodes, {"lowest": 3, "highest": 3}, "lowest and highest"),
-    (modal.eigenmodes, {"lowest": 3, "solver": "magic"}, "solver magic"),
+    (modal.eigenmodes, {"lowest": 3, "solver": "magic"}, "solver 'magic'"),
     (modal.eigenmodes, {"lowest": 10_000}, "10000 modes asked"),
     (modal.eigenmodes, {"lowest": 2.5}, "lowest is 2.5, not a whole number"),
     (modal.eigenmodes, {"between": (1.0, 2.0, 3.0)}, "two frequencies"),
@@ -196,7 +196,7 @@ WRONG = [
     (modal.random_packing, {"seed": 2**63}, "seed 9223372036854775808"),
     (modal.random_packing, {"sizes": np.full(3, np.nan)}, "sizes"),
     (modal.fcc, {"radius": 0.0}, "radius 0"),
-    (modal.random_packing, {"friction": 2.0}, "mu_comp 2"),
+    (modal.random_packing, {"friction": 2.0}, r"friction \(mu_comp\) 2"),
     *((f, {"network": "mine.network.h5"}, ANOTHER_KIND) for f in OF_NETWORK),
     (modal.read, {"path": 3}, ANOTHER_KIND),
 ]

@@ -17,7 +17,7 @@ import pandas as pd
 from commands import COLUMNS, FULL, OF_NETWORK, RULES, Commands
 
 from analysis.study.description import KINDS, Study, part_of_name
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, refuse_unknown
 
 ACROSS = 16
 """Spheres of a layer of a crystal."""
@@ -38,8 +38,7 @@ class Jobs(Commands):
         self.study = Study(config["study"])
         own = self.study.settings
         self.folder, self.stage = config["products"], config.get("stage", "page")
-        if self.stage not in (known := (*STAGES, "split", "result", "page")):
-            raise InputError(f"--stage {self.stage}: choose one of {', '.join(known)}")
+        refuse_unknown("--stage", self.stage, (*STAGES, "split", "result", "page"))
         if int(config.get("spheres", LEAST)) < LEAST:
             raise InputError(f"--spheres {config['spheres']}: at least {LEAST}, 4 diameters across")
         self.reduced, self.seed = "spheres" in config, config.get("seed")

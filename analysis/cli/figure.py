@@ -13,11 +13,14 @@ from modal.cli.options import Given, Option, output
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
 
+EPILOG = "\n".join(
+    f"{name}: {(of.__doc__ or name).splitlines()[0]}" for name, of in FIGURES.items()
+)
 EXAMPLE = "figure dispersion 2 -o pages"
 CASE = "a case of --products by name, as 2; or files: a NETWORK and what was made from it"
 PRODUCTS = Option("--products", "DIR", "folder to read", "products", str)
 OPTIONS = [
-    Option("name", "NAME", "a CSV file, or " + ", ".join(FIGURES), kind=str),
+    Option("name", "NAME", "one of those below, or a CSV file of one", kind=str),
     PRODUCTS,
     Option("case", "CASE", CASE, kind=str, more={"nargs": "*"}),
     output("to write to", "DIR")._replace(default="products"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from analysis.measurement import Measurement, measure_files
+from analysis.measurement import Measurement, measure_files, one_state
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.amplitude import AMPLITUDE
 from analysis.table import Table
@@ -14,10 +14,16 @@ from modal.cli.terminal import json_text, put
 from modal.formats.hdf5 import write_text
 
 EXAMPLE = "measure mine.network.h5 --quick"
+OF_PRODUCERS = "_yade", "_linear", "_over_d"
 EPILOG = "\n".join(
-    f"{q.name}: {q.definition} ({q.unit}){', on request' * q.asked}" for q in QUANTITIES.values()
+    [
+        f"{q.name}: {q.definition} ({q.unit}){', on request' * q.asked}"
+        for q in QUANTITIES.values()
+        if not q.name.endswith(OF_PRODUCERS)
+    ]
+    + ["..._yade, ..._linear: numbers of one record, in analysis/quantities/records.py"]
 )
-NAMES, OF_PULSES = ", ".join(QUANTITIES), ", ".join(AMPLITUDE)
+NAMES, OF_PULSES = "names below, or those that end in _yade, _linear", ", ".join(AMPLITUDE)
 OPTIONS = [
     Option("files", "FILE ...", "packings, and waves recorded in them", kind=str),
     Group(
@@ -62,7 +68,10 @@ def run(options: Given) -> int:
     if options.json:
         put(_json(found, mean))
     else:
-        parts = [*found.items(), *([("mean", mean)] if mean is not None else [])]
+        parts = [
+            *found.items(),
+            *([("mean", mean)] if mean is not None and one_state(found) else []),
+        ]
         put("\n\n".join(f"{path}\n{each}" for path, each in parts))
     missing = {
         name for each in found.values() for name in options.quantities or () if not each[name].known

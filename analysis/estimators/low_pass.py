@@ -143,7 +143,7 @@ def at_stretch(
         medians.append(float(np.median(seen)) if told else np.nan)
         if shift == 0:
             quartiles = np.percentile(seen, [75, 25]) if told else np.full(2, np.nan)
-            why = "" if told else f"seen at only {len(seen)} of {inside.sum()} particles"
+            why = "" if told else f"seen at {len(seen)} of {inside.sum()} particles: too few"
     before, value, behind = medians
     change = float(np.max(abs(np.array([before, behind]) / value - 1)))
     return Edge(value, float(np.subtract(*quartiles)) / 2, change, why)

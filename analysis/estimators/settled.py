@@ -1,6 +1,7 @@
 """Whether a state counts as settled: measured from its contact forces, whatever it is called.
 
-The limits are those at which a preparation calls a state reached (`modal.preparation.protocol`). A
+Stresses may be off by what a preparation allows, net forces by twice that: of a state that was
+reached these are just below its limit, and a little more where forces are made from positions. A
 state that ran out of patience before is marked wherever one of its numbers is shown.
 """
 
@@ -9,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from modal.packing.network import Network
+from modal.packing.plausibility import BALANCED
 from modal.packing.state import FORCES, residual_forces, stress_tensor, wall_stress
 from modal.preparation.protocol import SETTLED
 
@@ -28,12 +30,12 @@ def why_unsettled(network: Network, stress: float = np.nan) -> str:
     """
     if network.n_contacts == 0 or any(getattr(network, name) is None for name in FORCES):
         return ""
-    most_off, most_left = SETTLED
+    most_off, _ = SETTLED
     residual = residual_of(network)
     off = float(abs(np.diag(stress_tensor(network)) / stress - 1).max())
     found = []
-    if residual > most_left:
-        found.append(f"residual {residual:.1e} over {most_left:g}")
+    if residual > BALANCED:
+        found.append(f"residual {residual:.1e} over {BALANCED:g}")
     if off > most_off:
         found.append(f"stress {100 * off:.2f} % off, over {100 * most_off:g} %")
     if found and np.isfinite(stress) and not network.cell_periodic[2]:

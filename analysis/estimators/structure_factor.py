@@ -31,7 +31,7 @@ from modal.solvers.chebyshev import chebyshev, jackson
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, refuse_unknown
 from modal.tools.progress import progress
 
 SCHEMA = "granular-structure-factor"
@@ -131,8 +131,7 @@ def plane_waves(network: Network, vector: np.ndarray, polarisation: str) -> np.n
 
     `vector` (3,), rad/m; of transverse waves both directions across it, with half the weight each.
     """
-    if polarisation not in POLARISATIONS:
-        raise InputError(f"polarisation {polarisation!r}: choose one of {', '.join(POLARISATIONS)}")
+    refuse_unknown("polarisation", polarisation, POLARISATIONS)
     frame = np.linalg.svd((vector / np.linalg.norm(vector))[None])[2]
     phase = network.position @ vector
     waves = np.column_stack([np.cos(phase), np.sin(phase)])

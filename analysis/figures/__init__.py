@@ -11,7 +11,7 @@ from analysis.figures.picture import Picture
 from analysis.frame import frame_of
 from analysis.measuring import Measuring
 from analysis.rows import row_of
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, refuse_unknown
 
 Figure = Callable[[Any], Picture]
 OF_ROWS: tuple[Figure, ...] = (
@@ -32,9 +32,7 @@ FIGURES = {figure.__name__: figure for figure in (*OF_CASES, *OF_ROWS)}
 
 def compose(name: str, cases: list[Measuring]) -> Picture:
     """One figure of the given cases; InputError where its name or a product is missing."""
-    if name not in FIGURES:
-        known = ", ".join(FIGURES)
-        raise InputError(f"{name!r} is not a figure; choose one of {known}")
+    refuse_unknown("figure", name, FIGURES)
     rows = [row_of(m) for m in cases] if FIGURES[name] in OF_ROWS else []
     picture = FIGURES[name](frame_of(rows) if rows else cases)
     if not picture.shown:

@@ -6,13 +6,15 @@ from collections.abc import Callable
 
 from analysis.measuring import Measuring
 from analysis.quantities.registry import on_request, without_signal
-from analysis.value import Value
+from analysis.value import Value, unknown
 from modal.elasticity.moduli import ElasticModuli
 from modal.elasticity.plane_waves import isotropic_mean
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import coordination_without_rattlers
 
 ALONG_Z, OVER_AFFINE = (0, 0, 1), "over that of spheres that follow the mean strain"
+SOFT = 1e-5
+"""Of the fastest wave's velocity: a slower one has no stiffness beyond round-off, 1e-10 of it."""
 POWER = {"Pa": 1.0, "1": 1.0, "m/s": 0.5}
 """Of the moduli that a number goes as, by its unit."""
 
@@ -47,6 +49,8 @@ def of_moduli(unit: str, number: Callable[[ElasticModuli], float]) -> Callable[[
 
     def measured(m: Measuring) -> Value:
         value = float(number(m.moduli))
+        if unit == "m/s" and not value > SOFT * m.moduli.velocities(ALONG_Z)[0]:
+            return unknown(unit, "nothing resists this motion: do spheres slide along the walls?")
         caveats = (*m.moduli.remarks(), *m.of_one_sample)
         return Value(value, unit, {"fit": POWER[unit] * abs(value) * m.moduli.error}, caveats)
 

@@ -112,7 +112,8 @@ def ioffe_regel(m: Measuring) -> Value:
         return unknown("Hz", "a crystal does not scatter its waves")
     found = scattering(m)
     if not np.isfinite(found.limit):
-        return unknown("Hz", "no standing wave is as wide as it is high, as far as they are told")
+        why = "of no standing wave that could be read is the mean free path so short"
+        return unknown("Hz", why)
     near = np.sort(abs(found.frequency[np.isfinite(found.width)] - found.limit))[:2].sum()
     caveats = m.of_one_sample
     if found.velocity / found.limit > m.width * m.diameter:

@@ -3,13 +3,14 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from difflib import get_close_matches
 from types import ModuleType
 from typing import Any, NamedTuple, NoReturn
 
 from modal.formats.hdf5 import refuse_unwritable
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, refuse_unknown
 
 Given = argparse.Namespace
 """What was typed, by the names of options, and `made`, `remarks`, `groups` of the command."""
@@ -81,9 +82,39 @@ class Parser(argparse.ArgumentParser):
         """Descriptions and what follows the help keep their lines."""
         super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **settings)
 
+    def parse_known_args(self, *given: Any, **more: Any) -> Any:
+        """Refuse what is no option here, where the command's own options are known."""
+        found, unknown = super().parse_known_args(*given, **more)
+        if unknown:
+            near = get_close_matches(unknown[0], self._option_string_actions, 1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+        return found, unknown
+
     def error(self, message: str) -> NoReturn:
         """A mistake in the command line, in one line."""
         raise InputError(f"{self.prog}: {message}; see {self.prog} --help")
+
+
+def number(text: str) -> float:
+    """What was typed, as a number."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number; give it in SI, as 1e5") from None
+
+
+def one_of(words: tuple[str, ...]) -> Callable[[str], str]:
+    """A function that passes these words on and refuses others."""
+
+    def word(text: str) -> str:
+        try:
+            refuse_unknown("", text, words)
+        except InputError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+        return text
+
+    return word
 
 
 def add_command(commands: Any, name: str, module: ModuleType, *more: Option) -> None:
@@ -112,7 +143,8 @@ def add_options(command: Any, options: Iterable[Option | Group]) -> None:
             command.add_argument(*names, action="store_true", help=option.text)
             continue
         how: dict[str, Any] = {"help": option.text, "default": option.default, **option.more}
-        how |= {"choices": option.kind} if isinstance(option.kind, tuple) else {"type": option.kind}
+        kind = one_of(option.kind) if isinstance(option.kind, tuple) else option.kind
+        how["type"] = number if kind is float else kind
         if option.metavar:
             how["metavar"] = option.metavar
         if isinstance(option.metavar, tuple):

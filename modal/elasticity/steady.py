@@ -19,7 +19,7 @@ from modal.solvers.factor import Factor, available
 from modal.system.imposed import Coupling
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import refuse_unknown
 from modal.tools.workload import memory_at_hand
 
 SOLVERS = ("pardiso", "gradients")
@@ -49,8 +49,7 @@ def steady_motion(
     one that is likely to be faster.
     """
     solver = solver or ("pardiso" if _worth_a_factor(system) else "gradients")
-    if solver not in SOLVERS:
-        raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
+    refuse_unknown("solver", solver, SOLVERS)
     root, operator = system.root, system.renumbered
     inward, outward = operator.inward, operator.outward
     if solver == "pardiso":

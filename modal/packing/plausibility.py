@@ -30,7 +30,7 @@ UNIFORM = 1e-2
 """Relative spread up to which densities, or ratios of stiffnesses, count as one."""
 BALANCE = 0.05
 """Largest net over mean contact force: 1e-8 to 1e-6 at rest, with permuted forces 1 or more."""
-SETTLED = 2e-3
+BALANCED = 2e-3
 """Mean net over mean contact force: twice what a compression leaves that has settled."""
 CRYSTALLINE, CRYSTAL = 0.05, 0.99
 """Share of the bulk from which order is remarked on, and of all that a lattice has."""
@@ -187,7 +187,7 @@ def _of_forces(network: Network, told: dict[str, Any]) -> Remarks:
             "particles not in balance under their contacts: net forces are "
             f"{net.mean():.1e} of contact forces, the largest {net.max():.1e}; weight, or motion?"
         )
-        yield net.max() > BALANCE or net.mean() > SETTLED, words
+        yield net.max() > BALANCE or net.mean() > BALANCED, words
     if sliding is None or not sliding.any():
         return
     _, median, most = told.get("tangential_over_normal_stiffness", (0, 0, 0))

@@ -65,7 +65,8 @@ def crystalline_shares(network: Network, layers: state.Profile) -> dict[str, flo
     if layers.bulk.any():
         z, inner = network.position[:, 2], np.flatnonzero(layers.bulk)
         inside = (z >= edges[inner[0]]) & (z < edges[inner[-1] + 1])
-        shares["crystalline_share_of_bulk"] = float(ordered[inside].mean())
+        if inside.any():
+            shares["crystalline_share_of_bulk"] = float(ordered[inside].mean())
     return shares
 
 

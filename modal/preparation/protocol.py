@@ -152,12 +152,13 @@ class Study:
             setattr(self, name, int(getattr(self, name)) if kind == "int" else _number(self, name))
         fewest, narrowest = (100, 4) if self.mu_comp else (8, 2)
         enough = self.spheres >= fewest and self.width >= narrowest
-        if not (0 <= self.mu_comp <= 1 and enough):
+        if not 0 <= self.mu_comp <= 1:
+            raise InputError(f"friction (mu_comp) {self.mu_comp:g}: give a number from 0 to 1")
+        if not enough:
             raise InputError(
-                f"mu_comp {self.mu_comp:g}, {self.spheres} spheres, width {self.width:g}: no "
-                "packing; take 0 <= mu_comp <= 1 and, with friction, at least 100 spheres and a "
-                "width of at least 4 diameters (without 8 and 2), which a smaller aspect, length "
-                "over width, has of as many spheres"
+                f"{self.spheres} spheres in a cell {self.width:.3g} diameters wide: too few; take "
+                f"at least {fewest} spheres and a width of {narrowest} diameters, by more spheres "
+                "or a smaller aspect (length over width)"
             )
         refuse_more_than_fit(self.spheres)
         _ = self.mixture  # refuses unknown words

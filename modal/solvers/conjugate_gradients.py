@@ -81,11 +81,7 @@ def conjugate_gradients(
         if products >= back and (error <= bound).all():
             return Solution(motion, load - apply_stiffness(motion), error, products + 1)
         if minute.passed():
-            worst = float((error / bound).max())
-            minute.tell(
-                f"balance of springs: {products} products with K of at most {most_products}, "
-                f"squared error {worst:.1e} times what is asked"
-            )
+            minute.tell(f"static response: {products} products with K, of at most {most_products}")
         eased = preconditioner(rest)
         before, size = size, np.einsum("ik,ik->k", rest, eased)
         step *= np.where(before > 0, size / np.where(before > 0, before, 1), 0.0)

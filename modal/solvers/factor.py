@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from modal.solvers import factorisations
 from modal.tools.arrays import Array, Floats, Ints
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, refuse_unknown
 from modal.tools.workload import memory_at_hand, refuse_above_memory
 
 SOLVERS = tuple(sorted(module.name for module in pkgutil.iter_modules(factorisations.__path__)))
@@ -127,8 +127,7 @@ class Factorisation:
 
 def named(solver: str) -> Factorisation:
     """The factorisation of a name; InputError where there is none."""
-    if solver not in SOLVERS:
-        raise InputError(f"solver {solver}: unknown; choose from {', '.join(SOLVERS)}")
+    refuse_unknown("solver", solver, SOLVERS)
     return importlib.import_module(f"{factorisations.__name__}.{solver}").FACTORISATION
 
 

@@ -33,7 +33,7 @@ import numpy as np
 
 from modal.packing.network import Network
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, refuse_unknown
 
 NORMAL, SHEAR, TWIST = "normal force", "shear force", "twist"
 GROWTH, ARMS = "growing circle", "lever arms"
@@ -59,8 +59,7 @@ SLIDING = ("elastic", "slip")
 
 def terms_of(pre_stress: str) -> tuple[str, ...]:
     """The terms behind a choice of pre-stress; InputError where there is no such choice."""
-    if pre_stress not in TANGENTS:
-        raise InputError(f"pre-stress {pre_stress!r}: choose one of {', '.join(TANGENTS)}")
+    refuse_unknown("pre-stress", pre_stress, TANGENTS)
     return TANGENTS[pre_stress]
 
 
@@ -181,8 +180,7 @@ def centre_distance(network: Network) -> Floats:
 
 def with_sliding(network: Network, sliding: str) -> Network:
     """The network with contacts at the friction limit as one of `SLIDING` holds them."""
-    if sliding not in SLIDING:
-        raise InputError(f"sliding {sliding!r}: choose one of {', '.join(SLIDING)}")
+    refuse_unknown("sliding", sliding, SLIDING)
     if sliding == "elastic":
         return network
 

@@ -22,7 +22,7 @@ from modal.system.imposed import Coupling, Imposed, put_on
 from modal.system.operator import ContactOperator
 from modal.system.root_mass import RootMass
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import refuse_unknown
 from modal.tools.workload import LONGEST
 
 COUNTED = 1e-11
@@ -82,8 +82,8 @@ class LinearSystem:
     damping: ContactDamping | None = None
 
     def __post_init__(self) -> None:
-        if self.solver not in (None, *SOLVERS):
-            raise InputError(f"solver {self.solver}: unknown; choose from {', '.join(SOLVERS)}")
+        if self.solver is not None:
+            refuse_unknown("solver", self.solver, SOLVERS)
         terms_of(self.pre_stress)
 
     @classmethod

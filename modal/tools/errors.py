@@ -1,4 +1,7 @@
-"""The error for what a user can mend."""
+"""The error for what a user can mend, and for a word that is none of those known."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 
 class InputError(ValueError):
@@ -15,3 +18,24 @@ class InputError(ValueError):
     ...     print(error)
     cells (2, 2, 0): give three whole numbers, along x and y, and layers
     """
+
+
+SHOWN = 12
+"""Words that are all named where another one was given."""
+
+
+def refuse_unknown(what: str, word: object, known: Iterable[str]) -> None:
+    """InputError for a `word` that is none of the `known`; it names these, of many the nearest.
+
+    >>> refuse_unknown("solver", "magic", ["blocks", "superlu"])
+    Traceback (most recent call last):
+        ...
+    modal.tools.errors.InputError: solver 'magic': unknown; choose from blocks, superlu
+    """
+    words = list(known)
+    if word in words:
+        return
+    near = get_close_matches(str(word), words) if len(words) > SHOWN else []
+    all_of_them = ", ".join(words[:SHOWN] + ["..."] * (len(words) > SHOWN))
+    do = f"did you mean {' or '.join(near)}?" if near else f"choose from {all_of_them}"
+    raise InputError(f"{what} {word!r}: unknown; {do}".lstrip())

@@ -45,7 +45,7 @@ def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products):
         (["figure"], "required"),
         (["figure", "gain_cases", "x"], "no such file"),
         (["figure", "gain_cases", "9"], "run the case first"),
-        (["figure", "nothing", "2"], "choose one of"),
+        (["figure", "nothing", "2"], "unknown"),
         (["figure", "chi_z"], "no case given"),
         (["figure", "absent.csv"], "cannot be read"),
         (["figure", "chi_z", "2"], "make it before"),

@@ -160,8 +160,16 @@ def test_a_quantity_is_one_function(random, monkeypatch):
         assert analysis.measure(random, quantities=["spheres"])["spheres"].value == 2000
     finally:
         del QUANTITIES["spheres"]
-    with pytest.raises(InputError, match="quantity 'spheres': unknown; choose from v_p"):
+    with pytest.raises(InputError, match="quantity 'spheres': unknown; did you mean"):
         analysis.measure(random, quantities=["spheres"])
+
+
+def test_a_wave_that_nothing_resists_has_no_velocity():
+    """A column between its own images along x and y is stiff along z alone."""
+    column = modal.fcc(cells=(1, 1, 6))
+    slid = replace(column, stiffness_tangential=0 * column.stiffness_tangential)
+    value = analysis.measure(slid, quantities=["v_s_moduli"])["v_s_moduli"]
+    assert not value.known and "nothing resists" in value.caveats[0]
 
 
 def _motions(frequency, duration):

@@ -102,7 +102,7 @@ def test_a_small_part_of_a_small_packing_is_not_solved_dense():
         (["--lowest", "9999"], "modes asked"),
         (["--highest", "0"], "0 modes asked"),
         (["--between", "200", "100"], "is empty"),
-        (["--solver", "magic"], "invalid choice"),
+        (["--solver", "magic"], "unknown"),
         (["--below", "nan"], "is empty"),
     ],
 )

@@ -195,13 +195,13 @@ def test_unsettled_state_is_marked(tmp_path, monkeypatch, capsys):
 
 
 WRONG = {
-    "--spheres 3": "no packing",
+    "--spheres 3": "too few",
     "--aspect 1e-3": "narrower than two",
-    "--aspect 500": "no packing",
+    "--aspect 500": "too few",
     "--stress -5": "stress -5 Pa: outside",
     "--residual 2": "between 0 and 1",
     "--stress 1e6 1e7 1e6": "twice",
-    "--seed -1": "negative",
+    "--seed -1": "seed -1: outside",
     "--peak 1e5": "below one of the stresses",
     "--local-damping 0.1": "no meaning without friction",
     "--oedometric": "need friction",

@@ -41,5 +41,5 @@ def test_every_command_has_the_answer_of_no_tangential_spring(name, tmp_path, pr
 
 
 def test_other_words_are_refused():
-    with pytest.raises(modal.InputError, match="choose one of elastic, slip"):
+    with pytest.raises(modal.InputError, match="choose from elastic, slip"):
         modal.count_modes(SLAB, 1e5, sliding="yes")
