@@ -118,7 +118,7 @@ def columns(m: Measuring, key: str) -> tuple[float, float]:
 def walls(m: Measuring) -> float:
     """Phase velocity, m/s, between the wall stresses at the low frequency."""
     found = wall_velocity(m.linear, m.network.length)
-    return np.nan if found is None else at_frequency(*found[:2], low_frequency(m))
+    return np.nan if found is None else at_frequency(found[0], found[1], low_frequency(m))
 
 
 def low_frequency(m: Measuring) -> float:
