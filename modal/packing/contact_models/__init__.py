@@ -3,7 +3,8 @@
 A module's name with hyphens is that of its model, its `LAW` the class: a named tuple of what one
 contact needs, or many (arrays (m,)). Its methods are plain functions of numbers or of arrays, from
 which the loop over moving contacts is compiled, too: they may call `elementwise` functions of their
-module, and no other methods. Networks, crystals, pre-stress, and samples from files take them from
+module, and no other methods. What it needs beside E* and G*, `own_numbers` makes of the numbers
+behind the model's name. Networks, crystals, pre-stress, and samples from files take them from
 `laws_of`; nothing else knows which models there are.
 """
 
@@ -11,12 +12,11 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Sequence
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 
-from modal.packing.contact_law import Elasticity, Material, Moduli
+from modal.packing.contact_law import Elasticity, Material
 from modal.tools.arrays import Bools
 from modal.tools.errors import InputError
 
@@ -26,10 +26,6 @@ MODELS = tuple(sorted(module.name.replace("_", "-") for module in pkgutil.iter_m
 
 class ContactLaw(Protocol):
     """The law of a contact: `overlap` in m, `radius` the effective one, R1 R2 / (R1 + R2), m."""
-
-    @classmethod
-    def of(cls, moduli: Moduli, numbers: Sequence[float], wall: bool) -> Self:
-        """Of the elastic moduli and the model's own numbers; InputError where these are wrong."""
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
         """Compressive force, N."""
@@ -67,10 +63,12 @@ def laws_of(spheres: Material, walls: Elasticity | None = None) -> tuple[Contact
             f"contact model {spheres.contact_model}: give numbers after its name"
         ) from None
     law = importlib.import_module(f"{__name__}.{name.replace('-', '_')}").LAW
-    return (
-        law.of(spheres.moduli, numbers, wall=False),
-        law.of(spheres.against(walls or spheres), numbers, wall=True),
-    )
+    own = getattr(law, "own_numbers", None)
+    if numbers and own is None:
+        raise InputError(f"contact model {name} takes no numbers: leave {numbers[0]:g} out")
+    sides = (spheres.moduli, False), (spheres.against(walls or spheres), True)
+    pair, wall = (law(*moduli, *(own(numbers, flat) if own else ())) for moduli, flat in sides)
+    return pair, wall
 
 
 def law_of_each(laws: tuple[ContactLaw, ContactLaw], wall: Bools) -> Any:
@@ -78,9 +76,3 @@ def law_of_each(laws: tuple[ContactLaw, ContactLaw], wall: Bools) -> Any:
     of_pairs, of_walls = laws
     columns = zip(of_walls, of_pairs, strict=True)  # type: ignore[call-overload]
     return type(of_pairs)(*(np.where(wall, flat, curved) for flat, curved in columns))
-
-
-def refuse_numbers(numbers: Sequence[float], model: str) -> None:
-    """InputError for numbers of a model that has none."""
-    if numbers:
-        raise InputError(f"contact model {model} takes no numbers: leave {numbers[0]:g} out")

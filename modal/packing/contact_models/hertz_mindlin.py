@@ -7,13 +7,9 @@ equal spheres and R of a wall, where both are of one material. K. L. Johnson, Co
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-
-from modal.packing.contact_law import Moduli
-from modal.packing.contact_models import refuse_numbers
 
 
 class HertzMindlin(NamedTuple):
@@ -24,12 +20,6 @@ class HertzMindlin(NamedTuple):
 
     effective_young: Any
     effective_shear: Any
-
-    @classmethod
-    def of(cls, moduli: Moduli, numbers: Sequence[float], wall: bool) -> HertzMindlin:
-        """Of the moduli alone."""
-        refuse_numbers(numbers, "hertz-mindlin")
-        return cls(*moduli)
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
         """N = 4/3 E* a overlap."""

@@ -6,11 +6,7 @@ Young's modulus is the free number of the model; the ratio of both stiffnesses i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
-
-from modal.packing.contact_law import Moduli
-from modal.packing.contact_models import refuse_numbers
 
 
 class Linear(NamedTuple):
@@ -18,12 +14,6 @@ class Linear(NamedTuple):
 
     effective_young: Any
     effective_shear: Any
-
-    @classmethod
-    def of(cls, moduli: Moduli, numbers: Sequence[float], wall: bool) -> Linear:
-        """Of the moduli alone."""
-        refuse_numbers(numbers, "linear")
-        return cls(*moduli)
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
         """N = kn overlap."""

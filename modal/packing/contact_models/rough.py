@@ -31,7 +31,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.packing.contact_law import Moduli
 from modal.tools.errors import InputError
 
 SHIFT_1, SHIFT_2 = 0.82, 1.24
@@ -81,15 +80,15 @@ class Rough(NamedTuple):
     effective_shear: Any
     roughness: Any
 
-    @classmethod
-    def of(cls, moduli: Moduli, numbers: Sequence[float], wall: bool) -> Rough:
+    @staticmethod
+    def own_numbers(numbers: Sequence[float], wall: bool) -> tuple[float]:
         """Of the spheres' roughness and, where it is another, that of the walls, m."""
         if len(numbers) not in (1, 2) or not all(SMOOTH <= one <= COARSE for one in numbers):
             raise InputError(
                 "contact model rough: give the root mean square roughness of the spheres, m, and "
                 f"that of the walls where it is another, as rough 1e-6; {SMOOTH:g} to {COARSE:g}"
             )
-        return cls(*moduli, float(np.hypot(numbers[0], numbers[-1 if wall else 0])))
+        return (float(np.hypot(numbers[0], numbers[-1 if wall else 0])),)
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
         """The three power laws."""
