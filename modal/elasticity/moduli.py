@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,11 +34,8 @@ from modal.packing.state import volume_between_walls
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Floats
-from modal.tools.display import axes_of, quantity
+from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 SCHEMA = "granular-moduli"
 VERSION = (1, 2)
@@ -68,7 +65,7 @@ SOFT = 1e-9
 
 
 @dataclass(frozen=True, repr=False)
-class ElasticModuli:
+class ElasticModuli(Drawn):
     """Elastic stiffness of a packing; the order is xx, yy, zz, yz, zx, xy, shears as angles.
 
     Attributes
@@ -210,9 +207,8 @@ class ElasticModuli:
             f"{quantity(self.shear_modulus, 'Pa')}, V_P {self.v_p:.4g}, V_S {self.v_s:.4g} m/s>"
         )
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the three velocities over the direction in the plane of x and z; returns Axes."""
-        ax = axes_of(ax)
+    def draw(self, ax: Any) -> None:
+        """Draw the three velocities over the direction in the plane of x and z."""
         angle = np.linspace(0, np.pi, 91)
         along = np.column_stack([np.sin(angle), 0 * angle, np.cos(angle)])
         lines = ax.plot(np.degrees(angle), [self.velocities(n) for n in along])
@@ -220,7 +216,6 @@ class ElasticModuli:
             line.set_label(name)
         ax.set(xlabel="angle from z towards x, degrees", ylabel="velocity, m/s", ylim=(0, None))
         ax.legend()
-        return ax
 
 
 @checked

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,13 +31,10 @@ from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator, component_sums
 from modal.tools.arguments import checked
 from modal.tools.arrays import Floats
-from modal.tools.display import axes_of, quantity
+from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 SUMS: dict[str, Any] = {"all": 6, "translation": slice(0, 3), "rotation": slice(3, 6)}
 """Of the seven numbers that `DensityOfStates.density` gives those that a file holds."""
@@ -67,7 +64,7 @@ LARGEST_DENSE = 3000
 
 
 @dataclass(frozen=True, repr=False)
-class DensityOfStates:
+class DensityOfStates(Drawn):
     """The density of states as a series; evaluate it with `density` and `count_below`.
 
     Attributes
@@ -115,9 +112,8 @@ class DensityOfStates:
             f"{quantity(self.resolution, 'Hz')}, {vectors}>"
         )
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw modes per kHz over frequency, all and by kind of motion; returns the Axes."""
-        ax = axes_of(ax)
+    def draw(self, ax: Any) -> None:
+        """Draw modes per kHz over frequency, all and by kind of motion."""
         frequency = self.grid()
         value, error = (1e3 * column for column in self.density(frequency))
         total = value[:, 6]
@@ -127,7 +123,6 @@ class DensityOfStates:
         ax.plot(frequency / 1e3, value[:, 3:6].sum(axis=1), label="rotations")
         ax.set(xlabel="frequency, kHz", ylabel="modes per kHz", ylim=(0, None))
         ax.legend()
-        return ax
 
     def density(self, frequency: ArrayLike) -> tuple[Floats, Floats]:
         """Modes per Hz at frequencies (nf,) in Hz; zero modes that were split off excluded.

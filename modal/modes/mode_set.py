@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,11 +14,8 @@ from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.system.root_mass import RootMass
 from modal.tools.arrays import Array, Floats, Ints
-from modal.tools.display import axes_of, quantity
+from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 SCHEMA = "granular-modes"
 VERSION = 1
@@ -102,7 +99,7 @@ class Choice:
 
 
 @dataclass(repr=False)
-class ModeSet:
+class ModeSet(Drawn):
     """k modes in ascending order of frequency, as `modal.eigenmodes` finds them.
 
     Of a crystal's degenerate pairs chi_z and rotation_share are those of travelling waves, while
@@ -221,16 +218,14 @@ class ModeSet:
         text += f", {self.missing} missing" * (self.missing > 0)
         return f"{text}; {self.floppy_modes} floppy modes>"
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw chi_z of each mode over its frequency, P-wave resonances apart; returns the Axes."""
-        ax = axes_of(ax)
+    def draw(self, ax: Any) -> None:
+        """Draw chi_z of each mode over its frequency, P-wave resonances apart."""
         ax.plot(self.frequency / 1e3, self.chi_z, ".", markersize=3, label="modes")
         if self.resonance_frequency is not None and len(self.resonance_frequency):
             at = self.resonance_frequency / 1e3
             ax.plot(at, np.ones(len(at)), "|", markersize=9, label="P-wave resonances")
             ax.legend()
         ax.set(xlabel="frequency, kHz", ylabel=r"$\chi_z$", ylim=(-0.03, 1.06))
-        return ax
 
 
 def chi_z(shape: Array, particles: Ints | slice = slice(None), axis: int = 2) -> Floats:

@@ -7,16 +7,13 @@ branches.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from modal.packing.crystal import NORMALS, STEPS, FccPacking
 from modal.tools.arrays import Complex, Floats
-from modal.tools.display import axes_of, quantity
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from modal.tools.display import Drawn, quantity
 
 
 def dispersion(kappa: Floats, C: float, m: float, distance: float) -> Floats:
@@ -25,7 +22,7 @@ def dispersion(kappa: Floats, C: float, m: float, distance: float) -> Floats:
 
 
 @dataclass(frozen=True, repr=False)
-class FccLattice(FccPacking):
+class FccLattice(FccPacking, Drawn):
     """Waves in an endless face-centred cubic crystal of spheres, in closed form.
 
     Planar P-waves along z have Eqs. 5-10 of Otsubo et al. 2017, section 3; `bloch` gives all six
@@ -58,9 +55,8 @@ class FccLattice(FccPacking):
             f"{quantity(self.low_pass_frequency, 'Hz')}, V_P {self.velocity:.4g} m/s>"
         )
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the dispersion along z: all branches, and P-waves by Eq. 9; returns the Axes."""
-        ax = axes_of(ax)
+    def draw(self, ax: Any) -> None:
+        """Draw the dispersion along z: all branches, and P-waves by Eq. 9."""
         along = np.linspace(0, 1, 101)
         kappa = np.pi / self.layer_distance * along
         branches = np.array([self.bloch(np.array([0.0, 0.0, k]))[0] for k in kappa])
@@ -70,7 +66,6 @@ class FccLattice(FccPacking):
         ax.plot(along, omega / (2e3 * np.pi), label="P-waves, Eq. 9")
         ax.set(xlabel=r"$\kappa l / \pi$", ylabel="frequency, kHz", xlim=(0, 1), ylim=(0, None))
         ax.legend()
-        return ax
 
     @property
     def C(self) -> float:

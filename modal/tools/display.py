@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,10 +80,17 @@ def table(rows: list[tuple[str, str]]) -> str:
     return "\n".join(f"{name:<{width}}  {text}" for name, text in rows)
 
 
-def axes_of(ax: "Axes | None") -> "Axes":
-    """The Axes that are given, or those of a new figure; matplotlib is loaded here."""
-    if ax is not None:
-        return ax
-    from matplotlib import pyplot  # half a second, and not needed for numbers
+class Drawn:
+    """A result that has a picture."""
 
-    return pyplot.subplots()[1]
+    def draw(self, ax: Any) -> None:
+        """What the picture shows, in the Axes that are given."""
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw it into Axes, those of a new figure where none are given; returns the Axes."""
+        if ax is None:
+            from matplotlib import pyplot  # half a second, and not needed for numbers
+
+            ax = pyplot.subplots()[1]
+        self.draw(ax)
+        return ax

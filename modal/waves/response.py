@@ -20,7 +20,7 @@ from __future__ import annotations
 import time as clock
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -34,7 +34,7 @@ from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Complex, Floats
-from modal.tools.display import axes_of, quantity
+from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_above, refuse_endless
@@ -45,14 +45,11 @@ from modal.waves.signals import VERSION as VERSION
 from modal.waves.signals import Recording, along, product_of, read_recording, write_recording
 from modal.waves.sources import Source, Wall
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 REMEDY = "take fewer frequencies, or a smaller packing"
 
 
 @dataclass(repr=False, kw_only=True)
-class Response(Recording):
+class Response(Recording, Drawn):
     """Transfer functions per unit motion of the source, time dependence exp(-i omega t).
 
     With `damping` of the contacts resonances have their own widths. The chain, `source`,
@@ -101,12 +98,10 @@ class Response(Recording):
         """Whether there is a stress on the source and on a receiver wall."""
         return bool(len(self.receiver_stress) and len(self.source_stress))
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the gain factor over frequency; returns the Axes."""
-        ax = axes_of(ax)
+    def draw(self, ax: Any) -> None:
+        """Draw the gain factor over frequency."""
         ax.semilogy(self.frequency / 1e3, self.gain)
         ax.set(xlabel="frequency, kHz", ylabel="gain: receiver over source stress")
-        return ax
 
     @property
     def gain(self) -> Floats:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 
@@ -22,13 +22,9 @@ from modal.formats.product import Column, Product
 from modal.formats.provenance import Provenance
 from modal.packing.columns import columns_of
 from modal.tools.arrays import Floats, Ints
-from modal.tools.display import axes_of, quantity
+from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError
 from modal.waves.energy_balance import EnergyBalance
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 TORSION = "torsion"
 DIRECTIONS = ("x", "y", "z")
@@ -114,7 +110,7 @@ def read_recording(product: Product, path: str | Path) -> dict[str, Any]:
 
 
 @dataclass(repr=False, kw_only=True)
-class Signals(Recording):
+class Signals(Recording, Drawn):
     """Recorded signals of one wave run; nt times, nc particles of the chain, nl layers.
 
     All displacements, and both stresses, are along `direction`, in which the source moves. Of
@@ -190,12 +186,11 @@ class Signals(Recording):
         whole = min(map(len, (self.chain_particle, self.source_stress, self.receiver_stress)))
         return whole > 0 and self.source == "wall" and self.direction != TORSION
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the displacement over time and distance from the source; returns the Axes.
+    def draw(self, ax: Any) -> None:
+        """Draw the displacement over time and distance from the source.
 
         Means over layers where they are recorded, else the particles of the chain.
         """
-        ax = axes_of(ax)
         place, motion = self.layer_position, self.layer_displacement
         if place is None or motion is None or len(place) < 2:
             place, motion = self.chain_position, self.chain_displacement
@@ -208,7 +203,6 @@ class Signals(Recording):
         label = r"$\theta_z$, nrad" if twisted else rf"$u_{self.direction}$, nm"
         ax.figure.colorbar(image, ax=ax, label=label)
         ax.set(xlabel=r"time, $\mu$s", ylabel="z, mm")
-        return ax
 
 
 SCHEMA = "granular-wave-signals"
@@ -218,7 +212,7 @@ PLANE = "granular-plane-wave"
 
 
 @dataclass(frozen=True, repr=False)
-class Wave:
+class Wave(Drawn):
     """What a run gives: its `signals`, and what else it has to tell."""
 
     signals: Signals
@@ -227,9 +221,9 @@ class Wave:
         found = quantity(float(abs(self.signals.receiver_stress).max(initial=0.0)), "Pa")
         return f"<{type(self).__name__}: {self.signals!r}, {found} at most on the receiver wall>"
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the displacement over time and distance, as `Signals.plot`; returns the Axes."""
-        return self.signals.plot(ax)
+    def draw(self, ax: Any) -> None:
+        """Draw the displacement over time and distance, as `Signals`."""
+        self.signals.draw(ax)
 
 
 def record_times(duration: float, interval: float) -> Floats:
