@@ -56,8 +56,7 @@ class AboutShift:
 
     def near(self, count: int, held: Held) -> Nearest:
         """The `count` nearest modes, but for those that are held."""
-        solve = self.factorised().solve
-        return modes_nearest(solve, self.system.size, count, self.sigma, held)
+        return modes_nearest(self.factorised().solve, count, self.sigma, held)
 
     def release(self) -> None:
         """Give back the memory of the factor, which a count needs."""
@@ -74,7 +73,7 @@ class FromBelow:
 
     def near(self, count: int, held: Held) -> Nearest:
         """The `count` lowest modes, but for those that are held."""
-        return modes_below(self.low_end, len(held.found), count, held)
+        return modes_below(self.low_end, count, held)
 
     def release(self) -> None:
         """There is no factor."""
@@ -112,7 +111,7 @@ class FromTop:
             top = top_mode(operator, most)
             top.vector = operator.outward(top.vector[:, 0])[:, None]
             return top
-        return modes_from_top(self.system.operator.apply, self.system.size, count, held, most)
+        return modes_from_top(self.system.operator.apply, count, held, most)
 
     def _above(self, highest: float, reach: float) -> AboutShift:
         """About a shift above the `highest` omega^2 that is known, by `reach` at least.

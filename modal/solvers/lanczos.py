@@ -164,11 +164,7 @@ class Nearest:
 
 
 def modes_nearest(
-    solve: Callable[[Floats], Floats],
-    size: int,
-    count: int,
-    sigma: float,
-    held: Held,
+    solve: Callable[[Floats], Floats], count: int, sigma: float, held: Held
 ) -> Nearest:
     """The `count` eigenpairs of A nearest `sigma`, of which those that converged are marked.
 
@@ -177,7 +173,6 @@ def modes_nearest(
     """
     return _largest(
         solve,
-        size,
         count,
         held,
         width=min(BLOCK, max(1, held.free // 8)),
@@ -189,7 +184,7 @@ def modes_nearest(
     )
 
 
-def modes_below(low_end: LowEnd, size: int, count: int, held: Held) -> Nearest:
+def modes_below(low_end: LowEnd, count: int, held: Held) -> Nearest:
     """The `count` lowest eigenpairs of A, all below the edge of `low_end`.
 
     After 5 `count` and 40 blocks of vectors at most, what has not converged is returned as it is.
@@ -197,7 +192,6 @@ def modes_below(low_end: LowEnd, size: int, count: int, held: Held) -> Nearest:
     """
     found = _largest(
         low_end.apply,
-        size,
         count,
         held,
         width=min(max(BLOCK, min(count // STEPS, WIDTH_LIFTED)), max(1, held.free // 8)),
@@ -212,9 +206,7 @@ def modes_below(low_end: LowEnd, size: int, count: int, held: Held) -> Nearest:
     return found
 
 
-def modes_from_top(
-    apply: Callable[[Floats], Floats], size: int, count: int, held: Held, most: int
-) -> Nearest:
+def modes_from_top(apply: Callable[[Floats], Floats], count: int, held: Held, most: int) -> Nearest:
     """The `count` largest eigenpairs of A, of which those that converged are marked.
 
     `apply` multiplies a block (size, k) by A; about `most` columns are multiplied at most. More
@@ -222,7 +214,6 @@ def modes_from_top(
     """
     return _largest(
         lambda block: apply(np.ascontiguousarray(block)),
-        size,
         count,
         held,
         width=min(WIDTH_ABOVE, count),
@@ -236,7 +227,6 @@ def modes_from_top(
 
 def _largest(
     apply: Callable[[Floats], Floats],
-    size: int,
     count: int,
     held: Held,
     *,
@@ -255,7 +245,7 @@ def _largest(
     vectors, the iteration restarts with the best combinations of them (thick restart: K. Wu and H.
     Simon, SIAM J. Matrix Anal. Appl. 22, 602, 2000). A basis of all free directions needs none.
     """
-    limit = min(limit, held.free)
+    size, limit = len(held.found), min(limit, held.free)
     kept = (limit + count) // 2
     basis = np.empty((size, limit + width), order="F")
     projected = np.zeros((limit + width, limit + width))

@@ -64,10 +64,10 @@ def test_a_mode_that_the_search_misses_is_found_by_the_count(monkeypatch):
     system = LinearSystem.of(network)
     seen, plain = [], search.modes_from_top
 
-    def blind(apply, size, count, held, most):
+    def blind(apply, count, held, most):
         seen.append(count)
         first = len(seen) == 1
-        found = plain(apply, size, count + first, held, 50 * most)
+        found = plain(apply, count + first, held, 50 * most)
         if first:
             for name in ("square", "vector", "converged"):
                 setattr(found, name, getattr(found, name)[..., :-1])

@@ -46,7 +46,7 @@ def test_nearest_of_a_known_spectrum(sigma, count, monkeypatch):
     found = place[~np.isin(place, np.arange(5))][:4]
     held = held_out(vector[:, :5], vector[:, found])
     assert held.free == 291
-    near = modes_nearest(solver(square, vector, sigma), 300, count, sigma, held)
+    near = modes_nearest(solver(square, vector, sigma), count, sigma, held)
     others = np.setdiff1d(place, [*range(5), *found])
     wanted = np.sort(others[np.argsort(abs(square[others] - sigma))][:count])
     assert near.converged.all() and len(near.converged) == count
@@ -64,7 +64,7 @@ def test_what_is_marked_as_converged_has_converged_and_no_other():
     themselves are the judge."""
     size, count = 1500, 40
     theta = np.concatenate([np.linspace(9, 3, 15), np.linspace(2, 1, size - 15)])
-    near = modes_nearest(lambda block: theta[:, None] * block, size, count, 0.0, nothing(size))
+    near = modes_nearest(lambda block: theta[:, None] * block, count, 0.0, nothing(size))
     assert near.products + BLOCK > 5 * count + 40 * BLOCK
     found = 1 / near.square
     residual = np.linalg.norm(theta[:, None] * near.vector - found * near.vector, axis=0)
@@ -78,7 +78,7 @@ def test_what_is_marked_as_converged_has_converged_and_no_other():
 def test_many_modes_without_a_restart():
     """Inside the spectrum, against the values that the solver is made of; solves as in `SLICE`."""
     square, vector, count = np.linspace(1, 9, 2000), rotation(2000, 4), 300
-    near = modes_nearest(solver(square, vector, 5.001), 2000, count, 5.001, nothing(2000))
+    near = modes_nearest(solver(square, vector, 5.001), count, 5.001, nothing(2000))
     wanted = np.sort(square[np.argsort(abs(square - 5.001))[:count]])
     assert near.converged.all() and near.square == pytest.approx(wanted, rel=1e-12)
     # The basis has room for so many: it has never been combined anew on the way.
@@ -89,7 +89,7 @@ def test_few_directions_are_searched_whole():
     """Eleven free directions of twenty, a block of one: the basis ends where they end."""
     square, vector = np.arange(1.0, 21), rotation(20, 3)
     held = held_out(vector[:, :9], np.empty((20, 0)))
-    near = modes_nearest(solver(square, vector, 0.0), 20, 11, 0.0, held)
+    near = modes_nearest(solver(square, vector, 0.0), 11, 0.0, held)
     assert near.converged.all()
     assert near.square == pytest.approx(square[9:], rel=1e-12)
     assert near.products == 11
@@ -108,7 +108,7 @@ def test_highest_of_a_known_spectrum(spectrum, count, monkeypatch):
     vector = rotation(300, 7)
     held = held_out(vector[:, :5], vector[:, -4:-2])
     known = Known(square, vector)
-    near = modes_from_top(known.apply, 300, count, held, 20_000)
+    near = modes_from_top(known.apply, count, held, 20_000)
     wanted = np.r_[5:296, 298:300][-count:]
     assert near.converged.all() and len(near.converged) == count
     assert near.products == known.products
@@ -127,7 +127,7 @@ def test_highest_of_a_known_spectrum(spectrum, count, monkeypatch):
 def test_products_from_the_top_end_where_they_shall():
     """Too few products: some of the modes, marked; the count of products kept within a block."""
     theta = np.concatenate([np.linspace(1, 2, 1485), np.linspace(3, 9, 15)])
-    near = modes_from_top(lambda block: theta[:, None] * block, 1500, 30, nothing(1500), 400)
+    near = modes_from_top(lambda block: theta[:, None] * block, 30, nothing(1500), 400)
     assert 400 <= near.products < 400 + krylov.WIDTH_ABOVE
     residual = np.linalg.norm((theta[:, None] - near.square) * near.vector, axis=0)
     assert ((residual < TOLERANCE * near.square) == near.converged).all()

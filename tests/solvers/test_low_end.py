@@ -57,7 +57,7 @@ def test_lowest_of_a_known_spectrum(count):
     held = Held(sp.csc_matrix(known.vector[:, :5]), known.vector[:, [6, 8, 9]])
     wanted = np.setdiff1d(np.arange(5, 400), [6, 8, 9])[:count]
     # Vectors from outside are turned round by `outward`.
-    found = modes_below(LowEnd(known, edge, 101.0), 400, count, held)
+    found = modes_below(LowEnd(known, edge, 101.0), count, held)
     assert found.converged.all()
     # Wrong by the square of the residual, and by round-off of what a mode at zero is lifted to.
     assert found.square == pytest.approx(square[wanted], rel=1e-11)
