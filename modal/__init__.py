@@ -18,51 +18,37 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from modal.description import describe
-    from modal.elasticity.moduli import elastic_moduli
-    from modal.exchange.registry import read_packing as read
-    from modal.modes.counts import count_modes
-    from modal.modes.density import density_of_states
-    from modal.modes.eigenmodes import eigenmodes
-    from modal.packing.crystal import fcc
-    from modal.packing.network import Network
-    from modal.preparation.random_packing import random_packing
-    from modal.theory.fcc import FccLattice
-    from modal.tools.errors import InputError
-    from modal.waves.propagate import propagate
-    from modal.waves.response import frequency_response
+    from modal.description import describe as describe
+    from modal.elasticity.moduli import elastic_moduli as elastic_moduli
+    from modal.exchange.registry import read as read
+    from modal.modes.counts import count_modes as count_modes
+    from modal.modes.density import density_of_states as density_of_states
+    from modal.modes.eigenmodes import eigenmodes as eigenmodes
+    from modal.packing.crystal import fcc as fcc
+    from modal.packing.network import Network as Network
+    from modal.preparation.random_packing import random_packing as random_packing
+    from modal.theory.fcc import FccLattice as FccLattice
+    from modal.tools.errors import InputError as InputError
+    from modal.waves.propagate import propagate as propagate
+    from modal.waves.response import frequency_response as frequency_response
 
 __version__ = "0.1.0"
-__all__ = [
-    "FccLattice",
-    "InputError",
-    "Network",
-    "count_modes",
-    "density_of_states",
-    "describe",
-    "eigenmodes",
-    "elastic_moduli",
-    "fcc",
-    "frequency_response",
-    "propagate",
-    "random_packing",
-    "read",
-]
 _HOME = {
-    "FccLattice": ("modal.theory.fcc", "FccLattice"),
-    "InputError": ("modal.formats.hdf5", "InputError"),
-    "Network": ("modal.packing.network", "Network"),
-    "count_modes": ("modal.modes.counts", "count_modes"),
-    "density_of_states": ("modal.modes.density", "density_of_states"),
-    "describe": ("modal.description", "describe"),
-    "eigenmodes": ("modal.modes.eigenmodes", "eigenmodes"),
-    "elastic_moduli": ("modal.elasticity.moduli", "elastic_moduli"),
-    "fcc": ("modal.packing.crystal", "fcc"),
-    "frequency_response": ("modal.waves.response", "frequency_response"),
-    "propagate": ("modal.waves.propagate", "propagate"),
-    "random_packing": ("modal.preparation.random_packing", "random_packing"),
-    "read": ("modal.exchange.registry", "read_packing"),
+    "FccLattice": "modal.theory.fcc",
+    "InputError": "modal.formats.hdf5",
+    "Network": "modal.packing.network",
+    "count_modes": "modal.modes.counts",
+    "density_of_states": "modal.modes.density",
+    "describe": "modal.description",
+    "eigenmodes": "modal.modes.eigenmodes",
+    "elastic_moduli": "modal.elasticity.moduli",
+    "fcc": "modal.packing.crystal",
+    "frequency_response": "modal.waves.response",
+    "propagate": "modal.waves.propagate",
+    "random_packing": "modal.preparation.random_packing",
+    "read": "modal.exchange.registry",
 }
+__all__ = [*_HOME]
 
 
 if not TYPE_CHECKING:  # a type checker follows the imports above and reports other names
@@ -70,8 +56,7 @@ if not TYPE_CHECKING:  # a type checker follows the imports above and reports ot
     def __getattr__(name: str) -> Any:
         if name not in _HOME:
             raise AttributeError(f"module 'modal' has no attribute {name!r}")
-        module, attribute = _HOME[name]
-        return getattr(importlib.import_module(module), attribute)
+        return getattr(importlib.import_module(_HOME[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 from analysis.agreement import OTHER_RUNS, Agreement, report
 from modal.cli.options import Given, Option, output, say, typed
 from modal.cli.terminal import put
-from modal.exchange.registry import read_packing
+from modal.exchange.registry import read
 from modal.formats.hdf5 import write_text
 from modal.formats.provenance import packing_of, require_same_packing
 from modal.tools.errors import InputError
@@ -29,7 +29,7 @@ def run(options: Given) -> None:
     """Print the table, and write it where --output says."""
     if options.output and options.output.endswith(".csv"):
         raise InputError(f"-o {options.output}: the table is text, a *.csv is put beside; *.md")
-    network, first = read_packing(options.network), read_signals(options.signals)
+    network, first = read(options.network), read_signals(options.signals)
     within = np.inf
     if options.first is not None:
         if not 1 <= options.first <= len(first.chain_position):

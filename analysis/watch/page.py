@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from modal.exchange.picture import VISIBLE, contact_lines, sphere_stress
-from modal.exchange.registry import read_packing
+from modal.exchange.registry import read
 from modal.formats.hdf5 import open_h5, write_whole
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
 from modal.modes.mode_set import SCHEMA as MODES
@@ -66,7 +66,7 @@ def watch_page(
         raise InputError(f"{product}: neither signals nor modes; give *.signals.h5 or *.modes.h5")
     packing = packing or _packing_beside(Path(product))
     notes = [note for note in [require_same_packing(product, packing_of(packing))] if note]
-    network = read_packing(packing)
+    network = read(packing)
     if schema == SIGNALS:
         if chosen:
             raise InputError("--modes: the file has a wave; give *.modes.h5")

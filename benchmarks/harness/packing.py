@@ -8,7 +8,7 @@ from scipy.linalg import eigh
 from scipy.sparse import csr_matrix
 
 from benchmarks.harness.measure import ROOT, Job
-from modal.exchange.registry import read_packing
+from modal.exchange.registry import read
 from modal.modes.eigenmodes import modes_of
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import RECEIVER_WALL, Network
@@ -76,7 +76,7 @@ def spectrum(system: LinearSystem) -> np.ndarray:
 
 def sample_or_small(spheres: int, quick: bool, aspect: float = ASPECT) -> Network:
     """The committed sample; with `quick` a packing of `spheres` made on the spot."""
-    return random_network(spheres, STRESS, seed=1, aspect=aspect) if quick else read_packing(SAMPLE)
+    return random_network(spheres, STRESS, seed=1, aspect=aspect) if quick else read(SAMPLE)
 
 
 def resized(sample: Network, spheres: int) -> Network:

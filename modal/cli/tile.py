@@ -5,7 +5,7 @@ from dataclasses import replace
 from modal.cli.options import PACKINGS, REQUIRED, Given, Option, Result, output
 from modal.cli.reading import NETWORK
 from modal.exchange.programs.own import is_sample
-from modal.exchange.registry import read_packing
+from modal.exchange.registry import read
 from modal.packing.network import Network, write_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.tiling import repeat, repeat_sample
@@ -21,7 +21,7 @@ OPTIONS = (
     output("*.network.h5, or of a sample *.sample.h5", required=True),
 )
 
-read_product = read_packing
+read_product = read
 
 
 def run(options: Given) -> Result:
@@ -31,7 +31,7 @@ def run(options: Given) -> Result:
         raise InputError(f"-o {output}: its name must end in {' or '.join(PACKINGS)}")
     if is_sample(output) and not is_sample(source):
         raise InputError(f"-o {output}: only a sample gives a sample; write *.network.h5")
-    packing: Sample | Network = read_sample(source) if is_sample(output) else read_packing(source)
+    packing: Sample | Network = read_sample(source) if is_sample(output) else read(source)
     spheres = len(packing.position) * times[0] * times[1]
     light = isinstance(packing, Sample) and packing.shear is None
     task = f"repeating {source} {times[0]} by {times[1]} times"

@@ -99,7 +99,7 @@ def import_packing(path: str | Path, **options: Any) -> ImportResult:
 
 
 @checked
-def read_packing(path: str | Path, **options: object) -> Network:
+def read(path: str | Path, **options: object) -> Network:
     """A packing from a file: a contact network, a sample, or what another program has written.
 
     Contact networks (`*.network.h5`) and samples (`*.sample.h5`), whose contacts and stiffnesses
@@ -136,7 +136,7 @@ def read_packing(path: str | Path, **options: object) -> Network:
 
 
 def read_remarked(path: str | Path, say: Callable[[str], None], *, waves: bool = False) -> Network:
-    """The packing of a file, as `read_packing`; `say` is told each remark on it."""
+    """The packing of a file, as `read`; `say` is told each remark on it."""
     found = import_packing(path)
     plausible = plausibility(found.network, sought=found.sought, waves=waves)
     for remark in (*found.remarks, *plausible["remarks"]):

@@ -8,7 +8,7 @@ import pytest
 from places import SHEARED
 
 from modal.__main__ import main
-from modal.exchange.registry import read_packing
+from modal.exchange.registry import read
 from modal.formats.provenance import packing_of, require_same_packing
 from modal.packing import neighbours
 from modal.packing.neighbours import periodic_pairs
@@ -58,7 +58,7 @@ def test_tile_makes_equal_parts(kind, tmp_path, printed):
     for path, out, times in zip(paths, paths[1:], ("1 2", "3 1"), strict=False):
         told = printed("tile", path, "--repeat", *times.split(), "-o", out)
     assert told["spheres"] == 900
-    small, large = (read_packing(path) for path in (paths[0], paths[-1]))
+    small, large = (read(path) for path in (paths[0], paths[-1]))
     assert large.cell_size == pytest.approx(small.cell_size * [3, 2, 1])
     parts = lateral_repeats(large)
     assert parts.count == 6 and parts.part.n_contacts == small.n_contacts
