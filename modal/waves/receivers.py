@@ -34,14 +34,10 @@ class Receivers:
         self.chain = wall_to_wall_chain(network) if self.walls else np.empty(0, int)
         self.layers = Layers(network)
         layer, size = self.layers.layer, self.layers.size
-        held, each = np.flatnonzero(layer >= 0), np.arange(len(layer) * particles)
-        nc, nl = len(self.chain), len(size)
-        row = np.concatenate([np.arange(nc), nc + layer[held], nc + nl + each])
-        sphere = np.concatenate([self.chain, held, each])
-        weight = np.ones(len(row))
-        weight[nc : nc + len(held)] /= size[layer[held]]
-        places, shape = 6 * sphere + COMPONENT[direction], (nc + nl + len(each), 6 * len(layer))
-        self.rows = sp.csr_matrix((weight, (row, places)), shape)
+        held, every = np.flatnonzero(layer >= 0), sp.identity(len(layer), format="csr")
+        means = sp.csr_matrix((1 / size[layer[held]], (layer[held], held)), (len(size), len(layer)))
+        read = sp.vstack([every[self.chain], means, *[every] * particles])
+        self.rows = sp.kron(read, np.eye(6)[[COMPONENT[direction]]], format="csr")
 
     def columns(self, record: Array, stresses: Sequence[str]) -> dict[str, Any]:
         """Fields of a recording (k, count): first forces, N, so named, then what `rows` have read.
