@@ -1,9 +1,9 @@
 """Exact number of modes below each frequency, by inertia counts."""
 
-from modal.cli.options import REQUIRED, Given, Group, Option, Result
-from modal.cli.reading import frequencies, packing_of, remark_on_ends, springs
+from modal.cli.options import REQUIRED, Given, Group, Option, Result, chosen
+from modal.cli.reading import packing_of, remark_on_ends, springs
 from modal.modes.collective import summary_at_zero
-from modal.modes.counts import counts_below
+from modal.modes.counts import counts_below, frequencies
 from modal.solvers.factor import SOLVERS
 from modal.system.contacts import SYMMETRIC
 from modal.system.linear_system import LinearSystem
@@ -20,7 +20,7 @@ OPTIONS = (
 def run(options: Given) -> Result:
     """Counts by the frequencies as they were typed."""
     network = packing_of(options)
-    system = LinearSystem.of(network, pre_stress=options.pre_stress, solver=options.solver)
+    system = LinearSystem.of(network, **chosen(options, "pre_stress", "sliding", "solver"))
     at = frequencies(options.at)
     counts, at_zero = counts_below(system, at), summary_at_zero(system)
     floppy = at_zero["floppy_modes"] + at_zero["unstable_modes"]

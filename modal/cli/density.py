@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from modal.cli.options import Given, Option, Result, chosen
-from modal.cli.reading import frequencies, packing_of, remark_on_ends, springs
+from modal.cli.options import Given, Option, Result, chosen_for
+from modal.cli.reading import packing_of, remark_on_ends, springs
+from modal.modes.counts import frequencies
 from modal.modes.density import density_of_states, write_density
 from modal.system.contacts import SYMMETRIC
 
@@ -24,8 +25,7 @@ def run(options: Given) -> Result:
     """How the modes are distributed, in numbers, and how many lie below the frequencies of --at."""
     at = frequencies(options.at)
     network = packing_of(options)
-    asked = chosen(options, "resolution", "tolerance", "pre_stress")
-    states = density_of_states(network, **asked)
+    states = density_of_states(network, **chosen_for(density_of_states, options))
     if options.output:
         write_density(options.output, states, options.made)
     frequency = states.grid()

@@ -1,6 +1,6 @@
 """Natural frequencies and mode shapes, their list proved complete by inertia counts."""
 
-from modal.cli.options import SHORT, Given, Group, Option, Result, chosen, flag, say
+from modal.cli.options import SHORT, Given, Group, Option, Result, chosen, chosen_for, flag, say
 from modal.cli.reading import packing_of, springs
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.first_order import shift_by_law
@@ -32,11 +32,6 @@ OPTIONS = (
     flag("--translations-only", "hold rotations at zero"),
     Group("advanced", ADVANCED),
 )
-ASKED = (
-    *("lowest", "highest", "below", "between", "all", "hours"),
-    *("translations_only", "pre_stress", "solver"),
-)
-"""Options that `eigenmodes` has under the same names."""
 
 read_product = read_modes
 
@@ -51,7 +46,7 @@ def run(options: Given) -> Result:
     network, output = packing_of(options), options.output
     if options.uncertified and options.highest is None:
         raise InputError("--uncertified is for --highest; other lists cost hardly less without")
-    asked = chosen(options, *ASKED)
+    asked = chosen_for(eigenmodes, options)
     modes = eigenmodes(network, **asked, shapes=bool(output), certify=not options.uncertified)
     if output:
         write_modes(output, modes, options.made)
@@ -62,7 +57,7 @@ def run(options: Given) -> Result:
         say(f"K has a negative direction: {modes.unstable_modes} unstable modes are left out")
     if output and (left_out := modes.attributes.get("shapes_left_out")):
         say(f"{output} has no mode shapes: {left_out}")
-    how = chosen(options, "pre_stress", "translations_only")
+    how = chosen(options, "pre_stress", "sliding", "translations_only")
     system = LinearSystem.of(network, **how)
     zero = by_structure(system)
     found = {
@@ -79,5 +74,5 @@ def run(options: Given) -> Result:
         "solver": modes.attributes["solver"],
         f"modes_with_chi_z_above_{PLANAR}": int((modes.chi_z > PLANAR).sum()),
     }
-    shift = shift_by_law(network, modes) if options.pre_stress == "none" else None
+    shift = shift_by_law(system.network, modes) if options.pre_stress == "none" else None
     return found if shift is None else found | {"shift_by_the_law_hz": shift.tolist()}

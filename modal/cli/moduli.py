@@ -1,6 +1,6 @@
 """The elastic stiffness tensor, V_P and V_S along any direction."""
 
-from modal.cli.options import Given, Group, Option, Result, chosen, flag
+from modal.cli.options import Given, Group, Option, Result, chosen_for, flag
 from modal.cli.reading import packing_of, springs
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli, read_moduli, write_moduli
 from modal.elasticity.plane_waves import unit_vector
@@ -27,8 +27,7 @@ def run(options: Given) -> Result:
     along = {" ".join(f"{x:g}" for x in given): tuple(given) for given in options.direction}
     for direction in along.values():
         unit_vector(direction)
-    asked = chosen(options, "tolerance", "pre_stress", "solver", "non_affine")
-    found = elastic_moduli(packing_of(options), **asked)
+    found = elastic_moduli(packing_of(options), **chosen_for(elastic_moduli, options))
     options.remarks.extend(found.remarks())
     if options.output:
         write_moduli(options.output, found, options.made)

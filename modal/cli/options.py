@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
+from inspect import signature
 from types import ModuleType
 from typing import Any, NamedTuple, NoReturn
 
@@ -198,7 +199,13 @@ def _check_files(options: Given) -> None:
 
 def chosen(options: Given, *names: str) -> dict[str, Any]:
     """Options of these names that are given, as arguments of a function with the same names."""
-    return {name: x for name in names if (x := getattr(options, name)) is not None}
+    return {name: x for name in names if (x := getattr(options, name, None)) is not None}
+
+
+def chosen_for(function: Callable[..., Any], options: Given) -> dict[str, Any]:
+    """Options that are given, as what a function takes by name alone under the same names."""
+    every = signature(function).parameters.values()
+    return chosen(options, *(one.name for one in every if one.kind is one.KEYWORD_ONLY))
 
 
 def typed(name: str) -> str:

@@ -2,15 +2,11 @@
 
 from collections.abc import Iterable
 
-import numpy as np
-
 from modal.cli.options import SKIP, Given, Option, output
 from modal.exchange.registry import read_remarked
 from modal.packing.network import Network
-from modal.system.contacts import SLIDING, with_sliding
-from modal.tools.arrays import Floats
+from modal.system.contacts import SLIDING
 from modal.tools.display import quantity
-from modal.tools.errors import InputError
 
 NETWORK = Option("network", "", "*.network.h5, or *.sample.h5", kind=str)
 CARRIED = (
@@ -32,23 +28,11 @@ def springs(known: Iterable[str], product: str = "") -> tuple[Option, ...]:
 
 
 def packing_of(options: Given, *, waves: bool = False) -> Network:
-    """The packing of the command's file, remarks on it told, with the springs that it asks for.
+    """The packing of the command's file, remarks on it told.
 
     `waves` says that waves along z will be read, which need some length.
     """
-    network = read_remarked(options.network, options.remarks.append, waves=waves)
-    return with_sliding(network, options.sliding)
-
-
-def frequencies(at: list[str]) -> Floats:
-    """Shape (k,), Hz: the frequencies of --at, whose texts are the names of results."""
-    try:
-        found = np.array([float(text) for text in at])
-    except ValueError:
-        found = np.array([np.nan])
-    if not (np.isfinite(found) & (found >= 0)).all():
-        raise InputError(f"--at {' '.join(at)}: give frequencies in Hz, as numbers from 0 on")
-    return found
+    return read_remarked(options.network, options.remarks.append, waves=waves)
 
 
 def remark_on_ends(options: Given, frequency: float, below: bool, above: bool) -> None:

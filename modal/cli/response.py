@@ -1,8 +1,8 @@
 """What passes at each frequency: gain from wall to wall, motion of chain and layers."""
 
-from modal.cli.options import Given, Option, Result, chosen
+from modal.cli.options import Given, Option, Result, chosen_for
 from modal.cli.reading import packing_of, springs
-from modal.cli.wave import OF_SOURCE, asked_of
+from modal.cli.wave import OF_SOURCE, source_of
 from modal.system.contacts import TANGENTS
 from modal.waves.response import frequency_response, write_response
 
@@ -19,7 +19,7 @@ read_product = None
 
 def run(options: Given) -> Result:
     """The response up to the highest frequency, and where the gain has its maxima."""
-    asked = asked_of(options) | chosen(options, "highest", "resolution")
+    asked = chosen_for(frequency_response, options) | source_of(options)
     found = frequency_response(packing_of(options), **asked)
     if options.output:
         write_response(options.output, found, options.made)

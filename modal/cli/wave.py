@@ -4,7 +4,7 @@ import math
 from functools import partial
 from typing import Any
 
-from modal.cli.options import Given, Group, Option, Result, chosen, flag, say, typed
+from modal.cli.options import Given, Group, Option, Result, chosen, chosen_for, flag, say, typed
 from modal.cli.reading import packing_of, springs
 from modal.exchange.programs.own import is_sample
 from modal.packing.sample import read_sample
@@ -69,12 +69,6 @@ OPTIONS = (
     Option("--friction", "MU", HOLDS),
     Group("advanced", [flag("--whole", WHOLE)]),
 )
-ASKED = (
-    *("duration", "interval", "particles", "time_step", "tolerance", "whole", "nonlinear"),
-    *("friction", "sliding"),
-)
-"""Options that `propagate` has under the same names, and refuses of the wave that has none."""
-
 read_product = partial(read_signals, of_any_source=True)
 
 
@@ -84,14 +78,13 @@ def in_force(options: Given) -> None:
         options.tolerance = ACCURACY if options.nonlinear else TOLERANCE
 
 
-def asked_of(options: Given) -> dict[str, Any]:
-    """What the options of the source say, and the pre-stress."""
+def source_of(options: Given) -> dict[str, Any]:
+    """What moves, and the dashpots of the contacts."""
     source: Source = Wall() if options.point is None else Point(options.point)
     if options.plane is not None:
         source = Plane(options.plane)
     damping = ContactDamping(*options.damping) if options.damping else None
-    more = chosen(options, "direction", "pre_stress")
-    return {"source": source, "damping": damping, **more}
+    return {"source": source, "damping": damping}
 
 
 def _motion(options: Given) -> Motion:
@@ -117,8 +110,8 @@ def run(options: Given) -> Result:
             "contacts"
         )
     packing: Any = read_sample(path) if options.nonlinear else packing_of(options, waves=True)
-    given = chosen(options, *ASKED) | asked_of(options)
-    wave: Any = propagate(packing, motion=_motion(options), **given)
+    given = chosen_for(propagate, options) | source_of(options) | {"motion": _motion(options)}
+    wave: Any = propagate(packing, options.duration, **given)
     signals = wave.signals
     if options.output:
         write_signals(options.output, signals, options.made)
