@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +25,7 @@ from modal.elasticity.plane_waves import anisotropy, isotropic_mean, plane_waves
 from modal.elasticity.slab import GRIP, Bulk, stiffness_of
 from modal.elasticity.steady import steady_motion
 from modal.elasticity.strain import STRAINED, STRAINS, has_walls, stressed_stiffness
-from modal.formats.product import Column, Product
+from modal.formats.product import Column, product_of, stored
 from modal.formats.provenance import Provenance
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
@@ -39,23 +39,11 @@ from modal.tools.errors import InputError
 
 SCHEMA = "granular-moduli"
 VERSION = (1, 2)
+TENSOR = stored("", "f", 6, 6, unit="Pa")
 MOTIONS = {
     "displacement": Column("non_affine/displacement", "f", (6, "n", 3), "m", optional=True),
     "rotation": Column("non_affine/rotation", "f", (6, "n", 3), "rad", optional=True),
 }
-FORMAT = Product(
-    SCHEMA,
-    {name: Column(name, "f", (6, 6), "Pa") for name in ("stiffness", "affine", "whole")}
-    | {"stressed": Column("stressed", "f", (3, 3, 3, 3), "Pa", optional=True, since=2)}
-    | MOTIONS,
-    {
-        **dict.fromkeys(("density", "error", "asymmetry"), float),
-        **dict.fromkeys(("region", "solver", "pre_stress"), str),
-        "products": int,
-    },
-    defaults={"pre_stress": "none"},
-    versions=VERSION,
-)
 TOLERANCE = 1e-6
 """Relative error of the moduli that is asked for; mostly they are far more exact."""
 COPIES = 2
@@ -101,17 +89,17 @@ class ElasticModuli(Drawn):
     ('cell', (6, 6))
     """
 
-    stiffness: Floats
-    affine: Floats
+    stiffness: Annotated[Floats, TENSOR]
+    affine: Annotated[Floats, TENSOR]
     density: float
     region: str
-    whole: Floats
+    whole: Annotated[Floats, TENSOR]
     error: float
     asymmetry: float
     products: int
     solver: str
     pre_stress: str = "none"
-    stressed: Floats | None = None
+    stressed: Annotated[Floats | None, stored("", "f", 3, 3, 3, 3, unit="Pa", since=2)] = None
     non_affine: Floats | None = None
 
     def __array__(self, dtype: type | None = None, copy: bool | None = None) -> Floats:
@@ -216,6 +204,9 @@ class ElasticModuli(Drawn):
             line.set_label(name)
         ax.set(xlabel="angle from z towards x, degrees", ylabel="velocity, m/s", ylim=(0, None))
         ax.legend()
+
+
+FORMAT = product_of(SCHEMA, ElasticModuli, MOTIONS, {"products": int}, versions=VERSION)
 
 
 @checked

@@ -21,9 +21,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Container, Mapping
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple, get_type_hints
 
 import h5py
 import numpy as np
@@ -191,6 +192,41 @@ class Product:
                         f"{full} is unknown to this program and may change the answer; update the "
                         "program, or leave it out"
                     )
+
+
+def stored(folder: str, kind: str, *shape: int | str, name: str = "", **more: Any) -> Column:
+    """A column in a folder, "" for none, named as its field or by `name`; `more` of `Column`."""
+    return Column(f"{folder}/{name}".lstrip("/"), kind, shape, **{"unit": "1"} | more)
+
+
+def columns_of(table: type) -> dict[str, Column]:
+    """The columns that the fields of a class are `stored` as; those with a default are optional."""
+    hints, found = get_type_hints(table, include_extras=True), {}
+    for one in fields(table):
+        for column in getattr(hints[one.name], "__metadata__", ()):
+            folder, _, name = column.dataset.rpartition("/")
+            dataset = f"{folder}/{name or one.name}".lstrip("/")
+            optional = not one.default is one.default_factory is MISSING
+            found[one.name] = column._replace(dataset=dataset, optional=optional)
+    return found
+
+
+def product_of(
+    schema: str,
+    table: type,
+    columns: Mapping[str, Column] = MappingProxyType({}),
+    attributes: Mapping[str, Callable[[Any], Any]] = MappingProxyType({}),
+    **more: Any,
+) -> Product:
+    """The format of a class: its columns, its texts and numbers as attributes, and further ones.
+
+    `more` as of `Product`. Attributes that a file lacks have the default of their field.
+    """
+    kinds = get_type_hints(table)
+    plain = [one for one in fields(table) if kinds[one.name] in (str, float)]
+    every = {one.name: kinds[one.name] for one in plain} | dict(attributes)
+    defaults = {one.name: one.default for one in plain if one.default is not MISSING}
+    return Product(schema, columns_of(table) | dict(columns), every, defaults, **more)
 
 
 def _column(file: h5py.File, column: Column, lengths: dict[int | str, int], of: Any) -> Array:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from modal.formats.product import Column, Product
+from modal.formats.product import product_of, stored
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.system.root_mass import RootMass
@@ -21,22 +21,6 @@ SCHEMA = "granular-modes"
 VERSION = 1
 OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
 """Columns of a list of modes, besides its frequencies."""
-FORMAT = Product(
-    SCHEMA,
-    {
-        "frequency": Column("frequency", "f", ("k",), "Hz"),
-        # Without a chain there is no chi_z along it.
-        **{
-            name: Column(name, "f", ("k",), "1", finite=name != "chi_z_chain")
-            for name in OBSERVABLES
-        },
-        "mode_shape": Column("mode_shape", "f", ("k", "n", 6), "kg^-1/2", optional=True),
-        "resonance_frequency": Column("resonance_frequency", "f", ("r",), "Hz", optional=True),
-        "resonance_wavenumber": Column("resonance_wavenumber", "f", ("r",), "1/m", optional=True),
-        "resonance_shape": Column("resonance_shape", "f", ("r", "nc"), "kg^-1/2", optional=True),
-    },
-    others="attributes",
-)
 
 
 @dataclass(frozen=True)
@@ -137,15 +121,16 @@ class ModeSet(Drawn):
     ((2,), True, 0)
     """
 
-    frequency: Floats
-    residual: Floats
-    chi_z: Floats
-    chi_z_chain: Floats
-    rotation_share: Floats
-    mode_shape: Floats | None = None
-    resonance_frequency: Floats | None = None
-    resonance_wavenumber: Floats | None = None
-    resonance_shape: Floats | None = None
+    frequency: Annotated[Floats, stored("", "f", "k", unit="Hz")]
+    residual: Annotated[Floats, stored("", "f", "k")]
+    chi_z: Annotated[Floats, stored("", "f", "k")]
+    # Without a chain there is no chi_z along it.
+    chi_z_chain: Annotated[Floats, stored("", "f", "k", finite=False)]
+    rotation_share: Annotated[Floats, stored("", "f", "k")]
+    mode_shape: Annotated[Floats | None, stored("", "f", "k", "n", 6, unit="kg^-1/2")] = None
+    resonance_frequency: Annotated[Floats | None, stored("", "f", "r", unit="Hz")] = None
+    resonance_wavenumber: Annotated[Floats | None, stored("", "f", "r", unit="1/m")] = None
+    resonance_shape: Annotated[Floats | None, stored("", "f", "r", "nc", unit="kg^-1/2")] = None
     attributes: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -226,6 +211,9 @@ class ModeSet(Drawn):
             ax.plot(at, np.ones(len(at)), "|", markersize=9, label="P-wave resonances")
             ax.legend()
         ax.set(xlabel="frequency, kHz", ylabel=r"$\chi_z$", ylim=(-0.03, 1.06))
+
+
+FORMAT = product_of(SCHEMA, ModeSet, others="attributes")
 
 
 def chi_z(shape: Array, particles: Ints | slice = slice(None), axis: int = 2) -> Floats:

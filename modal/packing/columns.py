@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import MISSING, dataclass, field, fields
-from typing import Annotated, Any, TypeVar, get_type_hints
+from dataclasses import dataclass, field
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
-from modal.formats.product import Column
+from modal.formats.product import columns_of, stored
 from modal.formats.provenance import NETWORK_SCHEMA
 from modal.tools.arrays import Array, Bools, Floats, Ints
 
@@ -23,22 +23,6 @@ VERSION = (1, 2)
 UNKNOWN = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
 """Columns of the contacts that a program may not know."""
 TURN, KG_M2 = {"unit": "N m/rad", "since": 2}, "kg m^2"
-
-
-def stored(folder: str, kind: str, *shape: int | str, name: str = "", **more: Any) -> Column:
-    """A column, named as its field unless it has another `name`; `more` of `Column`."""
-    return Column(f"{folder}/{name}", kind, shape, **{"unit": "1"} | more)
-
-
-def columns_of(table: type) -> dict[str, Column]:
-    """The columns that the fields of a class are `stored` as; those with a default are optional."""
-    hints, found = get_type_hints(table, include_extras=True), {}
-    for one in fields(table):
-        for column in getattr(hints[one.name], "__metadata__", ()):
-            dataset = column.dataset + one.name * column.dataset.endswith("/")
-            optional = not one.default is one.default_factory is MISSING
-            found[one.name] = column._replace(dataset=dataset, optional=optional)
-    return found
 
 
 PART = 1 << 14

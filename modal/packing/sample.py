@@ -14,9 +14,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from modal.formats.hdf5 import named
-from modal.formats.product import Column, Product
+from modal.formats.product import Column, Product, columns_of, stored
 from modal.packing.checks import Faults, density_of, refuse
-from modal.packing.columns import columns_of, frozen, stored
+from modal.packing.columns import frozen
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, YOUNG, Elasticity, Material
 from modal.packing.contact_models import ContactLaw, law_of_each, laws_of
 from modal.packing.neighbours import ContactList, between, canonical, touching

@@ -26,7 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.formats.hdf5 import complete
-from modal.formats.product import Column
+from modal.formats.product import Column, product_of
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.solvers.factor import factorise
@@ -42,7 +42,7 @@ from modal.waves.chebyshev import CHUNK, Resolvent, summed
 from modal.waves.driven import Driven
 from modal.waves.receivers import Receivers
 from modal.waves.signals import VERSION as VERSION
-from modal.waves.signals import Recording, along, product_of, read_recording, write_recording
+from modal.waves.signals import Recording, along, read_recording, write_recording
 from modal.waves.sources import Source, Wall
 
 REMEDY = "take fewer frequencies, or a smaller packing"
@@ -126,7 +126,7 @@ class Response(Recording, Drawn):
 
 
 SCHEMA = "granular-frequency-response"
-_TABLE = product_of(SCHEMA, Response)
+_TABLE = product_of(SCHEMA, Response, versions=VERSION)
 FORMAT = replace(
     _TABLE,
     columns={

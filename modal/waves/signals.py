@@ -11,16 +11,15 @@ and not in the file.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any
 
 import numpy as np
 
 from modal.formats.hdf5 import complete, open_h5
-from modal.formats.product import Column, Product
+from modal.formats.product import Column, Product, product_of
 from modal.formats.provenance import Provenance
-from modal.packing.columns import columns_of
 from modal.tools.arrays import Floats, Ints
 from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError
@@ -63,18 +62,6 @@ class Recording:
     source_height: Annotated[Any, Column("source/height", "f", (1,), "m", since=2)] = None
     direction: str = "z"
     source: str = "wall"
-
-
-def product_of(schema: str, table: type[Recording], groups: tuple[str, ...] = ()) -> Product:
-    """The format of a recording: its annotated columns, its texts and numbers as attributes.
-
-    What has a default may be absent.
-    """
-    kinds = get_type_hints(table)
-    plain = [one for one in fields(table) if kinds[one.name] in (str, float)]
-    attributes = {one.name: kinds[one.name] for one in plain}
-    defaults = {one.name: one.default for one in plain if one.default is not MISSING}
-    return Product(schema, columns_of(table), attributes, defaults, groups, versions=VERSION)
 
 
 def along(column: Column, **changed: Any) -> Column:
@@ -206,7 +193,7 @@ class Signals(Recording, Drawn):
 
 
 SCHEMA = "granular-wave-signals"
-FORMAT = product_of(SCHEMA, Signals, ("balance",))
+FORMAT = product_of(SCHEMA, Signals, groups=("balance",), versions=VERSION)
 PLANE = "granular-plane-wave"
 """The schema, version 1, of a wave from a plane in files of before."""
 
