@@ -5,8 +5,6 @@ are the eigenvalues of Christoffel's matrix G_ik = C_ijkl n_j n_l, the eigenvect
 in which the spheres move (B. A. Auld, Acoustic Fields and Waves in Solids, 1973, chapter 7).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -6,8 +6,6 @@ each sphere's own block of K, which takes some hundreds. Both work on the mass-s
 M^-1/2 K M^-1/2, so that parts which nothing holds stay where the load leaves them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -17,8 +17,6 @@ a: the spheres follow the gradient, turn with it, and move beyond it. What is le
 order of the square of stress over modulus.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from modal.elasticity.plane_waves import INDEX

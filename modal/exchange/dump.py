@@ -4,8 +4,6 @@ The columns c_ID[k] of a dump of contacts mean what the compute lines in the log
 log names them, what a program's recipe of so many columns has.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence

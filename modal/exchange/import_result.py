@@ -5,8 +5,6 @@ follow from the law. Where a law makes them of overlaps, positions must tell the
 tells the stiffnesses, positions only turn the normals. What was found is told in `ImportResult`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any
 

@@ -5,8 +5,6 @@ script, and again each time that one is replaced. The last of these counts; wher
 as in a script that never ran, the value is not known.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

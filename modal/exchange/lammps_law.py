@@ -9,8 +9,6 @@ for pairs of rising types alone, the last line that covers a pair holds, and a p
 is mixed from those of its two types.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import sys

@@ -6,8 +6,6 @@ that is typed in, and is refused. Contacts come from `compute pair/gran/local`; 
 are not told.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

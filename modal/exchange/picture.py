@@ -9,8 +9,6 @@ and `Origin` are the cell as OVITO's manual has them, `pbc` its periods. meshio 
 format, and common writers of it round positions to 8 decimals; here they have 17 digits.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What an import found, as numbers and lines for whoever reads them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Text files: rows of numbers, the words of a line, and one line that says what is at fault."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import itertools

@@ -6,8 +6,6 @@ HDF5 1.10.
 Files of other programs, with or without, are read alike.
 """
 
-from __future__ import annotations
-
 import errno
 import glob
 import hashlib

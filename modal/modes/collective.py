@@ -8,8 +8,6 @@ seconds, and in larger packings wherever the structure is doubtful (`doubtful`);
 told of the zero modes is what structure shows, `counted` being False.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any

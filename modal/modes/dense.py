@@ -5,8 +5,6 @@ blocks, one for each lateral wave vector q: U^H K U, where U spreads a cell's mo
 with the phase q. That is exact, and q and -q share their frequencies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

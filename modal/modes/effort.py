@@ -4,8 +4,6 @@ Multiplications are counted, and taken at one rate for all of them: the estimate
 a factor of two or three, and the same on any machine.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ elastic ones. The exact counts of `modal.modes.counts` say whether a list is com
 did not converge the list ends early, and `missing` says how many it lacks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

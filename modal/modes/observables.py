@@ -1,7 +1,5 @@
 """What a mode moves: chi_z, rotation share, and the P-wave resonances among the modes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace

@@ -5,8 +5,6 @@ one frequency as it is wide; where an exact count says that some are missing, an
 them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 

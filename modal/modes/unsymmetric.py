@@ -5,8 +5,6 @@ pairs, and no law of inertia counts them: small packings are solved whole, of la
 of the spectrum by ARPACK's method of Arnoldi, without a certificate.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -9,8 +9,6 @@ and no energy means no stretched contact. A cluster that no wall holds also move
 Whether the rest really is rigid is for the exact count of `modal.modes.collective` to say.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

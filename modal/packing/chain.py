@@ -1,7 +1,5 @@
 """The chain of touching particles that joins source and receiver wall along a straight line."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network

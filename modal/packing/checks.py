@@ -8,8 +8,6 @@ mistakes make; `docs/formats.md` has the table. What no check can tell is in
 `modal.packing.plausibility`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -3,8 +3,6 @@
 The coherent wave lives in these means; single particles of a random packing scatter about them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from modal.packing.network import Network

@@ -1,7 +1,5 @@
 """Which spheres touch: through the periods of a lateral cell, and the two flat walls."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product

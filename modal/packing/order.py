@@ -6,8 +6,6 @@ many such bonds sits in a crystal (ten Wolde, Ruiz-Montero, Frenkel, J. Chem. Ph
 1996). FCC and HCP count alike; a random packing has a few such spheres by chance.
 """
 
-from __future__ import annotations
-
 from math import factorial
 
 import numpy as np

@@ -5,8 +5,6 @@ gravity are not in balance without it, and bodies of several densities exist; bu
 of stiffnesses, or a mass in another unit, shows in these numbers and nowhere else.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Who carries force and who rattles: particles that keep contacts enough, and are firmly held."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from modal.packing.network import Network

@@ -4,8 +4,6 @@ A clump has the mass and the tensor of inertia of its members, each where it is,
 tells others; its contacts are those of its members, with levers from its centre of mass.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -6,8 +6,6 @@ layers that its branch passes (the plane average of Irving and Kirkwood): in a p
 sigma_zz is then the same in every layer, and the layers add up to the total exactly.
 """
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A packing in plain numbers by name: what `modal.packing.state` measures."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Any
 

@@ -5,8 +5,6 @@ run. The copies are numbered along z, those of one particle one after the other:
 contacts, which go along z, go through memory once and straight ahead.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

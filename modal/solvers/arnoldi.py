@@ -4,8 +4,6 @@ The modes nearest a shift come from the inverse of the operator about it (R. B. 
 Sorensen, C. Yang, ARPACK Users' Guide, SIAM 1998).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs

@@ -4,8 +4,6 @@ T_0 = 1, T_1 = X, T_k = 2 X T_(k-1) - T_(k-2), on a vector or a block of vectors
 in A: between -1 and 1 where the spectrum of A is mapped into that interval.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Protocol
 

@@ -7,8 +7,6 @@ length times the preconditioned residual (M. R. Hestenes and E. Stiefel, J. Res.
 (Z. Strakos and P. Tichy, Electron. Trans. Numer. Anal. 13, 56, 2002).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

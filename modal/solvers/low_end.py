@@ -7,8 +7,6 @@ Lanczos finds these first. It takes d products with A where (A - sigma)^-1 takes
 (Y. Saad, Math. Comp. 42, 567, 1984; H. Fang and Y. Saad, SIAM J. Sci. Comput. 34, A2220, 2012.)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import islice
 

@@ -5,8 +5,6 @@ wheels of numpy bring, gives a product of up to 2^18 multiplications to one thre
 a product of any size is put together, always in the same order.
 """
 
-from __future__ import annotations
-
 from math import isqrt
 
 import numpy as np

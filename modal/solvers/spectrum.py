@@ -15,8 +15,6 @@ and adds them up. So a mode of millions of spheres fits beside their contacts, a
 products takes time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import islice
 

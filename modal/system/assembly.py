@@ -1,7 +1,5 @@
 """Global stiffness matrix K (sparse) and mass matrix M (diagonal); walls are fixed bodies."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

@@ -24,8 +24,6 @@ Springs, rolling and normal force are symmetric. The other terms are not: the la
 path-dependent and have no energy.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

@@ -5,8 +5,6 @@ What a recurrence adds to them, multiples of both vectors, is made for each sphe
 first contact: every vector goes through memory once.
 """
 
-from __future__ import annotations
-
 from modal.tools.loops import (
     compiled,
     compiled_part,

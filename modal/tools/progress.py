@@ -3,8 +3,6 @@
 Both go to standard error, so that results can be read from standard output.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 import time

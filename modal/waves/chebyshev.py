@@ -9,8 +9,6 @@ The weights of a wave (`Expansion`) and of a response (`Resolvent`) are for omeg
 from zero to `top`, 1/s^2.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 

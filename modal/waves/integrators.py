@@ -23,8 +23,6 @@ polynomials. Against schemes of fixed order the work rises with the number of di
 power of ten (`docs/attenuation.md`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ and so y', with the integral by Gauss's rule. In steps of some radians of omega 
 none across a corner of that, nothing but round-off is left out.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from itertools import pairwise
 

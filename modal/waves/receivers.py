@@ -1,7 +1,5 @@
 """What is recorded of a motion: the chain, layer means, and if asked every sphere."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

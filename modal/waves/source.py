@@ -1,7 +1,5 @@
 """Motions of the source: the pulse of the study, chirps, steps, and those given by samples."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 from pathlib import Path

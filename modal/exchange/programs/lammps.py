@@ -7,8 +7,6 @@ contacts`. Spheres of a `fix rigid` become its bodies. What LIGGGHTS says otherw
 `modal.exchange.liggghts`.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path

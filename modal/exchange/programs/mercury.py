@@ -5,8 +5,6 @@ low z and one at high z. Others may stand in the file as long as no sphere touch
 contacts are listed, these tell it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

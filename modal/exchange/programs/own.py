@@ -3,8 +3,6 @@
 The contacts of a sample are sought when it is read.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -7,8 +7,6 @@ its force and overlap; -1 for the second sphere is the wall at low z, -2 that at
 that is not known is refused, as it may change the answer.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

@@ -8,8 +8,6 @@ behind the model's name. Networks, crystals, pre-stress, and samples from files 
 `laws_of`; nothing else knows which models there are.
 """
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from typing import Any, Protocol

@@ -5,8 +5,6 @@ equal spheres and R of a wall, where both are of one material. K. L. Johnson, Co
 (1985), sections 4.2 and 7.3.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

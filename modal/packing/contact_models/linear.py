@@ -4,8 +4,6 @@ Moduli of a packing of such contacts do not grow with the stress. kn = 2 E* R* s
 Young's modulus is the free number of the model; the ratio of both stiffnesses is Mindlin's.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 

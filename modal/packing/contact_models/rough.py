@@ -24,8 +24,6 @@ errs by no more than about 7 % where alpha = S R* / a0^2 (a0: Hertz's radius of 
 0.05. Here alpha is 0.045 at N2, from where on the stiffness is Hertz's, and 0.96 at N1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

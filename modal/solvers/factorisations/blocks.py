@@ -11,8 +11,6 @@ definite, as nearly all are below the lowest modes, else with symmetric pivots. 
 factors of S_kk and the X_k are kept; for the inertia alone no more than the front.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from functools import partial

@@ -4,8 +4,6 @@ As it is had here it knows real matrices alone. Of a complex symmetric W + i T i
 [[W, -T], [-T, -W]], symmetric and of twice the size, whose solution holds both parts.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ A symmetric one is factorised in symmetric mode with diagonal pivots. Where the 
 equals the column permutation, U's diagonal holds the D of an L D L^T and its signs are the inertia.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
