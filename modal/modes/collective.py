@@ -32,6 +32,7 @@ SHIFT = 1e-9
 UNDER = 1e-6
 """Relative to that entry: first shift below zero tried, of those below all unstable modes."""
 ZERO, UNSTABLE = "motions without energy", "unstable modes"
+COUNTED = "counted zero modes"
 
 
 def every_floppy(system: LinearSystem) -> FloppyModes:
@@ -69,31 +70,27 @@ def counted_floppy(system: LinearSystem, at_zero: Floats | None = None) -> Flopp
     A complete list from zero on gives those `at_zero` (size, c) that it has found beside those of
     the structure: the count at its end leaves room for no others.
     """
-    known = _known(system)
-    if not known:
-        floppy, unstable = by_structure(system), sp.csc_matrix((system.size, 0))
-        collective = sp.csc_matrix(unstable if at_zero is None else at_zero)
-        if at_zero is None:
-            unstable = _found(system, floppy.basis, unstable_modes(system), UNSTABLE)
-            others = sp.hstack([floppy.basis, unstable], format="csc")
-            if floppy.total < system.size:
-                further = count_below(system, system.zero_frequency / 2) - others.shape[1]
-                definite = not unstable.shape[1]
-                collective = _found(system, others, further, ZERO, definite=definite)
-        counted = replace(
-            floppy,
-            basis=sp.hstack([floppy.basis, collective, unstable], format="csc"),
-            kinds=floppy.kinds | {"collective": collective.shape[1]},
-            unstable=unstable.shape[1],
-            counted=True,
-        )
-        known.append(counted)
-    return known[0]
+    return system.kept(COUNTED, None, lambda: _counted(system, at_zero), lambda _: 0.0)
 
 
-def _known(system: LinearSystem) -> list[FloppyModes]:
-    """The zero modes of a network once they are counted."""
-    return system.cached("counted zero modes", list[FloppyModes])
+def _counted(system: LinearSystem, at_zero: Floats | None) -> FloppyModes:
+    """As `counted_floppy`."""
+    floppy, unstable = by_structure(system), sp.csc_matrix((system.size, 0))
+    collective = sp.csc_matrix(unstable if at_zero is None else at_zero)
+    if at_zero is None:
+        unstable = _found(system, floppy.basis, unstable_modes(system), UNSTABLE)
+        others = sp.hstack([floppy.basis, unstable], format="csc")
+        if floppy.total < system.size:
+            further = count_below(system, system.zero_frequency / 2) - others.shape[1]
+            definite = not unstable.shape[1]
+            collective = _found(system, others, further, ZERO, definite=definite)
+    return replace(
+        floppy,
+        basis=sp.hstack([floppy.basis, collective, unstable], format="csc"),
+        kinds=floppy.kinds | {"collective": collective.shape[1]},
+        unstable=unstable.shape[1],
+        counted=True,
+    )
 
 
 def _found(
@@ -134,7 +131,10 @@ def _found(
 
 def easy(system: LinearSystem) -> bool:
     """Whether an exact count takes some seconds, by estimate, or none as it was made."""
-    return bool(_known(system)) or factorisation(system, counting=True).operations <= EASY
+    return (
+        bool(system.cached(COUNTED, dict))
+        or factorisation(system, counting=True).operations <= EASY
+    )
 
 
 def doubtful(system: LinearSystem, floppy: FloppyModes) -> bool:

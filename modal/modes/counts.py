@@ -28,7 +28,7 @@ def frequencies(given: ArrayLike) -> Floats:
     try:
         asked = np.asarray(given, float)
     except (TypeError, ValueError) as error:
-        raise InputError(f"frequency {given!r}: give numbers of Hz, from 0 on") from error
+        raise InputError(f"frequency is {given!r}, not numbers of Hz from 0 on") from error
     wrong = ~(np.isfinite(asked) & (asked >= 0))
     if wrong.any():
         raise InputError(f"{asked[wrong][0]:g} Hz is no frequency; give a number from 0 Hz on")
