@@ -18,11 +18,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from analysis.estimators.fits import summit
-from modal.formats.product import Column, Product
+from modal.formats.product import product_of, stored
 from modal.formats.provenance import Provenance
 from modal.modes.density import FULL_WIDTH
 from modal.packing.network import Network
@@ -36,16 +37,6 @@ from modal.tools.progress import progress
 
 SCHEMA = "granular-structure-factor"
 VERSION = 1
-FORMAT = Product(
-    SCHEMA,
-    {
-        "frequency": Column("frequency", "f", ("nf",), "Hz"),
-        "order": Column("order", "i", ("R",), "1"),
-        "wavenumber": Column("wavenumber", "f", ("R",), "1/m"),
-        "power": Column("power", "f", ("R", "nf"), "1/Hz"),
-    },
-    {"resolution": float},
-)
 POLARISATIONS = ("L", "T")
 BLOCK = 8
 """Patterns that are made at once: bounds the memory."""
@@ -60,10 +51,10 @@ class StructureFactor:
     at half height that a single mode has.
     """
 
-    frequency: np.ndarray
-    order: np.ndarray
-    wavenumber: np.ndarray
-    power: np.ndarray
+    frequency: Annotated[np.ndarray, stored("", "f", "nf", unit="Hz")]
+    order: Annotated[np.ndarray, stored("", "i", "R")]
+    wavenumber: Annotated[np.ndarray, stored("", "f", "R", unit="1/m")]
+    power: Annotated[np.ndarray, stored("", "f", "R", "nf", unit="1/Hz")]
     resolution: float
 
     def ridge(self) -> tuple[np.ndarray, np.ndarray]:
@@ -87,6 +78,9 @@ class StructureFactor:
                 right = np.interp(row[k] / 2, row[[b, b - 1]], f[[b, b - 1]])
                 width[n] = np.sqrt(max((right - left) ** 2 - self.resolution**2, 0))
         return peak, width
+
+
+FORMAT = product_of(SCHEMA, StructureFactor)
 
 
 def _patterns(network: Network, waves: np.ndarray, directions: np.ndarray) -> np.ndarray:
