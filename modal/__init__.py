@@ -12,8 +12,6 @@ expected. The modules behind these names are loaded when a name is first used, s
 formats also work inside YADE's own Python, which has neither scipy nor numba.
 """
 
-from __future__ import annotations
-
 import importlib
 from typing import TYPE_CHECKING, Any
 

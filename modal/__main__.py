@@ -1,7 +1,5 @@
 """`python -m modal`: the command line, see `modal.cli`."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from importlib.util import LazyLoader, find_spec, module_from_spec

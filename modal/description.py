@@ -1,7 +1,5 @@
 """A packing in a few lines for people: stresses, voids, rattlers, motions without energy."""
 
-from __future__ import annotations
-
 from modal.modes.collective import easy, every_floppy
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network

@@ -6,8 +6,6 @@ these first bytes is of this program; and `read(path, **options)`, what is in it
 command `import` and all commands that take a packing ask here.
 """
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """The modes of a packing, by one question: the lowest, the highest, those of an interval, all."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -5,8 +5,6 @@ layer shifted by half a cell, layer distance l = d / sqrt(2). Each sphere has tw
 equal normal force. Its waves are in `modal.theory.fcc`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import sqrt
 

@@ -7,8 +7,6 @@ times, contact by contact). What is sought is a shift by 1/p of a period, p a pr
 sphere and every contact on another one; and then again one of what is left.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import gcd
 

@@ -6,8 +6,6 @@ m_j), at a wall the sphere's own mass. These are the coefficients of DEM codes (
 and T. Ishida, Powder Technology 71, 239, 1992; in YADE betan and betas).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The linear wave through a packing: source, system, integrator and receivers put together."""
 
-from __future__ import annotations
-
 import time as clock
 from dataclasses import dataclass
 from typing import Any, Literal, overload

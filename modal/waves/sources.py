@@ -5,8 +5,6 @@ along z through the middle of the cell, which sends torsion. How it moves in tim
 (`modal.waves.source`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
