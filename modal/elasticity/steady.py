@@ -89,4 +89,4 @@ def _own_blocks(system: LinearSystem) -> Factor:
         return np.asarray(np.linalg.inv(blocks + 1e-8 * held * np.eye(6)), float)
 
     inverse = system.cached("inverse of own blocks", inverted, 288.0 * n)
-    return Factor(lambda b: (inverse @ b.reshape(n, 6, -1)).reshape(b.shape), None, "gradients")
+    return Factor(lambda b: (inverse @ b.reshape(n, 6, -1)).reshape(b.shape), None)

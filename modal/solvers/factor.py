@@ -63,8 +63,8 @@ class Factor:
 
     solve: Callable[[Array], Array]
     negative: int | None
-    solver: str
     release: Callable[[], None] = lambda: None
+    solver: str = ""
     bytes: float = 0.0
 
 
@@ -194,7 +194,8 @@ def factorise(
         remedy += ", or install pypardiso, which needs less"
     needed = way.cost(shape).memory(kept)
     refuse_above_memory(needed, f"a factorisation by {way.name}", remedy)
-    return replace(way.make(matrix, order, definite, symmetric, kept), bytes=needed)
+    factor = way.make(matrix, order, definite, symmetric, kept)
+    return replace(factor, solver=way.name, bytes=needed)
 
 
 def band(matrix: sp.csr_matrix, along: Floats | None = None) -> tuple[Ints, Ints]:

@@ -32,7 +32,6 @@ from modal.solvers.factor import (
 from modal.tools.arrays import Array, Ints
 from modal.tools.progress import progress
 
-NAME = "blocks"
 GROWTH = BACKWARD / np.finfo(float).eps
 """Growth of a block's entries up to which its signs count: round-off has then moved the eigenvalues
 by `BACKWARD` of the largest one."""
@@ -114,7 +113,7 @@ def _factorise(
     count = None if grown or np.iscomplexobj(matrix) else negative
     if kept and not definite and count is not None:
         count = certain(count, solution, matrix)
-    return Factor(solution, count, NAME)
+    return Factor(solution, count)
 
 
 def _eliminated(own: Array, right: Array, definite: bool) -> tuple[Solve, int, Array]:
@@ -151,4 +150,4 @@ def _solved(
     return routine(*factor, b, lower=1)[0].reshape(b.shape)
 
 
-FACTORISATION = Factorisation(NAME, _factorise, _cost, unsymmetric=False)
+FACTORISATION = Factorisation("blocks", _factorise, _cost, unsymmetric=False)

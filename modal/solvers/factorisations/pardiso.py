@@ -14,7 +14,6 @@ from modal.solvers.factor import Cost, Factor, Factorisation, Shape, SingularErr
 from modal.tools.arrays import Array, Complex, Ints
 from modal.tools.errors import InputError
 
-NAME = "pardiso"
 FILL = 0.5
 """Entries of the factor for each nonzero, over the root of a layer's rows: 1.5e8 of 35,201
 spheres."""
@@ -70,11 +69,11 @@ def _factorise(
         release()
         raise SingularError(definite)
     if definite or not symmetric:
-        return Factor(solve, 0 if definite else None, NAME, release)
+        return Factor(solve, 0 if definite else None, release)
     # Pivots that were replaced, and those of either sign.
     perturbed, positive, negative = (int(solver.get_iparm(k)) for k in (14, 22, 23))
     whole = perturbed == 0 and positive + negative == matrix.shape[0]
-    return Factor(solve, certain(negative, solve, matrix) if whole else None, NAME, release)
+    return Factor(solve, certain(negative, solve, matrix) if whole else None, release)
 
 
 def _complex(matrix: sp.csr_matrix, order: Ints, symmetric: bool) -> Factor:
@@ -103,4 +102,4 @@ def _with_diagonal(matrix: sp.csr_matrix, upper: bool) -> sp.csr_matrix:
     return given
 
 
-FACTORISATION = Factorisation(NAME, _factorise, _cost, package="pypardiso")
+FACTORISATION = Factorisation("pardiso", _factorise, _cost, package="pypardiso")

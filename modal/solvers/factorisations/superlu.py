@@ -16,7 +16,6 @@ FILL = 0.04
 35,201 spheres."""
 SLOW = 8
 """In a solve each entry is met alone, which takes as long as so many multiplications of a block."""
-NAME = "superlu"
 
 
 def _cost(shape: Shape) -> Cost:
@@ -41,11 +40,11 @@ def _factorise(
     except RuntimeError as error:
         raise SingularError(definite) from error
     if not options or not np.array_equal(lu.perm_r, lu.perm_c):
-        return Factor(lu.solve, None, NAME)
+        return Factor(lu.solve, None)
     negative = int((lu.U.diagonal() < 0).sum())
     if definite and negative:
         raise SingularError(definite)
-    return Factor(lu.solve, certain(negative, lu.solve, matrix), NAME)
+    return Factor(lu.solve, certain(negative, lu.solve, matrix))
 
 
-FACTORISATION = Factorisation(NAME, _factorise, _cost)
+FACTORISATION = Factorisation("superlu", _factorise, _cost)
