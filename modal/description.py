@@ -12,7 +12,7 @@ from modal.tools.errors import InputError
 
 @checked
 def describe(network: Network) -> str:
-    """What `print(network)` says, with stresses, void ratio, rattlers and floppy modes.
+    """Spheres, cell, contacts, stresses, void ratio, rattlers and floppy modes of a packing.
 
     Parameters
     ----------
@@ -42,7 +42,17 @@ def describe(network: Network) -> str:
     void ratio           0.3778
     floppy modes         0
     """
-    told, rows = summary(network), network.facts()
+    told, length = summary(network), quantity(network.length, "m")
+    ends = (quantity(2 * float(end), "m") for end in (network.radius.min(), network.radius.max()))
+    cell = " x ".join(quantity(side, "m") for side in network.cell_size)
+    along_z = "periodic along z" if network.cell_periodic[2] else f"walls {length} apart"
+    at_walls = int(network.with_wall.sum())
+    rows = [
+        ("spheres", f"{network.n_particles}, diameters {' to '.join(dict.fromkeys(ends))}"),
+        ("cell", f"{cell}, {along_z}"),
+        ("contacts", f"{network.n_contacts}, {at_walls} of them with the walls"),
+        ("coordination number", f"{network.coordination_number:.3f}"),
+    ]
     for name, words in (("stress_pa", "stress xx, yy, zz"), ("wall_stress_pa", "stress on walls")):
         if name in told:
             rows.append((words, ", ".join(quantity(value, "Pa") for value in told[name])))

@@ -21,7 +21,6 @@ from modal.packing.columns import SCHEMA as SCHEMA
 from modal.packing.columns import SOURCE_WALL as SOURCE_WALL
 from modal.packing.columns import VERSION as VERSION
 from modal.tools.arrays import Array, Bools, Ints
-from modal.tools.display import quantity, table
 from modal.tools.errors import InputError
 
 FORMAT = Product(SCHEMA, COLUMNS, groups=("study", "provenance"), versions=VERSION)
@@ -87,22 +86,6 @@ class Network(Columns):
 
     def __repr__(self) -> str:
         return f"<Network: {self.n_particles} particles, {self.n_contacts} contacts>"
-
-    def __str__(self) -> str:
-        return table(self.facts())
-
-    def facts(self) -> list[tuple[str, str]]:
-        """Names and texts of what is plain to see; `modal.describe` has more."""
-        ends = (quantity(2 * float(end), "m") for end in (self.radius.min(), self.radius.max()))
-        size = " x ".join(quantity(side, "m") for side in self.cell_size)
-        walls = f"walls {quantity(self.length, 'm')} apart"
-        wall = int(self.with_wall.sum())
-        return [
-            ("spheres", f"{self.n_particles}, diameters {' to '.join(dict.fromkeys(ends))}"),
-            ("cell", f"{size}, {'periodic along z' if self.cell_periodic[2] else walls}"),
-            ("contacts", f"{self.n_contacts}, {wall} of them with the walls"),
-            ("coordination number", f"{self.coordination_number:.3f}"),
-        ]
 
     @property
     def coordination_number(self) -> float:
