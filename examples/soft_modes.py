@@ -148,6 +148,6 @@ if __name__ == "__main__" and len(sys.argv) > 1:
     page["modes from 0.1 to 0.5 f*, of 1,000 spheres"] = "{per_1000_spheres:.2f}"
     page["spheres that move"] = "{spheres_that_move:.1f}"
     page["rotation"] = "{rotation:.2f}"
-    page["first mover has 2 or 3 contacts"] = "{at_most_three_contacts:.0%}"
+    page["first mover has 2 or 3 contacts"] = "{at_most_three_contacts:.2f}"
     rows = rows.rename(columns=lambda name: name.replace(".", "_"))
     write_page(folder / "powers.md", rows, page)

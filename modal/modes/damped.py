@@ -82,20 +82,29 @@ def damped_modes(
     Near is the rate lambda to 2 pi i `near` in the complex plane: a mode that decays fast is far
     from its own frequency. Motions that do not oscillate, overdamped or without energy, are not
     among them. No count says that the list is complete: of several modes with one rate, as crystals
-    have, a large packing's list may lack some. InputError where fewer oscillate or converge, and
-    where the factorisation would take more than the memory: `decay_rates` of elastic modes then
-    serves.
+    have, a large packing's list may lack some.
 
     Parameters
     ----------
-    network
+    network : Network
         The packing.
-    damping
+    damping : ContactDamping
         Ratios of the dashpots, normal and tangential.
-    near
+    near : float
         Hz, above 0.
-    count
-        How many modes, 10 by default.
+    count : int, default 10
+        How many modes.
+
+    Returns
+    -------
+    DampedModes
+        `frequency` Hz, `decay` 1/s, `quality`, each (count,); `shape` (count, n, 6).
+
+    Raises
+    ------
+    InputError
+        Where fewer oscillate or converge, and where the factorisation would take more than the
+        memory: `decay_rates` of elastic modes then serves.
 
     Examples
     --------

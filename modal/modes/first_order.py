@@ -40,12 +40,17 @@ def decay_rates(modes: ModeSet, network: Network, damping: ContactDamping) -> Fl
 
     Parameters
     ----------
-    modes
+    modes : ModeSet
         k elastic modes with their shapes.
-    network
+    network : Network
         The packing that they are of.
-    damping
+    damping : ContactDamping
         Ratios of the dashpots, normal and tangential.
+
+    Returns
+    -------
+    ndarray (k,)
+        1/s; half the rate at which energy is lost.
 
     Raises
     ------

@@ -251,11 +251,11 @@ def write_modes(path: str | Path, modes: ModeSet, made: Provenance | None = None
 
     Parameters
     ----------
-    path
+    path : str or Path
         `*.modes.h5`, replaced if it is there.
-    modes
+    modes : ModeSet
         A list of modes, with shapes where they are to be kept.
-    made
+    made : Provenance, optional
         Command, sources and settings, kept with it.
 
     Raises
@@ -280,10 +280,15 @@ def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
 
     Parameters
     ----------
-    path
+    path : str or Path
         `*.modes.h5`.
-    shapes
+    shapes : bool, default True
         Read the mode shapes, nearly all of a file, too.
+
+    Returns
+    -------
+    ModeSet
+        The modes, as they were written.
 
     Raises
     ------

@@ -147,9 +147,9 @@ def write_network(path: str | Path, network: Network) -> None:
 
     Parameters
     ----------
-    path
+    path : str or Path
         `*.network.h5`, replaced if it is there.
-    network
+    network : Network
         The packing; it was checked when it was made.
 
     Raises

@@ -295,15 +295,24 @@ def write_sample(path: str | Path, sample: Sample) -> None:
 
     Parameters
     ----------
-    path
+    path : str or Path
         `*.sample.h5`, replaced if it is there.
-    sample
+    sample : Sample
         Spheres with their contact model, and the shear forces of their contacts.
 
     Raises
     ------
     InputError
         For a sample without periods along x and y; where the file cannot be written.
+
+    Examples
+    --------
+    >>> import modal, os, tempfile
+    >>> path = os.path.join(tempfile.mkdtemp(), "mine.sample.h5")
+    >>> at, walls = np.array([[1e-3, 1e-3, 1e-3]]), np.array([0.0, 2e-3])
+    >>> write_sample(path, Sample(at, np.array([4e-3, 4e-3]), walls, 0.1, radius=1.0001e-3))
+    >>> modal.read(path).n_contacts
+    2
     """
     if not all(sample.periodic_sides):
         raise InputError("a sample without periods sideways has no file; write its network")

@@ -72,6 +72,14 @@ class NonlinearWave(Wave):
         stored beyond the state at rest, what slip has dissipated.
     dissipated, opened : ndarray (m,) J, ndarray of bool (m,)
         Of each contact of the sample's network: by its slip, and whether it was seen open.
+
+    Examples
+    --------
+    >>> import modal
+    >>> crystal = modal.fcc(cells=(1, 1, 4))
+    >>> wave = modal.propagate(crystal, 1e-5, nonlinear=True, friction=0.3)
+    >>> wave.energy.shape[1]
+    4
     """
 
     steps: int

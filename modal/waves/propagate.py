@@ -39,6 +39,13 @@ class LinearWave(Wave):
         on either wall.
     repeats : int, default 1
         Of how many equal parts the packing consists sideways, one of which was computed.
+
+    Examples
+    --------
+    >>> import modal
+    >>> wave = modal.propagate(modal.fcc(cells=(2, 2, 4)), 1e-5)
+    >>> wave.repeats, wave.truncation < 1e-9
+    (4, True)
     """
 
     products: int

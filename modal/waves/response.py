@@ -52,8 +52,9 @@ REMEDY = "take fewer frequencies, or a smaller packing"
 class Response(Recording, Drawn):
     """Transfer functions per unit motion of the source, time dependence exp(-i omega t).
 
-    With `damping` of the contacts resonances have their own widths. The chain, `source`,
-    `direction` and what is empty without walls are as of `modal.waves.signals.Signals`.
+    With `damping` of the contacts resonances have their own widths. The chain, heights
+    of layers, `source`, `direction` and what is empty without walls are as of
+    `modal.waves.signals.Signals`.
 
     Attributes
     ----------
@@ -154,8 +155,8 @@ def frequency_response(
     """What a steady motion of a source does at each frequency: motions, stresses, gain.
 
     Frequencies go from a quarter of a `resolution` up, four to a resolution. With `damping` the
-    contacts have dashpots, and the response is that at real frequencies, which are as close as
-    said, by a factorisation for each of them.
+    contacts have dashpots; then each frequency takes a factorisation, and resonances have their own
+    widths.
 
     Parameters
     ----------

@@ -223,11 +223,11 @@ def write_signals(path: str | Path, signals: Signals, made: Provenance | None = 
 
     Parameters
     ----------
-    path
+    path : str or Path
         `*.signals.h5`, replaced if it is there.
-    signals
+    signals : Signals
         What a wave recorded.
-    made
+    made : Provenance, optional
         Command, sources and settings, kept with it.
 
     Raises
@@ -253,10 +253,15 @@ def read_signals(path: str | Path, *, of_any_source: bool = False) -> Signals:
 
     Parameters
     ----------
-    path
+    path : str or Path
         `*.signals.h5`.
-    of_any_source
+    of_any_source : bool, default False
         Take also waves that do not go from wall to wall along x, y or z, and older files of planes.
+
+    Returns
+    -------
+    Signals
+        What the wave recorded, as it was written.
 
     Raises
     ------
