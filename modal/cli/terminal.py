@@ -176,11 +176,8 @@ def _side_by_side(columns: dict[str, list[float]], count: int) -> list[str]:
     texts = [["", *map(str, range(1, count + 1))]]
     for name, values in columns.items():
         label, unit = label_and_unit(name)
-        if unit:
-            numbers, unit = _scaled(values, unit)
-            texts.append([f"{label}, {unit}", *numbers])
-        else:
-            texts.append([label, *(f"{value:.1e}" for value in values)])
+        numbers, unit = _scaled(values, unit)
+        texts.append([f"{label}, {unit}".removesuffix(", "), *numbers])
     lines, half = _aligned(texts), LINES // 2
     if len(lines) > LINES + 1:
         lines = [*lines[: half + 1], f"... {count - 2 * half} more", *lines[-half:]]
