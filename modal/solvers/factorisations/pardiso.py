@@ -5,7 +5,9 @@ As it is had here it knows real matrices alone. Of a complex symmetric W + i T i
 """
 
 import os
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
@@ -46,10 +48,12 @@ def _factorise(
     if np.iscomplexobj(matrix):
         return _complex(matrix, order, symmetric)
     given = _with_diagonal(matrix, symmetric)
+    # Else each solver searches the disk for MKL, for half a second and more.
+    for place in Path(sys.prefix, "lib").glob("libmkl_rt.*"):
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(place))
     solver = PyPardisoSolver(mtype=(2 if definite else -2) if symmetric else 11)
     for parameter, value in (SYMMETRIC if symmetric else UNSYMMETRIC).items():
         solver.set_iparm(parameter, value)
-    # Each solver searches the disk for MKL, for 0.1 s and more: the next ones are told where it is.
     os.environ.setdefault("PYPARDISO_MKL_RT", solver.libmkl._name)
 
     def solve(rhs: Array) -> Array:
