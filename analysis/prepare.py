@@ -54,12 +54,16 @@ def kept_file(m: Measuring, kind: str) -> Any:
     settings, path = _settings(m, kind), own.path(kind)
     noted = settings | ({"pre_stress": "none"} if kind == "response" else {})
     command = f"python -m analysis measure {packing.name} --keep DIR"
-    made = Provenance(command, noted, own.packing)
-    if not is_current(path, made):
-        make, write = MADE[kind]
-        write(path, make(m.network, **settings), made)
+    how = Provenance(command, noted, own.packing)
+    if not is_current(path, how):
+        MADE[kind][1](path, made(m, kind), how)
     own.files = {of: packing, kind: path}
     return own.read(kind)
+
+
+def made(m: Measuring, kind: str) -> Any:
+    """The spectrum itself, made now."""
+    return MADE[kind][0](m.network, **_settings(m, kind))
 
 
 def _settings(m: Measuring, kind: str) -> dict[str, Any]:

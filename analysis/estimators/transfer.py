@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from modal.packing.network import Network
-from modal.waves.response import frequency_response
 from modal.waves.signals import Signals
 
 DECAY = 7.0
@@ -87,15 +86,6 @@ def gain_settings(network: Network, passage: float) -> dict[str, Any]:
     """Resolution and highest frequency, Hz, of a gain; `passage` (s) from wall to wall."""
     diameters = network.length / (2 * float(network.radius.mean()))
     return {"resolution": RESOLUTION * 0.5 / passage, "highest": REACH * diameters / passage}
-
-
-def network_gain(network: Network, passage: float, direction: str = "z") -> Gain:
-    """Gain of the springs by `gain_settings`, without a record; `passage` (s) from wall to wall.
-
-    Of a wall that moves along `direction`: z for P-waves, x or y for S-waves.
-    """
-    found = frequency_response(network, direction=direction, **gain_settings(network, passage))
-    return Gain(found.frequency, found.gain, found.resolution)
 
 
 def gain_factor(signals: Signals, duration: float, highest: float = 2e4) -> Gain | None:

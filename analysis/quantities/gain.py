@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.estimators.transfer import Gain, network_gain
+from analysis.estimators.transfer import Gain
 from analysis.measuring import Measuring, once
-from analysis.prepare import kept_file
+from analysis.prepare import kept_file, made
 from analysis.quantities.passband import low_pass_2
 from analysis.quantities.registry import quantity
 from analysis.quantities.spectrum import standing_waves
@@ -23,9 +23,8 @@ resonance of two held walls, 1 the next maximum."""
 def gain_of(m: Measuring) -> Gain:
     """Gain factor of P-waves from wall to wall, without damping."""
     m.require_walls()
-    if (found := kept_file(m, "response")) is not None:
-        return Gain(found.frequency, found.gain, found.resolution)
-    return network_gain(m.network, m.affine_passage)
+    found = kept_file(m, "response") or made(m, "response")
+    return Gain(found.frequency, found.gain, found.resolution)
 
 
 @quantity(

@@ -10,11 +10,10 @@ from analysis.estimators.damped_transform import Dispersion, mode_dispersion
 from analysis.estimators.excess import Excess
 from analysis.estimators.resonances import Standing, long_wave_velocity, standing_modes
 from analysis.measuring import Measuring, once
-from analysis.prepare import DENSITY_TOLERANCE, kept_file
+from analysis.prepare import kept_file, made
 from analysis.quantities.registry import DISORDER, on_request, quantity, without_signal
 from analysis.quantities.velocity import LOW_ORDER, longest
 from analysis.value import Value, estimate, hertz, unknown
-from modal.modes.density import density_of_states
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import ModeSet, read_z_shapes
 from modal.packing.rattlers import force_bearing
@@ -35,7 +34,7 @@ def density(m: Measuring) -> tuple[Floats, Floats, Floats]:
     """Frequency, Hz, modes per Hz and modes below, of the whole spectrum."""
     if (kept := kept_file(m, "density")) is not None:
         return kept
-    states = density_of_states(m.network, resolution=m.line, tolerance=DENSITY_TOLERANCE)
+    states = made(m, "density")
     grid = states.grid()
     return grid, states.density(grid)[0][:, 6], states.count_below(grid)[0][:, 6]
 

@@ -11,7 +11,7 @@ from study_folder import measured
 import modal
 from analysis.agreement import Agreement, relative
 from analysis.case import Case, kind_of
-from analysis.estimators.transfer import network_gain
+from analysis.estimators.transfer import Gain, gain_settings
 from analysis.measuring import Measuring
 from analysis.quantities.velocity import chain, first_peak, longest
 from modal.elasticity.moduli import write_moduli
@@ -58,7 +58,9 @@ def test_numbers_of_the_crystals_s_wave(made):
         kappa = np.linspace(0.01, 0.8, 80) * np.pi / EXACT.crystal.layer_distance
         assert chain(m, key).omega(kappa) == pytest.approx(EXACT.branches(kappa)[0], rel=5e-3)
         # As of P-waves: the gain is largest where the source end is free, a quarter of a wave.
-        first = network_gain(m.network, m.network.length / EXACT.velocity, "x").first_maximum()[0]
+        how = gain_settings(m.network, m.network.length / EXACT.velocity)
+        found = frequency_response(m.network, direction="x", **how)
+        first = Gain(found.frequency, found.gain, found.resolution).first_maximum()[0]
         assert first == pytest.approx(EXACT.velocity / (4 * m.network.length), rel=0.05)
         # First peaks lag behind the front: near V_S.
         assert first_peak(m, key).value == pytest.approx(EXACT.velocity, rel=0.05)
