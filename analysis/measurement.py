@@ -110,6 +110,10 @@ def measure(
         sample = read_sample(path) if is_sample(path) else None
     else:
         network = packing.network() if isinstance(packing, Sample) else packing
+    if len(amplitudes) and sample is None:
+        raise InputError("waves of finite amplitude are those of a sample, with its friction")
+    if not all(0 < size < np.inf for size in amplitudes):
+        raise InputError(f"amplitudes {list(amplitudes)}: give positive ones, in m")
     waves = [r if isinstance(r, Signals) else read_signals(r) for r in records]
     m = Measuring(network, waves, source, case, keep, sample, amplitudes)
     usual = [q.name for q in QUANTITIES.values() if not q.asked]

@@ -9,7 +9,7 @@ from analysis.measurement import Measurement, measure_files, one_state
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.amplitude import AMPLITUDE
 from analysis.table import Table
-from modal.cli.options import Given, Group, Option, flag, output, say
+from modal.cli.options import Given, Group, NewFolder, Option, flag, output, say
 from modal.cli.terminal import json_text, put
 from modal.formats.hdf5 import write_text
 
@@ -35,7 +35,7 @@ OPTIONS = [
     ),
     flag("--json", "print JSON"),
     Option("--amplitudes", "A ...", f"of pulses through a sample, m: {OF_PULSES}", ()),
-    Option("--keep", "DIR", "folder that keeps costly spectra", kind=str),
+    Option("--keep", "DIR", "folder that keeps costly spectra", kind=NewFolder),
     output("what --json prints, *.json; or a table, *.md"),
 ]
 

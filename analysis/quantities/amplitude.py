@@ -50,10 +50,6 @@ def finite(m: Measuring) -> dict[str, Floats]:
     """
     if len(m.amplitudes) == 0:
         raise InputError("it is measured of a sample over amplitudes, which were not given")
-    if m.sample is None:
-        raise InputError("waves of finite amplitude are those of a sample, with its friction")
-    if not all(0 < size < np.inf for size in m.amplitudes):
-        raise InputError(f"amplitudes {list(m.amplitudes)}: give positive ones, in m")
     frequency, rows = (m.source or m.pulse).frequency, []
     duration = PASSAGES / (m.affine_frequency * m.diameter / m.network.length)
     wave = partial(modal.propagate, m.sample, duration)
