@@ -18,7 +18,7 @@ from modal.exchange.registry import read_remarked
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample
 from modal.tools.display import table
-from modal.tools.errors import refuse_unknown
+from modal.tools.errors import InputError, refuse_unknown
 from modal.waves.signals import Signals, read_signals
 from modal.waves.source import Motion
 
