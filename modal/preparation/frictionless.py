@@ -22,7 +22,8 @@ from modal.tools.loops import compiled, compiled_part, fingerprint, numba, prang
 from modal.tools.slabs import SLABS
 
 PEAK_RESIDUAL = 1e-4
-"""Residual at the peak: spheres go on rearranging there; at 1e-3 the voids are 0.005 more."""
+"""Residual at the peak, where spheres go on rearranging: a looser one leaves that for the stages
+after it and at 3e-3 adds 0.0016 to the void ratio at 100 kPa (docs/benchmarks.md)."""
 PEAK_PACE, PACE = 0.3, 0.4
 """Time step of a descent at the peak, and after it, over sqrt(m / mean kn); the highest mode of a
 dense packing, about sqrt(12 kn / m), would allow 0.58 if all contacts were equally stiff. On the
