@@ -1,4 +1,8 @@
-"""The project's scripts inside YADE, each as the workflow runs it for a table of one line."""
+"""The project's scripts inside YADE, each as yade-batch runs it for a table of one line.
+
+yade-batch itself, which `test_faults_study.py` goes through, starts a second YADE to read the table
+and looks every half second whether a job has ended.
+"""
 
 import os
 import subprocess

@@ -80,30 +80,31 @@ def without_yade(folder: Path) -> None:
 
 
 NO_PRODUCT = 1, "crystal case02: no product from YADE 2023.02a"
-CRASH = "[ $1 = --version ] && echo 2023.02a || { echo Segmentation fault >&2; exit 139; }"
+OLD = {"yade-batch": "exit 0", "yade": "echo Yade version: 2018.02b"}
 
 
 @pytest.mark.parametrize(
-    ("program", "status", "said"),
+    ("programs", "status", "said"),
     [
-        (None, 2, "yade is not in PATH"),
-        (CRASH, *NO_PRODUCT),
-        ("echo Yade version: 2018.02b", 2, "this is YADE 2018.02b, and 2023.02"),
-        ("", 2, "YADE=/nowhere/yade"),
+        (None, 2, "yade-batch is not in PATH"),
+        ({"yade-batch": "echo 'Segmentation fault' >&2; exit 139"}, *NO_PRODUCT),
+        (OLD, 2, "this is YADE 2018.02b, and 2023.02"),
+        ({}, 2, "YADE=/nowhere/yade"),
     ],
 )
 def test_without_a_yade_that_works_there_is_one_line_and_no_product(
-    program, status, said, start, tmp_path
+    programs, status, said, start, tmp_path
 ):
     """None, a crash, an old one, one that is not there; other failures in test_walk_jobs.py."""
-    settings = {"YADE": "/nowhere/yade"}
-    if program is None:
+    for name, text in (programs or {}).items():
+        (tmp_path / name).write_text(f"#!/bin/sh\n{text}\n")
+        (tmp_path / name).chmod(0o755)
+    settings = {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    if programs is None:
         without_yade(tmp_path)
         settings = {"PATH": str(tmp_path)}
-    elif program:
-        (tmp_path / "yade").write_text(f"#!/bin/sh\n{program}\n")
-        (tmp_path / "yade").chmod(0o755)
-        settings = {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    elif not programs:
+        settings = {"YADE": "/nowhere/yade"}
     folder = copy_of(start, "without")
     done = run(folder, "--case", "2", "--stage", "wave", **settings)
     assert done.returncode == status and said in done.stderr.strip().splitlines()[-1]

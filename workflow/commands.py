@@ -137,7 +137,7 @@ class Commands:
 
 
 def write_line(line: Mapping[str, Any], path: str) -> str:
-    """Command that writes a table of one line for YADE, which takes cells for Python."""
+    """Command that writes a table of one line for yade-batch, which takes cells for Python."""
     cells = [
         f'"{cell.replace(" ", "_")}"' if isinstance(cell, str) else f"{cell:.12g}"
         for cell in line.values()
