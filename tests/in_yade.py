@@ -4,8 +4,12 @@ yade-batch itself, which `test_faults_study.py` goes through, starts a second YA
 and looks every half second whether a job has ended.
 """
 
+import atexit
+import json
 import os
+import re
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import h5py
@@ -16,38 +20,62 @@ from modal.__main__ import main
 from modal.packing.network import Network, write_network
 
 
-def start(script: str, table: str, folder: Path, **environment: str) -> subprocess.Popen:
-    """Start a script on a table of two lines, names and values; its log is folder/script.log."""
+def of_batch(script: str, table: str, folder: Path) -> tuple[Path, dict[str, str]]:
+    """The script, and the environment that yade-batch gives it for a table of two lines."""
     path = folder / f"{script}.table"
     path.write_text(table)
-    command = ["yade", "-n", "-x", "-j1", str(ROOT / "yade_scripts" / f"{script}.py")]
     here = {"YADE_BATCH": f"{path}:2", "WAVE_PRODUCTS": str(folder)}
-    with path.with_suffix(".log").open("w") as log:
+    return ROOT / "yade_scripts" / f"{script}.py", here
+
+
+def start(script: str, table: str, folder: Path, **environment: str) -> subprocess.Popen:
+    """Start a script in a YADE of its own, on a table of two lines; it goes on beside the test."""
+    path, here = of_batch(script, table, folder)
+    with (folder / f"{script}.log").open("w") as log:
         return subprocess.Popen(
-            command,
+            ["yade", "-n", "-x", "-j1", str(path)],
             cwd=folder,
             env=os.environ | here | environment,
             stdout=log,
             stderr=log,
-            start_new_session=True,
         )
+
+
+@cache
+def server() -> subprocess.Popen:
+    """The YADE whose forks run all other scripts; it ends with the tests."""
+    command = ["yade", "-n", "-x", "-j1", str(ROOT / "tests/yade/server.py")]
+    pipes = dict.fromkeys(("stdin", "stdout"), subprocess.PIPE)
+    process = subprocess.Popen(command, **pipes, stderr=subprocess.STDOUT, text=True)
+    atexit.register(process.communicate)
+    return process
+
+
+def forked(folder: Path, words: list, environment: dict[str, str]) -> tuple[int, str]:
+    """Run a script with its words to its end: exit status, and what it said."""
+    log = folder / f"{Path(words[0]).stem}.log"
+    job = {"words": [*map(str, words)], "folder": str(folder), "log": str(log), "seconds": 400}
+    said = [json.dumps(job | {"environment": environment})]
+    print(said[0], file=server().stdin, flush=True)
+    while not said[-1].startswith("ended "):
+        said.append(server().stdout.readline())
+        assert said[-1], said
+    return int(said[-1].split()[1]), log.read_text()
 
 
 def run(script: str, table: str, folder: Path, **environment: str) -> str:
     """Run a script to its end; its log, which says what is wrong in lines that begin with error."""
-    status = start(script, table, folder, **environment).wait(timeout=400)
-    log = (folder / f"{script}.log").read_text()
-    assert status == (2 if "\nerror: " in log else 0), log
+    path, here = of_batch(script, table, folder)
+    status, log = forked(folder, [path], here | environment)
+    assert status == (2 if re.search("^error: ", log, re.MULTILINE) else 0), log
     return log
 
 
 def script(path: Path, *arguments: object, folder: Path) -> str:
     """Run a script of its own arguments inside YADE, to its end without fault; what it said."""
-    command = ["yade", "-n", "-x", "-j1", str(path), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=300)
-    said = done.stdout + done.stderr
-    assert done.returncode == 0, said
-    return said
+    status, log = forked(folder, [path, *arguments], {})
+    assert status == 0, log
+    return log
 
 
 def measured_tangent(

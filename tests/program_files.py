@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import packings
 
+import modal
 from modal.__main__ import main
 from modal.packing.network import Network, read_network
 from modal.system.assembly import assembled
@@ -64,6 +66,14 @@ def lammps(network: Network, folder: Path, digits: int = 17) -> tuple[Path, Path
         "compute f all pair/local force p1 p2 p3 fx fy fz cutoff radius\n"
     )
     return atoms, contacts, log
+
+
+def of_law() -> Network:
+    """60 spheres of radii 1:3 between walls, shear forces, law mindlin of LAMMPS."""
+    with tempfile.TemporaryDirectory() as folder:
+        atoms, contacts, log = lammps(packings.polydisperse(False), Path(folder))
+        log.write_text(log.read_text().replace("mindlin/force", "mindlin"))
+        return modal.read(atoms, contacts=contacts, log=log)
 
 
 def tables(network: Network, folder: Path) -> tuple[Path, Path]:

@@ -1,11 +1,14 @@
 """The rules of any study: what a dry run plans, and one tiny study run from end to end."""
 
 import importlib
+import io
 import json
 import os
 import re
 import shutil
 import subprocess
+import warnings
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,7 +16,7 @@ import pytest
 from places import ROOT
 from study_folder import study_folder
 
-pytest.importorskip("snakemake")
+snakemake = pytest.importorskip("snakemake.cli")
 PAPER = "studies/otsubo2017/study.yaml"
 TINY = """
 groups:
@@ -26,6 +29,14 @@ measure: [void_ratio, coordination]
 tables:
   - {name: all, title: All, columns: {case: name, e: void_ratio | .4f, Z: coordination | .2f}}
 """
+
+
+@pytest.fixture
+def jobs(monkeypatch):
+    """The modules of the workflow, at home."""
+    monkeypatch.syspath_prepend(str(ROOT / "workflow"))
+    monkeypatch.chdir(ROOT)
+    return importlib.import_module("jobs")
 
 
 @pytest.fixture(scope="module")
@@ -43,11 +54,23 @@ def run(folder: Path, profile: str, only: str, *settings: str) -> subprocess.Com
 
 
 def planned(folder: Path, **settings: object) -> dict[str, int]:
-    """Number of jobs of each rule in a dry run."""
+    """Number of jobs of each rule in a dry run; Snakemake is loaded once, not for every plan."""
     found = {"study": PAPER, "products": "products", "stage": "result"} | settings
-    done = run(folder, "local", "dry-run", *(f"{n}={v}" for n, v in found.items()))
-    assert done.returncode == 0, done.stderr + done.stdout
-    table = (done.stdout + done.stderr).rpartition("Job stats:")[2]
+    said, driver = io.StringIO(), importlib.import_module("run")
+
+    def in_this_process(command: list[str]) -> SimpleNamespace:
+        with pytest.raises(SystemExit) as end:
+            snakemake.main(command[command.index("snakemake") + 1 :])
+        return SimpleNamespace(returncode=end.value.code)
+
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        patch.setattr(driver.subprocess, "run", in_this_process)
+        patch.chdir(folder)
+        with redirect_stdout(said), redirect_stderr(said):
+            status = driver.main("local", "dry-run", "2", *(f"{n}={v}" for n, v in found.items()))
+    assert status == 0, said.getvalue()
+    table = said.getvalue().rpartition("Job stats:")[2]
     rules = dict(re.findall(r"^(\w+) +(\d+)$", table, re.M))
     return {rule: int(n) for rule, n in rules.items() if rule != "all"}
 
@@ -82,12 +105,12 @@ PLANS = {
 
 
 @pytest.mark.parametrize("name", PLANS)
-def test_a_dry_run_plans(name, study):
+def test_a_dry_run_plans(name, study, jobs):
     settings, wanted = PLANS[name]
     assert wanted.items() <= planned(study, **settings).items()
 
 
-def test_a_tiny_study_from_cloud_to_page_and_again(study):
+def test_a_tiny_study_from_cloud_to_page_and_again(study, jobs):
     """What changes is made again and nothing else; a page follows its results."""
     own = study / "studies/tiny.yaml"
     own.write_text(TINY)
@@ -119,14 +142,6 @@ def test_a_tiny_study_from_cloud_to_page_and_again(study):
     (line,) = (study / "tiny/study/absent.csv").read_text().splitlines()[1:]
     assert line.startswith(f"{names[1]},") and "friction -1" in line
     assert "No result of case 2" in (study / "tiny/study/study.html").read_text()
-
-
-@pytest.fixture
-def jobs(monkeypatch):
-    """The modules of the workflow, at home."""
-    monkeypatch.syspath_prepend(str(ROOT / "workflow"))
-    monkeypatch.chdir(ROOT)
-    return importlib.import_module("jobs")
 
 
 def test_jobs_ask_for_what_their_size_takes_and_a_retry_for_more(jobs):

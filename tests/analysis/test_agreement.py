@@ -1,25 +1,19 @@
 """The split of a difference by cause, on runs whose causes are made up and therefore known."""
 
 from dataclasses import replace
-from pathlib import Path
 
-import in_yade
 import pytest
 from oracles import stepped
-from packings import sheared
 
 from analysis.__main__ import main
 from analysis.agreement import Agreement, compare, split_by_cause
 from analysis.case import Case
 from analysis.measuring import Measuring
-from modal.modes.eigenmodes import modes_of
-from modal.modes.mode_set import write_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
-from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 from modal.waves.propagate import TOLERANCE, propagate
-from modal.waves.signals import Signals, read_signals, write_signals
+from modal.waves.signals import Signals, write_signals
 from modal.waves.source import Pulse, chirp, step
 
 NETWORK = gallery.fcc(cells=(2, 2, 20))
@@ -155,52 +149,3 @@ def test_the_recorded_motion_of_the_source_is_sent_again(motion, within, produce
     pair = Agreement(NETWORK, replace(wave, time_step=1e-6))
     found, linear = pair.measured(pair.run), pair.linear("full", exact_in_time=True)
     assert compare("", found, linear).chain < within
-
-
-NO_SLIP = 10.0
-RUNS = {
-    "run": (2.5e-9, 0.6),
-    "reverse": (-2.5e-9, 0.6),
-    "small": (2.5e-11, NO_SLIP),
-    "small_reverse": (-2.5e-11, NO_SLIP),
-    "no_slip": (2.5e-9, NO_SLIP),
-}
-"""Amplitude, m, and friction of each run, named as in `analysis.agreement`."""
-
-
-def wave(folder: Path, amplitude: float, friction: float) -> tuple[Signals, str]:
-    """Signals of a run, and what its log says of the contacts."""
-    table = f"case mu_wave input_frequency fraction\n30 {friction} 1e5 0.1\n"
-    settings = {"WAVE_AMPLITUDE": str(amplitude), "WAVE_DURATION": "1e-4", "WAVE_PARTICLES": "1"}
-    written = folder / "case30.signals.h5"
-    written.unlink(missing_ok=True)
-    log = in_yade.run("wave", table, folder, **settings)
-    return read_signals(written), next(line for line in log.splitlines() if " contacts " in line)
-
-
-@pytest.mark.slow
-def test_each_cause_has_its_size_in_yade(tmp_path, yade):
-    network = sheared()
-    write_network(tmp_path / "case30.network.h5", network)
-    highest = modes_of(LinearSystem.of(network), highest=1, certify=False)
-    write_modes(tmp_path / "case30.highest.modes.h5", highest)
-    found = {name: wave(tmp_path, *setting) for name, setting in RUNS.items()}
-    assert all("0 opened; 0 slid" in said for _, said in found.values())
-    signals = {name: record for name, (record, _) in found.items()}
-    causes = split_by_cause(Agreement(network, signals.pop("run")), **signals)
-
-    def of(start):
-        return next(row for row in causes if row.cause.startswith(start))
-
-    # No contact slid: another coefficient of friction changes nothing, to the bit.
-    assert of("opened and slipped").particles == 0
-    # The law's quadratic term is even in the amplitude. So is the sample's own drift, whose share
-    # grows as the amplitude falls: of the large runs a hundredth of the small ones' even part.
-    even, drift = of("even part"), of("noise floor").particles / 100
-    assert drift < 0.1 * even.particles < 1e-3
-    # What is odd and not linear is cubic: far smaller, and gone with the amplitude's square.
-    odd, small = of("odd part to linear"), of("odd part, small")
-    assert odd.particles < 0.1 * even.particles
-    assert small.particles < 0.2 * odd.particles
-    # Without its quadratic term the law is its tangent, pre-stress included, to 1e-4.
-    assert small.particles < 1e-4 < of("pre-stress, all").particles

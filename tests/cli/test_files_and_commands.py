@@ -78,7 +78,8 @@ def test_who_may_read_a_file_stays_as_it_was(network_file):
 
 def test_bad_options_are_one_line_and_status_2(network_file, one_line):
     of = f"modes {network_file}"
-    options = (f"{of} --between 5 1", f"{of} --lowest 1000", f"count {network_file} --at many")
+    wrong = "--between 5 1", "--lowest 1000", "--highest 0", "--below nan", "--solver magic"
+    options = (*(f"{of} {one}" for one in wrong), f"count {network_file} --at many")
     named = [["info", name] for name in ("absent.h5", "a\nb.h5", "a" * 300 + ".h5")]
     for arguments in (*named, *map(str.split, (*options, "lattice --stress -1", "wrong"))):
         one_line(main, arguments)

@@ -5,12 +5,9 @@ import pytest
 from oracles import dense_squares
 from packings import columns_side_by_side, diluted
 
-from modal.__main__ import main
 from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import ModeSet
 from modal.modes.zero_modes import by_structure
-from modal.packing import crystal as gallery
-from modal.packing.network import write_network
 from modal.solvers.factor import SOLVERS, Cost, available
 from modal.solvers.lanczos import TOLERANCE
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
@@ -94,19 +91,3 @@ def test_a_small_part_of_a_small_packing_is_not_solved_dense():
         assert (found.attributes["solver"] == "dense") is dense
         tolerance = 1e-13 * (elastic[-1] / elastic[0]) ** 2
         assert found.frequency == pytest.approx(elastic[: last + 1], rel=tolerance)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--lowest", "9999"], "modes asked"),
-        (["--highest", "0"], "0 modes asked"),
-        (["--between", "200", "100"], "is empty"),
-        (["--solver", "magic"], "unknown"),
-        (["--below", "nan"], "is empty"),
-    ],
-)
-def test_bad_requests_get_one_line(tmp_path, one_line, arguments, message):
-    path = tmp_path / "x.network.h5"
-    write_network(path, gallery.fcc(cells=(3, 3, 6)))
-    one_line(main, ["modes", path, *arguments], message)

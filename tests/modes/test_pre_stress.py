@@ -25,7 +25,7 @@ PACKINGS = {
     "friction": lambda: packings.sheared(),
     "mixture": lambda: packings.polydisperse(),
     "crystal": lambda: gallery.fcc(cells=(3, 3, 14)),
-    "random": lambda: modal.random_packing(spheres=150, friction=0.4, seed=1),
+    "random": lambda: packings.frictionless(),
 }
 
 

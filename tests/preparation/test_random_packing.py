@@ -18,8 +18,6 @@ from modal.preparation.random_packing import random_sample, sound_aspect, width_
 from modal.preparation.sizes import radii_of, words
 from modal.tools.errors import InputError
 
-pytestmark = pytest.mark.two_ways
-
 
 def of(spheres, aspect, seed, **mixture):
     """What a packing without friction is made of."""
@@ -31,6 +29,7 @@ def points(*given, **mixture):
     return cloud(of(*given, **mixture))
 
 
+@pytest.mark.two_ways
 def test_forces_are_the_gradient_of_the_energy():
     """Central differences of the energy along a random motion, and along each length."""
     sample = points(200, 2.0, 3)
@@ -64,6 +63,7 @@ def test_forces_are_the_gradient_of_the_energy():
         assert rise(stretch) / (2 * np.log1p(1e-6)) == pytest.approx(-start.virial[axis], rel=1e-5)
 
 
+@pytest.mark.two_ways
 def test_minimum_has_the_stress_and_lower_enthalpy():
     study, pressure = of(150, 1.5, 5), 1e7
     start = cloud(study)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from changes import bonded
 from packings import polydisperse, sheared
+from program_files import of_law
 from scipy.linalg import expm
 
 import modal
@@ -42,6 +43,7 @@ PACKINGS = {
     "cell": lambda: polydisperse(periodic_z=True, n=30),
     "bodies": lambda: bonded(polydisperse(n=30)),
     "sheared": sheared,
+    "law": of_law,
 }
 
 
@@ -174,6 +176,7 @@ CASES = [
     ("bodies", Wall(), "x", "none", DAMPING),
     ("bodies", Wall(), "z", "none", None),
     ("bodies", Point(4), "torsion", "none", DAMPING),
+    ("law", Wall(), "z", "law", None),
 ]
 
 
