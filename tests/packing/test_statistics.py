@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from packings import polydisperse
 from places import PACKINGS, SHEARED
 
 from modal.packing import crystal as gallery
@@ -76,6 +77,24 @@ def test_crystal_in_balance(stress):
     assert np.diag(state.stress_tensor(network))[2] == pytest.approx(stress, rel=1e-12)
     fabric = state.fabric_tensor(gallery.fcc(stress, (3, 3, 400)))
     assert fabric == pytest.approx(np.eye(3) / 3, abs=1e-3)
+
+
+def test_densities_and_coordination_are_counted_sphere_by_sphere():
+    """Radii 1:3 of glass and steel, out of balance."""
+    network = polydisperse()
+    solid = sum(4 / 3 * np.pi * r**3 for r in network.radius)
+    whole = network.cell_size.prod()
+    assert state.void_ratio(network) == pytest.approx(whole / solid - 1, rel=1e-12)
+    touching = np.zeros(network.n_particles)
+    for i, j in zip(network.particle_i, network.particle_j, strict=True):
+        touching[i] += 1
+        if j >= 0:
+            touching[j] += 1
+    np.testing.assert_array_equal(state.contacts_per_particle(network), touching)
+    layers = state.profile(network)
+    assert layers.particles.sum() == network.n_particles
+    volume = whole / len(layers.void_ratio)
+    assert (volume / (1 + layers.void_ratio)).sum() == pytest.approx(solid, rel=1e-12)
 
 
 @pytest.mark.parametrize("thickness", [0.3, 1.0, 2.7, 100.0])

@@ -13,6 +13,7 @@ from scipy.linalg import eigh
 import modal
 from modal.modes.zero_modes import by_structure
 from modal.packing.columns import OF_BONDS
+from modal.packing.crystal import column
 from modal.packing.network import Network, read_network, write_network
 from modal.packing.rigid_bodies import joined
 from modal.system.assembly import stiffness_matrix
@@ -82,15 +83,28 @@ def test_a_chain_of_bonded_spheres_is_a_beam(periods):
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
 
 
-def test_matrix_equals_a_loop_over_contacts():
-    """Contacts that no packing has, which roll and twist."""
-    rolling, twisting = np.random.default_rng(1).uniform(0, 1, (2, 40))
-    network = random_springs(1, 6, 40).unchecked(
-        stiffness_rolling=rolling, stiffness_twisting=twisting
-    )
+ROLLING, TWISTING = np.random.default_rng(1).uniform(0, 1, (2, 40))
+
+
+@pytest.mark.parametrize(
+    "network",
+    [
+        *(modal.fcc(cells=(1, 1, 4)), modal.fcc(cells=(2, 2, 4)), column(4), polydisperse()),
+        # Contacts that no packing has, which roll and twist.
+        random_springs(1, 6, 40).unchecked(stiffness_rolling=ROLLING, stiffness_twisting=TWISTING),
+    ],
+)
+def test_matrix_equals_a_loop_over_contacts(network):
     wanted = slow_stiffness(network)
-    # Sums of at most some forty products.
-    assert abs(stiffness_matrix(network).toarray() - wanted).max() <= 1e-14 * abs(wanted).max()
+    # Sums of at most some forty products of size max|K|: round-off stays below 1e-13 of it.
+    assert abs(stiffness_matrix(network).toarray() - wanted).max() <= 1e-13 * abs(wanted).max()
+
+
+def test_translations_only_is_the_translational_part_of_K():
+    network = modal.fcc(cells=(2, 2, 4))
+    full = stiffness_matrix(network).toarray().reshape(16, 6, 16, 6)
+    part = stiffness_matrix(network, 3).toarray()
+    assert abs(full[:, :3, :, :3].reshape(48, 48) - part).max() <= 1e-15 * abs(part).max()
 
 
 def pair_of(seed: int, stiffness: float | None = None) -> Network:
