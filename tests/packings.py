@@ -101,6 +101,12 @@ def slender(seed: int = 3) -> Network:
 
 
 @cache
+def slim() -> Network:
+    """60 such spheres, to be repeated side by side; not made before a test asks for it."""
+    return random_network(60, 1e5, seed=2, aspect=4)
+
+
+@cache
 def sheared() -> Network:
     """150 spheres compressed with friction in YADE, at rest."""
     return read_sample(SHEARED).network()
