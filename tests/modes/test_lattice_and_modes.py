@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from changes import scaled
-from scipy.linalg import eigh_tridiagonal
 
+from analysis.estimators.layer_lattice import LayerLattice
 from modal.modes.eigenmodes import modes_of
 from modal.packing import crystal as gallery
 from modal.packing.contact_law import Material
@@ -18,15 +18,6 @@ from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import Limits, LinearSystem
 from modal.theory.fcc import FccLattice, dispersion
 from modal.tools.errors import InputError
-
-
-def slab_frequencies(crystal: FccLattice, layers: int) -> np.ndarray:
-    """Planar P modes of the slab from the chain of layers with its wall springs, Hz."""
-    wall = float(crystal.laws[1].stiffness_normal(crystal.wall_overlap, crystal.radius))
-    diagonal = np.full(layers, 2 * crystal.C)
-    diagonal[[0, -1]] = crystal.C + wall
-    square = eigh_tridiagonal(diagonal, np.full(layers - 1, -crystal.C), eigvals_only=True)
-    return np.sqrt(square / crystal.mass) / (2 * np.pi)
 
 
 def test_bloch_long_wave_along_z_is_eq_9():
@@ -62,7 +53,7 @@ def test_bloch_equals_periodic_supercell():
 def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
     network = gallery.fcc(stress, (3, 3, layers), radius=radius)
     found = modes_of(LinearSystem.of(network), all=True)
-    theory = slab_frequencies(FccLattice(stress, radius), layers)
+    theory = LayerLattice.of_network(network).eigenmodes()[0] / (2 * np.pi)
     assert len(found.resonance_frequency) == layers
     assert found.resonance_frequency == pytest.approx(theory, rel=1e-9)
     assert np.allclose(
