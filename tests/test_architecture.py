@@ -1,10 +1,16 @@
-"""The rooms of modal and of analysis: each stands on those before it."""
+"""The rooms of modal and of analysis: each stands on those before it, and loads little."""
 
 import ast
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from places import ROOT
+
+from modal.packing.crystal import fcc
+from modal.packing.network import write_network
 
 ORDER = {
     "modal": (
@@ -46,3 +52,56 @@ def test_arrows_run_one_way(package):
         used = {name[1] for name in found if name[0] == package and name[1:]}
         above = [other for other in order[order.index(room) + 1 :] if other in used]
         assert room == "__init__" or not above + [*outside], f"{path}: {above} {outside}"
+
+
+def modules_of(room: str) -> str:
+    """The modules of a subpackage of modal, as `import` takes them."""
+    paths = sorted((ROOT / "modal" / room).glob("[!_]*.py"))
+    return ", ".join(f"modal.{room}.{path.stem}" for path in paths)
+
+
+INFO = "from modal.__main__ import main; assert main(['info', 'small.network.h5']) == 0"
+
+
+@pytest.mark.parametrize(
+    ("code", "heavy"),
+    [
+        ("import modal", "numpy h5py scipy numba matplotlib"),
+        # A short command needs no compiler and no plots, whose start takes as long as the command.
+        (INFO, "numba matplotlib scipy.spatial"),
+        # What runs inside YADE.
+        (f"import {modules_of('packing')}", "scipy numba matplotlib"),
+        (f"import {modules_of('formats')}", "scipy numba matplotlib"),
+    ],
+    ids=["modal", "info", "packing", "formats"],
+)
+def test_nothing_heavy_is_loaded(code, heavy, tmp_path):
+    """In a process of its own; `import modal` takes some milliseconds."""
+    write_network(tmp_path / "small.network.h5", fcc(cells=(2, 2, 20)))
+    timed = (
+        f"import sys, time; start = time.perf_counter(); {code}\nprint(time.perf_counter() - start)"
+    )
+    timed += f"\nassert not set({heavy.split()}) & set(sys.modules)"
+    variables = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", timed], cwd=tmp_path, env=variables, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert code != "import modal" or float(done.stdout) < 0.3
+
+
+@pytest.mark.parametrize(
+    ("absent", "command", "said"),
+    [
+        ("matplotlib", "figure gain 2", "matplotlib is absent, which draws; pip install matp"),
+        ("matplotlib", "measure none.h5", "none.h5: no such file"),  # which draws nothing
+        ("pandas", "study --help", "pandas is absent, which groups the results of a study; pip"),
+    ],
+)
+def test_analysis_without_a_package_is_one_line(absent, command, said, tmp_path):
+    (tmp_path / f"{absent}.py").write_text(f"raise ModuleNotFoundError(name='{absent}')")
+    command = [sys.executable, "-m", "analysis", *command.split()]
+    variables = os.environ | {"PYTHONPATH": f"{tmp_path}:{ROOT}"}
+    done = subprocess.run(command, env=variables, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"error: {said}") and done.stderr.count("\n") == 1

@@ -5,6 +5,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from fnmatch import fnmatchcase
 
 import pytest
 from places import ROOT
@@ -99,3 +100,20 @@ def test_links_that_lead_nowhere_are_found(tmp_path):
     done = subprocess.run(check, capture_output=True, text=True)
     assert done.returncode == 1
     assert [line.split(": ")[1] for line in done.stdout.splitlines()] == sorted(wrong)
+
+
+def test_every_result_is_in_one_row_and_every_row_has_its_files():
+    """Of results/README.md, which says which command made it."""
+    results = ROOT / "results"
+    done = subprocess.run(["git", "ls-files"], cwd=results, capture_output=True, text=True)
+    if done.returncode:
+        pytest.skip("not a clone: nothing says which files are committed")
+    committed = [path for path in done.stdout.splitlines() if (results / path).exists()]
+    rows = re.findall(r"^\| (`.*?) \| (.*?) \|$", (results / "README.md").read_text(), re.MULTILINE)
+    patterns = [pattern for files, _ in rows for pattern in re.findall("`(.+?)`", files)]
+    for path in set(committed) - {"README.md"}:
+        matches = [pattern for pattern in patterns if fnmatchcase(path, pattern)]
+        assert len(matches) == 1, f"results/{path}: in {len(matches)} rows of results/README.md"
+    for pattern in patterns:
+        assert any(fnmatchcase(path, pattern) for path in committed), f"{pattern}: no such file"
+    assert all(made for _, made in rows)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 
-import h5py
 import numpy as np
 import pytest
 from oracles import stepped
 from packings import frictionless, slender
 
 from analysis.__main__ import main
-from analysis.case import cases_of, cases_of_files, kind_of
+from analysis.case import cases_of, cases_of_files
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.figures.picture import Panel, Picture, write_picture
 from analysis.figures.render import to_figure, write_png
@@ -55,7 +54,6 @@ def folder(tmp_path_factory):
         ("heap.h5", ["--lowest", "40"], "low.h5"),
         ("heap.h5", ["--highest", "1"], "top.h5"),
         ("heap.h5", ["--between", "40000", "50000"], "band.h5"),
-        ("heap.h5", ["--lowest", "5", "--translations-only"], "t.h5"),
     ):
         assert modal_main(["modes", str(folder / name), *options, "-o", str(folder / target)]) == 0
     return folder
@@ -174,18 +172,6 @@ def test_what_does_not_belong_is_refused(folder, tmp_path, one_line):
     shutil.copy(folder / "low.h5", tmp_path / "again.h5")
     with pytest.raises(InputError, match="both modes"):
         cases_of_files([*files(folder, "heap.h5", "low.h5"), tmp_path / "again.h5"])
-
-
-def test_files_of_before_say_in_words_which_modes_they_hold(folder, tmp_path):
-    """Their attributes end at `interval`; the kinds are found all the same."""
-    kinds = {"quartz_all": "modes", "low": "modes", "top": "highest.modes", "band": "band.modes"}
-    for name, kind in (kinds | {"t": "translations.modes"}).items():
-        new, old = folder / f"{name}.h5", tmp_path / f"{name}.h5"
-        shutil.copy(new, old)
-        with h5py.File(old, "r+") as file:
-            for attribute in ("choice", "count", "low", "high"):
-                file.attrs.pop(attribute, None)
-        assert kind_of(old) == kind_of(new) == kind, name
 
 
 def test_tables_and_figures_are_whole_or_as_they_were(tmp_path, monkeypatch):

@@ -88,14 +88,11 @@ def test_bad_options_are_one_line_and_status_2(network_file, one_line):
 def test_modes_and_count_agree_on_the_command_line(network_file, tmp_path, printed):
     out = tmp_path / "slab.modes.h5"
     result = printed("modes", network_file, "--all", "-o", out)
-    frequency = np.array(result["frequency_hz"])
-    assert len(frequency) == result["degrees_of_freedom"] == 144
     written = read_modes(out)
-    assert result["modes_with_chi_z_above_0.999"] == int((written.chi_z > 0.999).sum())
-    assert len(written.resonance_frequency) == 6
-    assert np.array_equal(written.frequency, frequency)
+    assert result["frequency_hz"] == written.frequency.tolist()
+    assert result["modes_with_chi_z_above_0.999"] == (written.chi_z > 0.999).sum() == 6
     counts = printed("count", network_file, "--at", "1e5")["count_below"]
-    assert counts == {"1e5": int((frequency < 1e5).sum())}
+    assert counts == {"1e5": (written.frequency < 1e5).sum()}
 
 
 def test_chain_through_contacts_without_length_ends():

@@ -150,14 +150,10 @@ def test_command_and_file(tmp_path, printed):
     network = gallery.fcc(cells=(2, 2, 6))
     path, output = tmp_path / "a.network.h5", tmp_path / "a.density.h5"
     write_network(path, network)
-    options = "--resolution", "5e3", "--at", "1e5", "3e5", "-o", output
-    result = printed("density", path, *options)
+    result = printed("density", path, "--resolution", "5e3", "--at", "3e5", "-o", output)
     # Above the top of the spectrum all modes are counted, without scatter.
     size = 6 * network.n_particles
     assert result["estimated_count_below"]["3e5"] == pytest.approx(size, rel=1e-9)
-    exact = printed("count", path, "--at", "1e5")["count_below"]["1e5"]
-    # Modes of the crystal come in groups of equal frequency; one group may lie within a width.
-    assert result["estimated_count_below"]["1e5"] == pytest.approx(exact, abs=0.1 * size)
     with h5py.File(output) as file:
         parts = file["translation/count_below"][:].sum(axis=1)
         parts += file["rotation/count_below"][:].sum(axis=1)

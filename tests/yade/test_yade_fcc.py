@@ -99,8 +99,8 @@ def test_wave_of_other_settings_is_stale_and_made_again(products, tmp_path):
     """Each changed setting is told with both values, whether it comes from table or environment."""
     for name in ("network", "highest.modes", "signals"):
         shutil.copy(products / f"case02.{name}.h5", tmp_path)
-    columns = {"mu_wave": "0.2", "input_frequency": "2e5", "interval": "1e-6"}
-    log = batch("wave", tmp_path, columns=columns, WAVE_FRACTION="0.4", WAVE_AMPLITUDE="1e-9")
+    columns = {"mu_wave": "0.2", "input_frequency": "2e5", "interval": "1e-6", "amplitude": "1e-9"}
+    log = batch("wave", tmp_path, columns=columns, WAVE_FRACTION="0.4")
     assert (
         "stale, amplitude was 2.5e-09, is 1e-09; duration was 0.0001, is absent; fraction was 0.05,"
         " is 0.4; input_frequency was 100000.0, is 200000.0; interval was 5e-07, is 1e-06; "
@@ -109,15 +109,6 @@ def test_wave_of_other_settings_is_stale_and_made_again(products, tmp_path):
     signals = read_signals(tmp_path / "case02.signals.h5")
     assert (signals.amplitude, signals.input_frequency) == (1e-9, 2e5)
     assert (tmp_path / "case02.signals.h5.stale").is_file()
-
-
-def test_columns_of_the_table_are_settings_of_the_wave(products, tmp_path):
-    beside(products, tmp_path)
-    columns = {"duration": "1.2e-5", "fraction": "0.5", "amplitude": "1e-9", "particles": "1"}
-    batch("wave", tmp_path, columns=columns)
-    signals = read_signals(tmp_path / "case02.signals.h5")
-    assert signals.amplitude == 1e-9 and signals.particle_displacement is not None
-    assert signals.time[-1] == pytest.approx(1.2e-5, abs=2 * signals.time[1])
 
 
 def test_highest_modes_of_another_network_are_refused_with_both_names(products, tmp_path):
