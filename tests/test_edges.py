@@ -219,7 +219,7 @@ def test_thousand_layers():
 
 @pytest.mark.parametrize("network", [gallery.column(1), gallery.fcc(cells=(1, 1, 1))])
 @pytest.mark.parametrize("slips", [False, True])
-def test_a_single_sphere(network, slips):
+def test_a_single_sphere(network, slips, tmp_path):
     """Between walls, alone or touching its own images: a receiver wall's number, -2, is beyond
     the only sphere when it is taken for one."""
     assert network.n_particles == 1
@@ -232,10 +232,7 @@ def test_a_single_sphere(network, slips):
     assert modes_of(system, all=True).frequency[zero:] == pytest.approx(exact[zero:], rel=1e-12)
     assert count_below(system, exact[-1] / 2) == int((exact < exact[-1] / 2).sum())
     assert propagate(network, 1e-5).signals.chain_displacement[-1] > 0
-
-
-@pytest.mark.parametrize("network", [gallery.column(1), gallery.fcc(cells=(1, 1, 1))])
-def test_every_command_takes_a_single_sphere(network, tmp_path):
+    # Every command takes it.
     path, out = str(tmp_path / "one.network.h5"), str(tmp_path / "out.h5")
     write_network(path, network)
     lists = "modes --lowest 1", "modes --highest 1", "modes --all"

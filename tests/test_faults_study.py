@@ -104,7 +104,7 @@ OLD = {"yade-batch": "exit 0", "yade": "echo Yade version: 2018.02b"}
 def test_without_a_yade_that_works_there_is_one_line_and_no_product(
     programs, status, said, start, tmp_path
 ):
-    """None, a crash, an old one, one that is not there; other failures in test_walk_jobs.py."""
+    """None, a crash, an old one, one that is not there; other failures in test_workflow.py."""
     for name, text in (programs or {}).items():
         (tmp_path / name).write_text(f"#!/bin/sh\n{text}\n")
         (tmp_path / name).chmod(0o755)

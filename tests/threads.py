@@ -89,7 +89,7 @@ def descent() -> str:
 
 def springs() -> str:
     """A step to rest by conjugate gradients, and the loads after it."""
-    from test_elastic_rest import made, shaken
+    from test_equilibrium import made, shaken
 
     rested, _ = relax(shaken(made(), 0.02, np.inf))
     packing = shaken(rested, 1e-3)

@@ -1,15 +1,25 @@
-"""Motions without energy: counted exactly, by kind, against dense null spaces."""
+"""Motions without energy: counted exactly, by kind, and those that many spheres share."""
+
+from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 import pytest
 from changes import from_other_end, slippery
 from oracles import dense_squares
 from packings import diluted
+from scipy.linalg import eigvals_banded
 
-from modal.modes.counts import count_below
+import modal
+from modal.modes.collective import counted_floppy, every_floppy
+from modal.modes.counts import count_below, counts_below
+from modal.modes.eigenmodes import modes_of
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
-from modal.system.linear_system import Limits, LinearSystem
+from modal.packing.network import Network
+from modal.solvers.factor import SOLVERS, Cost, available
+from modal.system.linear_system import Limits, LinearSystem, frequency_of
+from modal.tools.errors import InputError
 
 pytestmark = pytest.mark.two_ways
 
@@ -98,3 +108,166 @@ def test_a_cluster_is_followed_through_contacts_named_either_way(share):
     network = from_other_end(network, other)
     floppy = by_structure(LinearSystem.of(network))
     assert floppy.kinds["loose_clusters"] == floppy.total == 6
+
+
+SLIPPERY = {0.3: 1, 0.45: 4, 0.5: 19}
+"""Of contacts left out of a crystal without tangential springs: the zero modes of 672 that
+structure does not show, with 1.33, 1.03 and 0.95 springs for each motion that it leaves."""
+DILUTED = {(0.6, 1): 1, (0.62, 2): 1, (0.65, 1): 1, (0.7, 2): 5, (0.7, 3): 35}
+"""The same with all springs, by share and seed."""
+CASES = [*SLIPPERY, *DILUTED]
+
+
+def packing(case: float | tuple[float, int]) -> Network:
+    """A crystal of 112 spheres that has lost contacts; made anew: nothing is known of it."""
+    if isinstance(case, tuple):
+        return diluted(*case, 7)
+    return slippery(diluted(case, 1, 7))
+
+
+@cache
+def by_dense_solver(case: float | tuple[float, int]) -> tuple[int, np.ndarray]:
+    """How many zero modes there are, and the frequencies of all others, Hz."""
+    system = LinearSystem.of(packing(case))
+    assert system.size > Limits().small
+    square = np.linalg.eigvalsh(system.scaled.toarray())
+    zero = int((abs(square) < 1e-12 * square[-1]).sum())
+    assert square[zero] > 1e-8 * square[-1]  # nothing between
+    return zero, frequency_of(square[zero:])
+
+
+def middle(frequency: np.ndarray, after: int) -> float:
+    """A frequency in the middle of the gap after so many."""
+    return float(frequency[after - 1 : after + 1].mean())
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_answer_has_the_same_number_of_zero_modes_in_any_order(case):
+    """Lists, dense or not, counts, the density of states, what is printed of a packing.
+
+    Every second case is asked the other way round.
+    """
+    zero, elastic = by_dense_solver(case)
+    many = len(elastic) // 2
+    low, high = middle(elastic, 20), middle(elastic, many)
+    asked = [
+        *(({"highest": n}, elastic[-n:]) for n in (5, 300)),
+        *(({"lowest": n}, elastic[:n]) for n in (many, 32, 5)),
+        *(({"below": high}, elastic[:many]), ({"between": (1e-6, high)}, elastic[:many])),
+        ({"between": (low, high)}, elastic[20:many]),
+        lambda network: modal.count_modes(network, 1e-3),
+        lambda network: modal.density_of_states(network).zero_modes.sum(),
+        lambda network: modal.density_of_states(network, tolerance=0.3).zero_modes.sum(),
+        lambda network: int(modal.describe(network).split("floppy modes")[1].split()[0]),
+        lambda network: modal.eigenmodes(network, all=True).floppy_modes,
+    ]
+    network = packing(case)
+    for ask in asked[:: 1 if CASES.index(case) % 2 else -1]:
+        if callable(ask):
+            assert ask(network) == pytest.approx(zero, rel=1e-12)
+            continue
+        found = modal.eigenmodes(network, **ask[0])
+        assert found.certified and found.floppy_modes == zero and found.missing == 0
+        assert found.frequency == pytest.approx(ask[1], rel=1e-6)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_basis_with_collective_modes_is_exact_and_orthonormal(case):
+    system = LinearSystem.of(packing(case))
+    floppy = every_floppy(system)
+    hidden = (SLIPPERY | DILUTED)[case]
+    assert floppy.kinds["collective"] == hidden == floppy.total - by_structure(system).total
+    assert sum(floppy.kinds.values()) == floppy.total == by_dense_solver(case)[0]
+    assert abs((system.scaled @ floppy.basis).toarray()).max() < 1e-13 * system.diagonal.max()
+    gram = (floppy.basis.T @ floppy.basis).toarray()
+    assert gram == pytest.approx(np.eye(floppy.total), abs=1e-12)
+
+
+def test_more_zero_modes_than_there_are_are_not_made_up(monkeypatch):
+    """A count that were wrong by one: the search for the missing one ends by name."""
+    every = by_dense_solver(0.5)[0]
+    monkeypatch.setattr("modal.modes.collective.count_below", lambda *given, **named: every + 1)
+    with pytest.raises(InputError, match="were counted, but not all were found"):
+        counted_floppy(LinearSystem.of(packing(0.5)))
+
+
+def soft(times: float) -> Network:
+    """A crystal that slides along its walls, as one body, at so many thresholds of zero."""
+    crystal = gallery.fcc(cells=(3, 3, 14))
+    square = times * LinearSystem.of(crystal).zero_threshold
+    held = square * crystal.mass.sum() / crystal.with_wall.sum()
+    tangential = np.where(crystal.with_wall, held, crystal.stiffness_tangential)
+    return replace(crystal, stiffness_tangential=tangential)
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: packing((0.65, 1)), partial(soft, 100), partial(soft, 0.3)]
+)
+def test_one_count_at_its_end_tells_a_list_what_lies_at_zero(monkeypatch, make):
+    """Where it was not counted before, as in large packings that seem sound: a zero mode that
+    structure does not show, two modes at a thousandth of the first wave, two sliding motions."""
+    monkeypatch.setattr("modal.modes.collective.EASY", 0.0)
+    square = dense_squares(LinearSystem.of(make()))
+    zero = int((square < 1e-11 * square[-1]).sum())
+    elastic = frequency_of(square[zero:])
+    assert modal.density_of_states(make(), tolerance=0.3).counted is False
+    high = {"below": middle(elastic, 8)}
+    for question, lifted in (({"lowest": 8}, False), (high, False), (high, True)):
+        network, limits = make(), Limits(dense=0 if lifted else 6000)
+        if lifted:
+            monkeypatch.setattr("modal.modes.effort.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
+
+        found = modes_of(LinearSystem.of(network, limits=limits), **question)
+        assert found.certified and found.floppy_modes == zero
+        assert ("products" in found.attributes["solver"]) is lifted
+        # omega^2 is known to round-off of the largest one.
+        error = 1e-13 * (elastic[-1] / elastic[:8]) ** 2
+        assert (abs(found.frequency / elastic[:8] - 1) < error).all()
+        states = modal.density_of_states(network, tolerance=0.3)
+        assert states.counted and states.zero_modes.sum() == pytest.approx(zero, rel=1e-12)
+        assert "at least" not in modal.describe(network)
+
+
+def test_a_long_chain_without_side_contacts():
+    """Three springs for a contact, one of them too many along the axis: the rest moves freely."""
+    chain = gallery.column(130)
+    zero = 6 * 130 - 3 * chain.n_contacts + 1
+    found = modal.eigenmodes(chain, lowest=4)
+    # Axial motion alone has energy at low frequency: springs 2 k at the walls, k between.
+    k, mass = chain.stiffness_normal[1], chain.mass[0]
+    matrix = np.zeros((2, 130))
+    matrix[0] = 2 * k
+    matrix[0, [0, -1]] = k + chain.stiffness_normal[[0, -1]]
+    matrix[1] = -k
+    assert found.certified and found.floppy_modes == zero
+    axial = np.sqrt(eigvals_banded(matrix, lower=True)[:4] / mass) / (2 * np.pi)
+    along = found.chi_z > 0.99
+    assert along.any() and found.frequency[along] == pytest.approx(axial[: along.sum()], rel=1e-6)
+    between = modal.eigenmodes(chain, between=(1.0, found.frequency[1]))
+    assert between.certified and between.floppy_modes == zero
+
+
+@pytest.mark.parametrize("way", ["slices", "a polynomial"])
+def test_long_lists_that_start_at_zero(monkeypatch, way):
+    """Cut into slices, or lifted by a polynomial: what comes back at zero is no elastic mode."""
+    zero, elastic = by_dense_solver(0.5)
+    slices = way == "slices"
+    if not slices:
+        monkeypatch.setattr("modal.modes.effort.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
+    limits, solver = Limits(dense=0, part=1, slice=40 if slices else 700), "superlu"
+    system = LinearSystem.of(packing(0.5), solver=solver if slices else None, limits=limits)
+    found = modes_of(system, **({"lowest": 100} if slices else {"below": middle(elastic, 100)}))
+    assert ("products" in found.attributes["solver"]) is not slices
+    assert found.frequency == pytest.approx(elastic[:100], rel=1e-6)
+    assert found.certified and found.floppy_modes == zero
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_counts_just_above_zero_are_those_of_the_zero_modes(solver):
+    """At frequencies whose omega^2 is below the round-off of a factorisation."""
+    if not available(solver):
+        pytest.skip("pypardiso is not installed")
+    counts = counts_below(
+        LinearSystem.of(packing(0.5), solver=solver), [1e-9, 1e-6, 1e-3, 0.1, 1.0]
+    )
+    assert counts.tolist() == [by_dense_solver(0.5)[0]] * 5
