@@ -170,6 +170,7 @@ OF_NETWORK = (
     *(modal.eigenmodes, modal.describe, modal.density_of_states, modal.frequency_response),
     modal.elastic_moduli,
 )
+NO_SIZES = [("two", 2), ("two", 20, 0.5), ("lognormal", "x"), ("three", 1), ("two", 9, 0.01)]
 WRONG = [
     (modal.eigenmodes, {"lowest": 3, "highest": 3}, "lowest and highest"),
     (modal.eigenmodes, {"lowest": 3, "solver": "magic"}, "solver 'magic'"),
@@ -182,7 +183,10 @@ WRONG = [
     (modal.count_modes, {"frequency": [np.nan]}, "no frequency"),
     (modal.count_modes, {"frequency": [1e3, -5]}, "-5 Hz is no frequency"),
     (modal.count_modes, {"frequency": "low"}, ANOTHER_KIND),
+    (modal.count_modes, {"frequency": 1e5, "sliding": "yes"}, "choose from elastic, slip"),
+    (modal.eigenmodes, {"pre_stress": "some"}, "pre-stress 'some': unknown"),
     (modal.propagate, {"duration": "long"}, ANOTHER_KIND),
+    (modal.propagate, {"duration": 1e-5, "motion": "pulse"}, "not a Motion or None; modal.waves"),
     (modal.fcc, {"cells": 3}, ANOTHER_KIND),
     (modal.fcc, {"cells": (1, 1, np.inf)}, "three whole numbers"),
     (modal.fcc, {"cells": (1, 1, 10**9)}, "1000000000 spheres takes 2.2 TB of memory"),
@@ -193,11 +197,13 @@ WRONG = [
     (modal.random_packing, {"spheres": 3}, "3 spheres"),
     (modal.random_packing, {"spheres": np.nan}, ANOTHER_KIND),
     (modal.random_packing, {"seed": 2**63}, "seed 9223372036854775808"),
-    (modal.random_packing, {"sizes": np.full(3, np.nan)}, "sizes"),
+    *((modal.random_packing, {"spheres": 100, "sizes": sizes}, "sizes") for sizes in NO_SIZES),
     (modal.fcc, {"radius": 0.0}, "radius 0"),
     (modal.random_packing, {"friction": 2.0}, r"friction \(mu_comp\) 2"),
     *((f, {"network": "mine.network.h5"}, ANOTHER_KIND) for f in OF_NETWORK),
+    (modal.random_packing, {"sizes": np.full(3, np.nan)}, "sizes"),
     (modal.read, {"path": 3}, ANOTHER_KIND),
+    (modal.read, {"path": __file__}, "test_public_api.py, line 1: begins with .* which no program"),
 ]
 
 

@@ -77,9 +77,3 @@ def test_commands_take_a_file_that_needs_no_options(tmp_path, printed, one_line)
 def test_options_that_do_not_belong_are_refused(options, said):
     with pytest.raises(InputError, match=said):
         modal.read(RESTART, **options)
-
-
-def test_files_of_no_known_program_are_refused(tmp_path):
-    (tmp_path / "x.txt").write_text("whatever\n")
-    with pytest.raises(InputError, match="x.txt, line 1: begins with 'whatever', which no program"):
-        modal.read(tmp_path / "x.txt")

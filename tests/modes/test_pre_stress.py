@@ -116,8 +116,6 @@ def test_what_needs_a_symmetric_stiffness_refuses_another_by_name():
     ):
         with pytest.raises(InputError, match="'full': K is not symmetric"):
             ask()
-    with pytest.raises(InputError, match="pre-stress 'some': unknown"):
-        modal.eigenmodes(network, pre_stress="some")
 
 
 def test_commands_take_pre_stress(tmp_path, printed):

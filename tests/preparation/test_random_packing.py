@@ -16,7 +16,6 @@ from modal.preparation.frictionless import Descent, Pressure
 from modal.preparation.protocol import Study, by_tens, stages_of
 from modal.preparation.random_packing import random_sample, sound_aspect, width_of
 from modal.preparation.sizes import radii_of, words
-from modal.tools.errors import InputError
 
 
 def of(spheres, aspect, seed, **mixture):
@@ -200,14 +199,6 @@ def test_loop_and_arrays_agree(sizes, monkeypatch):
         largest = np.max(np.abs(other), initial=0)
         assert one == pytest.approx(other, rel=1e-12, abs=1e-12 * largest)
     assert results[0][-1] == len(rough.contacts().particle_i)
-
-
-@pytest.mark.parametrize(
-    "sizes", [("two", 2), ("two", 20, 0.5), ("lognormal", "x"), ("three", 1), ("two", 9, 0.01)]
-)
-def test_unknown_mixtures_are_refused(sizes):
-    with pytest.raises(InputError, match="sizes"):
-        radii_of(100, sizes, seed=1)
 
 
 def test_log_normal_sizes_have_their_moments():

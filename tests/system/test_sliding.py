@@ -7,7 +7,6 @@ import pytest
 from changes import stiffer
 from packings import polydisperse
 
-import modal
 from modal.packing.network import write_network
 
 SLAB = polydisperse(n=40)
@@ -38,8 +37,3 @@ def test_every_command_has_the_answer_of_no_tangential_spring(name, tmp_path, pr
         write_network(path, network)
         told.append(printed(name, path, *given, *options)[key])
     assert told[0] == told[1] != told[2]
-
-
-def test_other_words_are_refused():
-    with pytest.raises(modal.InputError, match="choose from elastic, slip"):
-        modal.count_modes(SLAB, 1e5, sliding="yes")
