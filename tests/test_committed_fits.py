@@ -103,7 +103,7 @@ def test_the_shared_zero():
 
     each = {name: least(left, name).fun for name in (LOW_PASS, PEAK)}
     best = least(lambda zero: sum(left(zero, name) / each[name] for name in each))
-    assert FITS.loc["both, one z_c", "z_c"] == pytest.approx(best.x, abs=0.006)
+    assert FITS.loc["low-pass frequency and peak, one z_c", "z_c"] == pytest.approx(best.x, abs=0.006)
 
 
 @pytest.fixture(scope="module")

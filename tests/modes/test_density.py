@@ -227,7 +227,7 @@ def test_what_is_no_frequency_is_refused(packing, wrong, tmp_path, one_line):
             ask([wrong])
     path = tmp_path / "a.network.h5"
     write_network(path, packing[0])
-    one_line(main, ["density", path, "--at", wrong], "--at")
+    one_line(main, ["density", path, "--at", wrong], "frequency")
 
 
 def test_a_frequency_beyond_the_modes_is_remarked_on(packing, tmp_path, capsys):
