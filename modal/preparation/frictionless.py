@@ -21,9 +21,6 @@ from modal.tools.arrays import Floats
 from modal.tools.loops import compiled, compiled_part, fingerprint, numba, prange
 from modal.tools.slabs import SLABS
 
-PEAK_RESIDUAL = 1e-4
-"""Residual at the peak, where spheres go on rearranging: a looser one leaves that for the stages
-after it and at 3e-3 adds 0.0016 to the void ratio at 100 kPa (docs/benchmarks.md)."""
 PEAK_PACE, PACE = 0.3, 0.4
 """Time step of a descent at the peak, and after it, over sqrt(m / mean kn); the highest mode of a
 dense packing, about sqrt(12 kn / m), would allow 0.58 if all contacts were equally stiff. On the
@@ -113,7 +110,7 @@ class Pressure(Stage):
         peak = name == SQUEEZE
         target = study.peak * study.mixture.hardness if peak else stress_of(name)
         self.name, self.study, self.control = name, study, Servo(target, study.inertial_number)
-        self.limits = STRESS_ERROR, PEAK_RESIDUAL if peak else study.residual
+        self.limits = STRESS_ERROR, study.residual
         self.pace = PEAK_PACE if peak else PACE
         self.check, self.interval, self.patience = DESCENT_CHECK, 1.0, DESCENT_STEPS
 

@@ -57,7 +57,7 @@ def test_contacts_slide_until_friction_holds_them(packed):
 
 def test_state_at_rest_keeps_the_friction_of_its_compression(sheared):
     """Said to be made with 0.2, a wave follows with 0.3: no contact bears more than 0.2."""
-    start = replace(shaken(sheared, 0.1, np.inf, seed=5), friction=0.3)
+    start = replace(shaken(sheared, 0.4, np.inf, seed=5), friction=0.3)
     used = []
     for study in ({"mu_comp": 0.2}, {}):
         rested, state = relax(replace(start, study=study))
