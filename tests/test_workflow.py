@@ -137,8 +137,8 @@ def test_a_tiny_study_from_cloud_to_page_and_again(study, jobs):
     # A case that cannot be made is a row of the page that says why; the others stand as they are.
     own.write_text(TINY + f"cases: {{{names[1]}: {{wave_friction: -1}}}}\n")
     (study / f"tiny/results/{names[1]}.json").unlink()
-    done = run(study, "local", "", *settings)
-    assert done.returncode == 3
+    for _ in range(2):  # the same command tries it again
+        assert run(study, "local", "", *settings).returncode == 3
     (line,) = (study / "tiny/study/absent.csv").read_text().splitlines()[1:]
     assert line.startswith(f"{names[1]},") and "friction -1" in line
     assert "No result of case 2" in (study / "tiny/study/study.html").read_text()

@@ -61,6 +61,10 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
                 return done
     failed = folder / ".failed"
     failed.unlink(missing_ok=True)
+    absent = Path(jobs.results, "absent.csv")
+    if absent.exists():  # the page that is there lacks cases, which are tried again
+        absent.unlink()
+        Path(folder, "study/study.html").unlink(missing_ok=True)
     # Where this driver is killed, Snakemake goes on and holds the lock.
     done = subprocess.run([*snakemake, *settings], pass_fds=[lock.fileno()]).returncode
     if jobs.stage == "result" and not jobs.seed:
