@@ -17,140 +17,32 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from _committed import PEAK_SLOPE, RESULTS, results, write, write_page
+from _committed import PEAK_SLOPE, RESULTS, write, write_page
+from _isostaticity import (
+    KEYS,
+    LOW_PASS,
+    NAMES,
+    OVER_50,
+    PEAK,
+    WAVE,
+    dilated,
+    ends_of,
+    fitted,
+    headline,
+    power,
+    rows,
+    seeds,
+    shared_zero,
+    study,
+    with_interval,
+)  # fmt: skip
 
 DIAMETER = 2.54e-3  # m
 LOOSEST = 4.4  # z, below which few packings reach the Ioffe-Regel limit
-DRAWS = 4000  # of loading paths, for the intervals
-LOW_PASS, PEAK, IOFFE_REGEL = "low-pass frequency (2 %)", "peak of D(f) / f²", "Ioffe-Regel limit"
-OVER_50, WAVE = "low-pass frequency over 50 D", "wavelength at the low-pass frequency"
-KEYS = {LOW_PASS: "low_pass", PEAK: "excess_peak", IOFFE_REGEL: "ioffe_regel"}
-NAMES = list(KEYS)
-KEYS[OVER_50] = "low_pass_unbiased"
 
 # %%
-# **The packings.** Those of the study, one of each friction and stress; `seeds`: 76 packings of
-# 6,000 spheres, 9 D wide, made and measured by `studies/isostaticity.yaml`; `dilated`: packings in
-# which z does not follow the void ratio, of `studies/dilated.yaml`. A path is one loading path.
-
-rows = pd.read_csv(RESULTS / "study/table1.csv").query("packing == 'random'").set_index("name")
-named = {"case": "case", "packings": "packings", "mu_comp": "friction", "stress_pa": "stress_pa"}
-named |= {"coordination_number_bearing": "z", "void_ratio": "void_ratio", "f_max_khz": "f_max_khz"}
-named |= {"lambda_2_linear_over_d": "wavelength_over_d"}
-named |= {"lambda_2_linear_over_d_error": "wavelength_error"}
-study = rows[list(named)].rename(columns=named)
-for name, key in zip(NAMES, ("f_low_pass_2_linear", "excess_peak", "ioffe_regel"), strict=True):
-    study[name] = rows[f"{key}_khz"] / study["f_max_khz"]
-    study[f"{name}, error"] = rows[f"{key}_khz_error"] / study["f_max_khz"]
-
-# %%
-# Samples of these cases were measured one by one (`isostaticity/samples`, seed 1 a committed one).
-# A number of the study that is of another sample alone counts beside them, but its Ioffe-Regel
-# limits, whose estimator was another one; a mean of several samples stays what it is. Errors are
-# those of means: the scatter of samples, or the error of each where that says more.
-
-
-def sample(stem, numbers, found):
-    """A line a sample, with the columns of the study."""
-    case, seed = stem.split("_seed")
-    row = {"name": case, "seed": int(seed), "f_max_khz": numbers["highest_frequency"] / 1e3}
-    row |= {"z": numbers["coordination_of_bearing"], "void_ratio": numbers["void_ratio"]}
-    for name in NAMES:
-        for end, kind in (("", "value"), (", error", "error")):
-            row[name + end] = (found[KEYS[name]][kind] or np.nan) / 1e3 / row["f_max_khz"]
-    return row
-
-
-samples = pd.DataFrame([sample(*each) for each in results("isostaticity/samples/*.json")])
-apart = study.drop(samples.loc[samples["seed"] == 1, "name"]).rename_axis("name").reset_index()
-single = study.index[study["packings"] == 1]
-for name in (*NAMES, "z", "void_ratio", "f_max_khz"):
-    of = study.index if name in (PEAK, IOFFE_REGEL) else single
-    groups = pd.concat([apart] * (name != IOFFE_REGEL) + [samples]).groupby("name")
-    study.loc[of, name] = groups[name].mean().reindex(of)
-    if name in NAMES:
-        each = groups[f"{name}, error"].agg(lambda e: np.sqrt((e**2).mean() / e.count()))
-        study.loc[of, f"{name}, error"] = np.fmax(groups[name].sem(), each).reindex(of)
-study.loc[single, "packings"] += samples.groupby("name")["z"].count().reindex(single).fillna(0)
-headline = study.rename(columns={name: f"{name} / f_max" for name in NAMES})
-study = study.assign(path=study["friction"], v_p=rows["v_p_long_waves_linear_m_per_s"])
-
-
-def measured(folder):
-    """A line a packing: all that was measured, and the frequencies over its highest."""
-    found = []
-    for _, numbers, of in results(f"isostaticity/{folder}/*.json"):
-        path = of["name"].replace(f"_stress{of['stress']:g}", "")
-        found.append({"friction": of["mu_comp"], "stress_pa": of["stress"], "path": path} | numbers)
-    table = pd.DataFrame(found).rename(columns={"coordination_of_bearing": "z"})
-    for name, key in KEYS.items():
-        table[name] = table[key].astype(float) / table["highest_frequency"]
-    return table.assign(f_max_khz=table["highest_frequency"] / 1e3)
-
-
-seeds, dilated = measured("seeds"), measured("dilated")
-
-# %%
-# **The fits.** Each quantity is a line a (z - z_c), by least squares. All stresses of one friction
-# are states of one loading path, so that cases are not independent: the intervals (95 %) come from
-# drawing paths with replacement: in the study the seven frictions, not the 28 cases.
-
-
-def line(x, y):
-    """Slope and zero of the least-squares line through what is known."""
-    known = np.isfinite(y)
-    slope, at_zero = np.polyfit(x[known], y[known], 1)
-    return slope, -at_zero / slope
-
-
-def power(x, y):
-    """Exponent of the power law of z - 4."""
-    return line(np.log(x - 4), np.log(y))[0]
-
-
-def shared_zero(x, ys):
-    """The one z_c of several lines, each weighted by its own scatter about its best one."""
-    trials, cost = np.linspace(3, 4.4, 281), 0
-    for y in ys:
-        known = np.isfinite(y)
-        less = x[known] - trials[:, None]
-        slope = (less * y[known]).sum(axis=1) / (less**2).sum(axis=1)
-        left = ((y[known] - slope[:, None] * less) ** 2).sum(axis=1)
-        cost = cost + left / left.min()
-    return trials[cost.argmin()]
-
-
-def with_interval(name, statistic, paths):
-    """A statistic of all packings, with 2.5 and 97.5 % of it over draws of whole loading paths."""
-    random = np.random.default_rng(1)
-    members = [np.flatnonzero(paths == each) for each in np.unique(paths)]
-    draws = [random.integers(len(members), size=len(members)) for _ in range(DRAWS)]
-    found = [statistic(np.concatenate([members[k] for k in d])) for d in draws if np.ptp(d) > 0]
-    ends = np.percentile(found, (2.5, 97.5))
-    return dict(zip(ends_of(name), [statistic(np.arange(len(paths))), *ends], strict=True))
-
-
-def ends_of(name):
-    """Columns of a number and of its interval."""
-    return [name, f"{name}_low", f"{name}_high"]
-
-
-def fitted(table, name):
-    """The line through a quantity's points with intervals, and what it leaves."""
-    z, y, paths = table["z"].to_numpy(), table[name].to_numpy(), table["path"].to_numpy()
-    known = np.isfinite(y)
-    fit = {"cases": known.sum()}
-    fit |= with_interval("slope", lambda k: line(z[k], y[k])[0], paths)
-    fit |= with_interval("z_c", lambda k: line(z[k], y[k])[1], paths)
-    through_four = (y[known] @ (z[known] - 4)) / ((z[known] - 4) ** 2).sum()
-    fit |= {
-        "r_squared": np.corrcoef(z[known], y[known])[0, 1] ** 2,
-        "scatter": np.std((y - fit["slope"] * (z - fit["z_c"]))[known]),
-        "slope_with_z_c_4": through_four,
-        "scatter_with_z_c_4": np.sqrt(np.mean((y - through_four * (z - 4))[known] ** 2)),
-    }
-    return fit | with_interval("power", lambda k: power(z[k], y[k]), paths)
-
+# **The fits.** Each quantity is a line a (z - z_c), by least squares, with intervals from draws of
+# whole loading paths (`_isostaticity.py`, which also says which packings these are).
 
 z, wavelength = study["z"].to_numpy(), study["wavelength_over_d"].to_numpy()
 straight = study[[LOW_PASS, PEAK]].to_numpy().T
