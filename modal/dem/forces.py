@@ -114,6 +114,28 @@ def shear_work(before, trial, after, stiffness):
     return stored, dot(mean, plus(trial, -1.0, after)) / stiffness
 
 
+def _rows_in_touch(first, last, position, ends, shift, side, radius, normal):
+    """Contacts of a slab at walls, and those that touch or have done so in the step before.
+
+    Which pairs of a list touch looks like chance: found without a branch, nothing waits for a wrong
+    guess, where the forces of all others would make it wait twice.
+    """
+    rows, found = np.empty(last - first, np.uint32), np.uint64(0)
+    # Numbers without sign: for others numba looks at each access whether it counts from the end.
+    for c in range(np.uint64(first), np.uint64(last)):
+        i, j = np.uint64(ends[c, 0]), np.uint64(max(ends[c, 1], 0))
+        up, reach = shift[c, 2], radius[i] + radius[j]
+        bx = position[j, 0] - position[i, 0] + shift[c, 0] * side[0] + up * side[3]
+        by = position[j, 1] - position[i, 1] + shift[c, 1] * side[1] + up * side[4]
+        bz = position[j, 2] - position[i, 2] + up * side[2]
+        rows[found] = c
+        keep = (bx * bx + by * by + bz * bz < reach * reach) | (ends[c, 1] < 0)
+        if normal is not None:
+            keep |= (normal[c, 0] != 0) | (normal[c, 1] != 0) | (normal[c, 2] != 0)
+        found += np.uint64(keep)
+    return rows[:found]
+
+
 def _forces_of_slab(
     first, last, position, ends, shift, side, walls, radius, laws, motion, dt, change, friction,
     normal, shear, work, load, stiffness, totals,
@@ -125,8 +147,9 @@ def _forces_of_slab(
     touching = sliding = 0
     at_source = at_receiver = (0.0, 0.0, 0.0)
     turn_source = turn_receiver = 0.0
-    # Numbers without sign: for others numba looks at each access whether it counts from the end.
-    for c in range(np.uint64(first), np.uint64(last)):
+    rows = _rows_in_touch(first, last, position, ends, shift, side, radius, normal)
+    for row in rows:
+        c = np.uint64(row)
         i, code = np.uint64(ends[c, 0]), ends[c, 1]
         j = np.uint64(max(code, 0))
         overlap, effective, longer, law = 0.0, 0.0, 0.0, of_pairs
@@ -341,6 +364,7 @@ def _loop_of(law):
     own = {"Law": law, "NUMBERS": len(law._fields)}
     own |= {name: elementwise(getattr(law, name)) for name in LAW}
     of = fingerprint(module)
+    own["_rows_in_touch"] = compiled_part(_rows_in_touch, of, own, fastmath={"contract"})
     own["_forces_of_slab"] = compiled_part(_forces_of_slab, of, own, fastmath={"contract"})
     return compiled(_forces_by_slabs, 1, of, own)
 

@@ -15,8 +15,8 @@ from modal.tools.slabs import SLABS
 
 EMPTY = 100
 """Cells per point above which pairs are not sought by cells."""
-_AHEAD = np.array([(c % 3 - 1, c // 3 % 3 - 1, c // 9 - 1) for c in range(13, 27)])
-"""Half of the cells around one, itself first: the others have it among theirs."""
+_ROWS = np.array([(0, 0), (1, 0), (-1, 1), (0, 1), (1, 1)])
+"""Rows of cells along x around one, its own first, by their steps along y and z."""
 
 
 def contacts_in_reach(
@@ -69,6 +69,63 @@ def _sorted_by(key, count):
     return order, first[:-1]
 
 
+def _runs_near(here, count, first, whole, runs):
+    """Fill `runs` with those of points near a cell, its own first; how many they are.
+
+    First and end of each, and the periods (x, y, z) that its cells lie off; half of the cells
+    around, as the others have this one among theirs. Cells in a row along x hold one run.
+    """
+    x, y, z = here % count[0], here // count[0] % count[1], here // (count[0] * count[1])
+    found = 0
+    for row in range(5):
+        v, w = y + _ROWS[row, 0], z + _ROWS[row, 1]
+        b, up = (v >= count[1]) - (v < 0), 1 * (w == count[2])
+        if up and not whole:
+            continue
+        begin = ((w - up * count[2]) * count[1] + v - b * count[1]) * count[0]
+        back = 1 * (row > 0)
+        for a in range(-1 * (x < back), 1 + (x + 1 == count[0])):
+            low = max(x - back - a * count[0], 0)
+            high = min(x + 1 - a * count[0], count[0] - 1)
+            runs[found, 0], runs[found, 1] = first[begin + low], first[begin + high + 1]
+            runs[found, 2], runs[found, 3], runs[found, 4] = a, b, up
+            found += 1
+    return found
+
+
+def _pairs_of_some(
+    begin, end, points, cell, order, first, count, lengths, reach, whole, ends, shift
+):  # fmt: skip
+    """Pairs of the points from `begin` to `end` into `ends`; without room for any, the most."""
+    runs, near, here = np.empty((15, 5), np.int64), 0, -1
+    square, found = reach * reach, np.uint64(0)
+    for k in range(begin, end):
+        if cell[k] != here:
+            here = cell[k]
+            near = _runs_near(here, count, first, whole, runs)
+        for run in range(near):
+            start, stop = runs[run, 0] if run else k + 1, runs[run, 1]
+            if len(ends) == 0:
+                found += np.uint64(max(stop - start, 0))
+                continue
+            a, b, up, before = runs[run, 2], runs[run, 3], runs[run, 4], found
+            px = points[k, 0] - a * lengths[0]
+            py = points[k, 1] - b * lengths[1]
+            pz = points[k, 2] - up * lengths[2]
+            # Numbers without sign: for others numba looks whether they count from the end.
+            for m in range(np.uint64(start), np.uint64(stop)):
+                dx, dy, dz = points[m, 0] - px, points[m, 1] - py, points[m, 2] - pz
+                # Written and kept or written over: without a branch nothing waits for a guess.
+                ends[found, 1] = m
+                found += np.uint64(dx * dx + dy * dy + dz * dz <= square)
+            for pair in range(before, found):
+                i, j = order[k], order[ends[pair, 1]]
+                way = 1 - 2 * (i > j)
+                ends[pair, 0], ends[pair, 1] = min(i, j), max(i, j)
+                shift[pair, 0], shift[pair, 1], shift[pair, 2] = way * a, way * b, way * up
+    return found
+
+
 def _pairs_by_cells(position, lengths, reach, whole):
     """Pairs at most `reach`, m, apart, as in `contacts_in_reach`, by cells at least as wide."""
     n = len(position)
@@ -79,39 +136,24 @@ def _pairs_by_cells(position, lengths, reach, whole):
             at = int(position[i, axis] / lengths[axis] * count[axis])
             cell[i] = cell[i] * count[axis] + min(max(at, 0), count[axis] - 1)
     order, first = _sorted_by(cell, count.prod())
-    points = position[order]
-    ends, shift = np.empty((8 * n, 2), np.int32), np.empty((8 * n, 3), np.int8)
-    found = 0
-    for here in range(count.prod()):
-        x, y, z = here % count[0], here // count[0] % count[1], here // (count[0] * count[1])
-        for c in range(14):
-            u, v, w = x + _AHEAD[c, 0], y + _AHEAD[c, 1], z + _AHEAD[c, 2]
-            up = 1 if w == count[2] else 0
-            if up and not whole:
-                continue
-            # Not by division, which would take half of the time.
-            a = -1 if u < 0 else (1 if u == count[0] else 0)
-            b = -1 if v < 0 else (1 if v == count[1] else 0)
-            w -= up * count[2]
-            there = (w * count[1] + v - b * count[1]) * count[0] + u - a * count[0]
-            begin, end = first[there], first[there + 1]
-            most = found + (first[here + 1] - first[here]) * (end - begin)
-            if most > len(ends):
-                ends = np.concatenate((ends, np.empty((most, 2), np.int32)))
-                shift = np.concatenate((shift, np.empty((most, 3), np.int8)))
-            for k in range(first[here], first[here + 1]):
-                px = points[k, 0] - a * lengths[0]
-                py = points[k, 1] - b * lengths[1]
-                pz = points[k, 2] - up * lengths[2]
-                for m in range(max(begin, k + 1) if c == 0 else begin, end):
-                    dx, dy, dz = points[m, 0] - px, points[m, 1] - py, points[m, 2] - pz
-                    # Written and kept or written over: without a branch nothing waits for a guess.
-                    i, j = order[k], order[m]
-                    way = 1 - 2 * (i > j)
-                    ends[found, 0], ends[found, 1] = min(i, j), max(i, j)
-                    shift[found, 0], shift[found, 1], shift[found, 2] = way * a, way * b, way * up
-                    found += dx * dx + dy * dy + dz * dz <= reach * reach
-    return ends[:found], shift[:found]
+    near = position[order], cell[order], order, first, count, lengths, reach, whole
+    bounds = np.arange(SLABS + 1) * n // SLABS
+    most, found = np.zeros(SLABS + 1, np.int64), np.zeros(SLABS, np.int64)
+    none, still = np.empty((0, 2), np.int32), np.empty((0, 3), np.int8)
+    for part in prange(SLABS):
+        most[part + 1] = _pairs_of_some(bounds[part], bounds[part + 1], *near, none, still)
+    room = most.cumsum()
+    ends, shift = np.empty((room[-1], 2), np.int32), np.empty((room[-1], 3), np.int8)
+    for part in prange(SLABS):
+        rows = slice(room[part], room[part + 1])
+        found[part] = _pairs_of_some(bounds[part], bounds[part + 1], *near, ends[rows], shift[rows])
+    kept = 0
+    for part in range(SLABS):
+        rows = slice(room[part], room[part] + found[part])
+        ends[kept : kept + found[part]] = ends[rows]
+        shift[kept : kept + found[part]] = shift[rows]
+        kept += found[part]
+    return ends[:kept], shift[:kept]
 
 
 def _way_of_some(first, last, position, start, stretch):
@@ -149,6 +191,8 @@ if numba is None:
     longest_ways = longest_ways_by_arrays
 else:
     _sorted_by = numba.njit(cache=True)(_sorted_by)
-    _pairs_by_cells = numba.njit(cache=True)(_pairs_by_cells)
+    _runs_near = compiled_part(_runs_near, fingerprint())
+    _pairs_of_some = compiled_part(_pairs_of_some, fingerprint())
+    _pairs_by_cells = compiled(_pairs_by_cells, 0, fingerprint())
     _way_of_some = compiled_part(_way_of_some, fingerprint())
     longest_ways = compiled(_longest_ways, 0, fingerprint())

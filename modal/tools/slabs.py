@@ -23,7 +23,7 @@ def slabs_of(ends: Ints, n: int) -> Ints:
     """
     if n < ENOUGH:
         return np.array([0, len(ends)])
-    starts = np.searchsorted(ends[:, 0], np.arange(n + 1))
+    starts = np.append(0, np.bincount(ends[:, 0], minlength=n).cumsum())
     reach, (rows,) = np.arange(n), np.nonzero(np.diff(starts))
     reach[rows] = np.maximum(rows, np.maximum.reduceat(ends[:, 1], starts[rows]))
     reach = np.maximum.accumulate(reach)

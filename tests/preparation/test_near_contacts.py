@@ -15,15 +15,18 @@ EPS = np.finfo(float).eps
 
 
 @pytest.mark.parametrize("whole", [False, True])
-@pytest.mark.parametrize("lengths", [[3.1, 4.7, 6.2], [5.0, 3.3, 0.41], [2.9, 4.7, 6.2]])
+@pytest.mark.parametrize(
+    ("lengths", "count"),
+    [([3.1, 4.7, 6.2], 400), ([5.0, 3.3, 0.41], 400), ([2.9, 4.7, 6.2], 400), ([9, 7, 31], 6000)],
+)
 @pytest.mark.parametrize("sizes", [(0.4, 0.4), (0.1, 0.4)])
-def test_contacts_are_those_of_a_tree(sizes, lengths, whole):
-    """Crowded and empty cells, cells beside their own images, too few of them, points on borders.
+def test_contacts_are_those_of_a_tree(sizes, lengths, count, whole):
+    """Crowded and empty cells, beside their own images, too few, points on borders; by threads.
 
     The skin is 0.1, and walls reach as far as the largest radius.
     """
-    lengths, random = np.array(lengths), np.random.default_rng(2)
-    places, radius = random.random((400, 3)) ** 2 * lengths, random.choice(sizes, 400)
+    lengths, random = np.array(lengths, float), np.random.default_rng(2)
+    places, radius = random.random((count, 3)) ** 2 * lengths, random.choice(sizes, count)
     places[0], places[1] = 0.0, [0.0, 0.0, lengths[2] * (1 - EPS)]
     ends, shift = near_contacts.contacts_in_reach(places, lengths, radius, 0.1, whole)
     found = set(zip(*ends.T.tolist(), *shift.T.tolist(), strict=True))
