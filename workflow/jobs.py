@@ -25,6 +25,9 @@ LEAST = 750
 """Spheres of the smallest packing that is wide enough."""
 LAYERS = 40
 """Of the crystals of a reduced study."""
+SETTLED = 1e-4
+"""Residual of reduced packings, over contact force: where ten times as much is left, few contacts
+creep so far as they come to rest that a stress can fall by a tenth."""
 SMALL = 3000
 """Spheres, at most, of packings of which half of a job would be the start of its program."""
 STAGES = RULES["stages"]
@@ -55,6 +58,7 @@ class Jobs(Commands):
                 row["spheres"] = ACROSS * row["layers"]
             elif self.reduced:
                 row["spheres"] = int(config["spheres"])
+                row.setdefault("residual", SETTLED)
                 if row.get("width") is not None:
                     row["width"] = round(row["width"] * (row["spheres"] / full) ** (1 / 3), 4)
         costs = Path(__file__).with_name("costs.tsv")
