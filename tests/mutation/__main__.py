@@ -3,23 +3,25 @@
     python -m tests.mutation [--count 300] [--seed 1] [--modules waves/propagate ...]
 
 Draws mutants from the modules of `TESTS`, puts each into a copy of the project, runs the tests of
-its module there and prints the first that failed. 300 mutants take about 40 minutes. Survivors that
-compute the same as the original are listed, with the reason, in tests/mutation/equivalent.toml.
+its module there and prints the first that failed, which must pass without the mutant. The runs are
+forks of a program that has loaded the libraries. Survivors that compute the same as the original
+are listed, with the reason, in tests/mutation/equivalent.toml.
 """
 
 import argparse
+import contextlib
+import importlib
 import os
-import re
 import resource
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
-import time
 import tomllib
 from collections import Counter
 from pathlib import Path
+
+import pytest
 
 from tests.mutation.mutants import drawn, mutants_of
 
@@ -29,36 +31,46 @@ TESTS = tomllib.loads(Path(__file__).with_name("tests.toml").read_text())
 """Test files of a module of modal, the quickest and most likely ones first."""
 MEMORY = 8 << 30
 """Bytes that one run of the tests may take: a wrong size must not stop the machine."""
-LEFT_BEHIND = (".git", ".venv", "products", "build", "results", "__pycache__", "*.egg-info")
+TIME = 300
+"""Seconds of the processor, which pass as slowly as the tests where the machine is busy."""
+LEFT_BEHIND = (".git", ".venv", "products", "build", "results", "*.egg-info")
+LIBRARIES = ("h5py", "numba", "numpy", "scipy.integrate", "scipy.optimize", "scipy.sparse.linalg")
+OPTIONS = ("-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=1")
 
 
-def tested(folder: Path, module: str, timeout: float) -> str:
-    """The first test that failed on the module in a copy of the project; none if all passed."""
-    names = [f"test_{name}.py" for name in TESTS[module].split()]
-    files = [str(next((folder / "tests").rglob(name))) for name in names]
-    settings = dict.fromkeys(("OMP_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-    # Compiled code is looked up by the time and size of a file: each mutant starts without any.
-    shutil.rmtree(cache := folder / ".numba", ignore_errors=True)
-    settings |= {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(cache)}
-    options = ["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=1"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "pytest", *options, *files],
-        cwd=folder,
-        env=os.environ | settings | {"PYTHONDONTWRITEBYTECODE": "1"},
-        start_new_session=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    try:
-        output, _ = process.communicate(timeout=timeout)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
-        return "timeout"
-    failed = re.search(r"^(?:FAILED|ERROR) (?:tests/)?(\S+)", output, re.MULTILINE)
-    status = f"exit status {process.returncode}" * bool(process.returncode)
-    return failed[1] if failed else status
+class Failures:
+    """Plugin of pytest that writes the names of tests, or files, that fail."""
+
+    def __init__(self, at: int) -> None:
+        self.at = at
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Of a test."""
+        if report.failed:
+            os.write(self.at, f"{report.nodeid}\n".encode())
+
+    pytest_collectreport = pytest_runtest_logreport
+
+
+def tested(folder: Path, *tests: str) -> str:
+    """The first test that failed in a copy of the project; none if all passed."""
+    reading, writing = os.pipe()
+    if not (child := os.fork()):
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_CPU, (TIME, TIME))
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        signal.alarm(20 * TIME)
+        for stream in (1, 2):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+        os.chdir(folder)
+        sys.path.insert(0, str(folder))
+        os._exit(pytest.main([*OPTIONS, *tests], [Failures(writing)]))
+    os.close(writing)
+    _, status = os.waitpid(child, 0)
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(child, signal.SIGKILL)
+    with os.fdopen(reading) as said:
+        return said.readline().strip() or f"exit status {status}" * bool(status)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -77,25 +89,28 @@ def main(arguments: list[str] | None = None) -> int:
         f"{row['path']}: {row['before']} -> {row['after']}"
         for row in tomllib.loads(EQUIVALENT.read_text())["mutant"]
     }
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    limits, told = dict[str, float](), Counter[tuple[str, str]]()
+    sound, told = set[str](), Counter[tuple[str, str]]()
     with tempfile.TemporaryDirectory(prefix="mutation-") as parent:
         folder = Path(parent, "project")
         shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*LEFT_BEHIND))
+        names = (f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA"))
+        os.environ |= dict.fromkeys(names, "1") | {"PYTHONPATH": str(folder)}
+        for library in LIBRARIES:
+            importlib.import_module(library)
         for number, mutant in enumerate(mutants, 1):
-            module = mutant.module
-            if module not in limits:
-                started = time.monotonic()
-                if failed := tested(folder, module, 600):
-                    raise SystemExit(f"the tests of {module} fail without any mutant: {failed}")
-                limits[module] = 20 + 3 * (time.monotonic() - started)
             path = folder / mutant.path
-            source = path.read_text()
-            path.write_text(mutant.apply(source))
-            by = tested(folder, module, limits[module])
-            path.write_text(source)
+            # Compiled code is kept, and known by its file's time: each mutant has its own.
+            path.write_text(mutant.apply(path.read_text()))
+            os.utime(path, (number, number))
+            files = [f"test_{name}.py" for name in TESTS[mutant.module].split()]
+            by = tested(folder, *(str(next((folder / "tests").rglob(name))) for name in files))
+            shutil.copy2(ROOT / mutant.path, path)
+            if by.startswith("tests/") and by not in sound:
+                if tested(folder, *["--collect-only"] * ("::" not in by), by):
+                    raise SystemExit(f"{by} fails without any mutant")
+                sound.add(by)
             outcome = "noticed" if by else "equivalent" if str(mutant) in same else "SURVIVED"
-            told[module, outcome] += 1
+            told[mutant.module, outcome] += 1
             print(f"{number}/{len(mutants)} {outcome} {mutant} {by}", flush=True)
     for (module, outcome), count in sorted(told.items()):
         print(f"{module}: {count} {outcome}")
