@@ -1,11 +1,12 @@
 """Faults of a whole study, `run_cases.sh` on a short crystal: killed, doubled, without YADE."""
 
 import os
+import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
-from study_folder import copy_of, study_folder
+from study_folder import PAPER, copy_of, planned, study_folder
 from test_faults import equal, killed_again_and_again, study, undisturbed
 
 from modal.formats.provenance import packing_of, read_provenance
@@ -58,7 +59,7 @@ def waved(start) -> tuple[Path, subprocess.CompletedProcess]:
     """The study as far as its waves, where case 1 is too narrow for YADE; how that ended."""
     folder = copy_of(start, "waved")
     narrow = STUDY + "cases: {case01: {width: 2}}\n"
-    (folder / "studies/otsubo2017/study.yaml").write_text(narrow)
+    (folder / PAPER).write_text(narrow)
     return folder, run(folder, "--case", "1", "2", "--stage", "wave")
 
 
@@ -79,43 +80,18 @@ def test_two_studies_in_one_folder_at_once(start, reference):
     equal(reference[0], folder)
 
 
-def without_yade(folder: Path) -> None:
-    """All programs of PATH but YADE's."""
-    for place in os.environ["PATH"].split(":"):
-        for program in Path(place).glob("*"):
-            link = folder / program.name
-            if not program.name.startswith("yade") and not link.exists():
-                link.symlink_to(program)
-
-
-NO_PRODUCT = 1, "crystal case02: no product from YADE 2023.02a"
-OLD = {"yade-batch": "exit 0", "yade": "echo Yade version: 2018.02b"}
-
-
 @pytest.mark.parametrize(
-    ("programs", "status", "said"),
-    [
-        (None, 2, "yade-batch is not in PATH"),
-        ({"yade-batch": "echo 'Segmentation fault' >&2; exit 139"}, *NO_PRODUCT),
-        (OLD, 2, "this is YADE 2018.02b, and 2023.02"),
-        ({}, 2, "YADE=/nowhere/yade"),
-    ],
+    ("program", "status", "said"),
+    [("nowhere", 2, "setup.sh: YADE="), ("crashes", 1, "crystal case02: no product from YADE")],
 )
 def test_without_a_yade_that_works_there_is_one_line_and_no_product(
-    programs, status, said, start, tmp_path
+    program, status, said, start, tmp_path
 ):
-    """None, a crash, an old one, one that is not there; other failures in test_workflow.py."""
-    for name, text in (programs or {}).items():
-        (tmp_path / name).write_text(f"#!/bin/sh\n{text}\n")
-        (tmp_path / name).chmod(0o755)
-    settings = {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
-    if programs is None:
-        without_yade(tmp_path)
-        settings = {"PATH": str(tmp_path)}
-    elif not programs:
-        settings = {"YADE": "/nowhere/yade"}
+    """None, a crash; other failures of yade-batch in test_workflow.py."""
+    for name, stands_there in (("crashes", "yade"), ("crashes-batch", "false")):
+        (tmp_path / name).symlink_to(shutil.which(stands_there))
     folder = copy_of(start, "without")
-    done = run(folder, "--case", "2", "--stage", "wave", **settings)
+    done = run(folder, "--case", "2", "--stage", "wave", YADE=str(tmp_path / program))
     assert done.returncode == status and said in done.stderr.strip().splitlines()[-1]
     assert not list(folder.rglob("*.h5"))
 
@@ -149,14 +125,15 @@ def test_case_that_fails_does_not_keep_the_others_from_going_on(waved):
     assert made == {f"case02.{kind}.h5" for kind in ("network", "highest.modes", "signals")}
 
 
-def test_changed_study_makes_the_products_again(waved):
-    """Another stress in the study: the network and what a wave needs follow it."""
+def test_changed_study_makes_the_products_again(waved, monkeypatch):
+    """Another stress in the study: by plan the network and what a wave needs follow it."""
     folder = copy_of(waved[0], "changed")
-    own = folder / "studies/otsubo2017/study.yaml"
-    own.write_text(STUDY.replace("[1e4, 1e5]", "[1e4, 2e5]"))
-    assert run(folder, "--case", "2", "--stage", "wave").returncode == 0
+    monkeypatch.setenv("WAVE_FRACTION", "0.4")
+    assert planned(folder, cases=[2], stage="wave") == {}
+    (folder / PAPER).write_text(STUDY.replace("[1e4, 1e5]", "[1e4, 2e5]"))
+    again = planned(folder, cases=[2], stage="wave")
+    assert again == {"crystal": 1, "highest_mode": 1, "yade_wave": 1, "total": 4}
     network = packing_of(folder / "products/case02.network.h5")
-    assert read_provenance(folder / "products/case02.network.h5").settings["stress"] == 2e5
+    assert read_provenance(folder / "products/case02.network.h5").settings["stress"] == 1e5
     for kind in ("highest.modes", "signals"):
-        path = folder / f"products/case02.{kind}.h5"
-        assert read_provenance(path).packing[0] == network[0]
+        assert read_provenance(folder / f"products/case02.{kind}.h5").packing[0] == network[0]

@@ -1,27 +1,24 @@
 """The rules of any study: what a dry run plans, one tiny study run from end to end, refusals."""
 
 import importlib
-import io
 import json
 import os
 import re
 import shutil
 import subprocess
-import warnings
-from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from in_yade import forked
 from places import ROOT
-from study_folder import study_folder
+from study_folder import PAPER, driven, planned, study_folder
 
-snakemake = pytest.importorskip("snakemake.cli")
-PAPER = "studies/otsubo2017/study.yaml"
+pytest.importorskip("snakemake")
 TINY = """
 groups:
   - kind: random
-    factors: {friction: [0, 0.4], stress: [1e6]}
+    factors: {friction: [0], stress: [1e6, 2e6]}
     spheres: 110
     width: 4
     wave_friction: friction + 0.1
@@ -45,34 +42,6 @@ def study(tmp_path_factory) -> Path:
     folder = study_folder(tmp_path_factory.mktemp("study") / "project")
     (folder / "setup.sh").write_text("#!/bin/sh\n")
     return folder
-
-
-def run(folder: Path, profile: str, only: str, *settings: str) -> subprocess.CompletedProcess:
-    """As ./run_cases.sh calls it, without setting anything up."""
-    command = [".venv/bin/python", "workflow/run.py", profile, only, "2", *settings]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True)
-
-
-def planned(folder: Path, **settings: object) -> dict[str, int]:
-    """Number of jobs of each rule in a dry run; Snakemake is loaded once, not for every plan."""
-    found = {"study": PAPER, "products": "products", "stage": "result"} | settings
-    said, driver = io.StringIO(), importlib.import_module("run")
-
-    def in_this_process(command: list[str]) -> SimpleNamespace:
-        with pytest.raises(SystemExit) as end:
-            snakemake.main(command[command.index("snakemake") + 1 :])
-        return SimpleNamespace(returncode=end.value.code)
-
-    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        patch.setattr(driver.subprocess, "run", in_this_process)
-        patch.chdir(folder)
-        with redirect_stdout(said), redirect_stderr(said):
-            status = driver.main("local", "dry-run", "2", *(f"{n}={v}" for n, v in found.items()))
-    assert status == 0, said.getvalue()
-    table = said.getvalue().rpartition("Job stats:")[2]
-    rules = dict(re.findall(r"^(\w+) +(\d+)$", table, re.M))
-    return {rule: int(n) for rule, n in rules.items() if rule != "all"}
 
 
 PLANS = {
@@ -114,31 +83,30 @@ def test_a_tiny_study_from_cloud_to_page_and_again(study, jobs):
     """What changes is made again and nothing else; a page follows its results."""
     own = study / "studies/tiny.yaml"
     own.write_text(TINY)
-    settings = ("study=studies/tiny.yaml", "products=tiny", "stage=page")
-    done = run(study, "local", "", *settings)
-    assert done.returncode == 0, done.stderr
-    names = [f"friction{mu}_stress1e+06" for mu in ("0", "0.4")]
+    tiny = {"study": "studies/tiny.yaml", "products": "tiny", "stage": "page"}
+    status, said = driven(study, "", **tiny)
+    assert status == 0, said
+    names = [f"friction0_stress{stress}" for stress in ("1e+06", "2e+06")]
     found = [json.loads((study / f"tiny/results/{name}.json").read_text()) for name in names]
     e = [one["values"]["void_ratio"]["value"] for one in found]
-    assert e[0] < e[1]  # with less friction denser
+    assert e[0] > e[1]  # under more stress denser
     table = (study / "tiny/study/all.csv").read_text().splitlines()
     assert [line.split(",")[1] for line in table[1:]] == [f"{value:.4f}" for value in e]
     assert (study / "tiny/study/workflow.html").exists()
     before = {path: path.stat().st_mtime for path in (study / "tiny").glob("*.h5")}
     own.write_text(TINY.replace("friction + 0.1", "friction + 0.2"))
-    again = planned(study, study="studies/tiny.yaml", products="tiny", stage="page")
-    assert again == {"sample": 2, "measure": 2, "page": 1, "total": 6}
+    assert planned(study, **tiny) == {"sample": 2, "measure": 2, "page": 1, "total": 6}
     # A seed that is added makes the page stale, as its result is one of the page's inputs.
     own.write_text(TINY)
     (study / "tiny/results/seed_2").mkdir()
     shutil.copy(study / "tiny/results/friction0_stress1e+06.json", study / "tiny/results/seed_2")
-    assert planned(study, study="studies/tiny.yaml", products="tiny", stage="page")["total"] == 2
+    assert planned(study, **tiny)["total"] == 2
     assert all(path.stat().st_mtime == made for path, made in before.items())
     # A case that cannot be made is a row of the page that says why; the others stand as they are.
     own.write_text(TINY + f"cases: {{{names[1]}: {{wave_friction: -1}}}}\n")
     (study / f"tiny/results/{names[1]}.json").unlink()
     for _ in range(2):  # the same command tries it again
-        assert run(study, "local", "", *settings).returncode == 3
+        assert driven(study, "", **tiny)[0] == 3
     (line,) = (study / "tiny/study/absent.csv").read_text().splitlines()[1:]
     assert line.startswith(f"{names[1]},") and "friction -1" in line
     assert "No result of case 2" in (study / "tiny/study/study.html").read_text()
@@ -231,16 +199,18 @@ def test_front_door_refuses_in_one_line(arguments, said):
 
 
 @pytest.mark.parametrize(
-    "says, there, status",
+    ("version", "prints", "there", "status", "said"),
     [
-        ("error: it belongs to another study", True, 1),
-        ("killed", False, 1),
-        ("written", True, 0),
+        ("2023.02a", "error: it belongs to another study", True, 1, "error: it belongs"),
+        ("2023.02a", "killed", False, 1, "killed"),
+        ("2023.02a", "written", True, 0, "written"),
+        ("2018.02b", "", False, 2, "this is YADE 2018.02b, and 2023.02"),
+        ("", "", False, 2, "yade-batch is not in PATH"),
     ],
 )
-def test_a_job_of_yade_fails_with_its_script(says, there, status, tmp_path):
+def test_a_job_of_yade_fails_with_its_script(version, prints, there, status, said, tmp_path):
     """yade-batch itself returns 0 whatever comes of its job; a product may be there from before."""
-    for name, text in (("yade-batch", says), ("yade", "2023.02a")):
+    for name, text in (("yade-batch", prints), ("yade", version)) if version else ():
         (tmp_path / name).write_text(f"#!/bin/sh\necho '{text}'\n")
         (tmp_path / name).chmod(0o755)
     product = tmp_path / "100000Pa.sample.h5"
@@ -256,8 +226,8 @@ def test_a_job_of_yade_fails_with_its_script(says, there, status, tmp_path):
         capture_output=True,
         text=True,
     )
-    assert done.returncode == status, (tmp_path / "walk.log").read_text()
-    assert says in (tmp_path / "walk.log").read_text()
+    log = (tmp_path / "walk.log").read_text()
+    assert done.returncode == status and said in log, log
 
 
 @pytest.mark.parametrize(
@@ -277,6 +247,5 @@ def test_what_a_script_itself_gets_wrong_is_no_mistake_of_its_user(
         "from modal.formats.hdf5 import InputError\nfrom yade_scripts.scene import finish\n\n"
         f"def main():\n    raise {raised}\n\nfinish(main)\n"
     )
-    command = ["yade", "-n", "-x", "-j1", str(script)]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
-    assert done.returncode == status and first in done.stderr.splitlines(), done.stderr
+    ended, log = forked(tmp_path, [script], {})
+    assert ended == status and first in log.splitlines(), log
