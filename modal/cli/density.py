@@ -4,9 +4,9 @@ import numpy as np
 
 from modal.cli.options import Given, Option, Result, chosen_for
 from modal.cli.reading import packing_of, remark_on_ends, springs
-from modal.modes.counts import frequencies
 from modal.modes.density import density_of_states, write_density
 from modal.system.contacts import SYMMETRIC
+from modal.tools.arguments import frequencies
 
 COMPONENTS = ("u_x", "u_y", "u_z", "theta_x", "theta_y", "theta_z", "all")
 QUARTILES = (0.25, 0.5, 0.75)

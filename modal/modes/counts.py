@@ -1,6 +1,6 @@
 """Exact number of modes below a frequency: the negative pivots of A - sigma, by Sylvester's law.
 
-And what may be asked of lists: frequencies in Hz, and how many modes.
+And how many modes may be asked of lists.
 """
 
 from __future__ import annotations
@@ -17,22 +17,10 @@ from modal.packing.network import Network
 from modal.solvers.factor import SingularError, choose
 from modal.solvers.lanczos import start_block
 from modal.system.linear_system import LinearSystem
-from modal.tools.arguments import checked
+from modal.tools.arguments import checked, frequencies
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
-
-
-def frequencies(given: ArrayLike) -> Floats:
-    """The frequencies as an array, Hz; InputError where one is no number from 0 on."""
-    try:
-        asked = np.asarray(given, float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"frequency is {given!r}, not numbers of Hz from 0 on") from error
-    wrong = ~(np.isfinite(asked) & (asked >= 0))
-    if wrong.any():
-        raise InputError(f"{asked[wrong][0]:g} Hz is no frequency; give a number from 0 Hz on")
-    return asked
 
 
 def check_count(system: LinearSystem, count: int, available_modes: int) -> None:
@@ -164,8 +152,6 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
             f"pre-stress {system.pre_stress!r}: K is not symmetric, and no factor of it counts "
             "modes; take pre-stress normal, or all modes of a small packing"
         )
-    if not np.isfinite(frequency):
-        raise InputError(f"{frequency} Hz is no frequency; give a number from 0 Hz on")
     if frequency <= 0 and system.semidefinite:
         return 0
     square = (2 * np.pi * frequency) ** 2

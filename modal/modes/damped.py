@@ -25,7 +25,7 @@ from modal.solvers.lanczos import SEED
 from modal.system.assembly import stiffness_matrix
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
-from modal.tools.arguments import checked
+from modal.tools.arguments import checked, frequencies
 from modal.tools.arrays import Complex, Floats
 from modal.tools.display import quantity
 from modal.tools.errors import InputError
@@ -115,7 +115,7 @@ def damped_modes(
     array([12.3, 12. , 12. , 11.6])
     """
     system = LinearSystem.of(network)
-    if not 0 < near < np.inf:
+    if not frequencies(near) > 0:
         raise InputError(f"modes near {near:g} Hz: give a frequency above 0")
     check_count(system, count, system.size - (0 if system.size <= FEW else 2))
     A = system.assembled()

@@ -23,13 +23,13 @@ from scipy.linalg import eigh
 from modal.formats.product import Column, Product
 from modal.formats.provenance import Provenance
 from modal.modes.collective import every_floppy
-from modal.modes.counts import frequencies, refuse_unstable
+from modal.modes.counts import refuse_unstable
 from modal.packing.network import Network
 from modal.solvers.chebyshev import chebyshev, jackson
 from modal.solvers.spectrum import largest_growth
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator, component_sums
-from modal.tools.arguments import checked
+from modal.tools.arguments import checked, frequencies
 from modal.tools.arrays import Floats
 from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError
@@ -240,7 +240,7 @@ def density_of_states(
     >>> value.shape, round(value[0, 6])
     ((1, 7), 480)
     """
-    if not 0 < resolution < np.inf:
+    if not frequencies(resolution) > 0:
         raise InputError(f"resolution {resolution:g} Hz: give a positive number of Hz")
     if seed < 0 or seed % 1 != 0:
         raise InputError(f"seed {seed}: give a whole number from 0 on")

@@ -13,6 +13,7 @@ from modal.formats.product import product_of, stored
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.system.root_mass import RootMass
+from modal.tools.arguments import frequencies
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError
@@ -62,10 +63,11 @@ class Choice:
         """From `low` to below `high`, Hz; InputError where there is nothing between."""
         if high == np.inf:
             raise InputError("an interval without an end: ask for all modes")
-        if not (np.isfinite(low) and np.isfinite(high)) or high <= low or high <= 0:
+        low, high = map(float, frequencies((low, high)))
+        if high <= low:
             empty = f"the interval {low:g} to {high:g} Hz is empty"
             raise InputError(f"{empty}; give the lower end first")
-        return cls("between", low=max(float(low), 0.0), high=float(high))
+        return cls("between", low=low, high=high)
 
     def part(self, frequency: Floats, zero: float) -> slice:
         """Which of all frequencies, ascending, Hz, are asked for.

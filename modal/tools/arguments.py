@@ -9,7 +9,9 @@ from numbers import Real
 from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 P = ParamSpec("P")
@@ -104,3 +106,20 @@ def _fits(value: object, kind: Any) -> bool:
     with suppress(TypeError):  # what is no class, or none that can be asked, allows everything
         return isinstance(value, kind)
     return True
+
+
+HIGHEST = 1e30
+"""Hz: no body of a size that numbers hold vibrates so fast, and powers of it are numbers."""
+
+
+def frequencies(given: ArrayLike) -> Floats:
+    """The frequencies as an array, Hz; InputError where one is no number from 0 to `HIGHEST`."""
+    try:
+        asked = np.asarray(given, float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"frequency is {given!r}, not numbers of Hz from 0 on") from error
+    wrong = ~((asked >= 0) & (asked <= HIGHEST))
+    if wrong.any():
+        what = f"{asked[wrong][0]:g} Hz is no frequency"
+        raise InputError(f"{what}; give a number from 0 to {HIGHEST:g} Hz")
+    return asked

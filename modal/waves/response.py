@@ -32,7 +32,7 @@ from modal.packing.network import Network
 from modal.solvers.factor import factorise
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
-from modal.tools.arguments import checked
+from modal.tools.arguments import checked, frequencies
 from modal.tools.arrays import Complex, Floats
 from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError
@@ -202,7 +202,7 @@ def frequency_response(
     >>> gain.gain_maxima().round(-1)
     array([ 3420., 10250., 17080.])
     """
-    if not (0 < resolution < np.inf and 0 < tolerance < 1):
+    if not (frequencies(resolution) > 0 and 0 < tolerance < 1):
         raise InputError("resolution must be a positive number of Hz, tolerance between 0 and 1")
     system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
     source, receivers = source or Wall(), Receivers(system.network, direction)
@@ -223,8 +223,8 @@ def frequency_response(
 
 def _end(top: float, highest: float | None, resolution: float) -> float:
     """Hz: where the frequencies end; `top` is the end of the spectrum in omega^2, 1/s^2."""
-    end = float(np.sqrt(top)) / (2 * np.pi) if highest is None else highest
-    if not resolution < end < np.inf:
+    end = float(np.sqrt(top) / (2 * np.pi) if highest is None else frequencies(highest))
+    if not resolution < end:
         raise InputError(f"highest frequency {end:g} Hz: must exceed the resolution")
     return end
 

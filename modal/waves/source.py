@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from modal.tools.arguments import refuse_other_kinds
+from modal.tools.arguments import frequencies, refuse_other_kinds
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
@@ -78,7 +78,7 @@ class Pulse:
 
     def __post_init__(self) -> None:
         refuse_other_kinds(Pulse, "Pulse", vars(self))
-        if not (self.frequency > 0 and _squares(self.frequency) and _squares(self.amplitude)):
+        if not (_squares(float(frequencies(self.frequency))) and _squares(self.amplitude)):
             raise InputError(
                 f"a pulse of {self.amplitude:g} m and {self.frequency:g} Hz makes no wave: the "
                 "amplitude must not be 0, the frequency above 0, and the squares of both numbers"
