@@ -16,7 +16,7 @@ import numpy as np
 from modal.exchange.input_script import WIDTHS, Script, columns_of_liggghts
 from modal.exchange.law import SI, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import WALLS, Cell, Packing, ends_of
-from modal.exchange.text import Rows, fault, last_step, shown, significant_digits, text_lines
+from modal.exchange.text import Rows, Words, fault, last_step, shown, significant_digits, text_lines
 from modal.tools.arrays import Array, Bools, Floats, Ints
 
 UNITS = {"si": SI, "cgs": Units(1e-2, 1e-3, 1.0), "micro": Units(1e-6, 1e-15, 1e-6)}
@@ -30,9 +30,15 @@ ROUNDED = (6, 7)
 stand there when somebody chose them, more when all were written."""
 SHAPED = ("shapex", "quatw", "quat1", "blockiness1", "length", "corner1x")
 """Columns of LAMMPS and LIGGGHTS for ellipsoids, superquadrics, rods and polygons."""
+COLUMNS = (
+    [(axis, f"{axis}u", f"{axis}s") for axis in "xyz"],
+    [("radius", "diameter"), ("mass", "rmass", "density")],
+)
+"""Of spheres, in one of these words each: places, then size and what tells their mass."""
 TYPED = "--wall"
 """The name of walls that are typed on the command line."""
-
+OTHER_WALLS = ("xplane", "yplane", "zcylinder")
+"""Walls that no network has."""
 
 RECIPES: dict[int, Sequence[str]] = {
     4: ("patom1", "patom2", "ptype1", "ptype2"),
@@ -52,12 +58,16 @@ QUANTITIES: dict[str, Sequence[str]] = {
 """Forces of contacts, and the columns in which they stand; the last two are of LIGGGHTS."""
 
 
+OfKind = Callable[[int], ProgramLaw]
+"""The law between a wall and a kind of sphere."""
+
+
 class Wall(NamedTuple):
     """A wall: z, m, the law between it and a kind of sphere, and the ID of its fix."""
 
     z: float
-    law: Callable[[int], ProgramLaw]
-    name: str = ""
+    law: OfKind
+    name: str
 
 
 Walls = Mapping[int, Wall]
@@ -148,13 +158,11 @@ def _head(
     return count, {"step": step, "low": box[:, 0], "high": box[:, 1], **own}
 
 
-def opened(path: Path, given: Mapping[str, Any], script: Script) -> tuple[Frame, Units]:
-    """The frame of a dump of spheres, and its units.
+def units_of(path: Path, frame: Frame, given: Mapping[str, Any], script: Script) -> Units:
+    """The units that are typed, or of the name that log and dump give them, or si.
 
-    These are those that are typed, or of the name that log and dump give them, or si. InputError
-    where two differ, and for lj, which has no SI.
+    InputError where two differ, and for lj, which has no SI.
     """
-    frame = frame_of(path, "ATOMS", given.get("step"))
     typed, dumped, logged = Units.typed(given.get("scales")), frame.units, script.units
     if dumped and logged and dumped != logged:
         what = f"ITEM: UNITS {dumped}, and {script.said} has units {logged}"
@@ -171,7 +179,45 @@ def opened(path: Path, given: Mapping[str, Any], script: Script) -> tuple[Frame,
         script.remarks.append(f"{what}: those of its end are taken")
     if not (typed or logged or dumped):
         script.remarks.append("no units are told: si are taken")
-    return frame, typed or UNITS[name]
+    return typed or UNITS[name]
+
+
+def lost_columns(rows: Rows) -> list[str]:
+    """Columns that the spheres of a dump need, and that are not there in any of their words."""
+    return [names[0] for kinds in COLUMNS for names in kinds if not any(map(rows.has, names))]
+
+
+def walls_of(script: Script, units: Units, law_of: Callable[[Words], OfKind], planes: int) -> Walls:
+    """The walls of the log's fixes, each of so many `planes`, or the typed one of two.
+
+    Of planes that are told alone the lowest one is the floor. InputError for others than one at low
+    and one at high z.
+    """
+    found, told = dict[int, Wall](), list[tuple[list[float], OfKind, str, Words]]()
+    for name, words in script.walls.items():
+        where = name if name == TYPED else f"fix {name} wall/gran"
+        said = Words(words, where, f"only walls zplane are known; type them with {TYPED}")
+        for other in filter(said.__contains__, OTHER_WALLS):
+            do = "turn the packing, or make the other axes periodic"
+            said.refuse(f"{other} is not known, a network has walls at low and high z", do)
+        if "wiggle" in said:
+            what = "it wiggles, and where it was at a step is not told"
+            said.refuse(what, f"type where ({TYPED})")
+        heights = said.numbers("zplane", 2 if name == TYPED else planes, null=True)
+        told.append((heights, law_of(said), name, said))
+    if planes == 1:
+        told.sort(key=lambda wall: wall[0])
+    for heights, law, name, said in told:
+        if len(heights) == 1:
+            heights.insert(int(WALLS[0] not in found), np.nan)
+        for code, end, z in zip(WALLS, ("low", "high"), heights, strict=True):
+            if np.isnan(z):
+                continue
+            if code in found:
+                what = f"a second wall at {end} z, beside that of fix {found[code].name}"
+                said.refuse(f"{what}, where a network has one", f"type them with {TYPED}")
+            found[code] = Wall(units.length * z, law, name)
+    return found
 
 
 def packing_of(
@@ -187,11 +233,9 @@ def packing_of(
         what = f"the column {name} tells of bodies that are no spheres, which are not known"
         fault(rows.path, what, "dump spheres, without it", rows.line - 1, name)
 
-    def either(*options: str) -> str:
-        return next((name for name in options if rows.has(name)), options[0])
-
-    places = [either(axis, f"{axis}u", f"{axis}s") for axis in "xyz"]
-    size, heavy = either("radius", "diameter"), either("mass", "rmass", "density")
+    places, (size, heavy) = (
+        [next(filter(rows.has, names), names[0]) for names in kinds] for kinds in COLUMNS
+    )
     further = {"kind": "type"} if typed or rows.has("type") else {}
     further |= {"body": body} if body else {}
     names = ("id", *places, size, heavy, *further.values())

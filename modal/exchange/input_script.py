@@ -32,6 +32,8 @@ UNASKED = ("pos", "vel", "id", "force", "torque", "history", "contactArea")
 """Of these, what it writes when none is named."""
 STYLES = ("wall/gran", "property/global", "rigid", *LOCAL, *REFUSED_FIXES)
 """Of the fixes and computes that count, with those that go on after a slash (`rigid/nve/small`)."""
+INSERTING = ("pour", "deposit", "insert")
+"""Fixes that add atoms, of which there may be fewer on the way than at the end of a run."""
 PROPERTIES = ("youngsModulus", "poissonsRatio", "coefficientFriction")
 """Of a material of LIGGGHTS, those that its law has."""
 
@@ -43,8 +45,8 @@ class Script:
     `said` tells in a message whose words they are. `bodies` has the words of each fix rigid behind
     its style; `refused` says why of each fix that a network has nothing for, `groups` whom the
     walls and bodies of these IDs are made of; `properties` are those of LIGGGHTS' materials.
-    `changed` is the last step that was printed before the law or a wall changed; `remarks` are what
-    is taken where nothing tells it.
+    `steps` and numbers of `atoms` that were printed; `changed` is the last step before the law or a
+    wall changed; `remarks` are what is taken where nothing tells it.
     """
 
     said: str = "--pair"
@@ -57,6 +59,8 @@ class Script:
     refused: dict[str, str] = field(default_factory=dict)
     groups: dict[str, str] = field(default_factory=dict)
     properties: dict[str, list[float]] = field(default_factory=dict)
+    steps: list[int] = field(default_factory=list)
+    atoms: list[int] = field(default_factory=list)
     changed: int = 0
     remarks: list[str] = field(default_factory=list)
 
@@ -66,6 +70,13 @@ class Script:
         laws = {tuple(words) for _, _, *words in self.pair}
         return len(laws) > 1 or any(len(values) > 1 for values in self.properties.values())
 
+    def refuse_other_run(self, path: str | Path, step: int, atoms: int) -> None:
+        """InputError where a dump has a step or a number of atoms that no run of the log had."""
+        for what, has, told in (("step", step, self.steps), ("atoms", atoms, self.atoms)):
+            if told and not min(told) <= has <= max(told):
+                said = f"{what} {has}, the runs of {self.said} {min(told)} to {max(told)}"
+                fault(path, f"{said}: the log of another run", "give the log of this dump")
+
 
 def read_log(path: str | Path | None, units: str) -> Script:
     """The commands of a log that count at its end.
@@ -74,17 +85,17 @@ def read_log(path: str | Path | None, units: str) -> Script:
     """
     if path is None:
         return Script()
-    script, step, printed = Script(str(path), units), 0, False
+    script, printed = Script(str(path), units), False
     for number, words in _lines(path):
         printed = words[0] == "Step" or (printed and words[0].isdigit())
         if printed and words[0].isdigit():
-            step = int(words[0])
+            script.steps.append(int(words[0]))
         if words == ["clear"]:
             script = Script(str(path), units)
         law = len(script.pair), script.style, script.walls.copy()
         _command(script, words, f"{path}, line {number}")
         if law != (len(script.pair), script.style, script.walls):
-            script.changed = step
+            script.changed = [0, *script.steps][-1]
     for why in script.refused.values():
         raise InputError(why)
     return script
@@ -100,6 +111,12 @@ def _command(script: Script, words: list[str], where: str) -> None:
     match words:
         case ["units", name]:
             script.units = name
+        case (
+            ["Loop", "time", *_, number, "atoms"] | ["Created", number, "atoms"] | [number, "atoms"]
+        ):
+            script.atoms += [int(number)] if number.isdigit() else []
+        case ["fix", _, _, style, *_] if style.split("/")[0] in INSERTING:
+            script.atoms.append(0)
         case ["dimension", "2"]:
             fault(where, "dimension 2", "a network has spheres that move in space")
         case ["bond_style", style, *_] if style not in ("none", "zero"):

@@ -6,22 +6,25 @@ that is typed in, and is refused. Contacts come from `compute pair/gran/local`; 
 are not told.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
 
-from modal.exchange.dump import TYPED, Told, Wall, Walls
+from modal.exchange.dump import Frame, OfKind, Told, Walls
 from modal.exchange.input_script import PROPERTIES, Script
-from modal.exchange.lammps_law import material_of
+from modal.exchange.lammps import material_of
 from modal.exchange.law import DISPLACEMENT, ProgramLaw, Units
-from modal.exchange.particles_and_contacts import WALLS, Contacts, LawOf, Packing
-from modal.exchange.text import Words, fault
+from modal.exchange.particles_and_contacts import Contacts, LawOf, Packing
+from modal.exchange.text import Words
+from modal.tools.arrays import Floats, Ints
 
 EXAMPLE = (
     '--pair "gran model hertz tangential history youngsModulus 6e10 poissonsRatio 0.2 '
     'coefficientFriction 0.3"'
 )
 TYPED_WALL = '--wall "type N zplane LOW HIGH"'
+UNITS, PLANES, ENDS = "si", 1, ("id1", "id2")
+"""As of `modal.exchange.lammps`."""
 OFF = {"cohesion": "off", "rolling_friction": "off", "surface": "default"}
 """Models that do more than springs, and the word that turns each off."""
 
@@ -37,12 +40,16 @@ def contacts_of(told: Told, packing: Packing, units: Units) -> Contacts:
     shear = np.where(push < 0, -1.0, 1.0)[:, None] * shear
     # A normal of its own tells more than rounded bounds; that of the whole force is not one.
     line = along if parted else None
-    pairs = Contacts(told.i, told.j, abs(push), shear, line=line, listed=told.rows)
-    if np.isnan(packing.cell.walls).all():
-        return pairs
+    return Contacts(told.i, told.j, abs(push), shear, line=line, listed=told.rows)
+
+
+def at_walls(
+    frame: Frame, packing: Packing, units: Units, walls: Walls, fixes: Sequence[str]
+) -> tuple[Ints, Ints, Floats, None]:
+    """Spheres at walls, by positions, and codes (k,); forces that follow from the law, no shear."""
     found = packing.touching()
-    found = found.some(found.j < 0)
-    return pairs.with_walls(found.i, found.j, np.full(len(found.i), np.nan), None)
+    i, j = found.i[found.j < 0], found.j[found.j < 0]
+    return i, j, np.full(len(i), np.nan), None
 
 
 def law_of_types(script: Script, units: Units) -> LawOf:
@@ -77,33 +84,11 @@ def law_of_types(script: Script, units: Units) -> LawOf:
     return law_of
 
 
-def walls_of(script: Script, units: Units, of_types: LawOf) -> Walls:
-    """The walls by their codes; one whose type is not said is of that of each sphere.
-
-    From --wall "type N zplane LOW HIGH", or from the log's fixes, each of one plane; a single one
-    is the floor.
-    """
-
-    def law(kind: int | None) -> Callable[[int], ProgramLaw]:
-        return lambda of: of_types(of, kind or of)
-
-    found = []
-    for name, words in script.walls.items():
-        do = f"only primitive walls zplane are known; give {TYPED_WALL}"
-        said = Words(words, name if name == TYPED else f"fix {name} wall/gran", do)
-        heights = said.numbers("zplane", 1 + (name == TYPED), null=True)
-        unsaid = name == TYPED and "type" not in said
-        kind = None if unsaid else int(said.number("type"))
-        found += [(z, kind) for z in heights]
-        if unsaid:
-            what = f"walls are taken to be of the material of each sphere (else say {TYPED_WALL})"
-            script.remarks.append(what)
-    if len(found) > len(WALLS):
-        fault(script.said, f"{len(found)} walls zplane", f"give two, {TYPED_WALL}")
-    if TYPED not in script.walls:
-        found.sort()
-    return {
-        code: Wall(units.length * z, law(kind))
-        for code, (z, kind) in zip(WALLS, found, strict=False)
-        if not np.isnan(z)
-    }
+def law_of_wall(said: Words, script: Script, units: Units, of_types: LawOf) -> OfKind:
+    """The law between a wall, of the type that is said or of that of each sphere, and a kind."""
+    if "type" not in said:
+        what = f"walls are taken to be of the material of each sphere (else say {TYPED_WALL})"
+        script.remarks.append(what)
+        return lambda of: of_types(of, of)
+    kind = int(said.number("type"))
+    return lambda of: of_types(of, kind)

@@ -23,9 +23,9 @@ from places import ROOT
 from program_files import misfit
 from scipy.spatial.transform import Rotation
 
+from modal.cli.importing import summary_of
 from modal.exchange.import_result import ImportResult
 from modal.exchange.registry import import_packing
-from modal.exchange.report import summary_of
 from modal.packing.layers import Layers
 from modal.packing.network import Network
 from modal.packing.state import stress_tensor

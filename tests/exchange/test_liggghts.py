@@ -158,4 +158,4 @@ def test_walls_are_of_the_type_that_is_said(network, files):
         ) == (name == "unsaid")
     assert stiff["log"] == stiff["typed"] != stiff["unsaid"]
     files.spoil("log", r"\Z", "fix w all wall/gran model hertz mesh n_meshes 1 meshes c\n")
-    files.refused("only primitive walls zplane are known")
+    files.refused("only walls zplane are known; type them with --wall")

@@ -41,7 +41,9 @@ SPOILT = {
         ("log", END, "fix f all freeze\n", "fix freeze: frozen spheres"),
         ("log", END, "fix h all wall/harmonic zlo EDGE 1\n", "fix wall/harmonic: walls of this"),
         ("log", END, f"fix w all wall/gran {HERTZ} wiggle z 1 1\n", "fix w .*it wiggles,"),
-        ("log", END, "clear\n", "no law of contact is known"),
+        ("log", END, "clear\n", "no law of contact is known; `import` it"),
+        ("log", END, "Step\n8\n9\n", "x.atoms: step 7, the runs of .* 8 to 9: the log of another"),
+        ("log", END, "Created 9 atoms\n", "x.atoms: atoms 60, the runs of .* 9 to 9: the log of"),
         # Variables without a value, as in a script that is given for its log.
         ("log", END, "pair_coeff 1 1 hertz ${E} 0 0.2\n", r"\${E} has no value in this file: pair"),
         ("log", END, "fix v all wall/gran hertz $(v_l) zplane 0 1\n", r"\$\(v_l\) has no value"),

@@ -1,4 +1,4 @@
-"""LAMMPS' own words for a law of contact, as they stand after pair_style and pair_coeff.
+"""What LAMMPS says in its own way: laws of contact, and the columns of contacts and walls.
 
 `granular` with hooke, hertz and hertz/material, tangential linear_history, mindlin and their like,
 rolling sds, twisting sds and marshall; gran/hooke, gran/hooke/history and gran/hertz/history; `fix
@@ -16,11 +16,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
+from modal.exchange.dump import TYPED, Frame, OfKind, Told, Walls
 from modal.exchange.input_script import Script
 from modal.exchange.law import DISPLACEMENT, FORCE, MIDDLE, ONE_SIDED, RADIUS, SI, ProgramLaw, Units
-from modal.exchange.particles_and_contacts import LawOf
+from modal.exchange.particles_and_contacts import WALLS, Contacts, LawOf, Packing
 from modal.exchange.text import Words, fault
 from modal.packing.contact_law import YOUNG, Elasticity
+from modal.tools.arrays import Floats, Ints
 
 TANGENTIAL = {
     "linear_nohistory": (2, False, FORCE),
@@ -42,6 +46,9 @@ GRAN = {
 }
 """Older style: its normal and its tangential model."""
 OPTIONS = ("tangential", "rolling", "twisting", "damping", "cutoff", "limit_damping")
+EXAMPLE = '--pair "granular hertz/material 6e10 0 0.2 tangential mindlin NULL 0 0.3"'
+UNITS, PLANES, ENDS = "lj", 2, ("patom1", "patom2")
+"""Units where a log names none, planes of a fix wall/gran, columns of the two ends of a contact."""
 LAST = sys.maxsize
 """The highest type, whatever it is."""
 
@@ -168,7 +175,7 @@ def material_of(young: float, poisson: float, where: str) -> Elasticity:
     return Elasticity(young, poisson)
 
 
-def law_of_pairs(script: Script, units: Units) -> LawOf:
+def law_of_types(script: Script, units: Units) -> LawOf:
     """The law between any two types of sphere."""
     said = script.said
     style, *shared = script.style
@@ -200,6 +207,13 @@ def law_of_pairs(script: Script, units: Units) -> LawOf:
     return law_of
 
 
+def law_of_wall(said: Words, script: Script, units: Units, of_types: LawOf) -> OfKind:
+    """The law of a wall, which stands before its zplane: the same for all types."""
+    style, *rest = said.left
+    law = coefficients(style, rest[: rest.index("zplane")], said.where, units, wall=True).law
+    return lambda kind: law
+
+
 def types_of(word: str, where: str) -> range:
     """The types that a word of pair_coeff stands for; InputError where it is no range."""
     found = re.fullmatch(r"([0-9]*)(\*?)([0-9]*)", word)
@@ -208,3 +222,47 @@ def types_of(word: str, where: str) -> range:
     if not 1 <= low <= high:
         fault(where, f"{word!r} is no type", "give numbers or ranges of them (n, *, n*, *n, m*n)")
     return range(low, high + 1)
+
+
+def contacts_of(told: Told, packing: Packing, units: Units) -> Contacts:
+    """What `pair/local` tells of the contacts between spheres."""
+    force, shear = units.force * told.values["force"][:, 0], told.values.get("shear")
+    shear = None if shear is None else units.force * shear
+    return Contacts(told.i, told.j, force, shear, told.values.get("line"), listed=told.rows)
+
+
+def at_walls(
+    frame: Frame, packing: Packing, units: Units, walls: Walls, fixes: Sequence[str]
+) -> tuple[Ints, Ints, Floats, Floats]:
+    """Spheres at walls, codes (k,), normal force (k,) and shear force (k, 3) on the sphere, N.
+
+    `fixes` are the IDs of the log's walls. A dump that has none of them is older than the log's
+    end, or their IDs are not known: then all columns f_ID[1] to f_ID[4] count.
+    """
+
+    def columns(name: str) -> list[str]:
+        return [f"f_{name}[{k}]" for k in (1, 2, 3, 4)]
+
+    rows, parts = frame.rows, []
+    order = np.argsort(rows.read("id")[:, 0], kind="stable")
+    begun = re.findall(r"f_(\w+)\[1\]", " ".join(rows.columns))
+    there = [name for name in begun if rows.has(*columns(name))]
+    for name in fixes if set(fixes) & set(there) else there or fixes or ["ID"]:
+        each = columns(name)
+        rows.require(each, f"write fix {name} ... wall/gran ... contacts and dump {' '.join(each)}")
+        table = rows.read(*each)
+        do = "leave columns of other fixes out, or give the log that names the walls (--log)"
+        wrong = ~np.isin(table[:, 0], (0, 1))
+        rows.refuse(wrong, "not 1 at a wall and 0 elsewhere", do, each[0])
+        (at,) = np.nonzero(table[order, 0])
+        force = units.force * table[order][at, 1:]
+        # The wall that pushes; a sphere between two walls of one fix would need two rows.
+        code, push = np.where(force[:, 2] > 0, *WALLS), abs(force[:, 2])
+        force[:, 2] = 0
+        own = {code for code, wall in walls.items() if wall.name == name} or set(walls)
+        absent = np.isin(np.arange(len(order)), at[~np.isin(code, list(own))])
+        what = f"is pushed in f_{name} by a wall that is NULL in its zplane LOW HIGH"
+        packing.refuse(absent, what, f"mend {TYPED}, or bring the packing to rest")
+        parts.append((at, code, push, force))
+    at, code, push, rub = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return at.astype(np.int32), code.astype(np.int32), push, rub
