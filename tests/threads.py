@@ -16,8 +16,7 @@ from modal.packing.sample import read_sample
 from modal.preparation.cloud import cloud
 from modal.preparation.frictionless import Descent, Pressure
 from modal.preparation.protocol import Study
-from modal.preparation.relax import relax
-from modal.preparation.springs_rest import elastic_motion
+from modal.preparation.relax import elastic_motion, relax
 from modal.solvers.same_bits import same_bits_product
 from modal.system.operator import ContactOperator
 from modal.tools import loops, slabs

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.elasticity.steady import steady_motion
-from modal.elasticity.strain import AXES, STRAINED, voigt
+from modal.elasticity.strain import AXES, STRAINED
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rattlers import force_bearing
@@ -107,7 +107,8 @@ def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, 
         moved = motion_of_contacts(network, free) + strained[case]
         pull = np.einsum("cab,cb->ca", tangent[:, :3], moved)
         # Rows zz, yz, zx are what planes across z carry, the same in every layer at rest.
-        stress[:, case] = voigt((pull * share[:, None]).T @ branch)
+        carried = (pull * share[:, None]).T @ branch
+        stress[:, case] = [carried[a, b] for a, b in AXES]
         for row in (2, 3, 4):
             moving = AXES[row][0]
             strain[row, case] = bulk.slope(layers, free[:, moving]) + gradient[moving, 2]

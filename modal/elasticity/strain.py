@@ -36,11 +36,6 @@ STRAINED = Gradients(NINE.gradient[[3 * moving + along for moving, along in AXES
 """All spheres follow the six unit strains; shear strains are angles."""
 
 
-def voigt(tensor: Floats) -> Floats:
-    """Shape (6,) from a symmetric stress (3, 3): xx, yy, zz, yz, zx, xy."""
-    return np.array([tensor[a, b] for a, b in AXES])
-
-
 def has_walls(system: LinearSystem) -> bool:
     """Whether the packing stands between two walls along z, and is periodic sideways.
 

@@ -19,9 +19,9 @@ from modal.packing.checks import Faults, density_of, refuse
 from modal.packing.columns import frozen
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, YOUNG, Elasticity, Material
 from modal.packing.contact_models import ContactLaw, law_of_each, laws_of
-from modal.packing.neighbours import ContactList, between, canonical, touching
+from modal.packing.neighbours import ContactList, canonical, touching
 from modal.packing.network import Network
-from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 
 SCHEMA = "granular-sample"
@@ -141,19 +141,11 @@ class Sample:
         """Shape (3,), m: the `periods` and the `length`."""
         return np.array([*self.periods, self.length])
 
-    def contacts(self, ends: tuple[Ints, ...] | None = None) -> ContactList:
-        """All contacts, in canonical order, or those whose `ends`, i, j and periods, are known.
-
-        Their overlaps follow from the positions.
-        """
-        lengths, position = self.periods, self.position
+    def contacts(self) -> ContactList:
+        """All contacts, in canonical order; their overlaps follow from the positions."""
         if self.periodic_z:
-            lengths, position = self.lengths, position - [0, 0, self.walls[0]]
-        walls = None if self.periodic_z else self.walls
-        if ends is None:
-            return touching(position, lengths, walls, self.sizes)
-        each = np.broadcast_to(self.sizes, len(position))
-        return between(ends, position, lengths, walls, each)
+            return touching(self.position - [0, 0, self.walls[0]], self.lengths, None, self.sizes)
+        return touching(self.position, self.periods, self.walls, self.sizes)
 
     def network(self, contact: ContactList | None = None) -> Network:
         """The contact network: springs of the contact model at the present overlaps.

@@ -1,9 +1,14 @@
 """A sample brought into the balance of its contact law, at a fixed cell.
 
 What a dynamic run leaves unbalanced would move by itself while a wave of some nanometres passes.
-Damped motion (`modal.dem.motion`) lets contacts slide, open and close until few still do; then the
-springs say how far the packing has to go (`springs_rest`). What has been gained is seen after some
-more steps of all. A packing that rests holds by itself.
+Damped motion (`modal.dem.motion`) lets contacts slide, open and close until few still do. It ends
+in a long elastic tail: nothing slides any more, and what is left are the longest waves along the
+packing, which die slowly. The springs say at once how far each sphere still has to go: K d = F,
+with the present overlaps' stiffnesses and the net forces F (a step of Newton's method without the
+change of direction of the forces, which gains two or three digits at a time). Spheres that slide,
+or that springs alone would send far, know no such rest: their own net force is left out and they
+follow their neighbours. What has been gained is seen after some more steps of all. A packing that
+rests holds by itself.
 """
 
 from __future__ import annotations
@@ -17,7 +22,9 @@ from modal.dem.contacts import MovingContacts
 from modal.dem.motion import DampedMotion
 from modal.packing.sample import Sample
 from modal.packing.state import friction_used, residual_forces, sizes_of_loads
-from modal.preparation.springs_rest import elastic_motion
+from modal.solvers.conjugate_gradients import conjugate_gradients
+from modal.system.linear_system import LinearSystem
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 TOLERANCE = 1e-10
@@ -44,6 +51,22 @@ after `LOOK` steps. Otherwise damped motion goes on twice as long as before, `AG
 AGAIN = 500
 """Steps that take about half the time of a turn of the springs."""
 MAX_STEPS = 60_000
+STRIDE = 1.0
+"""Median overlaps that a sphere may go at once; its neighbours go nearly as far, and the overlaps
+change by much less."""
+LEFT_OUT = 0.05
+"""Share of spheres that springs leave out above which the packing is not yet one of springs."""
+ROUNDS = 3
+"""Solutions until no further sphere goes too far."""
+HELD = 1e-7
+"""Of the mean stiffness, added to that of every sphere: the softest elastic motion of 150 layers
+has 1e-5, motions without energy none."""
+ERROR = 1e-2
+"""Of the motion, in the energy norm. The change of stiffness on the way is off by as much."""
+LOOK_BACK, MOST_PRODUCTS = 30, 3000
+"""Products with K over which the error is measured, and after which the springs know of no rest."""
+AT_LIMIT = 1 - 1e-9
+"""Share of friction from which a contact slides: the moving contacts are cut back to exactly 1."""
 
 
 @dataclass
@@ -184,3 +207,52 @@ def _look(contacts: MovingContacts, step: int) -> Equilibrium:
     size = sizes_of_loads(contacts.load, contacts.radius) / contacts.mean_force
     mean, largest = float(size.mean()), float(size.max())
     return Equilibrium(mean, largest, np.nan, contacts.sliding, contacts.touching, step)
+
+
+def elastic_motion(contacts: MovingContacts, sample: Sample) -> Floats | None:
+    """Shape (n, 6), m and rad: the motion to balance of the springs; None if they know of none.
+
+    `sample` is what the contacts are now. None of the spheres goes further than `STRIDE` median
+    overlaps, a turn counted as the arc that it makes. It is for the caller to see whether the
+    forces of the law are nearer to balance there.
+    """
+    network = sample.network()
+    system = LinearSystem(network)
+    stride = STRIDE * float(np.median(network.require("overlap", "rest")))
+    at_limit = friction_used(network, contacts.friction) > AT_LIMIT
+    out = np.zeros(network.n_particles, bool)
+    out[network.particle_i[at_limit]] = True
+    out[network.particle_j[at_limit & ~network.with_wall]] = True
+    for _ in range(ROUNDS):
+        if out.mean() > LEFT_OUT:
+            return None
+        try:
+            motion = _balance(system, np.where(out[:, None], 0.0, contacts.load))
+        except InputError:
+            return None  # stiffnesses that differ too much for the solver: damped motion goes on
+        turn = motion[:, 3:] * network.radius[:, None]
+        size = np.sqrt((motion[:, :3] ** 2).sum(axis=1) + (turn**2).sum(axis=1))
+        far = size > stride
+        if not (far & ~out).any():
+            break
+        out |= far
+    return motion * np.minimum(1, stride / np.maximum(size, stride))[:, None]
+
+
+def _balance(system: LinearSystem, load: Floats) -> Floats:
+    """Shape (n, 6), m and rad: where the springs, all spheres held a little, balance `load`."""
+    root, blocks, operator = system.root, system.own_blocks, system.renumbered
+    held = HELD * float(np.einsum("nii->ni", blocks).mean())
+    inverse = np.linalg.inv(blocks + held * np.eye(6))
+    if operator.order is not None:
+        inverse = inverse[operator.order]
+    found = conjugate_gradients(
+        lambda motion: operator.combine(motion, np.empty_like(motion), 1.0, held),
+        lambda rest: (inverse @ rest.reshape(-1, 6, 1)).reshape(rest.shape),
+        operator.inward(root.over(load.ravel()))[:, None],
+        lambda energy: ERROR**2 * energy,
+        np.zeros(1),
+        look_back=LOOK_BACK,
+        most_products=MOST_PRODUCTS,
+    )
+    return root.over(operator.outward(found.motion[:, 0])).reshape(load.shape)

@@ -86,7 +86,7 @@ def test_uncertified_is_cheap_and_says_so(tmp_path, capsys, monkeypatch):
     network, exact = columns(100, 1e-2)
     write_network(source, network)
     monkeypatch.delattr(LinearSystem, "factor")
-    monkeypatch.delattr("modal.modes.lists.count_below")
+    monkeypatch.delattr("modal.modes.eigenmodes.count_below")
     command = ["modes", str(source), "--highest", "1", "--uncertified", "--json", "-o", str(out)]
     assert main(command) == 0
     printed = capsys.readouterr()

@@ -13,8 +13,7 @@ from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import net_forces, stress_tensor
 from modal.preparation import relax as relaxation
 from modal.preparation.random_packing import random_sample
-from modal.preparation.relax import NEAR, RESERVE, equilibrium_of, relax
-from modal.preparation.springs_rest import STRIDE, elastic_motion
+from modal.preparation.relax import NEAR, RESERVE, STRIDE, elastic_motion, equilibrium_of, relax
 from modal.tools.errors import InputError
 
 
