@@ -75,9 +75,7 @@ def test_law_alone_makes_contacts_and_forces_from_full_digits(given):
     told = files.imported(contacts=None, log=None, pair=PAIR)
     found = read_network(files.out)
     assert {"force_tangential", "sliding"} <= {*told["absent"]} and found.sliding is None
-    assert found.n_contacts == made.n_contacts
-    total = made.stiffness_normal.sum()
-    np.testing.assert_allclose(found.stiffness_normal.sum(), total, rtol=1e-9)
+    same(found, made, f"particle_i particle_j {STIFFNESSES}", 1e-9)
     files.spoil("spheres", " mass", " other")
     files.refused("no law .*, and no column mass; .*--log .*--pair .*, and add mass", log=None)
 
