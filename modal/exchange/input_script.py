@@ -45,8 +45,9 @@ class Script:
     `said` tells in a message whose words they are. `bodies` has the words of each fix rigid behind
     its style; `refused` says why of each fix that a network has nothing for, `groups` whom the
     walls and bodies of these IDs are made of; `properties` are those of LIGGGHTS' materials.
-    `steps` and numbers of `atoms` that were printed; `changed` is the last step before the law or a
-    wall changed; `remarks` are what is taken where nothing tells it.
+    `steps` and numbers of `atoms` that were printed, and how many more `tables` of steps than runs
+    are over; `changed` is the last step before the law or a wall changed; `remarks` are what is
+    taken where nothing tells it.
     """
 
     said: str = "--pair"
@@ -61,6 +62,7 @@ class Script:
     properties: dict[str, list[float]] = field(default_factory=dict)
     steps: list[int] = field(default_factory=list)
     atoms: list[int] = field(default_factory=list)
+    tables: int = 0
     changed: int = 0
     remarks: list[str] = field(default_factory=list)
 
@@ -72,10 +74,12 @@ class Script:
 
     def refuse_other_run(self, path: str | Path, step: int, atoms: int) -> None:
         """InputError where a dump has a step or a number of atoms that no run of the log had."""
-        for what, has, told in (("step", step, self.steps), ("atoms", atoms, self.atoms)):
+        steps = self.steps if self.tables >= 0 else []
+        for what, has, told in (("step", step, steps), ("atoms", atoms, self.atoms)):
             if told and not min(told) <= has <= max(told):
                 said = f"{what} {has}, the runs of {self.said} {min(told)} to {max(told)}"
-                fault(path, f"{said}: the log of another run", "give the log of this dump")
+                do = "give the log of this dump, several parts of one in one file"
+                fault(path, f"{said}: the log of another run", do)
 
 
 def read_log(path: str | Path | None, units: str) -> Script:
@@ -87,9 +91,10 @@ def read_log(path: str | Path | None, units: str) -> Script:
         return Script()
     script, printed = Script(str(path), units), False
     for number, words in _lines(path):
-        printed = words[0] == "Step" or (printed and words[0].isdigit())
+        printed = words[0] == "Step" or (printed and words[0] != "Loop")
         if printed and words[0].isdigit():
             script.steps.append(int(words[0]))
+        script.tables += (words[0] == "Step") - (words[:2] == ["Loop", "time"])
         if words == ["clear"]:
             script = Script(str(path), units)
         law = len(script.pair), script.style, script.walls.copy()
