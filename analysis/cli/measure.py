@@ -1,7 +1,5 @@
 """Velocities, low-pass frequency, moduli ... of any packing, with errors and caveats."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +57,7 @@ def _json(found: dict[str, Measurement], mean: Measurement | None) -> str:
 
 
 def run(options: Given) -> int:
-    """Measure; 3 where a quantity that was asked for could not be."""
+    """Measure; 3 where a quantity that was asked for, by name or as quick, could not be."""
     names = QUICK if options.quick else options.quantities
     found, mean = measure_files(options.files, names, options.keep, options.amplitudes)
     if options.output:
@@ -73,9 +71,7 @@ def run(options: Given) -> int:
             *([("mean", mean)] if mean is not None and one_state(found) else []),
         ]
         put("\n\n".join(f"{path}\n{each}" for path, each in parts))
-    missing = {
-        name for each in found.values() for name in options.quantities or () if not each[name].known
-    }
+    missing = {name for each in found.values() for name in names or () if not each[name].known}
     for name in sorted(missing):
         say(f"{name} could not be measured of every packing; its caveat says why")
     return 3 if missing else 0

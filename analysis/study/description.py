@@ -12,8 +12,6 @@ which is computed; or a mapping with `by`, which a factor's value picks from. Wh
 may be written as `seed: 1 to 8`. `cases` names exceptions.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Collection, Iterator, Mapping
@@ -53,6 +51,8 @@ DEFAULTS: dict[str, Any] = {
 }
 
 FORMS = {str: "a text", list: "a list", dict: "lines NAME: VALUE", bool: "true or false"}
+LISTS = {"make": (str, "kinds of product"), "bands": (int | float, "two frequencies, Hz")}
+"""Settings whose lines are lists, and of what."""
 ENTRIES = {
     "tables": ("name", "title"),
     "figures": ("name", "caption"),
@@ -87,6 +87,10 @@ class Study:
             raise InputError(f"{path}: no groups; give at least one, with kind and factors")
         self.settings = DEFAULTS | {"name": self.path.stem} | found
         self._known(self.settings["make"], KINDS, "make: kind")
+        for part, (kind, told) in LISTS.items():
+            for name, own in self.settings[part].items():
+                if not (isinstance(own, list) and all(isinstance(one, kind) for one in own)):
+                    raise InputError(f"{path}: {part}: {name} {own}: give a list of {told}")
         lines = [line for group in found["groups"] for line in self._group(group)]
         pattern = self.settings["names"]
         self.rows: dict[str, dict[str, Any]] = {}

@@ -60,6 +60,8 @@ def _of_sweep(name: str, case) -> Row:
         ("by: friction", "by: colour", "by colour is no factor"),
         ("measure: [v_p]", "measure: [v_p", "not YAML"),
         ("measure: [v_p]", "measure: v_p", "measure v_p: give a list"),
+        ("measure: [v_p]", "make: {random: 3}", "make: random 3: give a list of kinds of product"),
+        ("measure: [v_p]", "bands: {case01: 9}", "bands: case01 9: give a list of two frequenc"),
         ("{friction: [0, 0.4], width: [4, 5], seed: 1 to 3}", "[1]", "factors have names"),
     ],
 )
