@@ -1,7 +1,5 @@
 """Measure, compare, draw: reads network, signal and mode files and says whether they agree."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:

@@ -1,7 +1,5 @@
 """`python -m analysis`: from products to tables, figures and one report, see `analysis.cli`."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 

@@ -6,8 +6,6 @@ at a time, or adding runs of other amplitude, sign or friction, splits the diffe
 displacements are divided by the amplitude of the source; differences are relative L2 norms.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """The cases of a study, or of a call, one line each: numbers by name, and expressions of them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from tokenize import TokenError
@@ -13,7 +11,6 @@ import pandas as pd
 from analysis.rows import Row
 from modal.tools.errors import InputError
 
-PRODUCERS = {"yade": "YADE", "linear": "linear"}
 NO_SUM = SyntaxError, TypeError, ValueError, TokenError
 """What pandas raises for a text that is no expression."""
 
@@ -57,20 +54,6 @@ def _line(row: Row) -> dict[str, Any]:
         line |= {f"{name}{end}": value for end, value in ends.items()}
     line |= {f"{name}_sample_error": value for name, value in row.samples.items()}
     return line | {f"plateau_{name}": flat for name, flat in row.flat.items()}
-
-
-def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:
-    """Columns with `{record}` in them as those of one producer, whose name comes first.
-
-    YADE's where all `records` are its, else the linear wave's: never some of one and some of the
-    other, which differ where contacts slide.
-
-    >>> of_one_producer(["yade", "linear"], "f_low_pass_2_{record}_khz")
-    ('linear', 'f_low_pass_2_linear_khz')
-    """
-    records = set(records)
-    producer = "yade" if records == {"yade"} else "linear"
-    return PRODUCERS[producer], *(text.replace("{record}", producer) for text in columns)
 
 
 def _named(frame: pd.DataFrame, text: str) -> pd.DataFrame:

@@ -1,7 +1,5 @@
 """What a packing is like, in one call: quantities by name, each with error and caveats."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

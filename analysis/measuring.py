@@ -8,6 +8,7 @@ shorter.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property, wraps
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -26,7 +27,7 @@ from modal.exchange.registry import read_remarked
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.plausibility import CRYSTALLINE
 from modal.packing.sample import Sample
-from modal.packing.state import FORCES, profile, stress_tensor
+from modal.packing.state import has_forces, profile, stress_tensor
 from modal.packing.summary import crystalline_shares
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
@@ -67,32 +68,31 @@ def once(of: Found) -> Found:
     return cast(Found, found)
 
 
+@dataclass(eq=False)
 class Measuring:
     """One packing with what was recorded of it; what is missing is made from its contacts.
 
-    `records` are waves; None means those among the files of `case`, which has further files of the
+    `given` are waves; None means those among the files of `case`, which has further files of the
     packing. `keep` is a folder in which costly spectra are kept, and found again. `sample` and
     `amplitudes`, m, are for waves of finite amplitude. `stated` are lower and upper ends of what a
-    study states of it, by quantity: figures show it.
+    study states of it, by quantity: figures show it. `found` has what was found of it (`once`).
     """
 
-    def __init__(
-        self,
-        network: Network,
-        records: Sequence[Signals] | None = (),
-        source: Motion | None = None,
-        case: Case | None = None,
-        keep: str | Path | None = None,
-        sample: Sample | None = None,
-        amplitudes: Sequence[float] = (),
-    ) -> None:
-        self.network, self.case = network, case or Case("packing", Path(), {})
-        self.sample, self.amplitudes = sample, amplitudes
-        self.source, self.keep = source, keep
-        self.stated: dict[str, tuple[float, float]] = {}
-        self.found: dict[Any, Any] = {}
-        if records is not None:
-            self.records = [self._checked(record, "a record") for record in records]
+    network: Network
+    given: Sequence[Signals] | None = ()
+    source: Motion | None = None
+    case: Case | None = None
+    keep: str | Path | None = None
+    sample: Sample | None = None
+    amplitudes: Sequence[float] = ()
+    stated: dict[str, tuple[float, float]] = field(default_factory=dict)
+    found: dict[Any, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Damaged waves are refused at once."""
+        self.case = self.case or Case("packing", Path(), {})
+        if self.given is not None:
+            self.records = [self._checked(record, "a record") for record in self.given]
 
     @classmethod
     def of(cls, case: Case) -> Measuring:
@@ -155,7 +155,7 @@ class Measuring:
         Else the mean that the contacts bear, to three digits; NaN without contact forces.
         """
         stated = float(self.network.study.get("stress", np.nan))
-        if np.isfinite(stated) or any(getattr(self.network, name) is None for name in FORCES):
+        if np.isfinite(stated) or not has_forces(self.network):
             return stated
         return float(f"{np.trace(stress_tensor(self.network)) / 3:.3g}")
 
@@ -203,6 +203,11 @@ class Measuring:
         return self.case.read("moduli") or elastic_moduli(self.network)
 
     @cached_property
+    def crystalline(self) -> dict[str, float]:
+        """Share of spheres in crystalline surroundings, of all and of the bulk; empty if untold."""
+        return crystalline_shares(self.network, profile(self.network))
+
+    @cached_property
     def of_one_sample(self) -> tuple[str, ...]:
         """What to know of every quantity of this one packing."""
         if self.crystal:
@@ -210,8 +215,8 @@ class Measuring:
         caveats = ["one sample: how samples differ is not in the error; measure further seeds"]
         if self.unsettled:
             caveats.append(f"not in equilibrium: {self.unsettled}")
-        shares = crystalline_shares(self.network, profile(self.network))
-        share = shares.get("crystalline_share_of_bulk", shares.get("crystalline_share", 0.0))
+        own = self.crystalline
+        share = own.get("crystalline_share_of_bulk", own.get("crystalline_share", 0.0))
         if share > CRYSTALLINE:
             caveats.append(f"crystalline: {100 * share:.0f} % of the bulk; no random packing")
         return tuple(caveats)
@@ -289,49 +294,34 @@ class Measuring:
             return recorded_motion(self.recorded)
         return self.source or self.pulse
 
-    def own_wave(
-        self,
-        motion: Motion | None = None,
-        direction: str = "z",
-        *,
-        interval: float | None = None,
-        particles: bool = True,
-        pre_stress: str = "none",
-    ) -> Signals:
-        """The linear wave of the packing's own pulse, or another motion, along `direction`.
-
-        P-waves are recorded on every particle, S-waves for longer, as they are slower. `interval`
-        between records, s, by default `INTERVAL`.
-        """
-        duration = RECORD * self.affine_passage
-        return propagate(
-            self.network,
-            duration if direction == "z" else duration / SLOWER,
-            motion=self.pulse if motion is None else motion,
-            interval=interval or INTERVAL / self.affine_frequency,
-            particles=particles and direction == "z",
-            direction=direction,
-            pre_stress=pre_stress,
-        ).signals
-
     @cached_property
     def linear(self) -> Signals:
         """The P-wave of the springs, on every particle, from wall to wall and back."""
-        return self.linear_wave(particles=True)
+        return self.linear_wave()
 
-    def linear_wave(self, *, particles: bool, pre_stress: str = "none") -> Signals:
-        """That wave, of the source's `motion`; on every particle it takes twice the time.
+    def linear_wave(
+        self, direction: str = "z", *, particles: bool = True, pre_stress: str = "none"
+    ) -> Signals:
+        """The wave of the springs; P-waves on every `particles`, which takes twice the time.
 
-        Recorded a little more often beside a run: the two share the times of whole intervals.
-        `pre_stress` (`modal.system.contacts`) adds what the contacts' forces do.
+        Of the source's `motion` and, beside a run, recorded a little more often: the two share the
+        times of whole intervals. S-waves are recorded for longer, as they are slower, of the motion
+        that was given. `pre_stress` (`modal.system.contacts`) adds what the contacts' forces do.
         """
         self.require_walls()
-        interval = INTERVAL / self.affine_frequency
-        if self.recorded is not None:
+        interval, slid = INTERVAL / self.affine_frequency, direction != "z"
+        if self.recorded is not None and not slid:
             own = float(self.recorded.time[1] - self.recorded.time[0])
             interval = own * max(1, int(interval / own))
-        how: dict[str, Any] = {"particles": particles, "pre_stress": pre_stress}
-        return self.own_wave(self.motion, interval=interval, **how)
+        return propagate(
+            self.network,
+            RECORD * self.affine_passage / (SLOWER if slid else 1.0),
+            motion=(self.source or self.pulse) if slid else self.motion,
+            interval=interval,
+            particles=particles and not slid,
+            direction=direction,
+            pre_stress=pre_stress,
+        ).signals
 
     @cached_property
     def wave(self) -> Signals:
@@ -344,7 +334,7 @@ class Measuring:
         """The same of a wall that slides, along x where it is not recorded."""
         self.require_walls()
         slid = next((record for record in self.records if record.direction != "z"), None)
-        return self._of_pulse(self.own_wave(self.source, "x") if slid is None else slid)
+        return self._of_pulse(self.linear_wave("x") if slid is None else slid)
 
     def _of_pulse(self, record: Signals) -> Signals:
         """A record as it would be of a pulse, which rules on amplitudes are made for."""

@@ -3,8 +3,6 @@
 Each is made from the contact network alone; `measure --keep` makes it, and what has it, reads it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

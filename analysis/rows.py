@@ -1,15 +1,21 @@
-"""The numbers of a case: what the tables and figures over all cases are made of.
+"""The numbers of a case: what tables, targets and figures over all cases are made of; its result.
 
 A `Row` holds values with their errors, and curves, but none of the case's files: a whole study fits
-into memory, and its cases are measured side by side.
+into memory, and its cases are measured side by side. Its one small JSON file, the result, is
+written once, when a case is measured; whatever is made of several cases is made of these files
+alone, so that a clone of the project makes it in seconds, without any product.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from analysis.case import ABSENT
 from analysis.measuring import Measuring, once
@@ -17,7 +23,9 @@ from analysis.quantities import QUANTITIES, gain, records, spectrum
 from analysis.quantities.records import LOW_PASS, PERCENT
 from analysis.quantities.scattering import whole_ridge
 from analysis.quantities.velocity import longest
-from analysis.value import Value, estimate
+from analysis.value import Value, estimate, plain
+from modal.formats.hdf5 import write_text
+from modal.tools.errors import InputError
 
 COLUMNS = {
     "coordination": ("coordination_number", 1.0),
@@ -36,6 +44,10 @@ OF_RECORD = {"v_p_first_peaks_m_per_s": "v_p_first_peaks_{record}_m_per_s"} | {
     for quantity, unit in (("f_low_pass", "khz"), ("lambda", "over_d"))
 }
 """Columns that a case has of its record, and the same with `{record}` for its producer."""
+PRODUCERS = {"yade": "YADE", "linear": "linear"}
+SCHEMA, VERSION = "case_result", 1
+DIGITS, OF_CURVES = 12, 6
+"""Significant digits that a result keeps of a number, and of those of a curve."""
 MAY_LACK = "signals", "highest.modes", "modes", "density", "structure", "response"
 
 
@@ -82,13 +94,13 @@ class Row:
         """A number; NaN where it is not known."""
         return self.values[name].value if name in self.values else np.nan
 
-    def error(self, name: str) -> float:
-        """Its uncertainty; NaN where that is not known."""
-        return self.values[name].error if name in self.values else np.nan
-
     def spread(self, name: str) -> float:
-        """Its uncertainty, or the scatter over packings where that is larger: it has both in it."""
-        return float(np.fmax(self.error(name), self.samples.get(name, np.nan)))
+        """Its uncertainty, or the scatter over packings where that is larger: it has both in it.
+
+        NaN where neither is known.
+        """
+        error = self.values[name].error if name in self.values else np.nan
+        return float(np.fmax(error, self.samples.get(name, np.nan)))
 
     @property
     def group(self) -> str:
@@ -149,3 +161,82 @@ def _curves(m: Measuring, row: Row) -> None:
     if m.case.has("density"):
         found = spectrum.excess(m)
         row.curves["excess"] = (found.frequency, found.reduced)
+
+
+def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:
+    """Columns with `{record}` in them as those of one producer, whose name comes first.
+
+    YADE's where all `records` are its, else the linear wave's: never some of one and some of the
+    other, which differ where contacts slide.
+
+    >>> of_one_producer(["yade", "linear"], "f_low_pass_2_{record}_khz")
+    ('linear', 'f_low_pass_2_linear_khz')
+    """
+    records = set(records)
+    producer = "yade" if records == {"yade"} else "linear"
+    return PRODUCERS[producer], *(text.replace("{record}", producer) for text in columns)
+
+
+def write_result(path: Path, row: Row) -> None:
+    """Write the result of a case, what is empty left out; numbers that are not known are null."""
+    found = {"schema": SCHEMA, "version": VERSION} | asdict(replace(row, values={}))
+    found["values"] = {n: {"value": v.value, "error": v.error} for n, v in row.values.items()}
+    found["curves"] = plain(found["curves"], OF_CURVES)
+    lines = [
+        f"{json.dumps(name)}: {json.dumps(plain(value, DIGITS))}"
+        for name, value in found.items()
+        if value not in ({}, [])
+    ]
+    write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
+
+
+def read_result(path: str | Path) -> Row:
+    """A result; InputError where the file is none."""
+    try:
+        found = _numbers(json.loads(Path(path).read_text()))
+        if (found["schema"], found["version"]) != (SCHEMA, VERSION):
+            raise ValueError(f"schema {found['schema']}, version {found['version']}")
+        row = Row(**{name: own for name, own in found.items() if name not in ("schema", "version")})
+        row.values = {name: estimate(**cell) for name, cell in found["values"].items()}
+        row.curves = {n: tuple(np.array(v, float) for v in c) for n, c in row.curves.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path}: no result of a case ({error}); measure the case again") from None
+    return row
+
+
+def read_results(folder: Path) -> list[Row]:
+    """All results in a folder, with the scatter of each case over those of other seeds.
+
+    Other seeds have folders `seed_*` of their own in it. A result that states its scatter keeps it
+    where no other seed is at hand.
+    """
+    rows = [read_result(path) for path in sorted(folder.glob("*.json"))]
+    others = [read_result(path) for path in sorted(folder.glob("seed_*/*.json"))]
+    for row in rows:
+        if twins := [other for other in others if other.name == row.name]:
+            row.samples, row.packings = scatter_of_samples([row, *twins]), 1 + len(twins)
+    return rows
+
+
+def _numbers(value: Any) -> Any:
+    """What `plain` has made None is NaN again."""
+    if isinstance(value, dict):
+        return {name: _numbers(cell) for name, cell in value.items()}
+    if isinstance(value, list):
+        return [_numbers(cell) for cell in value]
+    return np.nan if value is None else value
+
+
+def scatter_of_samples(several: Sequence[Row]) -> dict[str, float]:
+    """Standard deviation of each number of the first over several packings of a case.
+
+    The numbers of its record are compared by one producer. Empty without another packing.
+    """
+    found = {}
+    for name in several[0].values:
+        records = (one.record for one in several)
+        _, column = of_one_producer(records, OF_RECORD.get(name, name))
+        deviation = pd.Series([one.value(column) for one in several]).std()
+        if np.isfinite(deviation):
+            found[name] = float(deviation)
+    return found

@@ -1,7 +1,5 @@
 """A table: cells of text under a header, as Markdown, CSV and aligned for a terminal."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Sequence

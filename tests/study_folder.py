@@ -17,8 +17,7 @@ import pytest
 from places import ROOT
 
 from analysis.__main__ import main
-from analysis.rows import Row
-from analysis.study.results import read_result
+from analysis.rows import Row, read_result
 
 PAPER = "studies/otsubo2017/study.yaml"
 CRYSTALS = """

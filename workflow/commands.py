@@ -1,7 +1,5 @@
 """Commands of a study's jobs, from the settings of their cases."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ all, with its status. Behind a dash a product counts though it falls short of wh
 (status 3): a sample says how near to rest it is, spectra are kept that do not give all quantities.
 """
 
-from __future__ import annotations
-
 import shlex
 import sys
 from importlib import import_module

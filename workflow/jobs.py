@@ -4,8 +4,6 @@ Read by the Snakefile alone. Which cases there are, and their settings, stands i
 (`analysis.study.description`).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
@@ -47,7 +45,7 @@ class Jobs(Commands):
         self.reduced, self.seed = "spheres" in config, config.get("seed")
         self.small = self.reduced and int(config["spheres"]) <= SMALL
         self.scratch = bool(config.get("from_scratch")) or self.reduced or self.seed is not None
-        self.prepare = "modal" if self.reduced else config.get("prepare", own["prepare"])
+        self.prepare = "modal" if self.reduced else own["prepare"]
         self.rows = self.study.rows
         for number, row in enumerate(self.rows.values(), 1):
             full = row.setdefault("spheres", own["spheres"])
@@ -64,8 +62,6 @@ class Jobs(Commands):
         costs = Path(__file__).with_name("costs.tsv")
         self.costs = pd.read_csv(costs, sep="\t", comment="#", index_col="rule")
         self.cases = _chosen(config.get("cases"), self.rows)
-        if config.get("bands"):
-            own["bands"] = config["bands"]
 
     def of_kind(self, kind: str) -> list[str]:
         """Names of all cases of a kind."""

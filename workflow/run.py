@@ -3,8 +3,6 @@
 run.py PROFILE ONLY JOBS NAME=VALUE ...     settings of the Snakefile; ONLY: dry-run, summary, none
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 import re

@@ -1,7 +1,5 @@
 """A YADE run or a non-linear wave against the linear one, the difference split by cause."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Draw one figure of the cases, or again from its own CSV."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from analysis.case import cases_of

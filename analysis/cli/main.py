@@ -1,7 +1,5 @@
 """The parser of all commands, and the run of one."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import sys
@@ -10,36 +8,29 @@ from collections.abc import Sequence
 from modal.cli.options import Parser, add_command, parsed, refused
 from modal.tools.errors import InputError
 
-GROUPS = {
-    "your packing": {
-        "measure": "start here: velocities, low-pass, moduli ... with errors",
-        "figure": "when a number is not enough: one figure, or again from its CSV",
-        "watch": "to see a wave or modes move: one page, in three dimensions",
-        "agreement": "when a DEM run is in doubt: against the linear wave, by cause",
-    },
-    "the study": {"study": "of many packings: tables, figures, targets, one page; its stages"},
+COMMANDS = {
+    "measure": "start here: velocities, low-pass, moduli ... of your packing, with errors",
+    "figure": "when a number is not enough: one figure, or again from its CSV",
+    "watch": "to see a wave or modes move: one page, in three dimensions",
+    "agreement": "when a DEM run is in doubt: against the linear wave, by cause",
+    "study": "of many packings: tables, figures, targets, one page; its stages",
 }
-"""Commands by group, and when to use each. Its module has the same name in this room, is loaded
-when it is called, and has what modules of `modal.cli` have: `EXAMPLE`, `OPTIONS`, `run`."""
-COMMANDS = {name: when for group in GROUPS.values() for name, when in group.items()}
+"""Commands, and when to use each. The module of each has its name in this room, is loaded when it
+is called, and has what modules of `modal.cli` have: `EXAMPLE`, `OPTIONS`, `run`."""
 
 
 def parser(called: str = "") -> argparse.ArgumentParser:
-    """The parser of the command that is `called`; with the names of all where it is none."""
-    lines = ["Any packing measured, and the study of many; COMMAND --help has options, an example."]
-    for title, group in GROUPS.items():
-        lines += ["", f"{title}:", *(f"  {name:12s} {when}" for name, when in group.items())]
-    whole = Parser(prog="python -m analysis", description="\n".join(lines))
+    """The parser of all commands, with the options of the one that is `called`."""
+    about = "Any packing measured, and the study of many; COMMAND --help has options, an example."
+    whole = Parser(prog="python -m analysis", description=about)
     commands = whole.add_subparsers(
-        dest="command", required=True, parser_class=Parser, metavar="COMMAND"
+        dest="command", required=True, parser_class=Parser, metavar="COMMAND", title="commands"
     )
-    if called not in COMMANDS:
-        for name in COMMANDS:
-            commands.add_parser(name)
-        return whole
-    module = importlib.import_module(f"analysis.cli.{called}")
-    add_command(commands, called, module)
-    commands.choices[called].set_defaults(run=module.run)
+    for name, when in COMMANDS.items():
+        if name == called:
+            add_command(commands, name, importlib.import_module(f"analysis.cli.{name}"))
+        else:
+            commands.add_parser(name, help=when)
     return whole
 
 
@@ -52,7 +43,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         options = parsed(parser("".join(words[:1])), words)
         options.argv = words
-        status: int | None = options.run(options)
+        command = importlib.import_module(f"analysis.cli.{options.command}")
+        status: int | None = command.run(options)
     except InputError as error:
         return refused(error)
     return status or 0

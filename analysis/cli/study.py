@@ -1,12 +1,10 @@
 """All results of a study: tables, figures, targets, a page, in seconds; or one of its stages."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
-from analysis.study.beside import table_of
 from analysis.study.description import Study
 from analysis.study.measuring import measure_case
+from analysis.study.tables import table_of
 from analysis.study.whole import write_study
 from modal.cli.options import Given, Group, NewFile, NewFolder, Option, flag, output
 from modal.cli.terminal import put

@@ -1,7 +1,5 @@
 """A wave or modes in three dimensions: one HTML page that opens without a network."""
 
-from __future__ import annotations
-
 from analysis.watch import watch_page
 from modal.cli.options import Given, Option, output, say
 from modal.cli.terminal import put

@@ -8,8 +8,6 @@ share of Im q, eta over the group velocity, is taken off; to first order in eta 
 it is.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

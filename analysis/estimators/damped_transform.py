@@ -13,8 +13,6 @@ weighted by U[n] as its neighbours two to forty layers away predict it from the 
 whose noise is another: an instrumental variable, as in errors-in-variables regression.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +27,10 @@ LAST = 120
 PASSES = 6
 """Three passes of the nearest-neighbour law, which finds the band, and three of the full order."""
 
+OF_MODES = 3
+"""Order of the polynomial that is fitted to modes, which have no noise."""
+REACH = 0.9
+"""Of pi / l: wave numbers up to which a dispersion relation is held against Eq. 9."""
 SHORTEST = 10
 """Particles of the shortest chain that is evaluated."""
 UNEVEN = 0.1
@@ -158,13 +160,11 @@ def _refuse_damaged(signals: Signals) -> None:
         raise InputError("the record is clipped: its largest value repeats; record a smaller wave")
 
 
-def mode_dispersion(
-    frequency: np.ndarray, shape: np.ndarray, distance: float, order: int = 3
-) -> Dispersion:
+def mode_dispersion(frequency: np.ndarray, shape: np.ndarray, distance: float) -> Dispersion:
     """Dispersion from P resonances: frequency (k,) Hz and z shapes along the chain (k, nc)."""
     ratio = mode_cosine(shape)
     square = -((2 * np.pi * np.asarray(frequency)) ** 2) + 0j
-    coefficients, unit = _fit(square, ratio + 0j, 1 / np.abs(square), order)
+    coefficients, unit = _fit(square, ratio + 0j, 1 / np.abs(square), OF_MODES)
     return Dispersion(coefficients, unit, distance)
 
 
@@ -179,14 +179,12 @@ def layer_distance(signals: Signals) -> float:
     return float(np.ptp(signals.chain_position) / (len(signals.chain_position) - 1))
 
 
-def rms_deviation(
-    measured: Dispersion, velocity: float, f_low_pass: float, reach: float = 0.9
-) -> float:
-    """RMS relative deviation of omega(kappa) from Eq. 9, up to kappa l = reach pi.
+def rms_deviation(measured: Dispersion, velocity: float, f_low_pass: float) -> float:
+    """RMS relative deviation of omega(kappa) from Eq. 9, up to kappa l = `REACH` pi.
 
     Eq. 9 is taken as omega = 2 pi f_low_pass sin(kappa l / 2), l = velocity / (pi f_low_pass).
     """
     distance = velocity / (np.pi * f_low_pass)
-    kappa = np.linspace(0.02, reach, 200) * np.pi / distance
+    kappa = np.linspace(0.02, REACH, 200) * np.pi / distance
     exact = 2 * np.pi * f_low_pass * np.sin(kappa * distance / 2)
     return float(np.sqrt(np.mean((measured.omega(kappa) / exact - 1) ** 2)))

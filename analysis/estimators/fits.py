@@ -1,7 +1,5 @@
 """Straight lines, weighted or not, with the errors of what is read of them; power laws; summits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -22,91 +20,80 @@ class PowerLaw(NamedTuple):
         return f"{text} ± {self.error:.1g}" if np.isfinite(self.error) else text
 
 
-def straight_line(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Slope and offset by least squares of the points that are known, and their covariance (2, 2).
+@dataclass(frozen=True)
+class Line:
+    """A straight line by least squares, and the `covariance` (2, 2) of its slope and offset.
 
-    Of two points the covariance is NaN, of a single x all.
+    Where points have errors, `chi` is chi^2 a point to spare, NaN where there are two. Where it
+    exceeds 1, they scatter about the line by more than their errors say, and the covariance is
+    enlarged by it.
     """
-    known = np.isfinite(x) & np.isfinite(y)
-    x, y, unknown = np.asarray(x)[known], np.asarray(y)[known], np.full((2, 2), np.nan)
+
+    slope: float
+    offset: float
+    covariance: Floats
+    chi: float = np.nan
+
+    @property
+    def error(self) -> float:
+        """Standard error of the slope."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    def at(self, x: float) -> tuple[float, float]:
+        """The value at x, and its standard error."""
+        there = np.array([x, 1.0])
+        value = there @ [self.slope, self.offset]
+        return float(value), float(np.sqrt(there @ self.covariance @ there))
+
+    def distance(self, x: float, value: float, error: float) -> float:
+        """How far one of the points lies from the value at 0, in standard errors of the difference.
+
+        The point has drawn the line towards itself: the two share a part of their errors, whose
+        covariance is that of the line's values at 0 and at x.
+        """
+        own, shared = np.fmax(1.0, self.chi) * error**2, self.covariance[1] @ [x, 1.0]
+        variance = own + self.covariance[1, 1] - 2 * shared
+        return float((value - self.offset) / np.sqrt(variance)) if variance > 0 else np.nan
+
+
+def straight_line(x: Floats, y: Floats, error: Floats | None = None) -> Line:
+    """The line through the points that are known, weighted where y has standard errors `error`.
+
+    NaN of fewer than two points and of a single x; without errors, of two points the covariance.
+
+    >>> line = straight_line(np.array([0.0, 1.0]), np.array([0.0, 3.0]))
+    >>> "{:.1f} {:.1f}".format(*line.at(4.0))
+    '12.0 nan'
+    """
+    known, unknown = np.isfinite(x) & np.isfinite(y), np.full((2, 2), np.nan)
+    if error is not None:
+        known &= np.isfinite(error) & (error > 0)
+    x, y = np.asarray(x)[known], np.asarray(y)[known]
     if len(x) < 2 or np.ptp(x) == 0:
-        return unknown[0], unknown
-    if len(x) == 2:
-        return np.polyfit(x, y, 1), unknown
-    line, covariance = np.polyfit(x, y, 1, cov=True)
-    return line, covariance
+        return Line(np.nan, np.nan, unknown)
+    if error is None and len(x) == 2:
+        slope, offset = np.polyfit(x, y, 1)
+        return Line(slope, offset, unknown)
+    if error is None:
+        (slope, offset), covariance = np.polyfit(x, y, 1, cov=True)
+        return Line(slope, offset, covariance)
+    weight = 1 / error[known]
+    (slope, offset), covariance = np.polyfit(x, y, 1, w=weight, cov="unscaled")
+    left, spare = weight * (y - slope * x - offset), len(x) - 2
+    chi = float((left**2).sum() / spare) if spare else np.nan
+    return Line(slope, offset, np.fmax(1.0, chi) * covariance, chi)
 
 
-def power_law(x: np.ndarray, y: np.ndarray) -> PowerLaw:
+def power_law(x: Floats, y: Floats) -> PowerLaw:
     """Least squares of the logarithms; NaN from a single x, and of what has no logarithm."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     known = np.isfinite(x) & np.isfinite(y)
     if (np.minimum(x, y)[known] <= 0).any():
         return PowerLaw(np.nan, np.nan)
-    (exponent, offset), spread = straight_line(np.log(x[known]), np.log(y[known]))
-    return PowerLaw(float(np.exp(offset)), float(exponent), float(np.sqrt(spread[0, 0])))
+    line = straight_line(np.log(x[known]), np.log(y[known]))
+    return PowerLaw(float(np.exp(line.offset)), float(line.slope), line.error)
 
 
-def straight_to(x: np.ndarray, y: np.ndarray, at: float) -> tuple[float, float]:
-    """The least-squares line of y over x, carried on to `at`, and its standard error there.
-
-    Of two points the line has no error, of a single one no value: NaN.
-
-    >>> "{:.1f} {:.1f}".format(*straight_to(np.array([0.0, 1.0]), np.array([0.0, 3.0]), 4.0))
-    '12.0 nan'
-    """
-    (line, spread), there = straight_line(x, y), np.array([at, 1.0])
-    return float(there @ line), float(np.sqrt(there @ spread @ there))
-
-
-@dataclass(frozen=True)
-class Limit:
-    """A straight line through (n,) means, weighted with the inverse squares of their errors.
-
-    `line`: its slope and its value at size 0, with their `covariance` (2, 2); `chi`: chi^2 a point
-    to spare, NaN where there are two. Where chi^2 exceeds 1, the points scatter about the line by
-    more than their errors say, and all variances are enlarged by it.
-    """
-
-    line: Floats
-    covariance: Floats
-    chi: float
-
-    @property
-    def value(self) -> float:
-        """The value at size 0."""
-        return float(self.line[1])
-
-    @property
-    def error(self) -> float:
-        """Its standard error."""
-        return float(np.sqrt(np.fmax(1.0, self.chi) * self.covariance[1, 1]))
-
-    def distance(self, size: float, value: float, error: float) -> float:
-        """How far one of the points lies from the limit, in standard errors of the difference.
-
-        The point has drawn the line towards itself: the two share a part of their errors, whose
-        covariance is that of the line's values at 0 and at `size`.
-        """
-        shared = self.covariance[1] @ [size, 1.0]
-        variance = np.fmax(1.0, self.chi) * (error**2 + self.covariance[1, 1] - 2 * shared)
-        return float((value - self.value) / np.sqrt(variance)) if variance > 0 else np.nan
-
-
-def limit(size: Floats, value: Floats, error: Floats) -> Limit:
-    """The line through means `value` (n,) at `size` (n,), which have standard errors `error` (n,).
-
-    Points without an error do not count; NaN from fewer than two.
-    """
-    known = np.isfinite(value) & np.isfinite(error) & (error > 0)
-    if known.sum() < 2:
-        return Limit(np.full(2, np.nan), np.full((2, 2), np.nan), np.nan)
-    x, y, weight = size[known], value[known], 1 / error[known]
-    line, covariance = np.polyfit(x, y, 1, w=weight, cov="unscaled")
-    left, spare = weight * (y - np.polyval(line, x)), known.sum() - 2
-    return Limit(line, covariance, float((left**2).sum() / spare) if spare else np.nan)
-
-
-def summit(before: np.ndarray, top: np.ndarray, behind: np.ndarray) -> np.ndarray:
+def summit(before: Floats, top: Floats, behind: Floats) -> Floats:
     """Where the parabola through three values at -1, 0, 1 has its extreme value."""
     return 0.5 * (before - behind) / (before - 2 * top + behind)

@@ -10,8 +10,6 @@ displacement is taken, relative to what, and how long the record is: `Passband` 
 The unbiased band edge of a crystal is in `damped_transform`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -149,6 +147,7 @@ def at_stretch(
     return Edge(value, float(np.subtract(*quartiles)) / 2, change, why)
 
 
+@dataclass
 class Passband:
     """The threshold rule on a packing's records: `run` of YADE, or None, and the linear `wave`.
 
@@ -157,21 +156,17 @@ class Passband:
     other packings layers are slabs a diameter thick.
     """
 
-    def __init__(
-        self,
-        network: Network,
-        wave: Signals,
-        run: Signals | None,
-        *,
-        velocity: float,
-        crystal: bool,
-    ) -> None:
-        self.network, self.wave, self.run = network, wave, run
-        self.velocity, self.crystal = velocity, crystal
-        self.diameter = 2 * float(network.radius.mean())
-        self.highest = REACH[crystal] * velocity / self.diameter
-        self.stretch = STRETCH[crystal]
-        self._bearing = force_bearing(network)
+    network: Network
+    wave: Signals
+    run: Signals | None
+    velocity: float
+    crystal: bool
+
+    def __post_init__(self) -> None:
+        self.diameter = 2 * float(self.network.radius.mean())
+        self.highest = REACH[self.crystal] * self.velocity / self.diameter
+        self.stretch = STRETCH[self.crystal]
+        self._bearing = force_bearing(self.network)
         self._maps: dict[tuple, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
     def end(self, record: Signals, passages: float = PASSAGES) -> float:

@@ -6,13 +6,11 @@ normalised in the mass. The r-th resonance is the mode with the largest share, w
 reader of mode shapes would choose, with the share as the measure of how far it is one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimators.fits import straight_to, summit
+from analysis.estimators.fits import straight_line, summit
 from analysis.estimators.structure_factor import standing_waves
 from modal.packing.network import Network
 
@@ -89,9 +87,9 @@ def long_wave_velocity(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[f
         return np.nan, np.nan
     f, kappa = frequency[slice(*LONG)], wavenumber[slice(*LONG)]
     velocity = 2 * np.pi * f / kappa
-    return (
-        straight_to(kappa**2, velocity, 0.0) if np.isfinite(velocity).sum() > 4 else (np.nan,) * 2
-    )
+    if np.isfinite(velocity).sum() < 5:
+        return np.nan, np.nan
+    return straight_line(kappa**2, velocity).at(0.0)
 
 
 def mode_velocities(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

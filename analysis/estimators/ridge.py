@@ -8,8 +8,6 @@ There the band ends, and its wavelength is whatever the record has: 2 l only whe
 act on each other.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,21 +5,14 @@ reached these are just below its limit, and a little more where forces are made 
 state that ran out of patience before is marked wherever one of its numbers is shown.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from modal.packing.network import Network
 from modal.packing.plausibility import BALANCED
-from modal.packing.state import FORCES, residual_forces, stress_tensor, wall_stress
+from modal.packing.state import has_forces, residual_forces, stress_tensor, wall_stress
 from modal.preparation.protocol import SETTLED
 
 MARK = "not settled"
-
-
-def residual_of(network: Network) -> float:
-    """Mean net force on a sphere, its torque over the radius in it, over the mean contact force."""
-    return float(residual_forces(network).mean())
 
 
 def why_unsettled(network: Network, stress: float = np.nan) -> str:
@@ -28,10 +21,10 @@ def why_unsettled(network: Network, stress: float = np.nan) -> str:
     `stress` is the target of its three stresses, Pa; NaN where it has none or only an axial one, as
     a crystal has. Where anything is beyond, it also says how far the pressures of walls are off.
     """
-    if network.n_contacts == 0 or any(getattr(network, name) is None for name in FORCES):
+    if network.n_contacts == 0 or not has_forces(network):
         return ""
     most_off, _ = SETTLED
-    residual = residual_of(network)
+    residual = residual_forces(network).mean()
     off = float(abs(np.diag(stress_tensor(network)) / stress - 1).max())
     found = []
     if residual > BALANCED:

@@ -6,8 +6,6 @@ recorded motion has next to nothing of a frequency, nothing of it is made up: th
 of least squares, P S* / (|S|^2 + e^2), with e a small part of the largest |S|.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

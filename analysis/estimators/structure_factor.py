@@ -12,8 +12,6 @@ operator (kernel polynomials: Weisse et al., Rev. Mod. Phys. 78, 275, 2006), in 
 `modal.modes.density`. "granular-structure-factor", version 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

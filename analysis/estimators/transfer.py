@@ -12,8 +12,6 @@ and under the window Im q = gamma / V even without any damping: 1 / sinh(gamma L
 So no height stands alone; beside it stand the resolution and what an undamped column has under it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from modal.packing.network import Network
+from modal.tools.arrays import Array, Floats
 from modal.waves.signals import Signals
 
 DECAY = 7.0
@@ -32,6 +31,8 @@ REACH = 0.5
 TRAVELS = DECAY / (0.5 * np.pi * RESOLUTION)
 """Travel times from wall to wall in a record that this resolution needs."""
 
+PADDING = 8
+"""Of the cross spectrum, in lengths of the record."""
 FAINTEST = 2e-3
 """Least receiver stress over source stress of a received wave; a loose packing passes 0.7 %."""
 QUIET = 0.5
@@ -42,15 +43,15 @@ QUIET = 0.5
 class Gain:
     """gain (nf,) at frequency (nf,) Hz, with its resolution in Hz."""
 
-    frequency: np.ndarray
-    gain: np.ndarray
+    frequency: Floats
+    gain: Floats
     resolution: float
 
     def first_maximum(self) -> tuple[float, float]:
         """Frequency, Hz, and height of the first local maximum; NaN where there is none."""
         return next(self._summits(), (np.nan, np.nan))
 
-    def maxima(self) -> np.ndarray:
+    def maxima(self) -> Floats:
         """Frequencies, Hz, of all local maxima, the lowest first."""
         return np.array([frequency for frequency, _ in self._summits()])
 
@@ -104,15 +105,15 @@ def gain_factor(signals: Signals, duration: float, highest: float = 2e4) -> Gain
 
 
 def cross_spectrum(
-    first: np.ndarray, second: np.ndarray, time: np.ndarray, distance: float, padding: int = 8
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    first: Floats, second: Floats, time: Floats, distance: float
+) -> tuple[Array, Array, Array]:
     """Phase and group velocity between two signals (nt,) that are `distance` (m) apart.
 
-    Returns frequency (k,) Hz, phase velocity omega / kappa (k,) m/s, group velocity d omega /
-    d kappa (k,) m/s, and the relative amplitude of the cross spectrum (k,).
+    Returns frequency (k,) Hz, phase velocity omega / kappa (k,) m/s, and group velocity d omega /
+    d kappa (k,) m/s.
     """
     step = float(np.mean(np.diff(time)))
-    n = padding * len(time)
+    n = PADDING * len(time)
     cross = np.fft.rfft(first, n) * np.fft.rfft(second, n).conj()
     frequency = np.fft.rfftfreq(n, step)
     phase = np.unwrap(np.angle(cross))
@@ -125,10 +126,10 @@ def cross_spectrum(
     with np.errstate(divide="ignore", invalid="ignore"):
         velocity = 2 * np.pi * frequency * distance / phase
         group = 2 * np.pi * distance / np.gradient(phase, frequency)
-    return frequency, velocity, group, amplitude
+    return frequency, velocity, group
 
 
-def at_frequency(frequency: np.ndarray, velocity: np.ndarray, wanted: float) -> float:
+def at_frequency(frequency: Floats, velocity: Floats, wanted: float) -> float:
     """Velocity at one frequency, by linear interpolation; NaN outside."""
     known = np.isfinite(velocity)
     if known.sum() < 2:
@@ -137,7 +138,7 @@ def at_frequency(frequency: np.ndarray, velocity: np.ndarray, wanted: float) -> 
     return float(np.interp(wanted, f, v, left=np.nan, right=np.nan))
 
 
-def wall_velocity(signals: Signals, length: float) -> tuple[np.ndarray, ...] | None:
+def wall_velocity(signals: Signals, length: float) -> tuple[Array, ...] | None:
     """`cross_spectrum` of the wall stresses over the sample length; None if not yet received.
 
     The record for dispersion ends about when the wave reaches the receiver; the phase is then

@@ -1,7 +1,5 @@
 """When a wave comes: first peaks and arrivals along a chain, and the velocity of their times."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -77,11 +75,10 @@ def travel_velocity(distance: np.ndarray, times: np.ndarray) -> tuple[float, flo
     """
     if np.isfinite(times).sum() < LEAST:
         return np.nan, np.nan
-    (slope, _), spread = straight_line(distance, times)
-    error = np.sqrt(spread[0, 0])
-    if not error < SURE * slope:
+    line = straight_line(distance, times)
+    if not line.error < SURE * line.slope:
         return np.nan, np.nan
-    return float(1 / slope), float(error / slope**2)
+    return float(1 / line.slope), float(line.error / line.slope**2)
 
 
 def travelled(

@@ -1,7 +1,5 @@
 """The figures: each a function from measured cases to a picture, drawn and tabulated."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Figures over all cases of what the paper does not have: isostaticity, gain, scattering, D(f)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -11,8 +9,8 @@ from analysis.estimators.fits import straight_line
 from analysis.figures import groups
 from analysis.figures.groups import LOG, legend, mark, random_of, scatter, styles
 from analysis.figures.picture import Panel, Picture
-from analysis.frame import numbers, of_one_producer
-from analysis.rows import Row
+from analysis.frame import numbers
+from analysis.rows import Row, of_one_producer
 from modal.tools.errors import InputError
 
 SHOWN = 15
@@ -32,9 +30,9 @@ def isostaticity(cases: pd.DataFrame) -> Picture:
         y = numbers(random, name) / top
         panel = Panel(groups.BEYOND, "", title, legend="upper left")
         if (np.isfinite(y) & np.isfinite(z)).sum() > 2:
-            slope, offset = straight_line(z, y)[0]
-            text = f"{slope:.3f} (z - {groups.ISOSTATIC - offset / slope:.2f})"
-            panel.line(along, slope * along + offset, text, color="k", lw=0.8)
+            line = straight_line(z, y)
+            text = f"{line.slope:.3f} (z - {groups.ISOSTATIC - line.offset / line.slope:.2f})"
+            panel.line(along, line.slope * along + line.offset, text, color="k", lw=0.8)
         scatter(panel, random, name, over="f_max_khz")
         panels.append(panel)
     panels[0].ylabel, panels[2].legend = "frequency over the highest", "outside"

@@ -1,18 +1,16 @@
 """Figures over all cases: 6, 8, 16 to 19, from their numbers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from analysis.estimators.fits import power_law, straight_to
+from analysis.estimators.fits import power_law, straight_line
 from analysis.figures import groups
 from analysis.figures.groups import LOG, THIN, legend, points, random_of, scatter, styles
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture
-from analysis.frame import numbers, of_one_producer
-from analysis.rows import Row
+from analysis.frame import numbers
+from analysis.rows import Row, of_one_producer
 
 
 def velocity_cases(cases: pd.DataFrame) -> Picture:
@@ -45,11 +43,11 @@ def _trend(panel: Panel, cases: pd.DataFrame, name: str) -> None:
         return
     x, y = numbers(random, "void_ratio"), numbers(random, name)
     at, of_crystal = (numbers(crystal, text).iloc[0] for text in ("void_ratio", name))
-    there, error = straight_to(x, y, at)
+    line = straight_line(x, y)
+    there, error = line.at(at)
     along = np.linspace(at, x.max(), 30)  # no straight line on a logarithmic axis
     text = rf"line at FCC's e: {there:.0f} $\pm$ {error:.0f}; FCC {of_crystal:.0f} m/s"
-    line = [straight_to(x, y, e)[0] for e in along]
-    panel.line(along, line, text, color="0.4", **THIN | {"ls": "--"})
+    panel.line(along, line.slope * along + line.offset, text, color="0.4", **THIN | {"ls": "--"})
     panel.add("error", [at], [there], [error], color="0.4", lw=0.8, capsize=3)
 
 

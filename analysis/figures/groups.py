@@ -3,8 +3,6 @@
 Colours grow lighter with friction, so that they are told apart in grey, too; crystals are white.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

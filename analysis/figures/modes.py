@@ -1,7 +1,5 @@
 """Figures 7, 9 and 10: natural frequencies, what the modes move, and their shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, columns_for, merged

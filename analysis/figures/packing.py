@@ -1,7 +1,5 @@
 """Figures 1 and 2: what the packing looks like, and what the source wall does."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from analysis.figures.picture import Panel, Picture, share_limits

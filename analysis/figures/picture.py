@@ -7,8 +7,6 @@ with blanks between. Numbers are rounded before anything is drawn, so the file h
 picture shows, and drawing it again gives the same picture.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

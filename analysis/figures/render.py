@@ -1,7 +1,5 @@
 """From a picture's data to Matplotlib's Axes, and to PNG and CSV files."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

@@ -1,15 +1,13 @@
 """Figures 11, 14, 15 and the structure factor: velocities, dispersion, and its width."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 
 from analysis.estimators import damped_transform as disp
-from analysis.estimators.fk import fk_map
 from analysis.estimators.resonances import mode_velocities
 from analysis.estimators.transfer import wall_velocity
+from analysis.estimators.wavenumber import fk_map
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, each
 from analysis.figures.waves import producer_name
 from analysis.measuring import Measuring
@@ -34,7 +32,7 @@ def velocity_frequency(m: Measuring) -> Panel:
     panel.xlim = (0, top / 1e3)
     walls = wall_velocity(m.linear, m.network.length)
     if walls is not None:
-        f, phase, group, _ = walls
+        f, phase, group = walls
         keep = (f > 0.7 * low) & (f < top)
         panel.line(f[keep] / 1e3, phase[keep], "phase, walls", color="0.6")
         if m.crystal:  # of others the derivative is the scatter's, not the wave's

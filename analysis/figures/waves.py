@@ -1,7 +1,5 @@
 """Figures 3 to 5, 12, 13: signals over time and distance, and their spectra over distance."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from analysis.estimators.layer_lattice import exact_twin

@@ -6,8 +6,6 @@ even part (u+ + u-) / 2, of the second order, has the harmonics, the drift, and 
 quite at rest does by itself. Slip and opening are of no order: they come where contacts are near.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

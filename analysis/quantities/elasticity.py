@@ -1,7 +1,5 @@
 """Elastic moduli, from the springs' static response, and how they lie to the contacts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from analysis.measuring import Measuring

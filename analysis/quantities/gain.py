@@ -1,7 +1,5 @@
 """What is heard of one wall at the other: the gain factor, and where its maxima lie."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from analysis.estimators.transfer import Gain

@@ -1,13 +1,10 @@
 """What the packing is: densities, contacts, order, forces at rest."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from analysis.estimators.settled import residual_of
 from analysis.measuring import Measuring
 from analysis.quantities.registry import on_request, without_signal
 from analysis.value import Value, unknown
@@ -15,7 +12,6 @@ from modal.packing import state
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import profile, stress_tensor, void_ratio
-from modal.packing.summary import crystalline_shares
 from modal.tools.arrays import Floats
 
 
@@ -50,7 +46,10 @@ EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
         lambda n: (_forces(n) < 0.5 * _forces(n).mean()).mean(),
         "share of normal forces between spheres below half the mean",
     ),
-    "residual": (residual_of, "mean net force of a sphere over mean contact force"),
+    "residual": (
+        lambda n: state.residual_forces(n).mean(),
+        "mean net force of a sphere over mean contact force, torque over the radius in it",
+    ),
 }
 """Numbers without an error, exact for the packing, and what they are."""
 
@@ -67,13 +66,12 @@ for _name, (_number, _definition) in EXACT.items():
 @without_signal("crystalline_share", "1", "share of spheres in crystalline surroundings")
 def crystalline_share(packing: Measuring) -> Value:
     """Of all spheres; a random packing has few."""
-    network = packing.network
-    shares = crystalline_shares(network, profile(network))
-    if "crystalline_share" not in shares:
-        equal = np.ptp(network.radius) <= 1e-9 * network.radius.mean()
+    if not packing.crystalline:
+        radius = packing.network.radius
+        equal = np.ptp(radius) <= 1e-9 * radius.mean()
         why = "the cell has no periods along x and y" if equal else "spheres are not equal"
         return unknown("1", f"{why}: order is not told")
-    return Value(shares["crystalline_share"], "1")
+    return Value(packing.crystalline["crystalline_share"], "1")
 
 
 @on_request("void_ratio_of_bulk", "1", "void ratio away from the walls")

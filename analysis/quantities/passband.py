@@ -1,14 +1,13 @@
 """Up to which frequency waves pass: the paper's threshold rule, and without its bias."""
 
-from __future__ import annotations
+from operator import attrgetter
 
 import numpy as np
 
-from analysis.estimators.chain_wavenumber import chain_wavenumber
-from analysis.estimators.layer_lattice import LayerLattice
 from analysis.estimators.low_pass import SHORTEST, Edge, Passband
 from analysis.estimators.ridge import Ridge
 from analysis.estimators.ridge import ridge as ridge_of
+from analysis.estimators.wavenumber import chain_wavenumber
 from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity
 from analysis.quantities.velocity import LOST, chain, coherent, coherents, longest, of_frequency
@@ -16,14 +15,12 @@ from analysis.value import Value, hertz, unknown
 from modal.packing.rattlers import force_bearing
 from modal.tools.errors import InputError
 
+EXACT = attrgetter("low_pass_frequency")
+"""Of the exact lattice: the end of its band."""
 LEFT = 0.02
 """Of the amplitude, `SHORTEST` diameters on, at the unbiased low-pass of a random packing."""
 SURE = 0.25
 """Largest distance of its crossings, relative, with which that frequency is told."""
-
-
-def _exact(lattice: LayerLattice) -> float:
-    return lattice.low_pass_frequency
 
 
 @once
@@ -34,7 +31,7 @@ def passband(m: Measuring, key: str = "linear") -> Passband:
     if not velocity > 0:
         raise InputError(LOST)
     run = m.yade if key == "linear" else None
-    return Passband(m.network, record, run, velocity=velocity, crystal=m.crystal)
+    return Passband(m.network, record, run, velocity, m.crystal)
 
 
 @once
@@ -104,7 +101,7 @@ def wavelength_at(m: Measuring, frequency: float, key: str) -> float:
     "low_pass",
     "Hz",
     "frequency above which less than 2 % of the amplitude arrives",
-    exact=_exact,
+    exact=EXACT,
     bias=0.03,
 )
 def low_pass(m: Measuring) -> Value:
@@ -134,7 +131,7 @@ def low_pass(m: Measuring) -> Value:
     "low_pass_unbiased",
     "Hz",
     "upper end of the band of P-waves, without a threshold on a record",
-    exact=_exact,
+    exact=EXACT,
 )
 def low_pass_unbiased(m: Measuring) -> Value:
     """Of a crystal the edge of its band; of disorder where little is left of the coherent wave.

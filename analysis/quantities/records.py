@@ -4,13 +4,12 @@ On request, as each needs files that most packings do not have. A number has one
 name where there are two: `yade`, the recorded run, or `linear`, the wave of the springs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 
 from analysis.case import AbsentError
+from analysis.estimators.resonances import long_wave_velocity
 from analysis.measuring import Measuring
 from analysis.quantities import gain, passband, scattering, spectrum, velocity
 from analysis.quantities.registry import on_request
@@ -125,8 +124,14 @@ FOUND: dict[str, tuple[str, str, Number]] = {
         *("m/s", "V_P of first peaks, mean of columns and their scatter"),
         lambda m: estimate(*velocity.columns(m, "linear")),
     ),
-    "v_p_modes_first": ("m/s", "2 L f_1 of the first resonance", spectrum.modal_first),
-    "v_p_modes_eq_4": ("m/s", "V_P of modes, kappa = pi r / L", spectrum.modal_velocity),
+    "v_p_modes_first": (
+        *("m/s", "2 L f_1 of the first resonance (Eqs. 3, 4)"),
+        lambda m: 2 * m.network.length * _resonance(m, 1).value,
+    ),
+    "v_p_modes_eq_4": (
+        *("m/s", "V_P of modes, kappa = pi r / L, by omega = V kappa (1 + b kappa^2)"),
+        lambda m: estimate(*long_wave_velocity(*spectrum.standing_waves(m))),
+    ),
     "v_p_modes_fitted": ("m/s", "V_P of modes, kappa fitted", spectrum.modal_fitted),
     "v_p_walls_phase": ("m/s", "phase velocity wall to wall", velocity.walls),
     "v_p_emt_contacts": ("m/s", "V_P of even strains", lambda m: m.affine_velocity),
@@ -139,7 +144,10 @@ FOUND: dict[str, tuple[str, str, Number]] = {
     "f_1": ("Hz", "first P resonance", _by(_resonance, 1)),
     "f_200": ("Hz", "200th P resonance of a crystal", _last_of_crystal),
     "resonances_found": ("1", "number of P resonances", _resonances),
-    "band_edge_modes": ("Hz", "end of a crystal's band, modes", spectrum.modal_edge),
+    "band_edge_modes": (
+        *("Hz", "end of a crystal's band, modes"),
+        lambda m: spectrum.modal_dispersion(m).low_pass_frequency,
+    ),
     "band_edge_theory": (
         *("Hz", "end of a crystal's band, lattice"),
         lambda m: m.lattice.low_pass_frequency,

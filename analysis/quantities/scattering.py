@@ -1,7 +1,5 @@
 """How waves fade: attenuation and quality factor over frequency, and where waves end."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -1,6 +1,9 @@
-"""What the natural frequencies are: the highest, standing waves among the lowest, soft modes."""
+"""What the natural frequencies are: the highest, standing waves among the lowest, soft modes.
 
-from __future__ import annotations
+The longest wave that fits into a cell has the frequency V_S over the cell's side; what lies below
+it is no wave, but soft by the disorder of the packing alone. E. Lerner, G. During and E.
+Bouchbinder, Phys. Rev. Lett. 117, 035501 (2016) took small cells for that reason.
+"""
 
 import numpy as np
 
@@ -103,16 +106,6 @@ def standing_waves(m: Measuring) -> tuple[Floats, Floats]:
     return own, kappa
 
 
-def modal_first(m: Measuring) -> float:
-    """V_P, m/s, of the first resonance by Eqs. 3 and 4: 2 L f_1; NaN without modes."""
-    return 2 * m.network.length * float(np.append(standing_waves(m)[0], np.nan)[0])
-
-
-def modal_velocity(m: Measuring) -> Value:
-    """V_P, m/s, of the modes' wave numbers by Eq. 4, from omega = V kappa (1 + b kappa^2)."""
-    return estimate(*long_wave_velocity(*standing_waves(m)))
-
-
 @once
 def modal_dispersion(m: Measuring) -> Dispersion:
     """The dispersion of a crystal's pure modes."""
@@ -120,11 +113,6 @@ def modal_dispersion(m: Measuring) -> Dispersion:
     if modes.resonance_shape is None:
         raise AbsentError
     return mode_dispersion(modes.resonance_frequency, modes.resonance_shape, lattice.distance)
-
-
-def modal_edge(m: Measuring) -> float:
-    """f_low-pass, Hz, of a crystal's modes."""
-    return modal_dispersion(m).low_pass_frequency
 
 
 def modal_fitted(m: Measuring) -> Value:
@@ -310,3 +298,53 @@ def chi_z_of_branches(packing: Measuring) -> Value:
     modes = eigenmodes(packing.network, below=top, shapes=False)
     lacks = (f"{modes.missing} modes are missing",) if modes.missing else ()
     return Value(modes.chi_z, "1", {}, packing.of_one_sample + lacks, modes.frequency)
+
+
+@once
+def lowest_wave(m: Measuring) -> float:
+    """Hz: of the longest shear wave of a cell without walls, V_S over the cell's side."""
+    if not m.network.cell_periodic.all():
+        raise InputError("between walls waves have other frequencies: take a periodic cell")
+    axes = zip(np.eye(3), m.network.cell_size, strict=True)
+    return float(min(m.moduli.velocities(axis)[-1] / side for axis, side in axes))
+
+
+@once
+def soft_modes(m: Measuring) -> ModeSet:
+    """All modes below the first wave, certified; zero modes are not among them."""
+    modes = eigenmodes(m.network, below=lowest_wave(m))
+    if modes.missing or not len(modes.frequency):
+        raise InputError(f"below the first wave {modes.missing} modes are missing of some")
+    return modes
+
+
+@on_request("first_wave", "Hz", "slowest V_S along an axis over the side of a periodic cell")
+def first_wave(packing: Measuring) -> Value:
+    """By the moduli."""
+    return Value(lowest_wave(packing), "Hz")
+
+
+def _over_modes(packing: Measuring, value: Floats) -> Value:
+    """A number of each mode below the first wave, over their frequencies."""
+    return Value(value, "1", {}, packing.of_one_sample, soft_modes(packing).frequency)
+
+
+@on_request("soft_participation", "1", "spheres that take part in each mode below the first wave")
+def soft_participation(packing: Measuring) -> Value:
+    """(sum e)^2 / sum e^2, e the kinetic energy of each, rotations included."""
+    share = soft_modes(packing).participation(packing.network)
+    return _over_modes(packing, share * packing.network.n_particles)
+
+
+@on_request("soft_rotation", "1", "part of the kinetic energy in rotations, of the same modes")
+def soft_rotation(packing: Measuring) -> Value:
+    """Of all spheres."""
+    return _over_modes(packing, soft_modes(packing).rotation_share)
+
+
+@on_request("soft_contacts", "1", "contacts of the sphere that moves most, of the same modes")
+def soft_contacts(packing: Measuring) -> Value:
+    """One with two or three is held loosely, whatever its surroundings."""
+    square = (soft_modes(packing).shapes()[:, :, :3] ** 2).sum(axis=2)
+    contacts = contacts_per_particle(packing.network)
+    return _over_modes(packing, contacts[square.argmax(axis=1)].astype(float))

@@ -5,9 +5,8 @@ a threshold, a chain or the pulse. `v_p_static` comes from no wave at all and sh
 are called by their names, of `Measuring.record`.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from analysis.case import AbsentError
 from analysis.estimators.coherent import DECAY, Coherent, coherent_wave, longest_waves
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
 from analysis.estimators.effective_medium import moduli_of, velocity_of_means
-from analysis.estimators.layer_lattice import LayerLattice
 from analysis.estimators.transfer import at_frequency, wall_velocity
 from analysis.estimators.travel_time import first_peaks_of_columns, travelled
 from analysis.measuring import Measuring, once
@@ -37,11 +35,9 @@ HIGHEST = {True: 0.5, False: 0.2}
 """Highest frequency of the coherent wave, in V / D, of a crystal or not."""
 LOW_ORDER = 10
 """Low frequency means that of the standing wave r = 10, wavelength L / 5."""
+EXACT = attrgetter("velocity")
+"""Of the exact lattice: its V_P."""
 LOST = "no coherent wave goes through enough of the packing to be read"
-
-
-def _exact(lattice: LayerLattice) -> float:
-    return lattice.velocity
 
 
 @once
@@ -163,7 +159,7 @@ def _quoted(m: Measuring, key: str, places: slice) -> Value:
     return Value(value, "m/s", {"fit": 0.5 * value * m.moduli.error}, (why, *m.of_waves))
 
 
-@quantity("v_p", "m/s", "velocity of the longest P-waves along z; the one to quote", exact=_exact)
+@quantity("v_p", "m/s", "velocity of the longest P-waves along z; the one to quote", exact=EXACT)
 def v_p(m: Measuring) -> Value:
     """Of the coherent wave from the wall; of a cell without walls by its moduli."""
     return _quoted(m, "wave", slice(0, 1))
@@ -191,7 +187,7 @@ def v_p_static(m: Measuring) -> Value:
     "v_p_first_peaks",
     "m/s",
     "velocity of first peaks along the chain, as of the paper",
-    exact=_exact,
+    exact=EXACT,
     bias=0.013,
 )
 def v_p_first_peaks(m: Measuring) -> Value:

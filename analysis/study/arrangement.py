@@ -4,8 +4,6 @@ Panels of single cases were drawn when the case was measured; they lie beside it
 from which a figure is drawn again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from string import ascii_lowercase

@@ -1,7 +1,5 @@
 """One case measured: its result, and beside it the panels of those figures that show it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import islice, zip_longest
 from pathlib import Path
@@ -18,10 +16,9 @@ from analysis.measuring import Measuring
 from analysis.quantities.passband import passband
 from analysis.quantities.records import LOW_PASS
 from analysis.quantities.spectrum import standing, standing_waves
-from analysis.rows import Row, row_of
+from analysis.rows import Row, row_of, write_result
 from analysis.study.arrangement import wanted
 from analysis.study.description import Study
-from analysis.study.results import write_result
 from analysis.study.targets import Rules
 from analysis.table import number
 from analysis.value import estimate

@@ -1,7 +1,5 @@
 """A power law for each group over its stresses, and how the powers change with void ratio."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,8 +26,8 @@ class Powers:
     @property
     def trend(self) -> tuple[float, float]:
         """Slope of the power over e by least squares, and its standard error; NaN if unknown."""
-        (slope, _), spread = straight_line(self.table["e"], self.table["power"])
-        return float(slope), float(np.sqrt(spread[0, 0]))
+        line = straight_line(self.table["e"], self.table["power"])
+        return float(line.slope), line.error
 
     @property
     def grows(self) -> bool:

@@ -5,18 +5,19 @@ of a number, or `±` for a value to its error's first digit; and a column of yes
 `no` puts a star behind the number.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from analysis.estimators.fits import limit, power_law
-from analysis.frame import numbers, select, spreads
-from analysis.rows import Row
+from analysis.crystal import COLUMNS
+from analysis.estimators.fits import power_law, straight_line
+from analysis.frame import frame_of, numbers, select, spreads
+from analysis.rows import OF_RECORD, Row, read_results
+from analysis.study.description import Study
 from analysis.study.powers import powers
 from analysis.study.targets import Rules
 from analysis.study.words import UNKNOWN, Words
@@ -26,6 +27,8 @@ from modal.tools.errors import InputError
 Spec = Mapping[str, Any]
 Cells = tuple[list[str], list[list[str]]]
 """A header, and lines as long."""
+SHOWN = ("void_ratio", "coordination_number", "v_p_static_m_per_s", *OF_RECORD)
+"""Numbers of a case that are shown, stated or not."""
 
 
 def tables(
@@ -117,11 +120,11 @@ def limits(spec: Spec, cases: pd.DataFrame) -> Cells:
             several = members.assign(y=numbers(members, name)).groupby("x")["y"]
             mean, error = several.mean(), several.sem()
             size = mean.index.to_numpy(float)
-            found = limit(size, mean.to_numpy(), error.to_numpy())
+            found = straight_line(size, mean.to_numpy(), error.to_numpy())
             at = int(abs(size - own).argmin())
             here = mean.iloc[at], error.iloc[at]
             off = found.distance(size[at], *here)
-            cells = [number(*here), number(found.value, found.error), _cell(off, "+.1f")]
+            cells = [number(*here), number(*found.at(0.0)), _cell(off, "+.1f")]
             lines.append([*map(_cell, key), text, *cells, _cell(found.chi, ".1f")])
     header = ["quantity", "as it is", "limit", "distance in errors of the difference"]
     return [*by, *header, "chi^2 a point to spare"], lines
@@ -188,3 +191,52 @@ def side_by_side(name: str, cases: pd.DataFrame, rows: list[Row]) -> Cells:
         return [], []
     found = pd.concat(parts, axis=1).reset_index()
     return list(found), [line for line in found.to_numpy().tolist() if any(line[1:])]
+
+
+def table_of(study: Study, results: Path, name: str) -> tuple[Table, list[str]]:
+    """A crystal by theory, modes, linear wave and YADE; of other packings the stated numbers.
+
+    And the notes of the case; InputError where its result is not there.
+    """
+    rows = {row.name: row for row in read_results(results)}
+    if name not in rows:
+        raise InputError(f"{results}: no result of {name}; run it first")
+    row, frame = rows[name], frame_of(rows.values(), study.cases)
+    rules = Rules(frame, study.stated())
+    case, lines = frame.loc[[name]], []
+    if "comparison" in row.tables:
+        return _compared(row, case, rules), row.notes
+    for key in dict.fromkeys([*SHOWN, *(line["quantity"] for line, _ in rules.lines)]):
+        value = float(numbers(case, key).iloc[0])
+        stated, off = _stated(key, value, case, rules)
+        if np.isfinite(value) and (stated or key in SHOWN):
+            lines.append([key, number(value, row.spread(key)), stated, off])
+    return Table(row.label, ["quantity", "here", "stated", "deviation"], lines), row.notes
+
+
+def _stated(name: str, value: float, case: pd.DataFrame, rules: Rules) -> tuple[str, str]:
+    """What is stated of a quantity, and how far a value is from it, as text."""
+    line = rules.stated(name, case)
+    if line is None:
+        return "", ""
+    if np.isfinite(line["value"]):
+        return f"{line['value']:.5g}", f"{100 * (value / line['value'] - 1):+.3f} %"
+    low, high = line["low"], line["high"]
+    off = "outside" if value < low or value > high else "inside"
+    return (f"> {low:.4g}" if np.isnan(high) else f"{low:.4g} to {high:.4g}"), off
+
+
+def _compared(row: Row, case: pd.DataFrame, rules: Rules) -> Table:
+    """The comparison that the case was measured with, and deviations in per cent."""
+    lines = []
+    for key, quantity, unit, *cells, note in row.tables["comparison"]:
+        found = pd.to_numeric(pd.Series(cells, COLUMNS), errors="coerce")
+        off = 100 * (found[1:] / found["theory"] - 1)
+        percent = ["" if np.isnan(value) else f"{value:+.3f}" for value in off]
+        own = found["modal"] if np.isnan(found["yade"]) else found["yade"]
+        stated, apart = _stated(key, own, case, rules)
+        apart = apart.removesuffix(" %") if np.isfinite(own) else ""
+        lines.append([quantity, unit, *cells, stated, *percent, apart, note])
+    header = ["quantity", "unit", *COLUMNS, "paper"]
+    header += [f"{name}/theory %" for name in COLUMNS[1:]] + ["to paper %", "note"]
+    return Table(row.label, header, lines)

@@ -6,8 +6,6 @@ its own `low` and `high`, else what is stated; `within`, as 0.01 or 2 %, is abou
 So each rule is numbers between two bounds; the one that is furthest off is the target's value.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.frame import missing, numbers, of_one_producer, runs, select, spreads
+from analysis.frame import missing, numbers, runs, select, spreads
+from analysis.rows import of_one_producer
 from analysis.study.description import Study
 from analysis.study.powers import powers
 from analysis.table import Table, number

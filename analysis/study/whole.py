@@ -3,8 +3,6 @@
 A case that is not there is said to be missing; nothing stands in for it.
 """
 
-from __future__ import annotations
-
 import base64
 import shlex
 from collections.abc import Mapping
@@ -15,9 +13,9 @@ import jinja2
 import pandas as pd
 
 from analysis.frame import frame_of, runs
+from analysis.rows import read_results
 from analysis.study.arrangement import arrange
 from analysis.study.description import Study
-from analysis.study.results import read_results
 from analysis.study.tables import tables, whole
 from analysis.study.targets import Rules, answers, second_verdicts, targets
 from analysis.table import Table, number

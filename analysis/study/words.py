@@ -4,13 +4,11 @@ A sentence is a Jinja template: `{{ value('case06', 'void_ratio') }}` is that nu
 So no number is typed, and none survives the results that it came from.
 """
 
-from __future__ import annotations
-
 import jinja2
 import numpy as np
 import pandas as pd
 
-from analysis.estimators.fits import power_law, straight_to
+from analysis.estimators.fits import power_law, straight_line
 from analysis.frame import numbers, select, spreads
 from analysis.study.powers import powers
 from analysis.table import number
@@ -77,9 +75,9 @@ class Words:
             some, others = select(members, through), select(members, to)
             at, there = (numbers(others, text).mean() for text in (x, quantity))
             along, y = numbers(some, x), numbers(some, quantity)
-            line, error = straight_to(along, y, at)
+            line, error = straight_line(along, y).at(at)
             if np.isfinite([line, there]).all():
-                curve = np.exp(straight_to(along, np.log(y), at)[0])
+                curve = np.exp(straight_line(along, np.log(y)).at(at)[0])
                 text = f"{line:.0f} ± {error:.0f} (of its logarithm {curve:.0f}) for {there:.0f}"
                 texts.append(f"{text} at {stress / 1e3:g} kPa")
         return ", ".join(texts) or UNKNOWN

@@ -5,8 +5,6 @@ into the page, so that it opens anywhere. Displacements are 16 bits a component,
 1/32,767 of the largest: 35,201 spheres at 100 times are 9 MB of text, their contacts 2 MB.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import re

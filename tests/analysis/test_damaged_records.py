@@ -13,7 +13,6 @@ import pytest
 from exact_crystal import CHAIN, LENGTH, moved, noisy, part_of_chain, record
 
 from analysis.case import Case
-from analysis.estimators.chain_wavenumber import chain_wavenumber
 from analysis.estimators.coherent import coherent_wave, longest_waves
 from analysis.estimators.damped_transform import chain_dispersion
 from analysis.estimators.fits import power_law
@@ -22,6 +21,7 @@ from analysis.estimators.low_pass import Passband, at_stretch
 from analysis.estimators.ridge import ridge
 from analysis.estimators.transfer import at_frequency, wall_velocity
 from analysis.estimators.travel_time import arrival_times, first_peak_times, travelled
+from analysis.estimators.wavenumber import chain_wavenumber
 from analysis.measuring import Measuring
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
@@ -159,7 +159,7 @@ def test_a_source_that_waits_leaves_the_low_pass_as_it_is():
         source_displacement=np.append(rest[:, 0], plain.source_displacement),
     )
     edges = [
-        Passband(network, r, None, velocity=lattice.velocity, crystal=True).edges(r)[0].value
+        Passband(network, r, None, lattice.velocity, True).edges(r)[0].value
         for r in (plain, waiting)
     ]
     # The longer record's frequencies stand closer: 1 / 4 T between which the value is interpolated.

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from analysis.__main__ import main
-from analysis.estimators.fits import limit
+from analysis.estimators.fits import straight_line
 from analysis.study.tables import limits
 from modal.packing.sample import write_sample
 from modal.preparation.random_packing import random_sample
@@ -15,12 +15,12 @@ from modal.preparation.random_packing import random_sample
 
 def test_limit_of_a_line_is_exact_and_its_error_that_of_least_squares():
     size, value = np.array([1.0, 2.0, 4.0]), np.array([3.0, 5.0, 9.0])
-    there = limit(size, value, np.full(3, 0.1))
-    assert (there.value, there.chi) == pytest.approx((1.0, 0.0), abs=1e-12)
+    there = straight_line(size, value, np.full(3, 0.1))
+    assert (there.offset, there.chi) == pytest.approx((1.0, 0.0), abs=1e-12)
     # sigma^2 (1/n + mean^2 / sum (x - mean)^2), the textbook's error of an intercept.
     spread = ((size - size.mean()) ** 2).sum()
-    assert there.error == pytest.approx(0.1 * np.sqrt(1 / 3 + size.mean() ** 2 / spread))
-    assert np.isnan(limit(size[:1], value[:1], np.full(1, 0.1)).value)
+    assert there.at(0.0)[1] == pytest.approx(0.1 * np.sqrt(1 / 3 + size.mean() ** 2 / spread))
+    assert np.isnan(straight_line(size[:1], value[:1], np.full(1, 0.1)).offset)
 
 
 def test_distance_from_the_limit_is_that_of_independent_draws():
@@ -36,18 +36,18 @@ def test_distance_from_the_limit_is_that_of_independent_draws():
     for _ in range(4000):
         seeds = random.standard_normal((4, 8))
         value, error = seeds.mean(axis=1), seeds.std(axis=1, ddof=1) / np.sqrt(8)
-        distance.append(limit(size, value, error).distance(size[0], value[0], error[0]))
+        distance.append(straight_line(size, value, error).distance(size[0], value[0], error[0]))
     share = [np.mean(np.abs(distance) > beyond) for beyond in (1, 2)]
     assert 0.15 < share[0] < 0.35 + 0.024 and share[1] < 0.086 + 0.013
 
 
 def test_scatter_about_the_line_beyond_the_errors_enlarges_them():
     size, value = np.array([1.0, 2.0, 3.0]), np.array([1.0, 4.0, 1.0])
-    few, many = limit(size, value, np.full(3, 0.1)), limit(size, value, np.full(3, 10.0))
+    few, same, many = (straight_line(size, value, np.full(3, e)) for e in (0.1, 0.2, 10.0))
     assert few.chi > 1 > many.chi
     # Weights that are equal drop out: the error is that of the scatter, whatever was said of it.
-    assert few.error == pytest.approx(limit(size, value, np.full(3, 0.2)).error)
-    assert many.error == pytest.approx(100 * np.sqrt(few.covariance[1, 1]))
+    assert few.at(0.0)[1] == pytest.approx(same.at(0.0)[1])
+    assert many.at(0.0)[1] == pytest.approx(100 * few.at(0.0)[1] / np.sqrt(few.chi))
 
 
 def test_table_tells_the_limit_of_what_was_drawn_about_a_line():

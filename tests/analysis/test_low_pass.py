@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from exact_crystal import CHAIN, LENGTH, noisy, part_of_chain, record
 
-from analysis.estimators.chain_wavenumber import chain_wavenumber
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.low_pass import (
     FLAT,
@@ -19,6 +18,7 @@ from analysis.estimators.low_pass import (
     spectra,
     threshold_curves,
 )
+from analysis.estimators.wavenumber import chain_wavenumber
 from modal.packing.contact_law import RADIUS
 from modal.packing.crystal import fcc
 from modal.waves.propagate import propagate
@@ -136,7 +136,7 @@ def test_columns_of_a_crystal_agree():
     lattice = LayerLattice.of_network(network)
     passage = network.length / lattice.velocity
     wave = propagate(network, passage, interval=1e-6, particles=True).signals
-    band = Passband(network, wave, None, velocity=lattice.velocity, crystal=True)
+    band = Passband(network, wave, None, lattice.velocity, True)
     assert len(set(columns_of(network, np.arange(network.n_particles)).tolist())) == 4
     assert len(band.of_columns) == 4
     assert band.chain_scatter == pytest.approx(np.zeros(4), abs=1e-2 * lattice.low_pass_frequency)
@@ -151,7 +151,7 @@ def test_the_end_of_the_source_is_not_taken_for_the_packings():
     lattice = LayerLattice.of_network(network)
     passage = network.length / lattice.velocity
     seen = lattice_signals(lattice, np.arange(0, passage, 5e-8))
-    band = Passband(network, seen, None, velocity=lattice.velocity, crystal=True)
+    band = Passband(network, seen, None, lattice.velocity, True)
     for edge in band.edges(seen):
         assert np.isnan(edge.value) and not edge.flat
         assert "the source sends too little" in edge.why

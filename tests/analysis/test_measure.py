@@ -196,7 +196,7 @@ def test_any_motion_of_the_wall_gives_the_same_answers(random, found):
     """
     names = ["v_p", "v_s", "v_p_first_peaks", "low_pass", "low_pass_unbiased"]
     frequency = Measuring(random).affine_frequency
-    for name, motion in _motions(frequency, Measuring(random).own_wave().time[-1]).items():
+    for name, motion in _motions(frequency, Measuring(random).linear.time[-1]).items():
         given = analysis.measure(random, source=motion, quantities=names)
         for key in names:
             off = abs(given[key].value - found[key].value)
@@ -239,7 +239,7 @@ def fading(network, power, loss, seed=0):
     Without dispersion: each layer has the source's spectrum times exp(i q z).
     """
     diameter, velocity = 2 * float(network.radius.mean()), 500.0
-    own = Measuring(network).own_wave()
+    own = Measuring(network).linear
     time, z = own.time, own.layer_position
     count = 8 * len(time)
     f = np.fft.rfftfreq(count, time[1])

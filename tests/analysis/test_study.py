@@ -15,8 +15,8 @@ from places import ROOT
 from analysis.__main__ import main
 from analysis.frame import frame_of
 from analysis.quantities.spectrum import natural_frequency
+from analysis.rows import read_results
 from analysis.study.description import Study
-from analysis.study.results import read_results
 from analysis.study.tables import tables, whole
 from analysis.study.targets import Rules, answers, targets
 from modal.modes.eigenmodes import modes_of

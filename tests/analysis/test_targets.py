@@ -7,10 +7,9 @@ import pytest
 from places import ROOT
 
 from analysis.frame import frame_of
-from analysis.rows import Row
+from analysis.rows import Row, read_result, read_results, write_result
 from analysis.study.description import Study
 from analysis.study.powers import powers
-from analysis.study.results import read_result, read_results, write_result
 from analysis.study.tables import tables
 from analysis.study.targets import Finding, Rules, answers, second_verdicts
 from analysis.value import estimate
