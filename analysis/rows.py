@@ -23,8 +23,9 @@ from analysis.quantities import QUANTITIES, gain, records, spectrum
 from analysis.quantities.records import LOW_PASS, PERCENT
 from analysis.quantities.scattering import whole_ridge
 from analysis.quantities.velocity import longest
-from analysis.value import Value, estimate, plain
+from analysis.value import Value, estimate
 from modal.formats.hdf5 import write_text
+from modal.tools.display import plain
 from modal.tools.errors import InputError
 
 COLUMNS = {

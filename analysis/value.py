@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from modal.tools.arrays import Floats
-from modal.tools.display import quantities, quantity
+from modal.tools.display import plain, quantities, quantity
 
 FEW = 3
 """Numbers over frequency that are all told; of more the first and the last."""
@@ -134,15 +134,3 @@ def hertz(frequency: float) -> str:
     '10.5 kHz'
     """
     return quantity(float(frequency), "Hz", 3)
-
-
-def plain(value: Any, digits: int = 17) -> Any:
-    """As JSON has it, to so many digits: arrays as lists; what is not finite is None."""
-    if isinstance(value, Mapping):
-        return {name: plain(cell, digits) for name, cell in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [plain(cell, digits) for cell in value]
-    value = value.item() if isinstance(value, np.generic) else value
-    if isinstance(value, float):
-        return float(f"{value:.{digits}g}") if np.isfinite(value) else None
-    return value

@@ -1,7 +1,5 @@
 """A folder in which ./run_cases.sh runs this very project with a study of its own."""
 
-from __future__ import annotations
-
 import importlib
 import io
 import re

@@ -11,7 +11,7 @@ import sys
 from itertools import zip_longest
 from typing import Any
 
-from modal.tools.display import quantity, scaled, table
+from modal.tools.display import plain, quantity, scaled, table
 from modal.tools.errors import InputError
 
 UNITS = {
@@ -56,14 +56,6 @@ def json_text(result: Any) -> str:
     >>> json_text({"velocity": [math.nan, 1.5], "worst": {"residual": math.inf}, "ok": True})
     '{"velocity": [null, 1.5], "worst": {"residual": null}, "ok": true}'
     """
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {name: plain(own) for name, own in value.items()}
-        if isinstance(value, list | tuple):
-            return [plain(own) for own in value]
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
     return json.dumps(plain(result), allow_nan=False)
 
 

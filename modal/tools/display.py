@@ -1,8 +1,10 @@
 """What people see of results: numbers with engineering units, and the Axes that a picture is in."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,6 +74,18 @@ def duration(seconds: float) -> str:
         if seconds >= 2 * unit:
             return f"{seconds / unit:.3g} {name}"
     return f"{seconds:.0f} s"
+
+
+def plain(value: Any, digits: int = 17) -> Any:
+    """As JSON has it, to so many digits: arrays as lists; what is not finite is None."""
+    if isinstance(value, Mapping):
+        return {name: plain(cell, digits) for name, cell in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [plain(cell, digits) for cell in value]
+    value = value.item() if isinstance(value, np.generic) else value
+    if isinstance(value, float):
+        return float(f"{value:.{digits}g}") if np.isfinite(value) else None
+    return value
 
 
 def table(rows: list[tuple[str, str]]) -> str:

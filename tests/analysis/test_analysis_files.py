@@ -1,7 +1,5 @@
 """Reports of packings that are no cases of the study: named by their files, joined by digest."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ Every deviation is the damage's: the right number within a stated bound, or none
 have no such guard: their limits are in docs/stability.md.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

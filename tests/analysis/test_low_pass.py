@@ -1,7 +1,5 @@
 """The threshold rule and the wave number of a chain, on fields whose answer is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from exact_crystal import CHAIN, LENGTH, noisy, part_of_chain, record

@@ -1,7 +1,5 @@
 """Quantities on request beside closed forms, whole spectra and bounds of their own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

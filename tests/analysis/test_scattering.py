@@ -1,7 +1,5 @@
 """Scattering, fitted wave numbers and the gain's maxima against fields of known answer."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

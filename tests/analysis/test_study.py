@@ -1,7 +1,5 @@
 """A study from its results: tables, missing cases, one page."""
 
-from __future__ import annotations
-
 import csv
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A study's YAML: factors make cases, settings follow them, and what means nothing is refused."""
 
-from __future__ import annotations
-
 import pytest
 
 from analysis.__main__ import main

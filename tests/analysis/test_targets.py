@@ -1,7 +1,5 @@
 """Targets of a study: which made-up results meet them, and the scatter of seeds beside them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from places import ROOT
