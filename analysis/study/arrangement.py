@@ -15,6 +15,7 @@ from analysis.figures import FIGURES
 from analysis.figures.groups import EDGE, SHADES, STRESS_MARKS
 from analysis.figures.picture import Panel, Picture, merged, read_picture, share_limits
 from analysis.frame import numbers, select
+from analysis.study.description import following
 from analysis.study.words import Words
 from modal.tools.errors import InputError
 
@@ -42,19 +43,20 @@ def arrange(
     drawn, absent, words = [], [], Words(cases)
     for spec in specs:
         caption = words(spec["caption"])
-        if "plot" not in spec and spec.get("figure") not in FIGURES:
-            raise InputError(f"{spec['name']}: its figure is none of {', '.join(FIGURES)}")
-        try:
-            if "plot" in spec:
-                picture = _plot(spec["plot"], cases[cases["there"]])
-            elif "cases" in spec:
-                picture, away = _of_cases(spec, select(cases, spec["cases"]).index, panels)
-                caption += f" Absent: {', '.join(away)}." if away else ""
-            else:
-                picture = FIGURES[spec["figure"]](cases[cases["there"]])
-            drawn.append((save(picture, output / spec["name"])[0], caption))
-        except InputError as error:
-            absent.append(f"{spec['name']}: {error}")
+        with following(spec):
+            if "plot" not in spec and spec.get("figure") not in FIGURES:
+                raise InputError(f"{spec['name']}: its figure is none of {', '.join(FIGURES)}")
+            try:
+                if "plot" in spec:
+                    picture = _plot(spec["plot"], cases[cases["there"]])
+                elif "cases" in spec:
+                    picture, away = _of_cases(spec, select(cases, spec["cases"]).index, panels)
+                    caption += f" Absent: {', '.join(away)}." if away else ""
+                else:
+                    picture = FIGURES[spec["figure"]](cases[cases["there"]])
+                drawn.append((save(picture, output / spec["name"])[0], caption))
+            except InputError as error:
+                absent.append(f"{spec['name']}: {error}")
     return drawn, absent
 
 

@@ -15,6 +15,7 @@ may be written as `seed: 1 to 8`. `cases` names exceptions.
 import itertools
 import re
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -178,9 +179,10 @@ class Study:
         path, own = self.folder / f"{name}.yaml", self.settings.get(name)
         entries = own or (self._yaml(path) if path.is_file() else [])
         for entry in entries:
-            if not isinstance(entry, Mapping) or not entry.keys() >= {*ENTRIES[name]}:
+            texts = isinstance(entry, Mapping) and [entry.get(key) for key in ENTRIES[name]]
+            if not texts or not all(isinstance(text, str) for text in texts):
                 lacks = f"{path if not own else self.path}: {name}: {entry}"
-                raise InputError(f"{lacks}: give it {', '.join(ENTRIES[name])}")
+                raise InputError(f"{lacks}: give it, as texts, {', '.join(ENTRIES[name])}")
         return entries
 
     def stated(self) -> pd.DataFrame:
@@ -192,6 +194,18 @@ class Study:
             found = pd.read_csv(path, dtype={"select": object})
         ends = {name: found[name].fillna(found["value"]) for name in ("low", "high")}
         return found.assign(select=found["select"].fillna(""), **ends)
+
+
+@contextmanager
+def following(entry: Mapping[str, Any]) -> Iterator[None]:
+    """An entry of a study's part is followed: InputError that names it where that cannot be."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        name, why = entry.get("name", entry.get("id")), f"{type(error).__name__}: {error}"
+        raise InputError(f"{name}: cannot be made ({why}); mend its entry in the study") from error
 
 
 def part_of_name(factor: str, value: Any) -> str:

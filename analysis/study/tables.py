@@ -17,7 +17,7 @@ from analysis.crystal import COLUMNS
 from analysis.estimators.fits import power_law, straight_line
 from analysis.frame import frame_of, numbers, select, spreads
 from analysis.rows import OF_RECORD, Row, read_results
-from analysis.study.description import Study
+from analysis.study.description import Study, following
 from analysis.study.powers import powers
 from analysis.study.targets import Rules
 from analysis.study.words import UNKNOWN, Words
@@ -49,8 +49,9 @@ def tables(
         cases = select(frame[frame["there"]], spec.get("select", ""))
         kind = next((name for name in kinds if name in spec), "")
         if not kind:
-            raise InputError(f"table {spec.get('name')}: give it one of {', '.join(kinds)}")
-        found.append(Table(spec["title"], *kinds[kind](spec, cases), spec["name"]))
+            raise InputError(f"table {spec['name']}: give it one of {', '.join(kinds)}")
+        with following(spec):
+            found.append(Table(spec["title"], *kinds[kind](spec, cases), spec["name"]))
     return [table for table in found if table.rows]
 
 

@@ -16,7 +16,7 @@ import pandas as pd
 
 from analysis.frame import missing, numbers, runs, select, spreads
 from analysis.rows import of_one_producer
-from analysis.study.description import Study
+from analysis.study.description import Study, following
 from analysis.study.powers import powers
 from analysis.table import Table, number
 from modal.tools.errors import InputError
@@ -228,10 +228,11 @@ def answers(study: Study, frame: pd.DataFrame) -> list[Answer]:
     """Of every target of a study."""
     rules, found = Rules(frame, study.stated()), []
     for spec in study.part("targets"):
-        first, other = rules.find(spec), spec.get("second")
-        if spec.get("calibrated"):
-            first = replace(first, why=f"{first.why}; no test: {spec['calibrated']}")
-        found.append((spec, first, rules.find({"id": spec["id"], **other}) if other else None))
+        with following(spec):
+            first, other = rules.find(spec), spec.get("second")
+            if spec.get("calibrated"):
+                first = replace(first, why=f"{first.why}; no test: {spec['calibrated']}")
+            found.append((spec, first, rules.find({"id": spec["id"], **other}) if other else None))
     return found
 
 

@@ -36,6 +36,8 @@ def test_factors_make_cases_and_settings_follow_them(tmp_path):
     (table,) = tables([spec], frame, Rules(frame, Study(path).stated()), [])
     # 500 + 10 times the seed: mean 520, standard error 10 / sqrt 3.
     assert table.rows[0] == ["0", "4", "520 ± 6", "3"] and len(table.rows) == 4
+    with pytest.raises(ValueError, match="means: cannot be made"):
+        tables([spec | {"columns": 3}], frame, Rules(frame, Study(path).stated()), [])
 
 
 def _of_sweep(name: str, case) -> Row:
