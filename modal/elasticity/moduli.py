@@ -12,8 +12,6 @@ error is the square of that of the motion. The file of it is "granular-moduli"
 (`docs/formats.md`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any

@@ -17,8 +17,6 @@ The table is all that a format needs: files are written, read and refused by it 
 [('name', 'first'), ('place', None), ('time', array([0., 1., 2.]))]
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Container, Mapping
 from dataclasses import MISSING, dataclass, field, fields

@@ -3,8 +3,6 @@
 And how many modes may be asked of lists.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import overload

@@ -7,8 +7,6 @@ Where the packing is too large for that, the decay of the elastic modes to first
 damping is `modal.modes.first_order.decay_rates`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

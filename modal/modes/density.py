@@ -9,8 +9,6 @@ keeps the density positive (A. Weisse, G. Wellein, A. Alvermann, H. Fehske, Rev.
 2006, Eqs. 71 and 74). The format "granular-density-of-states", version 1, is defined here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

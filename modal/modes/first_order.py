@@ -8,8 +8,6 @@ of contact has a tangent that is not symmetric, which Lanczos needs; modes are t
 whose left and right vectors are the same.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from modal.modes.mode_set import ModeSet

@@ -1,7 +1,5 @@
 """The columns of a contact network, and what follows from them alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar

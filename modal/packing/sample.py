@@ -5,8 +5,6 @@ normals and stiffnesses follow from the positions; only shear forces, which depe
 kept, as two components in a frame that follows from the normal.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any

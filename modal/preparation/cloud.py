@@ -1,7 +1,5 @@
 """Spheres placed at random: where a packing begins, with friction and without."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import islice

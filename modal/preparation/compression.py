@@ -5,8 +5,6 @@ without (`modal.preparation.frictionless`). Each run starts from the checkpoint 
 has written, so that a path that was killed takes the same steps as one that was not.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Sequence

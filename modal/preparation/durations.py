@@ -5,8 +5,6 @@ whose shortest period is own time times (pressure / E*)^(1/3), settles a packing
 are given in own times at `REFERENCE`, and the power follows.
 """
 
-from __future__ import annotations
-
 import math
 
 from modal.packing.contact_law import GLASS, RADIUS, Material

@@ -6,8 +6,6 @@ uphill one: Guenole et al., Comp. Mat. Sci. 175, 109584, 2020). Walls are length
 move homothetically with the cell.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

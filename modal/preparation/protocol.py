@@ -9,8 +9,6 @@ section 2, have friction alone): damping makes the packing looser. The agitated 
 to rest at a constant volume: a servo would let it expand until the agitation carries the stress.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -147,9 +145,9 @@ class Study:
 
     def __post_init__(self) -> None:
         for name, kind in Study.__annotations__.items():
-            if kind == "str":
+            if kind is str:
                 continue
-            setattr(self, name, int(getattr(self, name)) if kind == "int" else _number(self, name))
+            setattr(self, name, int(getattr(self, name)) if kind is int else _number(self, name))
         fewest, narrowest = (100, 4) if self.mu_comp else (8, 2)
         enough = self.spheres >= fewest and self.width >= narrowest
         if not 0 <= self.mu_comp <= 1:

@@ -1,7 +1,5 @@
 """Random packings, with friction and without: one way for `modal pack` and `random_packing`."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Callable, Sequence

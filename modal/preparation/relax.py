@@ -11,8 +11,6 @@ follow their neighbours. What has been gained is seen after some more steps of a
 rests holds by itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What sets the strain rates of a packing: a constant rate, or a servo on its stresses."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -6,8 +6,6 @@ lateral to axial stress that then comes about is K0, the earth pressure at rest.
 a compression ends (`modal.preparation.compression`), with its friction.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ The waves of the packing of `modal.packing.crystal`. With rotations the Bloch pr
 branches.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -16,8 +16,6 @@ dissipated by slip. With the kinetic energy from the velocities on both sides of
 by the trapezoidal rule, leapfrog keeps that sum but for the change of stiffness within a step.
 """
 
-from __future__ import annotations
-
 import math
 import time as clock
 from dataclasses import dataclass, replace

@@ -15,8 +15,6 @@ slow decays slowest. The format "granular-frequency-response" is defined here, i
 `modal.waves.signals`.
 """
 
-from __future__ import annotations
-
 import time as clock
 from dataclasses import dataclass, replace
 from pathlib import Path

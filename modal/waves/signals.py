@@ -8,8 +8,6 @@ or a packing does not have, as a cell without walls a chain and stresses on them
 and not in the file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
