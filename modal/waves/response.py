@@ -39,8 +39,7 @@ from modal.tools.workload import refuse_above, refuse_endless
 from modal.waves.chebyshev import CHUNK, Resolvent, summed
 from modal.waves.driven import Driven
 from modal.waves.receivers import Receivers
-from modal.waves.signals import VERSION as VERSION
-from modal.waves.signals import Recording, along, read_recording, write_recording
+from modal.waves.signals import VERSION, Recording, along, read_recording, write_recording
 from modal.waves.sources import Source, Wall
 
 REMEDY = "take fewer frequencies, or a smaller packing"
