@@ -195,10 +195,8 @@ def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
                 cases.append(Case(_name(path, cases), path.parent, {wanted: path}))
     if not cases:
         raise InputError(f"{', '.join(map(str, kinds))}: no packing; name its *.network.h5 as well")
-    for path, kind in kinds.items():
-        if kind in PACKINGS:
-            continue
-        _give(owner_of(path, cases), kind, path)
+    for path in (path for path, kind in kinds.items() if kind not in PACKINGS):
+        _give(owner_of(path, cases), kinds[path], path)
     for case in cases:
         _give_what_lies_beside(case, set(kinds))
     return cases

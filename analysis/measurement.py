@@ -123,16 +123,13 @@ def measure(
 
 
 def measure_files(
-    paths: Sequence[str],
-    quantities: Sequence[str] | None = None,
-    keep: str | Path | None = None,
-    amplitudes: Sequence[float] = (),
+    paths: Sequence[str], **how: Any
 ) -> tuple[dict[str, Measurement], Measurement | None]:
     """A measurement for each packing among the files, and their mean where there are several.
 
     Waves that were recorded in a packing take the place of its own where their files are given;
-    `amplitudes` as of `measure`.
-    Densities, structure factors and moduli are used, too, where they lie beside under its name.
+    `how` has what `measure` takes by name. Densities, structure factors and moduli are used, too,
+    where they lie beside under its name.
     """
     waves = [path for path in paths if kind_of(path) in WAVES]
     cases = cases_of_files([path for path in paths if path not in waves])
@@ -140,9 +137,8 @@ def measure_files(
     found = {}
     for case in cases:
         records = [path for path in waves if owner[path] is case]
-        how: dict[str, Any] = {"keep": keep, "amplitudes": amplitudes}
         path = next((text for text in paths if Path(text) == case.packing_path), "")
-        found[path] = measure(case, *records, quantities=quantities, **how)
+        found[path] = measure(case, *records, **how)
     if len(found) < 2:
         return found, None
     return found, mean_of(list(found.values()), same=one_state(found))

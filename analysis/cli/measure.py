@@ -59,7 +59,8 @@ def _json(found: dict[str, Measurement], mean: Measurement | None) -> str:
 def run(options: Given) -> int:
     """Measure; 3 where a quantity that was asked for, by name or as quick, could not be."""
     names = QUICK if options.quick else options.quantities
-    found, mean = measure_files(options.files, names, options.keep, options.amplitudes)
+    how = {"quantities": names, "keep": options.keep, "amplitudes": options.amplitudes}
+    found, mean = measure_files(options.files, **how)
     if options.output:
         as_json = options.output.endswith(".json")
         write_text(options.output, _json(found, mean) + "\n" if as_json else _table(found))

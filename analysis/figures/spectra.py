@@ -64,8 +64,9 @@ def dispersion(m: Measuring) -> Panel:
     record, top = m.shown, 1.1 * band_edge(m, "linear") if m.crystal else 2.2 * scale(m)
     if not m.crystal:  # the means of layers; a chain's scatter hides the ridge
         record = record if record.layer_displacement is not None else m.linear
+        z, u = record.layer_position, record.layer_displacement
+        record = replace(record, chain_position=z, chain_displacement=u)
     title = f"{m.label}, {producer_name(record.producer)}{'' if m.crystal else ', layers'}"
-    record = record if m.crystal else _of_layers(record)
     f, k, amplitude = fk_map(record)
     widest = float(np.pi / disp.layer_distance(record))
     if not m.crystal:
@@ -127,12 +128,6 @@ def _leaves(m: Measuring) -> float:
     own = np.interp(wave.frequency, f_r[rising], kappa[rising], np.nan, np.nan)
     off = (abs(wave.wavenumber / own - 1) > 0.05) & (wave.frequency > 0.3 * scale(m))
     return float(wave.frequency[np.argmax(off)]) if off.any() else np.inf
-
-
-def _of_layers(record: Signals) -> Signals:
-    """The record with layers in place of the chain's particles, for the f-k map."""
-    z, u = record.layer_position, record.layer_displacement
-    return replace(record, chain_position=z, chain_displacement=u)
 
 
 def structure(cases: list[Measuring]) -> Picture:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from analysis.case import ABSENT, AbsentError
 from analysis.estimators.layer_lattice import LayerLattice
@@ -61,19 +61,14 @@ class Quantity:
         return replace(found, unit=self.unit, caveats=caveats)
 
 
-def quantity(
-    name: str,
-    unit: str,
-    definition: str,
-    *,
-    exact: Exact | str,
-    bias: float = 0.0,
-    asked: bool = False,
-) -> Callable[[Of], Of]:
-    """Register a function as the one that measures a quantity: a `Value`, or its number alone."""
+def quantity(name: str, unit: str, definition: str, **more: Any) -> Callable[[Of], Of]:
+    """Register a function as the one that measures a quantity: a `Value`, or its number alone.
+
+    `more` are `exact` and what else a `Quantity` has.
+    """
 
     def register(of: Of) -> Of:
-        QUANTITIES[name] = Quantity(name, unit, definition, of, exact, bias, asked)
+        QUANTITIES[name] = Quantity(name, unit, definition, of, **more)
         return of
 
     return register

@@ -29,19 +29,14 @@ class Powers:
         line = straight_line(self.table["e"], self.table["power"])
         return float(line.slope), line.error
 
-    @property
-    def grows(self) -> bool:
-        """Whether the power grows with e by more than twice the standard error of the slope."""
-        slope, error = self.trend
-        return bool(slope > 2 * error)
-
     def __str__(self) -> str:
         each = self.table[["power", "error", "e"]].itertuples(index=False)
         text = "power " + ", ".join(f"{p:.3f} ± {s:.1g} (e {e:.3f})" for p, s, e in each)
         slope, error = self.trend
         if len(self.table) > 1:
             text += f"; {self.which_e}; slope over e {slope:+.2f} ± {error:.1g}: "
-            text += "grows with e" if self.grows else "does not grow with e beyond twice the error"
+            grows = slope > 2 * error
+            text += "grows with e" if grows else "does not grow with e beyond twice the error"
         return text if self.whole else f"{text}; not all groups are whole"
 
 
