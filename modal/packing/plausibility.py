@@ -98,8 +98,8 @@ def _of_shape(network: Network, waves: bool) -> Remarks:
     yield share > CRYSTALLINE and not lattice, words
     width = float(network.cell_size[network.cell_periodic].min(initial=np.inf)) / diameter
     words = (
-        f"{width:.1f} diameters wide: below {WIDE:g} its own images order it; take more "
-        "spheres or a smaller length over width"
+        f"{width:.1f} diameters wide: below {WIDE:g} spheres feel their own images; take "
+        "more spheres or a smaller length over width"
     )
     yield width < WIDE and not lattice, words
     length = network.length / diameter
