@@ -42,14 +42,14 @@ def made(tmp_path_factory):
     """The figures that a crystal without modes has, by the command line."""
     folder, output = tmp_path_factory.mktemp("products"), tmp_path_factory.mktemp("figures")
     write_crystal(folder, "case02")
-    for name in ("signals_stress", "space_time", "dispersion", "samples", "gain_cases"):
+    for name in ("signals_stress", "space_time", "dispersion", "samples"):
         assert main(["figure", name, "2", "--products", str(folder), "-o", str(output)]) == 0
     return output
 
 
 def test_every_figure_is_redrawn_from_its_csv(made, tmp_path):
     drawn = sorted(made.glob("*.png"))
-    assert len(drawn) == 5
+    assert len(drawn) == 4
     for png in drawn:
         assert main(["figure", str(png.with_suffix(".csv")), "-o", str(tmp_path)]) == 0
         assert (tmp_path / png.name).read_bytes() == png.read_bytes(), png.name

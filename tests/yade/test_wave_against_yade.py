@@ -17,7 +17,7 @@ from modal.preparation.relax import relax
 from modal.waves.signals import read_signals
 from modal.waves.source import Pulse
 
-AMPLITUDES = ("2.5e-9", "2.5e-10", "2.5e-11")
+AMPLITUDES = ("2.5e-9", "2.5e-11")
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def test_difference_is_proportional_to_the_amplitude(crystal):
         errors.append(compare("", pair.measured(pair.run), pair.linear("full")).chain)
     # Half a step of misalignment would cost a per cent, the pre-stress 0.1 %.
     assert errors[0] < 0.012
-    assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
+    assert errors[0] / errors[1] == pytest.approx(100, rel=0.05)
 
 
 def test_pre_stress_and_time_step_are_seen_at_small_amplitude(crystal):
