@@ -12,6 +12,7 @@ from places import PACKINGS
 from program_files import Given, same
 
 import modal
+from modal.exchange.lammps import TANGENTIAL
 from modal.exchange.registry import import_packing
 from modal.packing.network import read_network
 from modal.system.assembly import stiffness_matrix
@@ -82,7 +83,7 @@ def test_types_that_are_none_and_pairs_without_a_law_are_refused(types, lines, s
     types(*(re.sub("A$", A, line).replace("B", B) for line in lines)).refused(said)
 
 
-@pytest.mark.parametrize("history", ["linear_nohistory", "linear_history", "mindlin_rescale/force"])
+@pytest.mark.parametrize("history", TANGENTIAL)
 def test_tangential_models_have_their_coefficients(types, history):
     """Of the manual: k_t, x_gammat and mu; the one without a history has no k_t, nor a spring."""
     own = "" if history == "linear_nohistory" else "5e6 "

@@ -81,6 +81,7 @@ SPOILT = {
     ],
     "tables": [
         ("spheres", 9, 0, "14.5", "spheres.csv, line 9, column id: 14.5 is no whole number"),
+        ("spheres", 9, 0, "1e17", r"spheres.csv, line 9, column id: 1e\+17 is no whole number"),
         ("contacts", 9, slice(2), ["12", "12"], "csv, line 9: spheres 12 and 12 lie in one place"),
         ("contacts", 9, 3, "\x1b[31m" * 99, r"line 9, column kt: '\\x1b\[31m[^\n]{,250} is no num"),
         ("contacts", 1, 2, "stiff", "contacts.csv, line 1, column kn: no column kn among"),

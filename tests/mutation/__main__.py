@@ -73,7 +73,7 @@ def tested(folder: Path, *tests: str) -> str:
         return said.readline().strip() or f"exit status {status}" * bool(status)
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: list[str] | None = None) -> None:
     """Test the mutants one by one; how many of each module were noticed stands at the end."""
     layout = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
@@ -114,8 +114,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(f"{number}/{len(mutants)} {outcome} {mutant} {by}", flush=True)
     for (module, outcome), count in sorted(told.items()):
         print(f"{module}: {count} {outcome}")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
