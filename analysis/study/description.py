@@ -52,8 +52,12 @@ DEFAULTS: dict[str, Any] = {
 }
 
 FORMS = {str: "a text", list: "a list", dict: "lines NAME: VALUE", bool: "true or false"}
-LISTS = {"make": (str, "kinds of product"), "bands": (int | float, "two frequencies, Hz")}
-"""Settings whose lines are lists, and of what."""
+LISTS = {
+    **{"make": (str, "kinds of product"), "measure": (str, "quantities")},
+    **{"headlines": (str, "cases"), "states": (int | float, "stresses, Pa")},
+    **dict.fromkeys(("band", "bands"), (int | float, "two frequencies, Hz")),
+}
+"""Settings that are lists, or whose lines are, and of what."""
 ENTRIES = {
     "tables": ("name", "title"),
     "figures": ("name", "caption"),
@@ -89,7 +93,8 @@ class Study:
         self.settings = DEFAULTS | {"name": self.path.stem} | found
         self._known(self.settings["make"], KINDS, "make: kind")
         for part, (kind, told) in LISTS.items():
-            for name, own in self.settings[part].items():
+            value = self.settings[part]
+            for name, own in (value if isinstance(value, dict) else {part: value}).items():
                 if not (isinstance(own, list) and all(isinstance(one, kind) for one in own)):
                     raise InputError(f"{path}: {part}: {name} {own}: give a list of {told}")
         lines = [line for group in found["groups"] for line in self._group(group)]

@@ -62,6 +62,7 @@ def _of_sweep(name: str, case) -> Row:
         ("measure: [v_p]", "measure: v_p", "measure v_p: give a list"),
         ("measure: [v_p]", "make: {random: 3}", "make: random 3: give a list of kinds of product"),
         ("measure: [v_p]", "bands: {case01: 9}", "bands: case01 9: give a list of two frequenc"),
+        ("measure: [v_p]", "states: [low]", "states ['low']: give a list of stresses, Pa"),
         ("{friction: [0, 0.4], width: [4, 5], seed: 1 to 3}", "[1]", "factors have names"),
     ],
 )
