@@ -214,8 +214,18 @@ def column(
     pair, wall = laws_of(material)
     overlap = float(pair.overlap_of_force(force, radius / 2))
     at_wall = float(wall.overlap_of_force(force, radius))
-    z = radius - at_wall + np.arange(particles) * (2 * radius - overlap)
-    sample = Sample(
+    k: Ints = np.arange(particles)
+    z = radius - at_wall + k * (2 * radius - overlap)
+    normal = np.zeros((particles + 1, 3))
+    normal[:, 2] = [-1.0, *np.ones(particles)]
+    contact = ContactList(
+        np.array([0, *k]),
+        np.array([SOURCE_WALL, *k[1:], RECEIVER_WALL]),
+        np.zeros((particles + 1, 3), int),
+        normal,
+        np.array([at_wall, *np.full(particles - 1, overlap), at_wall]),
+    )
+    return Sample(
         np.column_stack([np.zeros(particles), np.zeros(particles), z]),
         np.full(2, 4 * radius),
         np.array([0.0, z[-1] + radius - at_wall]),
@@ -225,7 +235,4 @@ def column(
         periodic_sides=(False, False),
         study={"case": "column"},
         provenance=MADE,
-    )
-    contact = sample.contacts()
-    contact.overlap = np.where(contact.particle_j < 0, at_wall, overlap)
-    return sample.network(contact)
+    ).network(contact)
