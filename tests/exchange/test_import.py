@@ -76,7 +76,10 @@ def test_law_alone_makes_contacts_and_forces_from_full_digits(given):
     found = read_network(files.out)
     assert {"force_tangential", "sliding"} <= {*told["absent"]} and found.sliding is None
     same(found, made, f"particle_i particle_j {STIFFNESSES}", 1e-9)
-    files.spoil("spheres", " mass", " other")
+    files.spoil("spheres", " mass", " density")
+    mass = made.mass * 4 / 3 * np.pi * made.radius**3
+    np.testing.assert_allclose(files.network(contacts=None, log=None, pair=PAIR).mass, mass)
+    files.spoil("spheres", " density", " other")
     files.refused("no law .*, and no column mass; .*--log .*--pair .*, and add mass", log=None)
 
 

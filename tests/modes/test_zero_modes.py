@@ -209,6 +209,7 @@ def test_one_count_at_its_end_tells_a_list_what_lies_at_zero(monkeypatch, make):
     """Where it was not counted before, as in large packings that seem sound: a zero mode that
     structure does not show, two modes at a thousandth of the first wave, two sliding motions."""
     monkeypatch.setattr("modal.modes.collective.EASY", 0.0)
+    assert every_floppy(LinearSystem.of(diluted(0.75, 1))).counted  # as many springs as motions
     square = dense_squares(LinearSystem.of(make()))
     zero = int((square < 1e-11 * square[-1]).sum())
     elastic = frequency_of(square[zero:])

@@ -33,7 +33,8 @@ MEMORY = 8 << 30
 """Bytes that one run of the tests may take: a wrong size must not stop the machine."""
 TIME = 300
 """Seconds of the processor, which pass as slowly as the tests where the machine is busy."""
-LEFT_BEHIND = (".git", ".venv", "products", "build", "results", "*.egg-info")
+LEFT_BEHIND = (".git", ".venv", "products", "build", "*.egg-info")
+THREADS = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 LIBRARIES = ("h5py", "numba", "numpy", "scipy.integrate", "scipy.optimize", "scipy.sparse.linalg")
 OPTIONS = ("-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=1")
 
@@ -75,10 +76,8 @@ def tested(folder: Path, *tests: str) -> str:
 
 def main(arguments: list[str] | None = None) -> None:
     """Test the mutants one by one; how many of each module were noticed stands at the end."""
-    layout = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(
-        "python -m tests.mutation", None, __doc__, formatter_class=layout
-    )
+    parser = argparse.ArgumentParser("python -m tests.mutation", None, __doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--count", type=int, default=300, help="mutants to draw (300)")
     parser.add_argument("--seed", type=int, default=1, help="of the draw (1)")
     parser.add_argument("--modules", nargs="+", choices=TESTS, default=list(TESTS))
@@ -93,8 +92,7 @@ def main(arguments: list[str] | None = None) -> None:
     with tempfile.TemporaryDirectory(prefix="mutation-") as parent:
         folder = Path(parent, "project")
         shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*LEFT_BEHIND))
-        names = (f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA"))
-        os.environ |= dict.fromkeys(names, "1") | {"PYTHONPATH": str(folder)}
+        os.environ |= THREADS | {"PYTHONPATH": str(folder)}
         for library in LIBRARIES:
             importlib.import_module(library)
         for number, mutant in enumerate(mutants, 1):
