@@ -114,13 +114,13 @@ def shear_work(before, trial, after, stiffness):
     return stored, dot(mean, plus(trial, -1.0, after)) / stiffness
 
 
-def _rows_in_touch(first, last, position, ends, shift, side, radius, normal):
-    """Contacts of a slab at walls, and those that touch or have done so in the step before.
+def _rows_in_touch(first, last, position, ends, shift, side, radius, normal, rows):
+    """Contacts of a slab at walls, and those that touch or have done so before, into `rows` (m,).
 
     Which pairs of a list touch looks like chance: found without a branch, nothing waits for a wrong
     guess, where the forces of all others would make it wait twice.
     """
-    rows, found = np.empty(last - first, np.uint32), np.uint64(0)
+    found = np.uint64(first)
     # Numbers without sign: for others numba looks at each access whether it counts from the end.
     for c in range(np.uint64(first), np.uint64(last)):
         i, j = np.uint64(ends[c, 0]), np.uint64(max(ends[c, 1], 0))
@@ -133,12 +133,12 @@ def _rows_in_touch(first, last, position, ends, shift, side, radius, normal):
         if normal is not None:
             keep |= (normal[c, 0] != 0) | (normal[c, 1] != 0) | (normal[c, 2] != 0)
         found += np.uint64(keep)
-    return rows[:found]
+    return found
 
 
 def _forces_of_slab(
     first, last, position, ends, shift, side, walls, radius, laws, motion, dt, change, friction,
-    normal, shear, work, load, stiffness, totals,
+    normal, shear, work, load, stiffness, totals, rows,
 ):  # fmt: skip
     of_pairs, of_walls = Law(*laws[:NUMBERS]), Law(*laws[NUMBERS:])
     summed = len(stiffness) > 0
@@ -147,9 +147,9 @@ def _forces_of_slab(
     touching = sliding = 0
     at_source = at_receiver = (0.0, 0.0, 0.0)
     turn_source = turn_receiver = 0.0
-    rows = _rows_in_touch(first, last, position, ends, shift, side, radius, normal)
-    for row in rows:
-        c = np.uint64(row)
+    end = _rows_in_touch(first, last, position, ends, shift, side, radius, normal, rows)
+    for row in range(np.uint64(first), end):
+        c = np.uint64(rows[row])
         i, code = np.uint64(ends[c, 0]), ends[c, 1]
         j = np.uint64(max(code, 0))
         overlap, effective, longer, law = 0.0, 0.0, 0.0, of_pairs
@@ -273,13 +273,13 @@ def _forces_by_slabs(
 ):  # fmt: skip
     load[:], stiffness[:] = 0, 0
     count = len(slabs) - 1
-    totals = np.zeros((count, len(TOTALS)))
+    totals, rows = np.zeros((count, len(TOTALS))), np.empty(len(ends), np.uint32)
     for odd in range(2):
         for half in prange((count + 1 - odd) // 2):
             k = 2 * half + odd
             _forces_of_slab(
                 slabs[k], slabs[k + 1], position, ends, shift, side, walls, radius, laws, motion,
-                dt, change, friction, normal, shear, work, load, stiffness, totals[k],
+                dt, change, friction, normal, shear, work, load, stiffness, totals[k], rows,
             )  # fmt: skip
     return totals.sum(axis=0)
 
