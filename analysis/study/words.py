@@ -78,6 +78,6 @@ class Words:
             line, error = straight_line(along, y).at(at)
             if np.isfinite([line, there]).all():
                 curve = np.exp(straight_line(along, np.log(y)).at(at)[0])
-                text = f"{line:.0f} ± {error:.0f} (of its logarithm {curve:.0f}) for {there:.0f}"
-                texts.append(f"{text} at {stress / 1e3:g} kPa")
-        return ", ".join(texts) or UNKNOWN
+                text = f"{line:.0f} ± {error:.0f} (line of its logarithm: {curve:.0f})"
+                texts.append(f"{stress / 1e3:g} kPa: {text}, crystal {there:.0f}")
+        return "; ".join(texts) or UNKNOWN
