@@ -49,10 +49,7 @@ def slow_stiffness(network: Network) -> np.ndarray:
     they exert with their levers are summed in plain vector algebra. Walls are a body that rests.
     """
     n, normal = network.n_particles, network.normal
-    i, j = (
-        network.particle_i,
-        np.where(network.particle_j < 0, network.n_particles, network.particle_j),
-    )
+    i, j = network.particle_i, np.where(network.with_wall, n, network.particle_j)
 
     def split(vector: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
         part = (vector * normal).sum(axis=1)[:, None] * normal

@@ -82,9 +82,8 @@ def contrasted(network: Network, of: str, decades: float, seed: int) -> Network:
         factor = 10 ** (-decades * random.random(network.n_contacts))
         return stiffer(network, factor, factor)
     factor = 10 ** (decades * random.random(network.n_particles))
-    return network.unchecked(
-        mass=network.mass * factor, inertia=network.inertia * factor ** (5 / 3)
-    )
+    mass, inertia = network.mass * factor, network.inertia * factor ** (5 / 3)
+    return network.unchecked(mass=mass, inertia=inertia)
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from modal.modes.mode_set import ModeSet, read_modes, write_modes
 from modal.packing.network import write_network
 from modal.packing.sample import Sample
 from modal.system.damping import ContactDamping
+from modal.waves.propagate import LinearWave
 from modal.waves.response import Response
 from modal.waves.signals import Signals
 
@@ -255,12 +256,14 @@ RESULTS = (ModeSet, Signals, Response, DensityOfStates, ElasticModuli, Sample, C
 
 @pytest.mark.parametrize(
     "thing",
-    [modal, *(getattr(modal, name) for name in sorted(OFFERED)), *RESULTS],
+    [modal, LinearWave, *(getattr(modal, name) for name in sorted(OFFERED)), *RESULTS],
     ids=lambda thing: thing.__name__,
 )
 def test_examples_in_docstrings(thing):
-    """Each public function and class has one, of a second at most."""
+    """Each public function and class has one, of a second at most; defaults are what they say."""
     home = sys.modules[getattr(thing, "__module__", "modal")]
+    for name, said in re.findall(r"^ *(\w+) : .*, default ([^g,\n]+|\(.*\))$", thing.__doc__, re.M):
+        assert signature(thing).parameters[name].default == eval(said), name
     (test,) = doctest.DocTestFinder(recurse=False).find(thing, globs=dict(vars(home)))
     assert test.examples
     start = time.perf_counter()

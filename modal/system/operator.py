@@ -15,7 +15,6 @@ from scipy.sparse.linalg import LinearOperator
 
 from modal.packing.network import Network
 from modal.system.assembly import stiffness_matrix
-from modal.system.contacts import terms_of
 from modal.system.packed import PackedContacts
 from modal.system.root_mass import RootMass
 from modal.tools.arrays import Array, Floats, Ints
@@ -40,7 +39,6 @@ class ContactOperator(LinearOperator):
     ) -> None:
         from modal.tools.loops import numba  # not at import: it loads numba
 
-        terms_of(pre_stress)
         self.pre_stress, self.dof = pre_stress, dof
         self.order: Ints | None = None
         super().__init__(np.dtype(float), 2 * (dof * network.n_particles,))

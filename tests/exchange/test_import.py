@@ -128,17 +128,23 @@ def test_step_chooses_one_time_of_a_dump(given):
 
 
 def test_places_in_parts_of_the_box_are_places(given):
-    """Columns xs, ys, zs, as `dump atom` of LAMMPS has them: positions to a few eps of the box."""
+    """Columns xs, ys, zs, as `dump atom` of LAMMPS has them: positions to a few eps of the box.
+
+    Of a box far from the origin; steps are those of doubles between 1/2 and 1, in parts of it.
+    """
     made = packings.polydisperse(True)
     files = given("lammps", made)
     lines = files.spheres.read_text().splitlines(keepends=True)
     low, high = np.loadtxt(lines[5:8]).T
     rows = np.loadtxt(lines[9:])
     rows[:, 2:5] = (rows[:, 2:5] - low) / (high - low)
+    away = 3 * high
+    lines[5:8] = program_files.lines(zip(low + away, high + away, strict=True)).splitlines(True)
     lines[8] = lines[8].replace(" x y z ", " xs ys zs ")
     files.spheres.write_text("".join(lines[:9]) + program_files.lines(rows))
-    found = files.network()
-    np.testing.assert_allclose(found.position, made.position, rtol=0, atol=1e-15 * high.max())
+    over, found = files.imported()["overlap_over_error_of_digits"], read_network(files.out)
+    assert over == pytest.approx(2**53 * np.sqrt(6) * np.median(found.overlap) / high.max())
+    np.testing.assert_allclose(found.position, made.position + away, rtol=1e-15)
     same(found, made, f"particle_i particle_j {STIFFNESSES}", 1e-9)
 
 

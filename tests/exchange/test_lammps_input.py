@@ -176,7 +176,9 @@ def test_a_law_that_changes_after_the_dump_is_told(types):
     files = types(f"* * {A}")
     log = files.log.read_text()
     for step, told in ((5, False), (9, True)):
-        files.log.write_text(f"{log}Step\n0\n{step}\nLoop\n99\npair_coeff * * {B}\nStep\n20\n")
+        files.log.write_text(
+            f"{log}Step N\n0 6\n{step} 6\nLoop\n99\npair_coeff * * {B}\nStep\n20\n"
+        )
         remarks = " ".join(files.imported()["remarks"])
         assert (f"changes the law or the walls after step {step}" in remarks) == told
 

@@ -11,6 +11,7 @@ from places import PACKINGS
 import modal
 from modal.__main__ import main
 from modal.exchange import programs
+from modal.exchange.registry import import_packing
 from modal.packing.network import read_network, write_network
 from modal.tools.errors import InputError
 
@@ -41,7 +42,9 @@ def test_a_program_is_one_file(tmp_path, monkeypatch, capsys):
     # The command asks for the programs when it is loaded.
     monkeypatch.delitem(sys.modules, "modal.cli.importing", raising=False)
     (tmp_path / "x.txt").write_text("own format\n")
-    assert modal.read(tmp_path / "x.txt").n_particles == 30
+    found = import_packing(tmp_path / "x.txt")
+    assert found.network.n_particles == 30
+    assert not any(map(len, (found.laws, found.law, found.told, found.remarks)))
     assert modal.read(tmp_path / "x.txt", spheres=20).n_particles == 20
     files = program_files.Given(capsys, tmp_path / "x.txt", {"spheres": 20})
     assert files.imported()["spheres"] == read_network(files.out).n_particles == 20

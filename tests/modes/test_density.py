@@ -49,9 +49,8 @@ def smooth_counts(states, exact, share, frequency):
 def without_scatter(network, states):
     """What the same kernel makes of the dense spectrum without its zero modes, in one row."""
     exact, share = spectrum(network)
-    even = np.cos(
-        2 * np.arccos(exact / states.highest)[:, None] * np.arange(states.moments.shape[2])
-    )
+    angle = np.arccos(exact / states.highest)[:, None]
+    even = np.cos(2 * angle * np.arange(states.moments.shape[2]))
     zero = exact < 1e-5 * exact[-1]
     moments = (share[~zero].T @ even[~zero])[None]
     return DensityOfStates(moments, states.highest, share[zero].sum(axis=0), 0.0, 0)
@@ -121,7 +120,7 @@ def test_exact_traces_split_zero_modes_off(packing):
     assert not error.any()
 
 
-def test_density_is_the_derivative_of_the_count_and_positive(packing):
+def test_density_is_the_derivative_of_the_count(packing):
     states = density_of_states(packing[0], resolution=4e3, tolerance=1e-2)
     frequency = states.grid()[1:-8]
     step = 1e-3 * states.resolution
@@ -129,12 +128,14 @@ def test_density_is_the_derivative_of_the_count_and_positive(packing):
     density = states.density(frequency)[0]
     # Central difference: the relative error is (step / width)^2, some 1e-5 of the largest value.
     assert density == pytest.approx(slope / (2 * step), rel=1e-3, abs=1e-4 * density.max())
-    assert (density[:, 6] >= -1e-9 * density[:, 6].max()).all()
 
 
 @pytest.mark.parametrize("place", [0.0, 0.3, 0.8])
-def test_width_of_a_single_mode(place):
-    """Half height is reached half a resolution away, less by sqrt(1 - x^2) towards the top."""
+def test_width_and_sign_of_a_single_mode(place):
+    """Half height is reached half a resolution away, less by sqrt(1 - x^2) towards the top.
+
+    Nowhere is it negative: of all kernels that are not, Jackson's is the narrowest.
+    """
     highest, resolution = 2e5, 4e3
     count = int(np.ceil(np.pi * np.sqrt(8 * np.log(2)) * highest / resolution / 2))
     moments = np.cos(2 * np.arange(count) * np.arccos(place)) * np.ones((2, 6, 1)) / 6
@@ -144,6 +145,7 @@ def test_width_of_a_single_mode(place):
     peak, at_half = states.density([centre, side])[0][:, 6]
     # The Jackson kernel is a Gaussian up to a few per cent.
     assert at_half == pytest.approx(peak / 2, rel=0.05)
+    assert states.density(states.grid())[0].min() >= -1e-12 * peak
 
 
 def test_command_and_file(tmp_path, printed):

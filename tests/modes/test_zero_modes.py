@@ -270,7 +270,6 @@ def test_counts_just_above_zero_are_those_of_the_zero_modes(solver):
     """At frequencies whose omega^2 is below the round-off of a factorisation."""
     if not available(solver):
         pytest.skip("pypardiso is not installed")
-    counts = counts_below(
-        LinearSystem.of(packing(0.5), solver=solver), [1e-9, 1e-6, 1e-3, 0.1, 1.0]
-    )
+    system = LinearSystem.of(packing(0.5), solver=solver)
+    counts = counts_below(system, [1e-9, 1e-6, 1e-3, 0.1, 1.0])
     assert counts.tolist() == [by_dense_solver(0.5)[0]] * 5

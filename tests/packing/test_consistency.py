@@ -96,7 +96,7 @@ def one(data: np.ndarray) -> np.ndarray:
     return changes.scaled(data, 0, 1e3)
 
 
-PLAIN = replace(CRYSTAL, study={})
+PLAIN, PILE = replace(CRYSTAL, study={}), gallery.column(3)
 MIXED = packings.polydisperse()
 ROUND = packings.polydisperse(periodic_z=True)
 ALONG = 0.1 * MIXED.force_normal[:, None] * MIXED.normal
@@ -113,6 +113,7 @@ WRONG = {
     "inertia from diameters": (PLAIN, {"inertia": times(4)}, "inertia"),
     "inertia permuted": (MIXED, {"inertia": permuted}, "inertia"),
     "one mass in g": (PLAIN, {"mass": one, "inertia": one}, "lighter or heavier"),
+    "no mass": (PLAIN, {"mass": lambda m: changes.scaled(m, [2, 3], 0)}, "^particle 2 has mass"),
     "masses in g": (CRYSTAL, {"mass": times(1e3), "inertia": times(1e3)}, "kg/m"),
     "no periods": (PLAIN, {"cell_shift": times(0)}, "touch|normal"),
     "periods of the other sign": (PLAIN, {"cell_shift": times(-1)}, "touch|normal"),
@@ -120,10 +121,11 @@ WRONG = {
     "walls in one place": (PLAIN, {"wall_position": times(0)}, "wall"),
     "walls changed places": (PLAIN, {"wall_position": lambda w: w[::-1]}, "wall"),
     "walls inside the packing": (PLAIN, {"wall_position": inner}, "beyond a wall"),
+    "a wall in a sphere": (PILE, {"wall_position": lambda w: w - [0, PILE.radius[0] / 2]}, "small"),
     "walls far away": (PLAIN, {"wall_position": lambda w: w + [-0.01, 0.01]}, "touch"),
     "walls of a period": (ROUND, {"wall_position": times(0)}, "bounds of the period"),
     "no period along z": (ROUND, {"cell_periodic": lambda _: [True, True, False]}, "not periodic"),
-    "negative width": (gallery.column(3), {"cell_size": lambda _: np.array([-1.0, 0, 0])}, "size"),
+    "negative width": (PILE, {"cell_size": lambda _: np.array([-1.0, 0, 0])}, "size"),
     "overlaps in mm": (PLAIN, {"overlap": times(1e3)}, "overlap"),
     "stiffness in N/mm": (PLAIN, {"stiffness_normal": times(1e-3)}, "force over stiffness"),
     "force in kN": (PLAIN, {"force_normal": times(1e-3)}, "force over stiffness"),
@@ -274,14 +276,6 @@ def test_overlaps_above_a_depth_are_refused():
         pair(0.35)
 
 
-def test_the_number_of_what_is_wrong_is_said():
-    """Of the first particle that is at fault; of a contact in the next test."""
-    mass = PLAIN.mass.copy()
-    mass[2:4] = 0
-    with pytest.raises(InputError, match="^particle 2 has mass <= 0"):
-        replace(PLAIN, mass=mass)
-
-
 @pytest.mark.parametrize("kept", [10, 100])
 def test_shear_that_is_small_beside_the_mean_force_may_point_anywhere(kept):
     """Beside a millionth of it, however many contacts there are."""
@@ -292,11 +286,3 @@ def test_shear_that_is_small_beside_the_mean_force_may_point_anywhere(kept):
         refusal = pytest.raises(InputError, match="^contact 5 has a tang")
         with refusal if refused else nullcontext():
             replace(few, force_tangential=shear)
-
-
-def test_a_wall_inside_a_sphere_is_too_deep():
-    """The overlap with a wall is measured by the radius of the sphere."""
-    network = gallery.column(2)
-    walls = network.wall_position - [0, 0.5 * network.radius[0]]
-    with pytest.raises(InputError, match="of the smaller radius"):
-        replace(network, wall_position=walls)

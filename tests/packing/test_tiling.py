@@ -35,9 +35,8 @@ def test_repeated_sample_has_the_repeated_network(sample):
     assert (np.diff(large.position[:, 2]) >= 0).all()  # the loops over contacts go along z
     found, wanted = large.network(), repeat(sample.network(), 3, 2)
     assert found.n_contacts == wanted.n_contacts == 6 * sample.network().n_contacts
-    wanted = changes.from_other_end(
-        wanted, (wanted.particle_j >= 0) & (wanted.particle_i > wanted.particle_j)
-    )
+    falling = ~wanted.with_wall & (wanted.particle_i > wanted.particle_j)
+    wanted = changes.from_other_end(wanted, falling)
     ours, order = (
         np.lexsort((*net.cell_shift.T, net.particle_j, net.particle_i)) for net in (found, wanted)
     )

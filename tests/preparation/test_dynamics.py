@@ -168,7 +168,7 @@ def test_oblique_collision_against_its_closed_form():
 def test_spheres_at_rest_in_the_cell_stay_at_their_share_of_it():
     """Without contacts a sphere without motion of its own keeps x over side at any rates."""
     random = np.random.default_rng(1)
-    position = np.array([[1, 1, 2], [5, 2, 6], [8, 8, 3], [3, 7, 8]]) * 3e-3
+    position = np.array([[1, 1, 2], [5, 2, 6], [-2, 8, 3], [3, 17, 8]]) * 3e-3
     sample = Sample(position, np.full(2, 0.03), np.array([0.0, 0.03]), 0.3)
     motion = Dynamics(sample, damping=0.2)
     share = position[:, :2] / sample.side
@@ -177,6 +177,9 @@ def test_spheres_at_rest_in_the_cell_stay_at_their_share_of_it():
     assert abs(motion.contacts.side / 0.03 - 1).max() > 1e-4
     # Rounding of 200 steps; damping has nothing to oppose.
     assert abs(motion.contacts.position[:, :2] / motion.contacts.side - share).max() < 1e3 * EPS
+    moved = motion.sample(moving=True)
+    # Of all images, half a step later: 1e-6 s at some 100 / s.
+    assert moved.velocity == pytest.approx(moved.strain_rate * moved.position, rel=1e-3)
 
 
 def test_small_sphere_flies_far_between_two_lists_of_a_mixture():
@@ -214,7 +217,7 @@ MIXTURES = [
 """The last wall is stiffer than a box of positive modulus can be in YADE."""
 
 
-@pytest.mark.parametrize("mixture", [{}, MIXTURES[-1]])
+@pytest.mark.parametrize("mixture", [{}, MIXTURES[-1], {"periodic": True}])
 def test_compiled_steps_are_those_of_numpy(hot, mixture, monkeypatch):
     """To round-off: a hundred steps in which contacts slide, open and close."""
     sample = agitated(**mixture) if mixture else hot

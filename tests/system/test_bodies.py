@@ -125,15 +125,10 @@ def pair_of(seed: int, stiffness: float | None = None) -> Network:
     k = stiffness * network.stiffness_normal.mean()
     stiff = dict.fromkeys(("stiffness_normal", "stiffness_tangential"), k)
     stiff |= dict.fromkeys(ways, k * network.radius.mean() ** 2)
-    bond = network.some([c])
-    return network.unchecked(
-        **{
-            name: np.concatenate(
-                [getattr(network, name), [stiff.get(name, getattr(bond, name)[0])]]
-            )
-            for name in (*PER_CONTACT, *ways)
-        }
-    )
+    columns = {name: getattr(network, name) for name in (*PER_CONTACT, *ways)}
+    for name, own in columns.items():
+        columns[name] = np.concatenate([own, [stiff.get(name, own[c])]])
+    return network.unchecked(**columns)
 
 
 def dense_matrix(network: Network) -> np.ndarray:
@@ -155,9 +150,8 @@ def test_roots_of_tensors_of_inertia():
     root, A = RootMass.of(clump), dense_matrix(clump)
     motions = np.random.default_rng(5).standard_normal((len(mass), 2))
     for u in (motions, motions[:, 0]):
-        assert root.times(root.times(u)) == pytest.approx(
-            mass @ u, rel=1e-12, abs=1e-13 * clump.inertia.max()
-        )
+        twice = root.times(root.times(u))
+        assert twice == pytest.approx(mass @ u, rel=1e-12, abs=1e-13 * clump.inertia.max())
         assert root.over(root.times(u)) == pytest.approx(u, rel=1e-12, abs=1e-12)
         found = ContactOperator(clump, mass_scaled=True).apply(np.ascontiguousarray(u))
         assert found == pytest.approx(A @ u, rel=1e-12, abs=1e-12 * abs(A).max())
@@ -180,10 +174,9 @@ def test_modes_of_clumps_are_those_of_the_dense_matrices(contacts):
     clump = pair_of(3).with_contacts(slice(contacts))
     dense = dense_matrix(clump)
     wanted = np.linalg.eigvalsh(dense)
+    found = (2 * np.pi * modal.eigenmodes(clump, all=True).frequency) ** 2
     # Round-off of the matrix, in omega^2.
-    assert (2 * np.pi * modal.eigenmodes(clump, all=True).frequency) ** 2 == pytest.approx(
-        wanted.clip(0), abs=1e-12 * wanted[-1]
-    )
+    assert found == pytest.approx(wanted.clip(0), abs=1e-12 * wanted[-1])
     zero = by_structure(LinearSystem.of(clump))
     assert zero.total == (wanted < 1e-11 * wanted[-1]).sum()
     assert abs(dense @ zero.basis.toarray()).max(initial=0.0) < 1e-12 * wanted[-1]

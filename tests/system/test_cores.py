@@ -13,6 +13,7 @@ from modal.system import packed as packed_contacts
 from modal.system.assembly import stiffness_matrix
 from modal.system.operator import ContactOperator
 from modal.system.packed import PackedContacts
+from modal.tools import loops
 from modal.tools import slabs as slabs_along_z
 
 
@@ -36,10 +37,11 @@ def test_any_numbering_gives_the_product_of_its_own_matrix(pre_stress, slabs, mo
     """A row of K has some 80 entries; each error is below that many roundings of its terms."""
     pytest.importorskip("numba")
     if slabs > 1:
-        # Cut into slabs, but still without threads, whose loop takes seconds to compile.
-        cut = PackedContacts.of
+        # Cut into slabs that threads share, but one after the other: their loop takes seconds to
+        # compile.
         monkeypatch.setattr(packed_contacts, "slabs_of", in_slabs)
-        assert len(cut(FOREIGN, pre_stress).slabs) > 8
+        monkeypatch.setattr(loops, "threads_for", lambda spheres: 3)
+        assert len(PackedContacts.of(FOREIGN, pre_stress).slabs) > 8
     x = np.random.default_rng(4).standard_normal(SIZE)
     found = ContactOperator(FOREIGN, pre_stress=pre_stress) @ x
     K = stiffness_matrix(FOREIGN, pre_stress=pre_stress)
