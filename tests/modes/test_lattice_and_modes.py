@@ -80,13 +80,12 @@ def test_observables_do_not_depend_on_how_many_are_measured_together():
 
 
 def test_symmetry_blocks_equal_the_dense_spectrum():
-    system = LinearSystem.of(gallery.fcc(cells=(4, 4, 5)))
+    system = LinearSystem.of(gallery.fcc(cells=(4, 3, 5)))
     by_symmetry = modes_of(system, all=True)
-    assert by_symmetry.attributes["solver"] == "symmetry 4x4"
+    assert by_symmetry.attributes["solver"] == "symmetry 4x3"
     exact = np.linalg.eigvalsh(system.scaled.toarray())
-    assert (2 * np.pi * by_symmetry.frequency) ** 2 == pytest.approx(
-        exact, abs=1e-13 * system.size * exact.max()
-    )
+    found, error = (2 * np.pi * by_symmetry.frequency) ** 2, 1e-13 * system.size * exact.max()
+    assert found == pytest.approx(exact, abs=error)
     # A crystal of which one contact differs is none.
     network = gallery.fcc(cells=(3, 3, 5))
     network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 7, 1.001))

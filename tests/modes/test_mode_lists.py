@@ -42,7 +42,7 @@ def test_an_interval_without_modes_is_an_empty_certified_list(tmp_path, printed,
 
 
 SHAPES = {
-    "symmetry": (gallery.fcc(cells=(4, 4, 4)), {"all": True}, "symmetry 4x4"),
+    "symmetry": (gallery.fcc(cells=(4, 3, 4)), {"all": True}, "symmetry 4x3"),
     "dense": (crystal_without_symmetry(14), {"all": True}, "dense"),
     "small": (crystal_without_symmetry(5), {"lowest": 4}, "dense"),
     "lowest": (crystal_without_symmetry(27), {"lowest": 7}, "solves by"),
@@ -51,7 +51,7 @@ SHAPES = {
     "interval": (crystal_without_symmetry(27), {"between": (5e3, 2e4)}, "solves by"),
     "slices": (crystal_without_symmetry(27), {"below": 2e4}, "solves by superlu"),
     "low end": (crystal_without_symmetry(27), {"below": 2e4}, "products"),
-    "translations": (gallery.fcc(cells=(3, 3, 5)), {"all": True}, "symmetry 3x3"),
+    "translations": (gallery.fcc(cells=(3, 4, 5)), {"all": True}, "symmetry 3x4"),
 }
 """A packing, what is asked of it, and what the list must say of the way it was found."""
 

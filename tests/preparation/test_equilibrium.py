@@ -41,6 +41,10 @@ def test_rest_is_reached_and_stress_kept(packed):
     assert abs(wall[0] - wall[1]) <= lacking * (1 + 1e-9) + 1e-12 * wall[0]
     # Fixed cell, first-order residual 1e-3: the stress may move by the same order.
     assert network.force_normal.mean() == pytest.approx(before.force_normal.mean(), rel=1e-2)
+    # Lengths times 4 are forces times 4^2, masses 4^3, inertias 4^5, with exact roots: to the bit.
+    scaled = {name: 4 * getattr(packed, name) for name in ("position", "side", "walls", "radius")}
+    larger, same = relax(replace(packed, **scaled))
+    assert same.steps == state.steps and np.array_equal(larger.position, 4 * rested.position)
 
 
 def test_contacts_slide_until_friction_holds_them(packed):
