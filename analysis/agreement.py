@@ -74,11 +74,11 @@ def compare(cause: str, found: Motion, reference: Motion) -> Difference:
 class Agreement:
     """One YADE run and the linear waves that belong to it.
 
-    `within` (m) leaves out what lies farther from the source wall. InputError where the run does
-    not belong to the network or its records are not equally many steps apart.
+    InputError where the run does not belong to the network or its records are not equally many
+    steps apart.
     """
 
-    def __init__(self, network: Network, run: Signals, within: float = np.inf) -> None:
+    def __init__(self, network: Network, run: Signals) -> None:
         n, every = network.n_particles, run.particle_displacement
         wrong = every is not None and every.shape[1] != n
         if wrong or run.chain_particle.max(initial=-1) >= n:
@@ -88,11 +88,7 @@ class Agreement:
         steps = run.time_step * self.every * np.arange(len(run.time))
         if abs(run.time - steps).max() > 1e-6 * run.time_step:
             raise InputError("the records are not equally many time steps apart; record them so")
-        depth = network.position[:, 2] - network.wall_position[0]
-        self._bearing = force_bearing(network) & (depth <= within)
-        self._chain = depth[run.chain_particle] <= within
-        self._layers = Layers(network)
-        self._near = self._layers.position - network.wall_position[0] <= within
+        self._bearing, self._layers = force_bearing(network), Layers(network)
 
     def measured(self, run: Signals) -> Motion:
         """What a YADE run recorded at the first run's times, per amplitude.
@@ -133,12 +129,12 @@ class Agreement:
 
     def _motion(self, chain: np.ndarray, signals: Signals, factor: float) -> Motion:
         everything, layers = signals.particle_displacement, signals.layer_displacement
-        found = {"chain": factor * chain[:, self._chain]}
+        found = {"chain": factor * chain}
         if everything is not None:
             layers = np.array([self._layers.means(row) for row in everything])
             found["particles"] = factor * everything[:, self._bearing]
         if layers is not None:
-            found["layers"] = factor * layers[:, self._near]
+            found["layers"] = factor * layers
         return found
 
 

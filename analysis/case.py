@@ -73,20 +73,6 @@ KIND_OF = {form.SCHEMA: kind for kind, (form, _) in FORMATS.items()}
 """Kinds of product by their schema; modes are of several kinds, and so are signals."""
 
 
-def case_name(text: str) -> str:
-    """`2`, `02` or `case02` as `case02`, a case of the study; any other name as it is."""
-    match = re.fullmatch(r"(?:case)?0*(\d+)", text.strip().lower())
-    return f"case{int(match[1]):02d}" if match else text
-
-
-def find(text: str, folder: str | Path) -> Case:
-    """The products of a case in a folder."""
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; run the cases first, or give --products DIR")
-    return Case(case_name(text), folder)
-
-
 @dataclass
 class Case:
     """One packing's files: those of a name in a folder, or the given ones by their kind."""
@@ -131,7 +117,7 @@ class Case:
         for kind in PACKINGS:
             if self.has(kind):
                 return self.path(kind)
-        told = "no such file; run the case first, give --products DIR, or name the files"
+        told = "no such file; run the case first"
         raise InputError(f"{self.path('network')}: {told}")
 
     @cached_property
@@ -166,13 +152,6 @@ class Case:
         if not self.has(kind):
             raise AbsentError
         return self.read(kind)
-
-
-def cases_of(arguments: Sequence[str], folder: str | Path) -> list[Case]:
-    """Cases by name in a folder, as `2`, or by their files: one case for each packing given."""
-    files = [text for text in arguments if text.endswith(".h5")]
-    names = [text for text in arguments if not text.endswith(".h5")]
-    return [find(name, folder) for name in names] + (cases_of_files(files) if files else [])
 
 
 def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
@@ -256,7 +235,9 @@ def _give_what_lies_beside(case: Case, given: set[Path]) -> None:
     path = case.packing_path
     for product in sorted(path.parent.glob(f"{glob.escape(_stem(path))}.*.h5")):
         try:
-            kind = kind_of(product)
+            kind, named = kind_of(product), product.name[len(_stem(path)) + 1 : -3]
+            if named in KINDS and named.endswith(f".{kind}"):  # one of several waves of a case
+                kind = named
             known = kind in PACKINGS or kind in (case.files or ())
             if product in given or known or require_same_packing(product, case.packing):
                 continue

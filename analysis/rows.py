@@ -150,18 +150,14 @@ def row_of(m: Measuring) -> Row:
 def _curves(m: Measuring, row: Row) -> None:
     """What figures over several cases draw."""
     row.curves["gain"] = (gain.gain_of(m).frequency, gain.gain_of(m).gain)
-    row.curves["gain_orders"] = orders = gain.orders(m)
-    row.values |= {f"gain_order_{k}": estimate(one) for k, one in enumerate(orders[0][:5], 1)}
-    row.curves["free_held"] = (gain.free_held(m),)
+    orders = enumerate(gain.orders(m)[:5], 1)
+    row.values |= {f"gain_order_{k}": estimate(one) for k, one in orders}
     row.curves["first"] = (np.array([gain.first_resonance(m)]),)
     row.curves["resonances"] = spectrum.standing_waves(m)
     if m.case.has("structure"):
         frequency, width, path = whole_ridge(m).of_waves()
         passed = m.diameter / longest(m, "linear").value
         row.curves["ridge"] = (frequency * passed, width / frequency, path)
-    if m.case.has("density"):
-        found = spectrum.excess(m)
-        row.curves["excess"] = (found.frequency, found.reduced)
 
 
 def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:

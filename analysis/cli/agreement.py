@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from analysis.agreement import OTHER_RUNS, Agreement, report
 from modal.cli.options import Given, Option, output, say, typed
 from modal.cli.terminal import put
@@ -18,7 +16,6 @@ OPTIONS = [
     Option("network", "NETWORK", "*.network.h5 or *.sample.h5 of the run", kind=str),
     Option("signals", "SIGNALS", "*.signals.h5 of the run", kind=str),
     *(Option(typed(name), "FILE", what, kind=str) for name, what in OTHER_RUNS.items()),
-    Option("--first", "N", "up to the chain's N-th particle", kind=int),
     output("write the table, *.md"),
 ]
 
@@ -28,19 +25,13 @@ def run(options: Given) -> None:
     if options.output and options.output.endswith(".csv"):
         raise InputError(f"-o {options.output}: the table is text, a *.csv is put beside; *.md")
     network, first = read(options.network), read_signals(options.signals)
-    within = np.inf
-    if options.first is not None:
-        if not 1 <= options.first <= len(first.chain_position):
-            raise InputError(f"--first {options.first}: the chain has {len(first.chain_position)}")
-        z = np.sort(first.chain_position)[options.first - 1]
-        within = (z - network.wall_position[0]) * (1 + 1e-9)
     paths = {name: path for name in OTHER_RUNS if (path := getattr(options, name))}
     packing = packing_of(options.network)
     for path in (options.signals, *paths.values()):
         if note := require_same_packing(path, packing):
             say(f"note: {note}")
     others = {name: read_signals(path) for name, path in paths.items()}
-    found = report(Agreement(network, first, within), **others)
+    found = report(Agreement(network, first), **others)
     put(found.markdown(), end="")
     if options.output:
         write_text(options.output, found.markdown())

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from analysis.case import cases_of
+from analysis.case import cases_of_files
 from analysis.figures import FIGURES, compose
 from analysis.figures.picture import read_picture
 from analysis.figures.render import save
@@ -14,13 +14,11 @@ from modal.tools.errors import InputError
 EPILOG = "\n".join(
     f"{name}: {(of.__doc__ or name).splitlines()[0]}" for name, of in FIGURES.items()
 )
-EXAMPLE = "figure dispersion 2 -o pages"
-CASE = "a case of --products by name, as 2; or files: a NETWORK and what was made from it"
-PRODUCTS = Option("--products", "DIR", "folder to read", "products", str)
+EXAMPLE = "figure dispersion mine.network.h5 -o pages"
+FILES = "packings, and what was made from them; what lies beside under their name is read"
 OPTIONS = [
     Option("name", "NAME", "one of those below, or a CSV file of one", kind=str),
-    PRODUCTS,
-    Option("case", "CASE", CASE, kind=str, more={"nargs": "*"}),
+    Option("file", "FILE", FILES, kind=str, more={"nargs": "*"}),
     output("to write to", "DIR")._replace(default="products"),
 ]
 
@@ -28,13 +26,10 @@ OPTIONS = [
 def run(options: Given) -> None:
     """Draw into --output, then print what the cases' reader should know."""
     name, again = options.name, options.name.endswith(".csv")
-    cases, folder = cases_of(options.case, options.products), Path(options.output)
-    for case in cases:
-        case.check()
-    if again and cases:
-        raise InputError("a figure's CSV holds its cases already; leave CASE out")
-    if not again and not cases:
-        raise InputError("no case given; name at least one, or the CSV file of a figure")
+    folder, told = Path(options.output), "a figure's CSV holds its cases already; leave FILE out"
+    if again == bool(options.file):
+        raise InputError(told if again else "no file given; name a packing, or a figure's CSV")
+    cases = cases_of_files(options.file) if options.file else []
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if again:

@@ -67,11 +67,8 @@ def run(options: Given) -> int:
     if options.json:
         put(_json(found, mean))
     else:
-        parts = [
-            *found.items(),
-            *([("mean", mean)] if mean is not None and one_state(found) else []),
-        ]
-        put("\n\n".join(f"{path}\n{each}" for path, each in parts))
+        parts = found | ({"mean": mean} if mean is not None and one_state(found) else {})
+        put("\n\n".join(f"{path}\n{each}" for path, each in parts.items()))
     missing = {name for each in found.values() for name in names or () if not each[name].known}
     for name in sorted(missing):
         say(f"{name} could not be measured of every packing; its caveat says why")

@@ -9,7 +9,6 @@ BESIDE = "what it was made from; the one beside it"
 OPTIONS = [
     Option("product", "FILE", "*.signals.h5 or *.modes.h5", kind=str),
     Option("packing", "PACKING", BESIDE, kind=str, more={"nargs": "?"}),
-    Option("--frames", "N", "times of a wave; 100 or more", kind=int),
     Option("--modes", "K ...", "which, from 1; all", kind=int),
     output("*.html", required=True),
 ]
@@ -17,7 +16,6 @@ OPTIONS = [
 
 def run(options: Given) -> None:
     """Write the page, and say what its reader should know."""
-    asked = (options.packing, options.frames, options.modes)
-    for note in watch_page(options.product, options.output, *asked):
+    for note in watch_page(options.product, options.output, options.packing, options.modes):
         say(f"note: {note}")
     put(options.output)

@@ -1,4 +1,4 @@
-"""Effective medium theory: stiffness and velocities if every sphere followed the mean strain.
+"""Effective medium theory: the velocity if every sphere followed the mean strain.
 
 Exact for the FCC crystal along [001]; an upper bound for a random packing, whose spheres relax from
 the mean strain (Otsubo et al. 2017, section 2, refs. 16 and 22).
@@ -6,8 +6,6 @@ the mean strain (Otsubo et al. 2017, section 2, refs. 16 and 22).
 
 import numpy as np
 
-from modal.packing.contact_law import GLASS, Elasticity, Moduli
-from modal.packing.contact_models.hertz_mindlin import HertzMindlin
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import affine_stiffness
@@ -45,46 +43,3 @@ def velocity_of_contacts(network: Network) -> float:
     density = float(network.mass.mean()) * per_length / network.area
     modulus = part @ affine_stiffness(network) / (network.area * (high - low))
     return float(np.sqrt(modulus / density))
-
-
-HERTZ = 1e-2
-"""Largest relative scatter of E* over contacts of one material: overlaps of few digits have it."""
-
-
-def moduli_of(network: Network) -> Moduli:
-    """E* and G*, Pa, of Hertz contacts between spheres: kn^3 = 6 E*^2 R* F, kt / kn = 4 G* / E*.
-
-    NaN without contact forces, and where the contacts are of several materials or another law.
-    """
-    pair, force = ~network.with_wall, network.force_normal
-    if force is None or not pair.any() or not (force[pair] > 0).all():
-        return Moduli(np.nan, np.nan)
-    ends = network.particle_i[pair], network.particle_j[pair]
-    first, second = (network.radius[each] for each in ends)
-    kn, kt = network.stiffness_normal[pair], network.stiffness_tangential[pair]
-    young = np.sqrt(kn**3 / (6 * first * second / (first + second) * force[pair]))
-    if young.std() > HERTZ * young.mean():
-        return Moduli(np.nan, np.nan)
-    return Moduli(float(young.mean()), float(young.mean() * kt.mean() / kn.mean() / 4))
-
-
-def velocity_of_means(
-    void_ratio: float,
-    coordination: float,
-    stress: float,
-    radius: float,
-    material: Elasticity | Moduli = GLASS,
-    density: float = GLASS.density,
-) -> float:
-    """V_P, m/s, of a random isotropic packing of equal spheres, by its means alone, stress in Pa.
-
-    Every contact carries the mean force N = 4 pi R^2 (1 + e) stress / Z; then
-    M = Z (3 kn + 2 kt) / (10 pi R (1 + e)), the P-wave modulus of the isotropic average
-    (<n_z^4> = 1/5, <n_z^2> - <n_z^4> = 2/15). `density` of a sphere, kg/m^3.
-    """
-    force = 4 * np.pi * radius**2 * (1 + void_ratio) * stress / coordination
-    law = HertzMindlin(material.effective_young, material.effective_shear)
-    overlap = law.overlap_of_force(force, radius / 2)
-    kn, kt = (of(overlap, radius / 2) for of in (law.stiffness_normal, law.stiffness_tangential))
-    modulus = coordination * (3 * kn + 2 * kt) / (10 * np.pi * radius * (1 + void_ratio))
-    return float(np.sqrt(modulus / (density / (1 + void_ratio))))

@@ -15,14 +15,13 @@ Figure = Callable[[Any], Picture]
 OF_ROWS: tuple[Figure, ...] = (
     *(of_cases.velocity_cases, of_cases.highest_frequency, of_cases.low_pass_cases),
     *(of_cases.velocity_low_pass, of_cases.wavelength_cases, of_cases.gain_cases),
-    *(beyond.isostaticity, beyond.gain_orders, beyond.scattering, beyond.density_excess),
-    beyond.low_pass_rules,
+    *(beyond.isostaticity, beyond.scattering),
 )
 """Figures of the numbers of cases, as `analysis.frame.frame_of` has them."""
 OF_CASES: tuple[Figure, ...] = (
     *(packing.samples, packing.source, waves.signals, waves.signals_stress, waves.space_time),
     *(modes.natural_frequencies, modes.chi_z, modes.mode_shapes, spectra.velocity_frequency),
-    *(waves.spectrum_distance, spectra.dispersion, waves.low_pass_chains, spectra.structure),
+    *(waves.spectrum_distance, spectra.dispersion),
 )
 """Figures of cases and what their files hold."""
 FIGURES = {figure.__name__: figure for figure in (*OF_CASES, *OF_ROWS)}

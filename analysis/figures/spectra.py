@@ -1,4 +1,4 @@
-"""Figures 11, 14, 15 and the structure factor: velocities, dispersion, and its width."""
+"""Figures 11, 14 and 15: velocities and dispersion."""
 
 from dataclasses import replace
 
@@ -8,15 +8,13 @@ from analysis.estimators import damped_transform as disp
 from analysis.estimators.resonances import mode_velocities
 from analysis.estimators.transfer import wall_velocity
 from analysis.estimators.wavenumber import fk_map
-from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, each
+from analysis.figures.picture import BLUE, ORANGE, Panel, each
 from analysis.figures.waves import producer_name
 from analysis.measuring import Measuring
-from analysis.quantities.passband import band_edge, edges, low_pass_2, scale, wavelength_at
-from analysis.quantities.scattering import whole_ridge
+from analysis.quantities.passband import band_edge, edges, scale, wavelength_at
 from analysis.quantities.spectrum import standing_waves
 from analysis.quantities.velocity import coherent, first_peak, longest, low_frequency
 from modal.theory.fcc import dispersion as eq_9
-from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
 KHZ = 2e3 * np.pi
@@ -128,49 +126,3 @@ def _leaves(m: Measuring) -> float:
     own = np.interp(wave.frequency, f_r[rising], kappa[rising], np.nan, np.nan)
     off = (abs(wave.wavenumber / own - 1) > 0.05) & (wave.frequency > 0.3 * scale(m))
     return float(wave.frequency[np.argmax(off)]) if off.any() else np.inf
-
-
-def structure(cases: list[Measuring]) -> Picture:
-    """Beyond the paper: the modes' spatial spectrum, its ridge, and the ridge's width."""
-    panels = []
-    for m in cases:
-        found = m.case.read("structure")
-        if found is None:
-            continue
-        peak, kappa = found.ridge()[0], found.wavenumber
-        f, top = found.frequency, 1.2 * np.nanmax(peak)
-        rows = np.flatnonzero(f < top)
-        rows = rows[:: max(1, len(rows) // 200)]
-        shade = found.power[:, rows] / found.power[:, rows].max(axis=1, keepdims=True)
-        grid = np.linspace(kappa[0], kappa[-1], 120)
-        nearest = np.argmin(abs(kappa[:, None] - grid), axis=0)
-        axes = r"wave number $\kappa_r = \pi r / L$ (rad/m)", "frequency (kHz)", m.label
-        panel = Panel(*axes, ylim=(0, top / 1e3), legend="lower right")
-        panel.colour_label = "$S_r(f)$ over its maximum"
-        panel.map(grid, f[rows] / 1e3, shade[nearest].T, cmap="gray_r")
-        look = {"marker": "o", "mfc": "w", "ms": 3, "color": ORANGE}
-        panel.line_on_map(kappa, peak / 1e3, "ridge", 1, **look)
-        line = kappa * longest(m, "linear").value / KHZ
-        panel.line_on_map(kappa, line, "long waves", 1, color=BLUE, ls="--")
-        panels += [panel, _width(m, found.resolution)]
-    if not panels:
-        raise InputError("no case has a structure factor; keep one: measure FILE --keep DIR")
-    return Picture(panels, columns=2, shape=(11, 0.4 + 3.6 * len(panels) / 2))
-
-
-def _width(m: Measuring, resolution: float) -> Panel:
-    """Width of the ridge over frequency, beside that which the coherent wave's decay makes."""
-    panel = Panel("frequency (kHz)", "full width (kHz)", m.label, xscale="log", yscale="log")
-    f, own, _ = whole_ridge(m).of_waves()
-    style = {"marker": "o", "mfc": "w", "color": "k"}
-    panel.line(f / 1e3, own / 1e3, "structure factor", **style)
-    if len(own):  # a tenth of the resolution is no width any more
-        panel.ylim = (1e-4 * resolution, 3e-3 * float(own.max()))
-    wave = coherent(m, "linear")
-    rate = wave.attenuation * wave.group_velocity / np.pi
-    seen = (rate > 0) & (wave.frequency > 0.1 * scale(m))
-    text = "2 Im(q) $V_g$ / 2$\\pi$ of the coherent wave"
-    panel.line(wave.frequency[seen] / 1e3, rate[seen] / 1e3, text, color=ORANGE, ls="--")
-    panel.vlines([low_pass_2(m) / 1e3], "$f_{low-pass}$, 2 %", ls=":")
-    panel.hline(resolution / 2e3, "half a resolution", color="0.7")
-    return panel

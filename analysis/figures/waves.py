@@ -119,26 +119,21 @@ def signals_stress(cases: list[Measuring]) -> Picture:
 @each
 def space_time(m: Measuring) -> Panel:
     """Fig. 5: displacement over distance and time, and the line of the long-wave velocity."""
-    end = _end(m, m.shown) * (1 + 1e-9)
-    return motion(m, m.shown, longest(m, "linear").value, "$V_P$", end)
-
-
-def motion(m: Measuring, record: Signals, speed: float, name: str, end: float) -> Panel:
-    """Displacement of the chain over distance and time, up to `end`, s, and the line of a speed."""
+    record = m.shown
     z = 1e3 * (record.chain_position - m.network.wall_position[0])
-    time = record.time[record.time <= end]
+    time = record.time[record.time <= _end(m, record) * (1 + 1e-9)]
     step, every = _thin(len(time)), _thin(len(z))  # every second layer alone would beat
     order = np.argsort(z)[every]  # a chain may step back
     u = 1e9 * record.chain_displacement[: len(time)][step][:, order]
     time = time[step]
     top = float(f"{np.percentile(abs(u), 99.9):.3g}") or 1.0
     panel = Panel(DISTANCE, "time (ms)", m.label, legend="upper left")
-    panel.colour_label = f"$u_{record.direction}$ (nm)"
+    panel.colour_label = "$u_z$ (nm)"
     panel.xlim = (float(z.min()), float(z.max()))
     panel.map(z[order], 1e3 * time, u, cmap="gray_r", vmin=-top, vmax=top)
-    line = z / speed
+    line = z / longest(m, "linear").value
     seen = line < 1e3 * time[-1]
-    panel.line(z[seen], line[seen], f"long-wave {name}", color="k", ls="--")
+    panel.line(z[seen], line[seen], "long-wave $V_P$", color="k", ls="--")
     return panel
 
 
@@ -175,30 +170,6 @@ def spectrum_distance(m: Measuring) -> Panel:
         panel.line(1e3 * ends, [edge.value / 1e3] * 2, value, color=BLUE, ls=ls, lw=3)
     if said := m.stated.get("f_low_pass_2_khz"):
         panel.hline(said[0], f"stated: {said[0]:g} kHz", color="k", ls="--", lw=0.8)
-    return panel
-
-
-@each
-def low_pass_chains(m: Measuring) -> Panel:
-    """Beyond the paper: f_low-pass (2 %) over distance by one chain, each of it, and the layers."""
-    band = passband(m)
-    panel = Panel(DISTANCE, "$f_{low-pass}$, 2 % (kHz)", m.label, legend="lower center")
-    panel.ylim = (0, (1.0 if m.crystal else 0.5) * band.highest / 1e3)
-    panel.legend_columns = 2
-    for whose, reference, text, style in (
-        ("chain", "map", "chain, whole map", {"color": "k"}),
-        ("chain", "own", "chain, own maxima", {"color": "0.55", "ls": "-."}),
-        ("layers", "map", "layers, whole map", {"color": ORANGE, "ls": "--"}),
-    ):
-        distance, frequency, amplitude = band.map(m.linear, whose, band.common)
-        curve = threshold_curves(frequency, amplitude, reference)[0]
-        middle, medians = _slabs(distance, curve, m.network.length)
-        panel.line(1e3 * middle, medians / 1e3, text, **style)
-    ends = 1e3 * np.array(band.stretch) * m.network.length
-    values = band.of_columns[:, 0]
-    if np.isfinite(values).any():
-        low, high = np.nanpercentile(values, (16, 84)) / 1e3
-        panel.band(ends, low, high, "columns, 16-84 %", color=BLUE, alpha=0.4)
     return panel
 
 

@@ -50,42 +50,25 @@ def first_resonance(m: Measuring) -> float:
     return float(f[0]) if len(f) else 0.5 / passage(m)
 
 
-def orders(m: Measuring) -> tuple[Floats, Floats]:
-    """The gain's maxima (k,) as orders of two columns: f = r f_1, both walls held, and r - 1/2.
+def orders(m: Measuring) -> Floats:
+    """The gain's maxima (k,) as orders r of a column with both walls held: f = r f_1.
 
-    Each maximum is looked up among the measured resonances r f_1, which bend with dispersion:
-    the first is the order r at which a standing wave has its frequency, by interpolation; the
-    second what is expected where the source wall is free of stress, 1/2, 3/2, ... They end
-    where a maximum is missing or one too many, an order off, and they no longer count.
+    Each is looked up among the measured resonances r f_1, which bend with dispersion: the order r
+    at which a standing wave has its frequency, by interpolation. Where the source wall is free of
+    stress 1/2, 3/2, ... are expected. They end where a maximum is missing or one too many, an order
+    off, and they no longer count.
     """
     f, end = gain_of(m).maxima(), low_pass_2(m)
     if np.isfinite(end):  # beyond it the walls hear no common wave
         f = f[f < end]
-    found = _orders(m, f)
-    expected: Floats = np.arange(0.5, len(f))
-    lost = np.flatnonzero(~(abs(found - expected) < MISCOUNTED))
-    counted = slice(None, lost[0] if len(lost) else None)
-    return found[counted], expected[counted]
-
-
-def free_held(m: Measuring) -> Floats:
-    """Orders (k,) of the exact modes of a crystal whose source end is free; empty for others.
-
-    There the stress at the source wall is zero while the receiver's is not: the gain's maxima.
-    """
-    if not m.crystal:
-        return np.empty(0)
-    return _orders(m, m.lattice.eigenmodes(source_held=False)[0] / (2 * np.pi))
-
-
-def _orders(m: Measuring, f: Floats) -> Floats:
-    """Orders of frequencies (k,), Hz, among the measured resonances, by interpolation."""
     f_r, kappa = standing_waves(m)
     rising = np.isfinite(f_r) & (np.maximum.accumulate(np.nan_to_num(f_r)) == f_r)
-    if rising.sum() < 2:
-        return f / first_resonance(m)
-    order = np.append(0.0, kappa[rising] * m.network.length / np.pi)
-    return np.interp(f, np.append(0.0, f_r[rising]), order, right=np.nan)
+    found = f / first_resonance(m)
+    if rising.sum() > 1:
+        order = np.append(0.0, kappa[rising] * m.network.length / np.pi)
+        found = np.interp(f, np.append(0.0, f_r[rising]), order, right=np.nan)
+    lost = np.flatnonzero(~(abs(found - np.arange(0.5, len(f))) < MISCOUNTED))
+    return found[: lost[0] if len(lost) else None]
 
 
 def height(m: Measuring) -> str:

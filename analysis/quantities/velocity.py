@@ -13,15 +13,12 @@ import numpy as np
 from analysis.case import AbsentError
 from analysis.estimators.coherent import DECAY, Coherent, coherent_wave, longest_waves
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
-from analysis.estimators.effective_medium import moduli_of, velocity_of_means
 from analysis.estimators.transfer import at_frequency, wall_velocity
 from analysis.estimators.travel_time import first_peaks_of_columns, travelled
 from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity, without_signal
 from analysis.value import Value, hertz, unknown
 from modal.elasticity.slab import static_velocity
-from modal.packing.contact_law import sphere_volume
-from modal.packing.state import contacts_per_particle, void_ratio
 from modal.waves.signals import Signals
 
 ORDERS = {"z": (2, 3), "x": (5, 6), "y": (5, 6)}
@@ -120,19 +117,6 @@ def walls(m: Measuring) -> float:
 def low_frequency(m: Measuring) -> float:
     """Frequency, Hz, of the wavelength L / 5."""
     return LOW_ORDER * longest(m, "linear").value / (2 * m.network.length)
-
-
-def of_means(m: Measuring) -> float:
-    """V_P, m/s, by effective medium theory, of the means of void ratio and contacts alone."""
-    network = m.network
-    return velocity_of_means(
-        void_ratio(network),
-        float(contacts_per_particle(network).mean()),
-        m.stress,
-        0.5 * m.diameter,
-        moduli_of(network),
-        float(network.mass.sum() / sphere_volume(network.radius).sum()),
-    )
 
 
 def of_frequency(m: Measuring, frequency: float) -> tuple[str, ...]:

@@ -49,13 +49,12 @@ def watch_page(
     product: str | Path,
     output: str | Path,
     packing: str | Path | None = None,
-    frames: int | None = None,
     chosen: list[int] | None = None,
 ) -> list[str]:
     """Write the page of a wave (`*.signals.h5`) or of modes (`*.modes.h5`); notes for the reader.
 
     `packing` is the file that it was made from; if None, the one of its name beside the product.
-    `frames` is the number of times of a wave, `chosen` the modes by number from 1, all by default.
+    `chosen` are the modes by number from 1, all by default.
     InputError for files without the motion of every sphere.
     """
     with open_h5(product) as file:
@@ -69,10 +68,8 @@ def watch_page(
         if chosen:
             raise InputError("--modes: the file has a wave; give *.modes.h5")
         signals = read_signals(product)
-        shown = _of_wave(network, signals, str(product), frames) | _of_slip(network, signals)
+        shown = _of_wave(network, signals, str(product)) | _of_slip(network, signals)
     else:
-        if frames is not None:
-            raise InputError("--frames: a mode's period needs none; leave it out")
         shown = _of_modes(network, read_modes(product), str(product), chosen)
     data = _of_packing(network) | shown
     title = f"{Path(product).name}, {data['spheres']:,} spheres"
@@ -147,15 +144,12 @@ def _from_zero(values: np.ndarray) -> tuple[str, float]:
     return coded(np.clip(values / top * 255, 0, 255), "u1"), top
 
 
-def _of_wave(network: Network, signals: Signals, name: str, frames: int | None) -> dict[str, Any]:
+def _of_wave(network: Network, signals: Signals, name: str) -> dict[str, Any]:
     moved, most = signals.particle_displacement, len(signals.time)
     if moved is None:
         why = "without the motion of every sphere; make it again with wave --particles"
         raise InputError(f"{name}: {why}")
-    if frames is None:
-        frames = int(np.clip(MOTION // (2 * network.n_particles), *FRAMES))
-    elif frames < 2:
-        raise InputError(f"--frames {frames}: give 2 or more")
+    frames = int(np.clip(MOTION // (2 * network.n_particles), *FRAMES))
     at = np.unique(np.linspace(0, most - 1, min(frames, most)).round().astype(int))
     largest = float(abs(moved).max()) or 1.0
     # A wave that has left the wall is small beside the push: colours are full at its size.

@@ -44,15 +44,16 @@ def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products):
     [
         (["figure"], "required"),
         (["figure", "gain_cases", "x"], "no such file"),
-        (["figure", "gain_cases", "9"], "run the case first"),
-        (["figure", "nothing", "2"], "unknown"),
-        (["figure", "chi_z"], "no case given"),
+        (["figure", "nothing", "NETWORK"], "unknown"),
+        (["figure", "chi_z"], "no file given"),
         (["figure", "absent.csv"], "cannot be read"),
-        (["figure", "chi_z", "2"], "make it before"),
+        (["figure", "chi_z", "NETWORK"], "make it before"),
         ([], "required"),
     ],
 )
 def test_bad_input_is_one_line(products, tmp_path, one_line, arguments, words):
     if len(arguments) > 1:
-        arguments = [*arguments, "--products", products, "-o", tmp_path]
+        network = products / "case02.network.h5"
+        arguments = [network if word == "NETWORK" else word for word in arguments]
+        arguments += ["-o", tmp_path]
     one_line(main, arguments, words)

@@ -28,7 +28,7 @@ def test_a_result_is_read_as_it_was_written(tmp_path):
     again = read_result(tmp_path / "case06.json")
     assert again.value("void_ratio") == 0.544 and np.isnan(again.value("f_max_khz"))
     assert again.flat == {"2": True} and again.spread("void_ratio") == 0.002
-    assert again.curves["gain_orders"][0].tolist() == [0.5]
+    assert again.curves["first"][0].tolist() == [0.5]
     for text in ("", "{}", "[1]", '{"schema": "case_result", "version": 9}'):
         (tmp_path / "bad.json").write_text(text)
         with pytest.raises(InputError, match="no result of a case"):
@@ -39,7 +39,7 @@ def made_up(number: int, mu: float, stress: float, record="linear", **values: fl
     name = f"case{number:02d}"
     row = Row(number, name, name, number < 5, stress, mu, record, "")
     row.values = {key: estimate(value) for key, value in values.items()}
-    row.curves["gain_orders"] = (np.array([0.5]), np.array([0.5]))
+    row.curves["first"] = (np.array([0.5]),)
     return row
 
 

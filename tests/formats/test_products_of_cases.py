@@ -14,7 +14,7 @@ import pytest
 from study_folder import measured
 
 from analysis.__main__ import main as analysis_main
-from analysis.case import find
+from analysis.case import Case
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES
 from modal.__main__ import main
@@ -50,7 +50,7 @@ def test_products_of_another_stress_are_refused_with_both_names(kind, folder, ca
     """In place of a case's own, and as another run of an agreement."""
     mine, its = (folder / f"case{case}.{kind}.h5" for case in ("03", "02"))
     name = "natural_frequencies" if kind == "modes" else "signals"
-    command = ["figure", name, "3", "--products", str(folder), "-o", str(folder / "out")]
+    command = ["figure", name, str(folder / "case03.network.h5"), str(mine), "-o", str(folder)]
     if kind == "reverse":
         case, its = folder / "case03", folder / "case02.signals.h5"
         command = ["agreement", f"{case}.network.h5", f"{case}.signals.h5", "--reverse", str(its)]
@@ -113,7 +113,7 @@ def test_energy_balance_survives_the_file_and_is_shown(folder):
         write_signals(path, replace(signals, producer="yade", balance=balance), made)
         again = read_signals(path).balance
         assert np.array_equal([*vars(again).values()], [*vars(balance).values()], equal_nan=True)
-        case = find("2", folder)
+        case = Case("case02", folder)
         m = Measuring.of(case)
         assert QUANTITIES["contacts_opened"].of(m) == 17
         for name in ("drift", "gap"):
