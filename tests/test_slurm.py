@@ -117,8 +117,8 @@ def jobs(folder: Path, rule: str = "") -> list[str]:
 
 
 def test_every_job_is_one_of_slurms(whole):
-    """Eight jobs; that their products are those of a run without Slurm `whole` has seen."""
-    assert jobs(whole) == 8 * ["COMPLETED"]
+    """Ten jobs; that their products are those of a run without Slurm `whole` has seen."""
+    assert jobs(whole) == 10 * ["COMPLETED"]
 
 
 def test_failing_job(local, whole):

@@ -52,10 +52,9 @@ PLANS = {
         | {"further_wave": 2, "measure_state": 7, "band_modes": 2, "page": 1, "crystal": 4}
         | {"all_modes": 4, "translations": 4},
     ),
-    "small packings are measured with all that a network is enough for": (
+    "all of a small packing is made where it is measured": (
         {"stage": "page", "spheres": 1000},
-        {"states": 7, "sample": 28, "network": 28, "crystal": 4, "highest_mode": 4}
-        | {"yade_wave": 32, "further_wave": 2, "measure": 32, "measure_state": 7, "total": 146},
+        {"states": 7, "measure": 32, "measure_state": 7, "page": 1, "total": 48},
     ),
     "a stage is made by its own rule": (
         {"stage": "response", "spheres": 1000, "cases": [2, 6]},
@@ -124,13 +123,14 @@ def test_jobs_ask_for_what_their_size_takes_and_a_retry_for_more(jobs):
 
 def test_half_the_step_has_the_times_of_the_whole_and_an_s_wave_is_longer(jobs):
     found = jobs.Jobs({"study": PAPER, "products": "products"})
-    line = found.wave_line("case30", "half_step")
+    line = found.line("case30", "wave", run="half_step")
     assert (line["fraction"], line["interval"]) == (0.1, 0) and line["passage"] > 1.3
-    assert found.wave_line("case30", "small_reverse")["amplitude"] == pytest.approx(-2.5e-11)
-    assert found.wave_line("case03", "100kHz")["input_frequency"] == 1e5
-    assert found.wave_line("case03")["input_frequency"] == 2e5
-    assert found.wave_line("case30", "shear_yade")["direction"] == "x"
-    assert '"x"' in found.wave("case30", "shear_yade")  # YADE takes the cells for Python
+    assert found.line("case30", "wave", run="small_reverse")["amplitude"] == pytest.approx(-2.5e-11)
+    assert found.line("case03", "wave", run="100kHz")["input_frequency"] == 1e5
+    assert found.line("case03", "wave")["input_frequency"] == 2e5
+    assert found.line("case30", "wave", run="shear_yade")["direction"] == "x"
+    # YADE takes the cells for Python.
+    assert '"x"' in found.yade("case30", "wave", "signals", "wave", run="shear_yade")
 
 
 def test_a_reduced_study_is_as_slender_and_needs_no_yade_for_its_walks(jobs):

@@ -65,29 +65,31 @@ class Commands:
         line = {name: row.get(name) for name in COLUMNS["walk"] if name not in unused}
         return {name: cell for name, cell in line.items() if cell is not None}
 
-    def line(self, case: str, columns: str) -> dict[str, Any]:
-        """What a case has of some columns, as one line of a table."""
-        row = self.rows[case]
-        return {name: row[name] for name in COLUMNS[columns] if row.get(name) is not None}
-
-    def table(self, case: str, columns: str) -> str:
-        """Command that writes the table of one of YADE's jobs, and its path as shell variable."""
-        path = f"{self.folder}/tables/{case}.{COLUMNS[columns][-1]}.table"
-        line = write_line(self.line(case, columns), "$own")
-        return f"own={path}; mkdir -p {self.folder}/tables; {line}"
-
-    def wave(self, case: str, run: str = "") -> str:
-        """The same of a wave, or of one of its further waves, in its folder."""
-        folder = f"{self.folder}/waves/{run}" if run else f"{self.folder}/tables"
-        line = write_line(self.wave_line(case, run), "$own")
-        return f"mkdir -p {folder}; own={folder}/{case}.wave.table; {line}"
-
-    def wave_line(self, case: str, run: str = "") -> dict[str, Any]:
-        """Line of a case's YADE wave, or of one of its further waves."""
-        line, changed = self.line(case, "wave"), FURTHER.get(run, {})
+    def line(self, case: str, *parts: str, run: str = "") -> dict[str, Any]:
+        """What a case has of some `COLUMNS`, as one line of a table; of `run`, a further wave."""
+        row, changed = self.rows[case], FURTHER.get(run, {})
+        names = [name for part in parts for name in COLUMNS[part]]
+        line = {name: row[name] for name in names if row.get(name) is not None}
         for name, factor in changed.get("times", {}).items():
             line[name] = factor * line.get(name, OF_YADE.get(name))
         return line | changed.get("set", {})
+
+    def yade(self, case: str, script: str, kind: str, *parts: str, run: str = "") -> str:
+        """Shell's command of one of YADE's jobs, on a table of these `parts`; its log is `$log`."""
+        folder = f"{self.folder}/waves/{run}" if run else self.folder
+        own = f"{folder}/tables/{case}.{parts[-1]}.table"
+        line = write_line(self.line(case, *parts, run=run), own)
+        job = f"workflow/yade_job.sh {own} {self.rows[case]['case']} yade_scripts/{script}.py"
+        job += f" {folder} $log {folder}/{case}.{kind}.h5"
+        return f"mkdir -p {folder}/tables; {line}; {job}"
+
+    def further(self, case: str, run: str) -> str:
+        """The same of a further wave, in a folder where wave.py finds the case under its name."""
+        folder, kinds = f"{self.folder}/waves/{run}", ("network", "highest.modes")
+        wave = self.yade(case, "wave", "signals", "wave", run=run)
+        links = " ".join(f"../../{case}.{kind}.h5" for kind in kinds)
+        move = f"mv {folder}/{case}.signals.h5 {self.product(case, f'{run}.signals')}"
+        return f"unset ${{!WAVE_@}}; mkdir -p {folder}; ln -sf {links} {folder}; {wave} && {move}"
 
     def product(self, case: str, kind: str) -> str:
         """File of a case's product."""
@@ -144,5 +146,6 @@ def write_line(line: Mapping[str, Any], path: str) -> str:
 
 
 def environment() -> str:
-    """What the caller has set for YADE's waves, as shell assignments."""
-    return " ".join(f"{n}={quote(v)}" for n, v in sorted(os.environ.items()) if n[:5] == "WAVE_")
+    """Shell's command that sets for YADE's waves what the caller has set."""
+    own = [f"{n}={quote(v)}" for n, v in sorted(os.environ.items()) if n[:5] == "WAVE_"]
+    return f"export {' '.join(own)}" if own else ":"

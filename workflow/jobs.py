@@ -12,7 +12,7 @@ from typing import Any
 
 import h5py
 import pandas as pd
-from commands import COLUMNS, FULL, OF_NETWORK, RULES, Commands
+from commands import COLUMNS, FULL, FURTHER, OF_NETWORK, RULES, Commands
 
 from analysis.study.description import KINDS, Study, part_of_name
 from modal.tools.errors import InputError, refuse_unknown
@@ -29,7 +29,7 @@ creep so far as they come to rest that a stress can fall by a tenth."""
 SMALL = 3000
 """Spheres, at most, of packings of which half of a job would be the start of its program."""
 STAGES = RULES["stages"]
-ON_REQUEST = "shear.signals", "moduli"
+ON_REQUEST = "linear.signals", "shear.signals", "moduli"
 
 
 class Jobs(Commands):
@@ -43,7 +43,9 @@ class Jobs(Commands):
         if int(config.get("spheres", LEAST)) < LEAST:
             raise InputError(f"--spheres {config['spheres']}: at least {LEAST}, 4 diameters across")
         self.reduced, self.seed = "spheres" in config, config.get("seed")
-        self.small = self.reduced and int(config["spheres"]) <= SMALL
+        # All of a case in one process, whose start would be half of each of many jobs.
+        few = self.reduced and int(config["spheres"]) <= SMALL and not own["forget"]
+        self.at_once = few and self.stage in ("result", "page")
         self.scratch = bool(config.get("from_scratch")) or self.reduced or self.seed is not None
         self.prepare = "modal" if self.reduced else own["prepare"]
         self.rows = self.study.rows
@@ -145,37 +147,29 @@ class Jobs(Commands):
     def outputs(self, rule: str) -> list[str]:
         """Files of a rule that needs a network alone, as a pattern of its cases each."""
         kinds = OF_NETWORK[rule]["cases"]
-        if rule == "highest_mode" and self.with_highest:
-            kinds = ["fcc"]
         cases = one_of(case for case, row in self.rows.items() if row["kind"] in kinds)
         return [self.product(f"{{case,{cases}}}", kind) for kind in OF_NETWORK[rule]["makes"]]
 
-    @property
-    def with_highest(self) -> bool:
-        """Whether a random sample's highest mode is found in the process that makes it."""
-        return self.small and "highest.modes" in self.study.settings["make"].get("random", [])
-
-    def at_rest(self, case: str) -> list[str]:
-        """Commands of a sample; a small one's highest mode is found in the same process."""
-        own = [f"- {self.rest(case, self.start(case))}"]
-        if self.with_highest:
-            own.append(self.of_network("highest_mode", case, "sample"))
-        return own
-
     def on_the_way(self, case: str) -> list[str]:
-        """Rules whose products a case's measurement makes itself, in its own process.
-
-        Those that a network is enough for, where packings are small. None where these products are
-        what is asked for.
-        """
-        if not self.small or self.stage not in ("result", "page"):
-            return []
+        """Commands that make all that a case's result is measured from."""
         kind, made = self.rows[case]["kind"], self.made(case)
-        return [
-            rule
-            for rule, own in OF_NETWORK.items()
-            if kind in own["cases"] and own["makes"][0] in made and rule != "highest_mode"
-        ]
+        random, waves = kind == "random", "signals" in made
+        first = f"- {self.rest(case, self.start(case))}"
+        commands = [first if random else self.yade(case, "sample_fcc", "network", "crystal")]
+        if waves or "highest.modes" in made:
+            found_in = "sample" if random else "network"
+            commands.append(self.of_network("highest_mode", case, found_in))
+        if random and waves:
+            commands.append(self.yade(case, "sample_and_wave", "signals", "export", "wave"))
+        elif random and made != ["sample"]:
+            commands.append(self.yade(case, "export_sample", "network", "export"))
+        elif waves:
+            commands.append(self.yade(case, "wave", "signals", "wave"))
+        commands += [self.further(case, run) for run in FURTHER if f"{run}.signals" in made]
+        for rule, own in OF_NETWORK.items():
+            if rule != "highest_mode" and kind in own["cases"] and own["makes"][0] in made:
+                commands.append(self.of_network(rule, case))
+        return commands
 
     def read(self, case: str) -> list[str]:
         """Files that a case's result is made of: those of its kind, and on request, if there."""
@@ -184,17 +178,17 @@ class Jobs(Commands):
         return [*(self.product(case, kind) for kind in kinds), *further]
 
     def measured_from(self, case: str) -> list[str]:
-        """Those of them that have to be there before."""
-        made = [kind for rule in self.on_the_way(case) for kind in OF_NETWORK[rule]["makes"]]
-        own = [self.product(case, kind) for kind in made]
-        return [path for path in self.read(case) if path not in own]
+        """Files that have to be there before."""
+        if not self.at_once:
+            return self.read(case)
+        return [self.start(case)] if self.rows[case]["kind"] == "random" else []
 
     def measure(self, case: str, files: Sequence[str]) -> list[str]:
-        """Commands that measure a case from its files, after what it makes on the way."""
+        """Commands that measure a case from its files, after what they are made by at once."""
         scatter = self.seed is not None and not self.study.settings["measure"]
         own = f"analysis study {self.study.path} {' '.join(files)} --measure {case}"
         own += f" --products {self.folder} {'--scatter ' * scatter}-o {self.results}/{case}.json"
-        return [*(self.of_network(rule, case) for rule in self.on_the_way(case)), own]
+        return [*(self.on_the_way(case) if self.at_once else []), own]
 
     def from_cloud(self, case: str) -> list[str]:
         """Commands that make a packing, bring it to rest and measure it."""

@@ -36,10 +36,9 @@ class ContactWatch:
 
     @staticmethod
     def _now():
-        """(Bodies and period, contact) of each present contact."""
-        for contact in O.interactions:
-            if contact.isReal:
-                yield (contact.id1, contact.id2, tuple(contact.cellDist)), contact
+        """(Bodies, contact) of each present contact, of which YADE has one a pair."""
+        for contact in O.interactions.all(onlyReal=True):
+            yield (contact.id1, contact.id2), contact
 
     def follow(self):
         """Add what has slipped since the last step, of the contacts that may."""

@@ -4,7 +4,9 @@ Panels of single cases were drawn when the case was measured; they lie beside it
 from which a figure is drawn again.
 """
 
+import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
@@ -23,6 +25,8 @@ Spec = Mapping[str, Any]
 MARKERS = tuple(STRESS_MARKS.values())
 WIDTH = {1: 8, 2: 10, 3: 12}
 """Inches of a figure, by its columns of panels."""
+MOST = 4
+"""Processes that draw: of 250 MB each, where memory counts."""
 
 
 def wanted(specs: Sequence[Spec], case: pd.DataFrame) -> list[str]:
@@ -40,7 +44,8 @@ def arrange(
     """
     from analysis.figures.render import save  # Matplotlib, which to measure a case does not need
 
-    drawn, absent, words = [], [], Words(cases)
+    pictures, stems, captions, absent = [], [], [], []
+    words = Words(cases)
     for spec in specs:
         caption = words(spec["caption"])
         with following(spec):
@@ -54,10 +59,15 @@ def arrange(
                     caption += f" Absent: {', '.join(away)}." if away else ""
                 else:
                     picture = FIGURES[spec["figure"]](cases[cases["there"]])
-                drawn.append((save(picture, output / spec["name"])[0], caption))
             except InputError as error:
                 absent.append(f"{spec['name']}: {error}")
-    return drawn, absent
+                continue
+        pictures.append(picture)
+        stems.append(output / spec["name"])
+        captions.append(caption)
+    with ProcessPoolExecutor(min(MOST, os.cpu_count() or 1)) as processes:
+        pngs = [png for png, *_ in processes.map(save, pictures, stems)]
+    return list(zip(pngs, captions, strict=True)), absent
 
 
 def _plot(spec: Spec, cases: pd.DataFrame) -> Picture:
