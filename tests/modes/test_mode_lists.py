@@ -162,9 +162,8 @@ def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
     assert found["missing"] == 4 and not found["certified"]
     assert "4 modes are missing" in printed.err
     written = read_modes(out)
-    assert written.frequency == pytest.approx(
-        frequency[-8:] if highest else frequency[:8], rel=1e-8
-    )
+    wanted = frequency[-8:] if highest else frequency[:8]
+    assert written.frequency == pytest.approx(wanted, rel=1e-8)
     assert written.attributes["missing"] == 4 and not written.attributes["certified"]
     assert "4" in written.attributes["uncertified_because"] == found["uncertified_because"]
 

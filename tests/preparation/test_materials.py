@@ -120,9 +120,8 @@ def test_packings_of_other_spheres_are_similar(friction, apart):
     other = modal.random_packing(stress=64e5, material=hard, radius=2 * RADIUS, **given)
     assert other.radius == pytest.approx(2 * glass.radius) and other.n_contacts == glass.n_contacts
     assert other.position == pytest.approx(2 * glass.position, abs=1e-2 * apart * RADIUS)
-    assert other.force_normal == pytest.approx(
-        4 * 64 * glass.force_normal, abs=apart * other.force_normal.mean()
-    )
+    wanted, size = 4 * 64 * glass.force_normal, other.force_normal.mean()
+    assert other.force_normal == pytest.approx(wanted, abs=apart * size)
     assert other.mass == pytest.approx(32 * glass.mass)
 
 

@@ -173,6 +173,9 @@ def test_value_vector_and_products(steps, monkeypatch):
     assert residual < 2 * TOLERANCE * square[-1]
     angle = np.linalg.norm(v - vector[:, 1] * (vector[:, 1] @ v))
     assert angle <= 1.1 * residual / (square[1] - square[0])
+    # Of two values it is made of as many vectors, the last one included.
+    two = top_mode(Known(SPECTRA["two values"]), MOST)
+    assert abs(two.vector[:25]).max() < 1e-12 and two.square == pytest.approx(9.0)
 
 
 def test_what_does_not_converge_has_no_vector():

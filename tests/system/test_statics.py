@@ -38,9 +38,8 @@ def test_velocity_of_the_crystal(stress):
     velocity, modulus = static_velocity(gallery.fcc(stress, (3, 3, 80)))
     # Its soft ends leave 1e-4 of the density, as of moduli (`test_slabs`).
     assert velocity == pytest.approx(crystal.velocity, rel=1e-4)
-    assert modulus == pytest.approx(
-        crystal.C * crystal.layer_distance / crystal.spacing**2, rel=1e-5
-    )
+    wanted = crystal.C * crystal.layer_distance / crystal.spacing**2
+    assert modulus == pytest.approx(wanted, rel=1e-5)
 
 
 def layer_of(network):
