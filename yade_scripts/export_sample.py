@@ -59,7 +59,8 @@ def noise(network):
     start = np.array([state.pos[2] for state in states])
     of_layer = of_sphere = 0.0
     for done in range(100, NOISE_STEPS + 1, 100):
-        O.run(100, wait=True)
+        for _ in range(100):
+            O.step()
         moved = abs(np.array([state.pos[2] for state in states]) - start)
         of_layer = max(of_layer, float(layers.means(moved).max()))
         of_sphere = max(of_sphere, float(moved[held].max()))

@@ -74,7 +74,7 @@ class WaveRun:
         static, minute, started = self._stored_energy(), Minute(), time.perf_counter()
         for target in (self.quiet, self.steps):
             while self._step < target and self._stable:
-                O.run(min(200, target - self._step), wait=True)
+                O.step()  # O.run looks only every 40 ms whether its steps are done
                 if minute.passed():
                     left = (time.perf_counter() - started) * (self.steps / self._step - 1)
                     to_go = f"{self._step} of {self.steps}, {duration(left)} to go"
@@ -136,7 +136,6 @@ class WaveRun:
         if self.every_particle:
             self.particle_records.append(moved)
         if not abs(moved[self.chain[0]]) < BLOW_UP * max(abs(self.motion.amplitude), 1e-9):
-            O.pause()
             self._stable = False
 
     def _stored_energy(self):
@@ -159,7 +158,7 @@ class WaveRun:
         whose sum with the elastic one the leapfrog scheme conserves in a linear system.
         """
         behind = self._momenta()
-        O.run(1, wait=True)
+        O.step()
         ahead = self._momenta()
         product = float((behind * ahead).sum())
         correlation = product / float(np.linalg.norm(behind) * np.linalg.norm(ahead))
