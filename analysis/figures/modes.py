@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, columns_for, merged
+from analysis.figures.picture import BLUE, ORANGE, Panel, Picture
 from analysis.measuring import Measuring
 from analysis.quantities.records import HIGH, LOW
 from analysis.quantities.spectrum import chi_lists, density, f_max, standing, z_shapes
 from analysis.quantities.velocity import longest
+from modal.modes.mode_set import ModeSet
 from modal.packing.rattlers import firmly_held
 from modal.tools.errors import InputError
 
@@ -15,42 +16,37 @@ TOP = 0.03
 """Highest density that is drawn, 1/kHz; the crystal's narrow peaks go on beyond it."""
 
 
-def natural_frequencies(cases: list[Measuring]) -> Picture:
+def natural_frequencies(m: Measuring) -> Picture:
     """Fig. 7: cumulative share and density of the natural frequencies, with and without rotations.
 
     Of all modes where the file has them; else of the density of states.
     """
-    panels = []
-    for m in cases:
-        modes, only = m.case.read("modes"), m.case.read("translations.modes")
-        dof = 6 * m.network.n_particles
-        left = Panel("share of modes below", "natural frequency (kHz)", "(a)", legend="upper left")
-        right = Panel("natural frequency (kHz)", "density (1/kHz)", "(b)")
-        right.ylim = (0, TOP)
-        if m.crystal and modes is not None and len(modes.frequency) == dof:
-            _spectrum(left, right, modes.frequency, m.label, color="k", lw=0.9)
-            if only is not None:
-                look = {"color": "0.55", "ls": ":"}
-                text = f"{m.label}, translations only"
-                _spectrum(left, right, only.frequency, text, **look)
-        elif m.case.has("density"):
-            f, per_hertz, below = density(m)
-            loose = m.mu_comp > 0.2
-            look = {"color": ORANGE, "ls": "-."} if loose else {"color": BLUE, "ls": "--"}
-            # Modes of zero frequency, of rattlers and floppy parts, are below the first of these.
-            share, height = np.append(0.0, below / dof), np.append(0.0, f / 1e3)
-            left.line(share, height, m.label, **look)
-            right.line(f / 1e3, 1e3 * per_hertz / dof, **look)
-        else:
-            continue
-        if top := m.stated.get("f_max_khz"):
-            text = "stated, highest" if m.crystal else ""
-            left.line([1.0], top[:1], text, marker="*", ls="none", ms=9, color="k", mfc="#ffd000")
-        panels += [left, right]
-    if not panels:
-        lack = "no case has all its modes or a density of states"
+    modes, only = m.case.read("modes"), m.case.read("translations.modes")
+    dof = 6 * m.network.n_particles
+    left = Panel("share of modes below", "natural frequency (kHz)", "(a)", legend="upper left")
+    right = Panel("natural frequency (kHz)", "density (1/kHz)", "(b)")
+    right.ylim = (0, TOP)
+    if m.crystal and modes is not None and len(modes.frequency) == dof:
+        _spectrum(left, right, modes.frequency, m.label, color="k", lw=0.9)
+        if only is not None:
+            look = {"color": "0.55", "ls": ":"}
+            text = f"{m.label}, translations only"
+            _spectrum(left, right, only.frequency, text, **look)
+    elif m.case.has("density"):
+        f, per_hertz, below = density(m)
+        loose = m.mu_comp > 0.2
+        look = {"color": ORANGE, "ls": "-."} if loose else {"color": BLUE, "ls": "--"}
+        # Modes of zero frequency, of rattlers and floppy parts, are below the first of these.
+        share, height = np.append(0.0, below / dof), np.append(0.0, f / 1e3)
+        left.line(share, height, m.label, **look)
+        right.line(f / 1e3, 1e3 * per_hertz / dof, **look)
+    else:
+        lack = f"{m.case.name} has neither all its modes nor a density of states"
         raise InputError(f"{lack}; keep one: measure FILE --keep DIR")
-    return Picture(merged(panels), columns=2, shape=(10, 4))
+    if top := m.stated.get("f_max_khz"):
+        text = "stated, highest" if m.crystal else ""
+        left.line([1.0], top[:1], text, marker="*", ls="none", ms=9, color="k", mfc="#ffd000")
+    return Picture([left, right], columns=2, shape=(10, 4))
 
 
 def _spectrum(left: Panel, right: Panel, frequency: np.ndarray, label: str, **look) -> None:
@@ -62,35 +58,33 @@ def _spectrum(left: Panel, right: Panel, frequency: np.ndarray, label: str, **lo
     right.line(np.repeat(edges, 2)[1:-1], np.repeat(share, 2), **look)
 
 
-def chi_z(cases: list[Measuring]) -> Picture:
+def chi_z(m: Measuring) -> Panel:
     """Fig. 9: chi_z (Eq. 2) of the modes in the files; all particles, the chain, and the paper's.
 
     Where no mode of a random packing was computed, up to 20 kHz, the panel is shaded.
     """
-    panels = []
-    for m in _with_modes(cases):
-        panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.label, ylim=(-0.03, 1.12))
-        panel.legend = "outside" if m is cases[-1] else "center right"
-        for k, (frequency, every, along) in enumerate(chi_lists(m)):
-            for values, text, style in (
-                (every, "all particles", {"color": "0.45", "marker": ".", "ms": 2}),
-                (along, "chain", {"color": ORANGE, "marker": ".", "ms": 2, "alpha": 0.5}),
-            ):
-                f, chi = _distinct(frequency / 1e3, values)
-                panel.line(f, chi, text if k == 0 else "", ls="none", mew=0.6, **style)
-        _not_computed(panel, m)
-        _across(panel, m)
-        bearers = standing(m)
-        f_r = bearers.frequency if bearers else m.case.read("modes").resonance_frequency
-        if f_r is not None and len(f_r):
-            style = {"marker": "|", "ls": "none", "ms": 6, "color": "k"}
-            panel.line(f_r / 1e3, np.full(len(f_r), 1.07), "P resonances", **style)
-        for name, ends, ls in (("chi_z_low", (0, LOW), "--"), ("chi_z_high", (HIGH, 0.1), ":")):
-            if name in m.stated:
-                at, level = np.array(ends) * f_max(m) / 1e3, [m.stated[name][0]] * 2
-                panel.line(at, level, "stated", color="k", ls=ls)
-        panels.append(panel)
-    return Picture(panels, columns=columns_for(len(panels)))
+    modes = _modes(m)
+    panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.label, ylim=(-0.03, 1.12))
+    panel.legend = "outside"
+    for k, (frequency, every, along) in enumerate(chi_lists(m)):
+        for values, text, style in (
+            (every, "all particles", {"color": "0.45", "marker": ".", "ms": 2}),
+            (along, "chain", {"color": ORANGE, "marker": ".", "ms": 2, "alpha": 0.5}),
+        ):
+            f, chi = _distinct(frequency / 1e3, values)
+            panel.line(f, chi, text if k == 0 else "", ls="none", mew=0.6, **style)
+    _not_computed(panel, m)
+    _across(panel, m)
+    bearers = standing(m)
+    f_r = bearers.frequency if bearers else modes.resonance_frequency
+    if f_r is not None and len(f_r):
+        style = {"marker": "|", "ls": "none", "ms": 6, "color": "k"}
+        panel.line(f_r / 1e3, np.full(len(f_r), 1.07), "P resonances", **style)
+    for name, ends, ls in (("chi_z_low", (0, LOW), "--"), ("chi_z_high", (HIGH, 0.1), ":")):
+        if name in m.stated:
+            at, level = np.array(ends) * f_max(m) / 1e3, [m.stated[name][0]] * 2
+            panel.line(at, level, "stated", color="k", ls=ls)
+    return panel
 
 
 def _across(panel: Panel, m: Measuring) -> None:
@@ -134,46 +128,41 @@ def _distinct(frequency: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np
     return frequency[kept], values[kept]
 
 
-def mode_shapes(cases: list[Measuring]) -> Picture:
+def mode_shapes(m: Measuring) -> Picture:
     """Fig. 10: z-shapes along the chain of the P resonances r = 1, 2, 5, 10, ..., and the sine."""
-    panels = []
-    for m in _with_modes(cases):
-        modes, bearers = m.case.read("modes"), standing(m)
-        f, shapes = modes.resonance_frequency, modes.resonance_shape
-        chain = m.shown.chain_particle
-        if bearers is not None:
-            # A sphere that little holds swings by itself, far beyond the standing wave.
-            chain = chain[firmly_held(m.network)[chain]]
-            f, shapes = bearers.frequency, z_shapes(m)[bearers.row][:, chain]
-        if shapes is None or len(shapes) == 0:
-            continue
-        z = m.network.position[chain, 2] - m.network.wall_position[0]
-        orders = (1, 2, 5, 10, 50, 200) if m.crystal else (1, 2, 5, 10, 15, 20)
-        known = sorted({min(r, len(shapes)) for r in orders})
-        known += [r for r in (3, 7) if r < len(shapes)][: len(orders) - len(known)]
-        for r in sorted(known):
-            sine = np.sin(np.pi * r * z / m.network.length)
-            shape = shapes[r - 1] * np.sign(shapes[r - 1] @ sine)
-            shape = shape / np.percentile(abs(shape), 98)
-            title = f"{m.case.short}: r = {r}, {f[r - 1] / 1e3:.4g} kHz"
-            panel = Panel("distance (mm)", "$u_z$ (-)", title, ylim=(-1.3, 2.2))
-            panel.legend, panel.legend_columns = "upper right", 2
-            if r <= 20:
-                order = np.argsort(z)
-                panel.line(1e3 * z[order], sine[order], "Eq. 3", color="0.6", lw=2)
-            text = "mode"
-            if said := m.stated.get(f"f_{r}_khz"):
-                text += f"; stated: {said[0]:g} kHz"
-            panel.line(1e3 * z, shape, text, color="k", marker=".", ms=2, lw=0.5)
-            panels.append(panel)
-    if not panels:
-        raise InputError(f"{cases[0].case.path('modes')}: no shapes of resonances; make them again")
+    panels, modes, bearers = [], _modes(m), standing(m)
+    f, shapes = modes.resonance_frequency, modes.resonance_shape
+    chain = m.shown.chain_particle
+    if bearers is not None:
+        # A sphere that little holds swings by itself, far beyond the standing wave.
+        chain = chain[firmly_held(m.network)[chain]]
+        f, shapes = bearers.frequency, z_shapes(m)[bearers.row][:, chain]
+    if shapes is None or len(shapes) == 0:
+        raise InputError(f"{m.case.path('modes')}: no shapes of resonances; make them again")
+    z = m.network.position[chain, 2] - m.network.wall_position[0]
+    orders = (1, 2, 5, 10, 50, 200) if m.crystal else (1, 2, 5, 10, 15, 20)
+    known = sorted({min(r, len(shapes)) for r in orders})
+    known += [r for r in (3, 7) if r < len(shapes)][: len(orders) - len(known)]
+    for r in sorted(known):
+        sine = np.sin(np.pi * r * z / m.network.length)
+        shape = shapes[r - 1] * np.sign(shapes[r - 1] @ sine)
+        shape = shape / np.percentile(abs(shape), 98)
+        title = f"{m.case.short}: r = {r}, {f[r - 1] / 1e3:.4g} kHz"
+        panel = Panel("distance (mm)", "$u_z$ (-)", title, ylim=(-1.3, 2.2))
+        panel.legend, panel.legend_columns = "upper right", 2
+        if r <= 20:
+            order = np.argsort(z)
+            panel.line(1e3 * z[order], sine[order], "Eq. 3", color="0.6", lw=2)
+        text = "mode"
+        if said := m.stated.get(f"f_{r}_khz"):
+            text += f"; stated: {said[0]:g} kHz"
+        panel.line(1e3 * z, shape, text, color="k", marker=".", ms=2, lw=0.5)
+        panels.append(panel)
     return Picture(panels, columns=3, shape=(11, 0.4 + 1.5 * -(-len(panels) // 3)))
 
 
-def _with_modes(cases: list[Measuring]) -> list[Measuring]:
-    """The cases that have modes; InputError if none does."""
-    found = [m for m in cases if m.case.read("modes") is not None]
-    if not found:
-        raise InputError(f"{cases[0].case.path('modes')}: no such file; make it before this figure")
-    return found
+def _modes(m: Measuring) -> ModeSet:
+    """The modes of the case's file; InputError without it."""
+    if not m.case.has("modes"):
+        raise InputError(f"{m.case.path('modes')}: no such file; make it before this figure")
+    return m.case.read("modes")

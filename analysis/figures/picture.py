@@ -10,19 +10,16 @@ picture shows, and drawing it again gives the same picture.
 import csv
 import io
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
-from functools import wraps
 from itertools import repeat
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
 from modal.formats.hdf5 import write_text
 from modal.tools.errors import InputError
 
-Of = TypeVar("Of")
 BLUE, ORANGE = "#0060a8", "#c05000"
 """Beside black and greys; the three are told apart without colours, too."""
 KINDS = ("line", "map", "spheres", "band", "error", "vline", "hline")
@@ -126,16 +123,6 @@ class Picture:
 def columns_for(count: int) -> int:
     """Columns that leave no part of a grid of panels blank: 1, 2, 3, 2 x 2, then three a row."""
     return count if count < 4 else 2 if count % 2 == 0 and count < 6 else 3
-
-
-def each(of: Callable[[Of], Panel]) -> Callable[[list[Of]], Picture]:
-    """A figure of several cases, by the function that makes the panel of one."""
-
-    @wraps(of)
-    def figure(cases: list[Of]) -> Picture:
-        return Picture([of(case) for case in cases], columns=columns_for(len(cases)))
-
-    return figure
 
 
 def merged(panels: list[Panel]) -> list[Panel]:

@@ -8,7 +8,7 @@ from analysis.estimators import damped_transform as disp
 from analysis.estimators.resonances import mode_velocities
 from analysis.estimators.transfer import wall_velocity
 from analysis.estimators.wavenumber import fk_map
-from analysis.figures.picture import BLUE, ORANGE, Panel, each
+from analysis.figures.picture import BLUE, ORANGE, Panel
 from analysis.figures.waves import producer_name
 from analysis.measuring import Measuring
 from analysis.quantities.passband import band_edge, edges, scale, wavelength_at
@@ -21,7 +21,6 @@ KHZ = 2e3 * np.pi
 """rad/s."""
 
 
-@each
 def velocity_frequency(m: Measuring) -> Panel:
     """Fig. 11: phase and group velocity of the linear wave (walls, layers) and modes; dL/dt."""
     top, low, speed = 0.9 * scale(m), low_frequency(m), longest(m, "linear").value
@@ -56,7 +55,6 @@ def velocity_frequency(m: Measuring) -> Panel:
     return panel
 
 
-@each
 def dispersion(m: Measuring) -> Panel:
     """Figs. 14 and 15: f-k amplitude with theory, resonances, and the unbiased estimates."""
     record, top = m.shown, 1.1 * band_edge(m, "linear") if m.crystal else 2.2 * scale(m)

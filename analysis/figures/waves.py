@@ -4,7 +4,7 @@ import numpy as np
 
 from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.low_pass import threshold_curves
-from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, columns_for, each, share_limits
+from analysis.figures.picture import BLUE, ORANGE, Panel, Picture
 from analysis.measuring import Measuring
 from analysis.quantities.passband import edges, passband
 from analysis.quantities.velocity import longest
@@ -79,44 +79,37 @@ def distances(m: Measuring) -> np.ndarray:
     return DISTANCES * min(1.0, length / 140)
 
 
-def signals(cases: list[Measuring]) -> Picture:
+def signals(m: Measuring) -> Picture:
     """Fig. 3: displacement of particles of the chain at 10, 50 and 100 D from the source wall."""
-    panels = [_signal(m, wanted) for m in cases for wanted in distances(m)]
-    for first in range(3):
-        share_limits(panels[first::3])
-    return Picture(panels, columns=3, shape=(11, 0.6 + 2.2 * len(cases)))
+    return Picture([_signal(m, wanted) for wanted in distances(m)], 3, (11, 2.8))
 
 
 LOOKS = ("0.5", "-"), ("k", "-"), (BLUE, "--"), (ORANGE, ":")
 """Colour and line of a stress, by its power of ten."""
 
 
-def signals_stress(cases: list[Measuring]) -> Picture:
+def signals_stress(m: Measuring) -> Picture:
     """Fig. 4: displacement at 50 D from the source wall, pulse 100 kHz; a panel a friction.
 
     Time is over that of long waves, by which the first arrivals of all stresses are at one place.
     """
-    panels: dict[str, Panel] = {}
-    for m in sorted(cases, key=lambda m: (not m.crystal, m.mu_comp, m.stress)):
-        record = m.case.read("100kHz.signals") or m.shown
-        n, depth = _nearest(m, record, distances(m)[1])
-        group = "FCC" if m.crystal else rf"$\mu_{{comp}}$ = {m.mu_comp:g}"
-        group += f", pulse {record.input_frequency / 1e3:.3g} kHz, {depth:.0f} D"
-        axis = "time over that of long waves"
-        panel = panels.setdefault(group, Panel(axis, "$u_z$ (nm)", group, xlim=(0.8, 1.8)))
-        panel.legend = "upper right"
-        passed = record.time / (depth * m.diameter / longest(m, "linear").value)
-        seen = (passed > 0.8) & (passed < 1.8) & (record.time <= _end(m, record))
-        u = 1e9 * record.chain_displacement[seen, n]
-        text = f"{m.stress / 1e3:g} kPa, e {void_ratio(m.network):.3f}, "
-        text += producer_name(record.producer)
-        shade, ls = LOOKS[round(np.log10(m.stress)) % 4 if m.stress > 0 else 0]
-        keep = _thin(int(seen.sum()) // 2)
-        panel.line(passed[seen][keep], u[keep], text, color=shade, ls=ls)
-    return Picture(list(panels.values()), columns_for(len(panels)), (12, 3.6))
+    record = m.case.read("100kHz.signals") or m.shown
+    n, depth = _nearest(m, record, distances(m)[1])
+    group = "FCC" if m.crystal else rf"$\mu_{{comp}}$ = {m.mu_comp:g}"
+    group += f", pulse {record.input_frequency / 1e3:.3g} kHz, {depth:.0f} D"
+    axes = "time over that of long waves", "$u_z$ (nm)"
+    panel = Panel(*axes, group, xlim=(0.8, 1.8), legend="upper right")
+    passed = record.time / (depth * m.diameter / longest(m, "linear").value)
+    seen = (passed > 0.8) & (passed < 1.8) & (record.time <= _end(m, record))
+    u = 1e9 * record.chain_displacement[seen, n]
+    text = f"{m.stress / 1e3:g} kPa, e {void_ratio(m.network):.3f}, "
+    text += producer_name(record.producer)
+    shade, ls = LOOKS[round(np.log10(m.stress)) % 4 if m.stress > 0 else 0]
+    keep = _thin(int(seen.sum()) // 2)
+    panel.line(passed[seen][keep], u[keep], text, color=shade, ls=ls)
+    return Picture([panel], shape=(12, 3.6))
 
 
-@each
 def space_time(m: Measuring) -> Panel:
     """Fig. 5: displacement over distance and time, and the line of the long-wave velocity."""
     record = m.shown
@@ -137,7 +130,6 @@ def space_time(m: Measuring) -> Panel:
     return panel
 
 
-@each
 def spectrum_distance(m: Measuring) -> Panel:
     """Figs. 12 and 13: spectra of one chain over distance, and where they fall to 2 % and 1 %."""
     band = passband(m)
