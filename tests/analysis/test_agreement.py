@@ -69,9 +69,8 @@ def test_a_tenth_and_half_the_step_are_told_apart():
     rows = split_by_cause(pair, tenth=made_up_run(0.1), half_step=finer)
     named = {row.cause: row for row in rows}
     all_of_it = named["YADE to linear, all causes"].particles
-    assert named["a tenth of the amplitude to linear"].particles == pytest.approx(
-        all_of_it / 10, rel=0.01
-    )
+    tenth = named["a tenth of the amplitude to linear"].particles
+    assert tenth == pytest.approx(all_of_it / 10, rel=0.01)
     # Leapfrog's error goes with the square of the step: half of it leaves a quarter.
     exact = named["time step (linear leapfrog to exact)"].particles
     assert named["time step (YADE, half of it)"].particles == pytest.approx(0.75 * exact, rel=0.1)

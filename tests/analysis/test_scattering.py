@@ -18,9 +18,8 @@ def test_width_of_a_known_power(power):
     f, c = np.geomspace(1e3, 4e4, 60), 1e3 / 2e4**power
     found = Scattering(f, c * f**power, 500.0, 2.5e-3)
     assert found.power(1e4).exponent == pytest.approx(power, rel=1e-9)
-    assert found.free_path(7.7e3) == pytest.approx(
-        500 / (2 * np.pi * c * 7.7e3**power) / 2.5e-3, rel=1e-6
-    )
+    path = 500 / (2 * np.pi * c * 7.7e3**power) / 2.5e-3
+    assert found.free_path(7.7e3) == pytest.approx(path, rel=1e-6)
     exact = (1 / (np.pi * c)) ** (1 / (power - 1))
     limit = found.limit
     assert np.isnan(limit) if exact > f[-1] else limit == pytest.approx(exact, rel=1e-6)

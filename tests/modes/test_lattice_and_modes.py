@@ -56,9 +56,8 @@ def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
     theory = LayerLattice.of_network(network).eigenmodes()[0] / (2 * np.pi)
     assert len(found.resonance_frequency) == layers
     assert found.resonance_frequency == pytest.approx(theory, rel=1e-9)
-    assert np.allclose(
-        found.resonance_wavenumber, np.pi * np.arange(1, layers + 1) / network.length
-    )
+    wavenumber = np.pi * np.arange(1, layers + 1) / network.length
+    assert np.allclose(found.resonance_wavenumber, wavenumber)
     # Of unit norm in the mass of all nine spheres of a layer.
     energy = 9 * network.mass[0] * (found.resonance_shape**2).sum(axis=1)
     assert energy == pytest.approx(np.ones(layers), rel=1e-9)

@@ -52,9 +52,8 @@ def test_stress_ratio_is_reached_and_stiffens_along_the_larger_stress(folder):
 
 def test_ratio_beyond_the_strength_is_refused_in_a_line(folder):
     """Friction 0.3 holds no 0.2: an angle of 42 degrees, where spheres have 20 to 25."""
-    with pytest.raises(
-        InputError, match=r"the packing fails .* lateral over axial stress is 0\.[345]"
-    ):
+    said = r"the packing fails .* lateral over axial stress is 0\.[345]"
+    with pytest.raises(InputError, match=said):
         states(folder, [1e5], stress_ratio=0.2)
 
 

@@ -5,13 +5,17 @@ import pytest
 
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
+from modal.waves.oscillator import oscillation
 from modal.waves.source import Pulse, SampledMotion, chirp, read_motion, step
 
 
-def test_a_pulse_much_longer_than_the_record_is_a_parabola():
-    """1 - cos x = x^2 / 2 up to x^2 / 12 of itself, x = 2 pi f t = 3e-8."""
+def test_a_pulse_much_longer_or_shorter_than_the_record():
+    """1 - cos x = x^2 / 2 up to x^2 / 12 of itself, x = 2 pi f t = 3e-8; the double integral of
+    many cycles, in 0.2 of 1 ms, is that of their mean."""
     parabola = 1e-9 * (2 * np.pi * 1e-4 * 5e-5) ** 2 / 2
     assert Pulse(1e-9, 1e-4).displacement(5e-5) == pytest.approx(parabola, rel=1e-12, abs=0)
+    moved = oscillation(Pulse(1e-9, 1e5, 20), np.zeros(1), np.array([0, 1e-3]))
+    assert moved[0, 1] == pytest.approx(1e-9 * 2e-4 * (1e-3 - 1e-4), rel=1e-12, abs=0)
 
 
 def test_a_chirp_sweeps_its_band():
