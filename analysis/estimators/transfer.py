@@ -129,15 +129,6 @@ def cross_spectrum(
     return frequency, velocity, group
 
 
-def at_frequency(frequency: Floats, velocity: Floats, wanted: float) -> float:
-    """Velocity at one frequency, by linear interpolation; NaN outside."""
-    known = np.isfinite(velocity)
-    if known.sum() < 2:
-        return np.nan
-    f, v = frequency[known], velocity[known]
-    return float(np.interp(wanted, f, v, left=np.nan, right=np.nan))
-
-
 def wall_velocity(signals: Signals, length: float) -> tuple[Array, ...] | None:
     """`cross_spectrum` of the wall stresses over the sample length; None if not yet received.
 

@@ -133,7 +133,6 @@ FOUND: dict[str, tuple[str, str, Number]] = {
         lambda m: estimate(*long_wave_velocity(*spectrum.standing_waves(m))),
     ),
     "v_p_modes_fitted": ("m/s", "V_P of modes, kappa fitted", spectrum.modal_fitted),
-    "v_p_walls_phase": ("m/s", "phase velocity wall to wall", velocity.walls),
     "v_p_emt_contacts": ("m/s", "V_P of even strains", lambda m: m.affine_velocity),
     "v_p_theory": ("m/s", "V_P of the lattice", lambda m: m.lattice.velocity),
     "f_max": ("Hz", "highest natural frequency, of a list where there is one", _f_max),

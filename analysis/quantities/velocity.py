@@ -13,7 +13,6 @@ import numpy as np
 from analysis.case import AbsentError
 from analysis.estimators.coherent import DECAY, Coherent, coherent_wave, longest_waves
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
-from analysis.estimators.transfer import at_frequency, wall_velocity
 from analysis.estimators.travel_time import first_peaks_of_columns, travelled
 from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity, without_signal
@@ -106,12 +105,6 @@ def columns(m: Measuring, key: str) -> tuple[float, float]:
     NaN where single particles are not recorded.
     """
     return first_peaks_of_columns(m.cut(key), m.network)
-
-
-def walls(m: Measuring) -> float:
-    """Phase velocity, m/s, between the wall stresses at the low frequency."""
-    found = wall_velocity(m.linear, m.network.length)
-    return np.nan if found is None else at_frequency(found[0], found[1], low_frequency(m))
 
 
 def low_frequency(m: Measuring) -> float:

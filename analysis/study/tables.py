@@ -18,7 +18,6 @@ from analysis.estimators.fits import power_law, straight_line
 from analysis.frame import frame_of, numbers, select, spreads
 from analysis.rows import OF_RECORD, Row, read_results
 from analysis.study.description import Study, following
-from analysis.study.powers import powers
 from analysis.study.targets import Rules
 from analysis.study.words import UNKNOWN, Words
 from analysis.table import Table, number
@@ -139,29 +138,18 @@ def says(spec: Spec, frame: pd.DataFrame) -> Cells:
 
 
 def laws(spec: Spec, cases: pd.DataFrame) -> Cells:
-    """Quantities as powers of others, within the cases of one group or of one stress.
-
-    With `by: trend`, how the powers of the groups change with their void ratio: a slope, no power.
-    """
+    """Quantities as powers of others, within the cases of one group or of one stress."""
     lines = []
     for fit in spec["laws"]["fits"]:
         some, of = select(cases, fit.get("select", "")), fit.get("of", spec["laws"]["quantities"])
-        trend, over = fit["by"] == "trend", fit["over"]
-        by = pd.Series("each group", some.index) if trend else some[fit["by"]]
-        for key, members in some.groupby(by, sort=False):
+        for key, members in some.groupby(fit["by"], sort=False):
             where = f"{float(key) / 1e3:g} kPa" if fit["by"] == "stress" else str(key)
             for text, name in of.items():
-                cells = [text, over]
-                if trend:
-                    found = powers(members, fit["x"], name)
-                    (value, error), count = found.trend, len(found.table)
-                    cells = [f"{text}: power over {over}", f"{found.which_e} (slope)"]
-                else:
-                    y = numbers(members, name)
-                    law, count = power_law(numbers(members, fit["x"]), y), y.notna().sum()
-                    value, error = law.exponent, law.error
-                if np.isfinite(value):
-                    lines.append([where, *cells, f"{value:.4f}", _cell(error, ".2g"), str(count)])
+                y = numbers(members, name)
+                law = power_law(numbers(members, fit["x"]), y)
+                if np.isfinite(law.exponent):
+                    cells = f"{law.exponent:.4f}", _cell(law.error, ".2g"), str(y.notna().sum())
+                    lines.append([where, text, fit["over"], *cells])
     return ["group", "quantity", "power of", "exponent", "standard error", "cases"], lines
 
 
