@@ -125,7 +125,8 @@ def test_half_the_step_has_the_times_of_the_whole_and_an_s_wave_is_longer(jobs):
     found = jobs.Jobs({"study": PAPER, "products": "products"})
     line = found.line("case30", "wave", run="half_step")
     assert (line["fraction"], line["interval"]) == (0.1, 0) and line["passage"] > 1.3
-    assert found.line("case30", "wave", run="small_reverse")["amplitude"] == pytest.approx(-2.5e-11)
+    reverse = found.line("case30", "wave", run="small_reverse")
+    assert reverse["amplitude"] == pytest.approx(-2.5e-11, rel=1e-6, abs=0)
     assert found.line("case03", "wave", run="100kHz")["input_frequency"] == 1e5
     assert found.line("case03", "wave")["input_frequency"] == 2e5
     assert found.line("case30", "wave", run="shear_yade")["direction"] == "x"

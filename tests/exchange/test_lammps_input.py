@@ -242,7 +242,7 @@ def test_members_of_a_body_may_overlap_as_they_like(paired):
     paired.respell("spheres", two + 1, slice(0, 99), beside)
     found = paired.network()
     assert found.n_particles == 59
-    assert found.mass[0] == pytest.approx(2 * float(words[6]), rel=1e-15)
+    assert found.mass[0] == pytest.approx(2 * float(words[6]), rel=1e-15, abs=0)
     paired.spoil("log", r"\Z", "unfix r\n")
     paired.refused("overlap by more than 0.3 of the smaller radius")
 

@@ -105,7 +105,7 @@ def test_a_crystal_presses_as_its_overlap_says(share):
     force = 4 / 3 * soft.effective_young * np.sqrt(radius / 2) * (share * radius) ** 1.5
     stress = 2 * np.sqrt(2) * force / ((2 - share) * radius) ** 2
     crystal = FccLattice(stress, radius, soft)
-    assert crystal.overlap == pytest.approx(share * radius, rel=1e-12)
+    assert crystal.overlap == pytest.approx(share * radius, rel=1e-12, abs=0)
     with pytest.raises(InputError, match="overlap by 0.3 of the radius"):
         FccLattice(stress * (0.31 / share) ** 1.5 * ((2 - share) / 1.69) ** 2, radius, soft)
 

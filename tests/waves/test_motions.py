@@ -41,7 +41,7 @@ def test_file_and_back(tmp_path):
     path.write_text("# s m\n0 0\n1e-6 1e-9\n2e-6 0\n")
     motion = read_motion(path)
     assert motion.amplitude == 0.5e-9
-    assert motion.displacement(np.array([5e-7, 3e-6])) == pytest.approx([0.5e-9, 0])
+    assert motion.displacement(np.array([5e-7, 3e-6])) == pytest.approx([0.5e-9, 0], abs=1e-24)
     for wrong in ("0 0 0\n1 1 1\n", "0 1\n1 1\n", "0 0\n0 1\n", "word\n", "0 0\n"):
         path.write_text(wrong)
         with pytest.raises(InputError):
