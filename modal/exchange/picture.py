@@ -91,7 +91,7 @@ def motion_of_mode(shape: Floats, frequency: float, count: int) -> Motion:
 
 def motion_of_wave(time: Floats, moved: Floats, axis: int, count: int) -> Motion:
     """About `count` of the recorded times of a wave that `moved` (nt, n), m, along an axis."""
-    every = max(1, -(-len(time) // count))
+    every = -(-len(time) // count)
     rows = zip(time[::every].tolist(), moved[::every], strict=True)
     along = np.arange(3) == axis
     return [(at, np.where(along, row[:, None], 0.0)) for at, row in rows]
