@@ -71,7 +71,7 @@ def test_the_page_holds_the_packing_and_its_wave(folder):
     place = decoded(data["position"], "<u2").reshape(-1, 3) * data["step"] + data["origin"]
     # Half a step of 16 bits over the packing's extent.
     assert abs(place - network.position).max() <= 0.501 * max(data["step"])
-    assert np.allclose(decoded(data["radius"], "<f4"), network.radius, rtol=1e-6)
+    assert np.allclose(decoded(data["radius"], "<f4"), network.radius, rtol=1e-6, atol=0)
     moved = decoded(data["displacement"], "<i2").reshape(len(data["time"]), -1) / 32767
     wanted = signals.particle_displacement
     assert len(data["time"]) == len(signals.time)  # fewer than the page has room for
