@@ -24,6 +24,8 @@ from modal.packing.state import contacts_per_particle
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
+LOWEST = 40
+"""Modes that are searched for where no file has any."""
 FEWEST = 30
 """Modes below a peak of D(f) / f^2: from fewer each single one is a peak."""
 SAME = 1e-6
@@ -52,6 +54,28 @@ def highest(m: Measuring) -> ModeSet:
 def z_shapes(m: Measuring) -> Floats | None:
     """Shape (k, n), kg^-1/2: how each mode of the file moves the particles along z."""
     return read_z_shapes(m.case.product("modes")) if m.case.has("modes") else None
+
+
+@once
+def lowest_modes(m: Measuring) -> tuple[ModeSet, Floats, str]:
+    """The lowest modes, how they move the spheres along z (k, n), and what they lack.
+
+    Of a file where there is one with shapes, else some that are searched for.
+    """
+    n = 6 * m.network.n_particles
+    modes, along_z = m.case.read("modes"), z_shapes(m)
+    if modes is None or along_z is None:
+        modes = eigenmodes(m.network, lowest=min(LOWEST, n - 6))
+        if modes.mode_shape is None:
+            raise InputError("the modes' shapes take too much memory; give a file of modes")
+        along_z = modes.mode_shape[:, :, 2]
+    count, lacks = len(modes.frequency), ""
+    if count + modes.floppy_modes < n:
+        end = hertz(modes.frequency[-1])
+        lacks = f"list not complete: {count} of {n} modes, up to {end}"
+    if modes.missing:
+        lacks += f"; {modes.missing} of them are missing"
+    return modes, along_z, lacks
 
 
 @once
@@ -243,6 +267,26 @@ def excess_peak(m: Measuring) -> Value:
         text += f"{hertz(found.peak_frequency)}: the packing is too small to tell a peak"
         return unknown("Hz", text, *m.of_one_sample)
     return Value(found.peak_frequency, "Hz", {"resolution": line / 2}, m.of_one_sample)
+
+
+@on_request("resonances", "Hz", "of standing P-waves r = 1, 2, ... among the lowest modes")
+def resonances(m: Measuring) -> Value:
+    """Of a crystal its pure modes, else the modes that bear the largest share of each wave."""
+    modes, along_z, lacks = lowest_modes(m)
+    f = modes.resonance_frequency
+    if not m.crystal or f is None:
+        f = standing_modes(modes.frequency, along_z, m.network).frequency
+    if not len(f):
+        return unknown("Hz", "no mode bears a standing wave", lacks)
+    return Value(np.asarray(f), "Hz", {}).with_caveats(*m.of_waves, *filter(None, [lacks]))
+
+
+@on_request("chi_z", "1", "share of a mode's motion that is along z, over frequency (Eq. 2)")
+def chi_z(m: Measuring) -> Value:
+    """Of all spheres, of each of the lowest modes."""
+    modes, _, lacks = lowest_modes(m)
+    caveats = m.of_one_sample + tuple(filter(None, [lacks]))
+    return Value(modes.chi_z, "1", {}, caveats, modes.frequency)
 
 
 @on_request("chi_z_of_branches", "1", "chi_z of every mode up to 1.5 V_P / W, W the cell's width")

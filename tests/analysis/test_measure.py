@@ -144,10 +144,11 @@ def test_files_on_the_command_line(tmp_path, capsys, printed, one_line):
     told = capsys.readouterr()
     assert "coordination" in told.out and "excess_peak could not" in told.err
     one_line(main, ["measure", tmp_path / "none.h5"])
-    asked = ["measure", paths[0], "--quantities", "void_ratio", "gain"]
+    asked = ["measure", paths[0], "--quantities", "void_ratio", "chi_z", "gain"]
     told = printed(*asked, "-o", tmp_path / "a.json", main=main)
     assert json.loads((tmp_path / "a.json").read_text()) == told
     assert len(told["gain"]["at"]) == len(told["gain"]["value"])
+    assert "list not complete: 40 of 3000 modes" in " ".join(told["chi_z"]["caveats"])
 
 
 def test_a_quantity_is_one_function(random, monkeypatch):
