@@ -52,7 +52,7 @@ class Measurement(dict[str, Value]):
 def measure(
     packing: Network | Sample | Case | str | Path,
     *records: Signals | str | Path,
-    quantities: Sequence[str] | None = None,
+    quantities: str | Sequence[str] | None = None,
     source: Motion | None = None,
     keep: str | Path | None = None,
     amplitudes: Sequence[float] = (),
@@ -65,7 +65,7 @@ def measure(
         A network, a sample, or a file of either; a case has further files.
     *records : Signals, str or Path
         Waves that were recorded in it; without any the linear wave of its contacts is computed.
-    quantities : sequence of str, optional
+    quantities : str or sequence of str, optional
         Names of `analysis.quantities.QUANTITIES`, by default all but those that are measured on
         request; `QUICK` has those that take one wave or less.
     source : Motion, optional
@@ -116,6 +116,8 @@ def measure(
     m = Measuring(network, waves, source, case, keep, sample, amplitudes)
     usual = [q.name for q in QUANTITIES.values() if not q.asked]
     names = list(quantities or (AMPLITUDE if len(amplitudes) else usual))
+    if isinstance(quantities, str):
+        names = [quantities]
     for name in names:
         refuse_unknown("quantity", name, QUANTITIES)
     state = tuple(str(network.study.get(key)) for key in SAME_STATE)

@@ -105,6 +105,9 @@ def test_caveats_have_their_numbers(random, found):
     short = modal.random_packing(spheres=1000, aspect=5, seed=1)
     said = " ".join(analysis.measure(short, quantities=["low_pass"])["low_pass"].caveats)
     assert f"too short: {short.length / (2 * short.radius.mean()):.1f} D" in said
+    short = modal.random_packing(spheres=900, aspect=1.2, seed=1)
+    v_p = analysis.measure(short, quantities="v_p")["v_p"]
+    assert "below 15 D" in " ".join(v_p.caveats) and v_p.error > 0.15 * v_p.value
     small = modal.random_packing(spheres=300, aspect=1, seed=1)
     few = analysis.measure(small, quantities=["v_p", "bulk_modulus"])
     assert not few["v_p"].known and few["v_p"].caveats
