@@ -38,6 +38,10 @@ def test_lammps_dump_gives_the_packing_back(given, periodic_z):
     same(found, made, f"{STIFFNESSES} overlap", 1e-9)
     # Angles are as exact as positions: 1e-18 of 1e-3 m.
     same(found, made, "normal force_tangential", 1e-12)
+    # A friction that the largest share of it just uses up.
+    share = np.linalg.norm(made.force_tangential, axis=1) / made.force_normal
+    files.spoil("log", r"NULL 0 0\.3", f"NULL 0 {share.max():.17g}", count=0)
+    same(files.network(), made, "sliding")
 
 
 def test_tables_give_the_packing_back(given):

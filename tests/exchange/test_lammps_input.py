@@ -87,10 +87,14 @@ def test_types_that_are_none_and_pairs_without_a_law_are_refused(types, lines, s
 def test_tangential_models_have_their_coefficients(types, history):
     """Of the manual: k_t, x_gammat and mu; the one without a history has no k_t, nor a spring."""
     own = "" if history == "linear_nohistory" else "5e6 "
-    (law,) = types(f"* * hertz 4e10 0 tangential {history} {own}0 0.3").imported()["law"]
+    files = types(f"* * hertz 4e10 0 tangential {history} {own}0 0.3 twisting marshall")
+    (law,), network = files.imported()["law"], read_network(files.out)
     stiffness, rest = law.partition("tangential ")[2].split(" ", 1)
     assert float(stiffness) == (5e6 if own else 0.0) and "friction 0.3;" in rest
     assert ("radius; friction" in rest) == ("mindlin" in history)
+    one, other = network.radius[[network.particle_i, network.particle_j]]
+    twisting = 0.5 * float(stiffness) * one * other / (one + other) * network.overlap
+    np.testing.assert_allclose(network.stiffness_twisting if own else 0 * one, twisting, rtol=1e-9)
 
 
 WALL = "wall/gran granular hertz 41666666666.66667 0 tangential linear_nohistory 0 0 zplane"

@@ -68,7 +68,7 @@ def mindlin(network: Network, folder: Path) -> tuple[Path, np.ndarray]:
     for k, (z, sign) in enumerate(((low, 1), (high, -1))):
         text += f"InfiniteWall id {k} indSpecies {WALL_SPECIES} position 0 0 {z!r} "
         text += f"orientation 0.707106781186548 0 {sign * 0.707106781186548!r} 0\n"
-    text += "Boundaries 2\n"
+    text += "Boundaries 3\nDeletionBoundary id 2 normal 1 0 0 distance 9\n"
     for axis, (along, shift) in enumerate((("1 0 0", [x, 0, 0]), ("0 1 0", [0, y, 0]))):
         text += f"PeriodicBoundary id {axis} normal {along} scaleFactor 1 distanceLeft 0 "
         text += f"distanceRight {shift[axis]!r} shift {words(shift)}\n"

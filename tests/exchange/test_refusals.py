@@ -72,6 +72,7 @@ SPOILT = {
         ("spheres", "particleDimensions 3", "particleDimensions 2", "line 10: particle.* 2: discs"),
         ("spheres", "stiffness 75857.5", "stiffness x7.5", "line 12: stiffness .x.* is no number"),
         ("spheres", "Boundaries 0", "Boundaries 1\nAngledPeriodicBoundary", "line 21: .*angled"),
+        ("spheres", "Boundaries 0", "Boundaries 1\nLeesEdwardsBoundary", "line 21: .*or moves"),
         ("spheres", "particleWallIds 120 4", "particleWallIds 120 0", "line 173: .* with wall 0"),
         ("spheres", "particleIds 115 116", "particleIds 120 121", "line 149: .* of line 148 again"),
         ("spheres", "particleIds 120 121", "particleIds 120 900", "line 148, .* sphere 900 is not"),

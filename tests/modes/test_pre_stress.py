@@ -57,7 +57,7 @@ def exact_to(frequency: np.ndarray, name: str) -> np.ndarray:
 @pytest.mark.parametrize("pre_stress", ["normal", "full"])
 @pytest.mark.parametrize("name", PACKINGS)
 def test_modes_under_pre_stress_are_those_of_dense_matrices(name, pre_stress, whole):
-    """The lowest 20, the highest 5, an interval; without a certificate where K is not symmetric."""
+    """The lowest 20, the highest 5 and 1, an interval; no certificate where K is not symmetric."""
     limits = Limits() if whole else Limits(unsymmetric=0)
     system = LinearSystem.of(packing(name), pre_stress=pre_stress, limits=limits)
     elastic, zero, unstable = spectrum(name, pre_stress)
@@ -66,6 +66,7 @@ def test_modes_under_pre_stress_are_those_of_dense_matrices(name, pre_stress, wh
     for question, expected in (
         ({"lowest": 20}, elastic[:20]),
         ({"highest": 5}, elastic[-5:]),
+        ({"highest": 1}, elastic[-1:]),
         ({"between": middle}, elastic[inside]),
     ):
         found = modes_of(system, **question)
