@@ -175,6 +175,9 @@ def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
         if not same:
             caveats.append("the packings differ in friction or stress: not samples of one state")
         mean, told = rows.mean(axis=0), {"samples": scatter / np.sqrt(len(rows))}
+        # That they are short is common to all: no mean makes it less.
+        if common := [v.parts["length"] for v in each if "length" in v.parts]:
+            told["length"] = max(common)
         if at is None:
             mean, scatter = float(mean), float(scatter)
         value = Value(mean, first.unit, told, (), at, scatter)

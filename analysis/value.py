@@ -53,8 +53,8 @@ class Value:
     def error(self) -> Any:
         """Standard error, in the unit of the value; 0 where the value is exact for its packing.
 
-        The root of the squares of `fit`, `chain` and `resolution`; where samples scatter by more,
-        they have the rest in them, and that scatter.
+        The root of the squares of `fit`, `chain`, `resolution` and `length`; where samples scatter
+        by more, they have the rest in them, and that scatter.
 
         >>> Value(1.0, "m/s", {"fit": 3.0, "chain": 4.0, "samples": 6.0}).error
         6.0

@@ -11,6 +11,7 @@ import analysis
 import modal
 from analysis.__main__ import main
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
+from analysis.measurement import mean_of
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.registry import quantity
@@ -106,8 +107,8 @@ def test_caveats_have_their_numbers(random, found):
     said = " ".join(analysis.measure(short, quantities=["low_pass"])["low_pass"].caveats)
     assert f"too short: {short.length / (2 * short.radius.mean()):.1f} D" in said
     short = modal.random_packing(spheres=900, aspect=1.2, seed=1)
-    v_p = analysis.measure(short, quantities="v_p")["v_p"]
-    assert "below 15 D" in " ".join(v_p.caveats) and v_p.error > 0.15 * v_p.value
+    v_p = mean_of([analysis.measure(short, quantities="v_p")] * 2, same=True)["v_p"]
+    assert "below 15 D" in " ".join(v_p.caveats) and v_p.error == pytest.approx(0.15 * v_p.value)
     small = modal.random_packing(spheres=300, aspect=1, seed=1)
     few = analysis.measure(small, quantities=["v_p", "bulk_modulus"])
     assert not few["v_p"].known and few["v_p"].caveats
