@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from analysis.estimators import damped_transform as disp
-from analysis.estimators import low_pass, transfer
-from analysis.estimators.layer_lattice import exact_twin, lattice_signals
+from analysis.estimators import low_pass
+from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.travel_time import arrival_times, travelled
 from analysis.measuring import Measuring
-from analysis.quantities.gain import gain_of
 from analysis.quantities.spectrum import modal_dispersion
 from analysis.quantities.velocity import chain
 from analysis.rows import Row, row_of
@@ -32,11 +31,10 @@ Numbers = dict[str, float]
 
 def compare(m: Measuring) -> list[list[str]]:
     """Rows for one crystal: id, quantity, unit, what `COLUMNS` has, as far as it is known; note."""
-    gains, resolution = _gains(m)
     known = {name: value.value for name, value in row_of(m).values.items()}
     own = {"theory": _theory(m), "modal": _modes(m), "linear": _of_wave(m, "linear")}
     own |= {"yade": _of_wave(m, "yade")} if m.yade else {}
-    values = {name: known | numbers | gains.get(name, {}) for name, numbers in own.items()}
+    values = {name: known | numbers for name, numbers in own.items()}
     stretch = "at {:g}-{:g} % of the length".format(*(100 * p for p in low_pass.STRETCH[True]))
     told = {"biased": "paper's rule; theory: the rule on exact signals", "stretch": stretch}
     lines = []
@@ -46,9 +44,7 @@ def compare(m: Measuring) -> list[list[str]]:
             values.get(c, {}).get(name, np.nan) for c, name in zip(COLUMNS, names, strict=True)
         ]
         cells = [f"{number:.6g}" if np.isfinite(number) else "" for number in numbers]
-        text, note = (
-            line[name].format(resolution=resolution, **told) for name in ("quantity", "note")
-        )
+        text, note = (line[name].format(**told) for name in ("quantity", "note"))
         lines += [[line["id"], text, line["unit"], *cells, note]] if any(cells) else []
     return lines
 
@@ -100,17 +96,3 @@ def _off_theory(m: Measuring, measured: disp.Dispersion) -> float:
 def _arrival(m: Measuring, key: str) -> float:
     wall = float(m.network.wall_position[0])
     return travelled(m.cut(key), wall, m.network.length, arrival_times)[0]
-
-
-def _gains(m: Measuring) -> tuple[dict[str, Numbers], str]:
-    """The first maximum of the gain, by column; its resolution, in words."""
-    passage = m.network.length / m.lattice.velocity
-    duration = transfer.TRAVELS * passage
-    time = np.arange(0, duration * (1 + 1e-3), 1e-6)  # ten samples of the pulse of 100 kHz
-    gains: dict[str, transfer.Gain | None] = {"linear": gain_of(m)}
-    gains["theory"] = transfer.gain_factor(lattice_signals(m.lattice, time), duration)
-    gains["yade"] = transfer.gain_factor(m.yade, duration) if m.yade else None
-    each = {name: gain.first_maximum() for name, gain in gains.items() if gain is not None}
-    found = {name: {"gain_at": f / 1e3, "gain": height} for name, (f, height) in each.items()}
-    line, same = gain_of(m).resolution, gain_of(m).undamped(passage)
-    return found, f"resolution {line:.0f} Hz: an undamped column has {same:.3g}"

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from analysis.estimators.transfer import Gain
 from analysis.measuring import Measuring, once
 from analysis.prepare import kept_file, made
 from analysis.quantities.passband import low_pass_2
@@ -11,6 +10,7 @@ from analysis.quantities.spectrum import standing_waves
 from analysis.quantities.velocity import longest
 from analysis.value import Value, hertz
 from modal.tools.arrays import Floats
+from modal.waves.response import Response, maxima
 
 MISCOUNTED = 0.75
 """Orders between a maximum and where it is expected, above which it is another's: 1/2 would be a
@@ -18,11 +18,10 @@ resonance of two held walls, 1 the next maximum."""
 
 
 @once
-def gain_of(m: Measuring) -> Gain:
-    """Gain factor of P-waves from wall to wall, without damping."""
+def gain_of(m: Measuring) -> Response:
+    """The response that has the gain factor of P-waves from wall to wall, without damping."""
     m.require_walls()
-    found = kept_file(m, "response") or made(m, "response")
-    return Gain(found.frequency, found.gain, found.resolution)
+    return kept_file(m, "response") or made(m, "response")
 
 
 @quantity(
@@ -58,7 +57,7 @@ def orders(m: Measuring) -> Floats:
     stress 1/2, 3/2, ... are expected. They end where a maximum is missing or one too many, an order
     off, and they no longer count.
     """
-    f, end = gain_of(m).maxima(), low_pass_2(m)
+    f, end = gain_of(m).gain_maxima(), low_pass_2(m)
     if np.isfinite(end):  # beyond it the walls hear no common wave
         f = f[f < end]
     f_r, kappa = standing_waves(m)
@@ -73,8 +72,8 @@ def orders(m: Measuring) -> Floats:
 
 def height(m: Measuring) -> str:
     """The gain at its first maximum with its resolution, and an undamped column's under it."""
-    found = gain_of(m).first_maximum()[1]
-    if not np.isfinite(found):
-        return ""
-    same = gain_of(m).undamped(passage(m))
-    return f"{found:.3g} at {gain_of(m).resolution:.0f} Hz (undamped column: {same:.3g})"
+    found = gain_of(m)
+    same = 1 / np.sinh(np.pi * found.resolution * passage(m))
+    told = f"at {found.resolution:.0f} Hz (undamped column: {same:.3g})"
+    heights = maxima(found.frequency, found.gain)[1]
+    return f"{heights[0]:.3g} {told}" if len(heights) else ""

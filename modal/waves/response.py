@@ -114,13 +114,23 @@ class Response(Recording, Drawn):
     def gain_maxima(self) -> Floats:
         """Shape (number of maxima,), Hz: where the gain has a local maximum.
 
-        Found between the frequencies of the response by a parabola through the logarithm of three.
+        Found between the frequencies of the response as `maxima` has it.
         """
-        g = np.log(self.gain)
-        k = 1 + np.flatnonzero((g[1:-1] > g[:-2]) & (g[1:-1] >= g[2:]))
-        bend = g[k - 1] - 2 * g[k] + g[k + 1]
-        shift = 0.5 * (g[k - 1] - g[k + 1]) / bend
-        return self.frequency[k] + shift * (self.frequency[1] - self.frequency[0])
+        return maxima(self.frequency, self.gain)[0]
+
+
+def maxima(frequency: Floats, gain: Floats) -> tuple[Floats, Floats]:
+    """Frequencies (k,) Hz and heights (k,) of the local maxima of a gain (nf,).
+
+    By the parabola through three values of 1 / gain^2, which of a single resonance is one.
+    """
+    g = gain**-2.0
+    k = 1 + np.flatnonzero((g[1:-1] < g[:-2]) & (g[1:-1] <= g[2:]))
+    left, right = g[k - 1] - g[k], g[k + 1] - g[k]
+    shift = 0.5 * (left - right) / (left + right)
+    least = g[k] - 0.25 * (left - right) * shift
+    heights = np.where(least > 0, least, g[k]) ** -0.5
+    return frequency[k] + shift * (frequency[1] - frequency[0]), heights
 
 
 SCHEMA = "granular-frequency-response"
