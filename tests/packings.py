@@ -4,13 +4,14 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from changes import ENDS, PER_CONTACT
+from changes import ENDS, PER_CONTACT, stiffer
 from places import SHEARED
 
 from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import read_sample
 from modal.preparation.random_packing import random_network
+from modal.system.linear_system import LinearSystem
 
 YOUNG, POISSON = 60e9, 0.2
 
@@ -140,6 +141,22 @@ def random_springs(seed: int, particles: int = 12, contacts: int = 60) -> Networ
         cell_periodic=np.array([True, True, False]),
         wall_position=np.array([0.0, 1.0]),
     )
+
+
+def sliding(times: float, cells: tuple[int, int, int] = (3, 3, 14)) -> Network:
+    """A crystal that slides along its walls, as one body, at so many thresholds of zero."""
+    crystal = gallery.fcc(cells=cells)
+    # Its omega^2 is the sum of the walls' springs over its mass.
+    square = times * LinearSystem.of(crystal).zero_threshold
+    held = square * crystal.mass.sum() / crystal.with_wall.sum()
+    tangential = np.where(crystal.with_wall, held, crystal.stiffness_tangential)
+    return replace(crystal, stiffness_tangential=tangential)
+
+
+def disordered(cells: tuple[int, int, int] = (3, 3, 14)) -> Network:
+    """A crystal whose normal springs differ by up to 30 %, its highest mode stands apart."""
+    crystal = gallery.fcc(cells=cells)
+    return stiffer(crystal, 1 + 0.3 * np.random.default_rng(4).random(crystal.n_contacts))
 
 
 def deep() -> Network:

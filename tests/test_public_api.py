@@ -148,14 +148,25 @@ def test_pictures_show_the_numbers_and_draw_where_they_are_told(packing):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")
     network, _ = packing
-    modes, states = modal.eigenmodes(network), modal.density_of_states(network, resolution=1e4)
+    modes = modal.eigenmodes(network)
+    states = modal.density_of_states(network, resolution=1e4, tolerance=0.1)
     wave = modal.propagate(network, duration=3e-5)
     gain, crystal = modal.frequency_response(network, highest=3e4), modal.FccLattice()
     for result in (modes, states, wave, wave.signals, gain, crystal):
         _, ax = pyplot.subplots()
         assert result.plot(ax) is ax and ax.get_xlabel() and ax.get_ylabel()
         assert result.plot().figure is not ax.figure
-    assert (modes.plot().lines[0].get_xdata() * 1e3).tolist() == pytest.approx(modes.frequency)
+    shown = modes.plot().lines[0].get_xydata() * [1e3, 1]
+    assert shown == pytest.approx(np.column_stack([modes.frequency, modes.chi_z]))
+    # All, translations, rotations; about them all a band as wide as the error.
+    value, error = (1e3 * each for each in states.density(states.grid()))
+    kinds, drawn = (value[:, 6], value[:, :3].sum(axis=1), value[:, 3:6].sum(axis=1)), states.plot()
+    for line, kind in zip(drawn.lines, kinds, strict=True):
+        wanted = np.column_stack([states.grid() / 1e3, kind])
+        assert line.get_xydata() == pytest.approx(wanted, rel=1e-12)
+    band = drawn.collections[0].get_paths()[0].vertices[:, 1]
+    assert error[:, 6].max() > 0
+    assert np.array_equal(np.unique(band), np.unique(kinds[0] + np.outer([-1, 1], error[:, 6])))
     assert (gain.plot().lines[0].get_ydata() == gain.gain).all()
     # The last line is Eq. 9, whose end at the zone's edge is f_low-pass, Eq. 10.
     end = crystal.plot().lines[-1].get_ydata()[-1]
@@ -171,6 +182,8 @@ OF_NETWORK = (
     *(modal.eigenmodes, modal.describe, modal.density_of_states, modal.frequency_response),
     modal.elastic_moduli,
 )
+NO_WAVES = [("tolerance", x) for x in (-0.5, 0, 1.0, 1.5)]
+NO_WAVES += [("interval", 0.0), ("interval", 2e-5), ("duration", np.inf)]
 NO_SIZES = [("two", 2), ("two", 20, 0.5), ("lognormal", "x"), ("three", 1), ("two", 9, 0.01)]
 WRONG = [
     (modal.eigenmodes, {"lowest": 3, "highest": 3}, "lowest and highest"),
@@ -188,6 +201,7 @@ WRONG = [
     (modal.eigenmodes, {"pre_stress": "some"}, "pre-stress 'some': unknown"),
     (modal.propagate, {"duration": "long"}, ANOTHER_KIND),
     (modal.propagate, {"duration": 1e-5, "motion": "pulse"}, "not a Motion or None; modal.waves"),
+    *((modal.propagate, {"duration": 1e-5, name: x}, "must be positive") for name, x in NO_WAVES),
     (modal.fcc, {"cells": 3}, ANOTHER_KIND),
     (modal.fcc, {"cells": (1, 1, np.inf)}, "three whole numbers"),
     (modal.fcc, {"cells": (1, 1, 10**9)}, "1000000000 spheres takes 2.2 TB of memory"),

@@ -94,7 +94,7 @@ def test_tolerance_bounds_the_standard_error_for_every_size(spheres, seeds):
     """
     network = gallery.column(5) if spheres == 5 else random_network(spheres, 1e6, aspect=1.0)
     size, vectors = 6 * spheres, 0 if seeds == 1 else max(6, spheres // 5)
-    tolerance = 1 / np.sqrt(2 * size * vectors) if vectors else 1e-3
+    tolerance = 1 / np.sqrt(2 * size * (vectors - 0.3)) if vectors else 1e-3
     frequency = np.linspace(1e4, 2e5, 8)
     found = [
         density_of_states(network, resolution=2e4, tolerance=tolerance, seed=seed)
@@ -182,11 +182,6 @@ def test_orders_are_as_few_as_the_resolution_takes(resolution):
     assert width(orders) <= resolution < width(orders - 2)
 
 
-def test_without_stiffness_there_is_no_density():
-    with pytest.raises(InputError, match="no stiffness"):
-        density_of_states(stiffer(gallery.column(3), 0, 0))
-
-
 @pytest.mark.parametrize("tolerance", [1e-4, 0.1])
 def test_coarsest_resolution_knows_the_mean_of_omega_squared(tolerance):
     """A width beyond the whole spectrum leaves two moments: all modes, and the trace of A."""
@@ -255,3 +250,5 @@ def test_bad_input():
         for value in values:
             with pytest.raises(InputError):
                 density_of_states(network, **{name: value})
+    with pytest.raises(InputError, match="no stiffness"):
+        density_of_states(stiffer(network, 0, 0))

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from changes import stiffer
+from packings import disordered
 
 from modal.__main__ import main
 from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import Choice, chi_z, read_modes, read_z_shapes, write_modes
 from modal.packing import crystal as gallery
-from modal.packing.network import Network, write_network
+from modal.packing.network import write_network
 from modal.solvers import lanczos
 from modal.solvers.factor import Cost
 from modal.system.assembly import mass_diagonal, stiffness_matrix
@@ -21,13 +21,6 @@ from modal.tools.errors import InputError
 pytestmark = pytest.mark.two_ways
 
 EPS = np.finfo(float).eps
-
-
-def crystal_without_symmetry(layers: int) -> Network:
-    """A crystal of 4 spheres a layer whose contacts differ by a few per cent."""
-    network = gallery.fcc(cells=(2, 2, layers))
-    factor = 1 + 0.1 * np.random.default_rng(5).random(network.n_contacts)
-    return stiffer(network, factor, factor)
 
 
 @pytest.mark.parametrize("options", [("--below", "10"), ("--between", "1", "2")])
@@ -43,14 +36,14 @@ def test_an_interval_without_modes_is_an_empty_certified_list(tmp_path, printed,
 
 SHAPES = {
     "symmetry": (gallery.fcc(cells=(4, 3, 4)), {"all": True}, "symmetry 4x3"),
-    "dense": (crystal_without_symmetry(14), {"all": True}, "dense"),
-    "small": (crystal_without_symmetry(5), {"lowest": 4}, "dense"),
-    "lowest": (crystal_without_symmetry(27), {"lowest": 7}, "solves by"),
-    "many lowest": (crystal_without_symmetry(27), {"lowest": 200}, "dense"),
-    "highest": (crystal_without_symmetry(27), {"highest": 5}, "products"),
-    "interval": (crystal_without_symmetry(27), {"between": (5e3, 2e4)}, "solves by"),
-    "slices": (crystal_without_symmetry(27), {"below": 2e4}, "solves by superlu"),
-    "low end": (crystal_without_symmetry(27), {"below": 2e4}, "products"),
+    "dense": (disordered((2, 2, 14)), {"all": True}, "dense"),
+    "small": (disordered((2, 2, 5)), {"lowest": 4}, "dense"),
+    "lowest": (disordered((2, 2, 27)), {"lowest": 7}, "solves by"),
+    "many lowest": (disordered((2, 2, 27)), {"lowest": 200}, "dense"),
+    "highest": (disordered((2, 2, 27)), {"highest": 5}, "products"),
+    "interval": (disordered((2, 2, 27)), {"between": (5e3, 2e4)}, "solves by"),
+    "slices": (disordered((2, 2, 27)), {"below": 2e4}, "solves by superlu"),
+    "low end": (disordered((2, 2, 27)), {"below": 2e4}, "products"),
     "translations": (gallery.fcc(cells=(3, 4, 5)), {"all": True}, "symmetry 3x4"),
 }
 """A packing, what is asked of it, and what the list must say of the way it was found."""
@@ -133,7 +126,7 @@ def test_pairs_of_a_crystal_have_the_chi_z_of_the_wave_that_they_make():
 @pytest.mark.parametrize("path", ["lowest", "interval", "slices", "low end", "highest"])
 def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
     """12 modes asked of which 8 at the end converge: 8 in the file, 4 missing, status 3."""
-    network, highest = crystal_without_symmetry(27), path == "highest"
+    network, highest = disordered((2, 2, 27)), path == "highest"
     square = np.linalg.eigvalsh(LinearSystem.of(network).scaled.toarray())
     frequency = frequency_of(square)
 

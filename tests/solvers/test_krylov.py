@@ -89,13 +89,17 @@ def test_many_modes_without_a_restart():
 
 
 def test_few_directions_are_searched_whole():
-    """Eleven free directions of twenty, a block of one: the basis ends where they end."""
-    square, vector = np.arange(1.0, 21), rotation(20, 3)
-    held = held_out(vector[:, :9], np.empty((20, 0)))
-    near = modes_nearest(solver(square, vector, 0.0), 11, 0.0, held)
-    assert near.converged.all()
-    assert near.square == pytest.approx(square[9:], rel=1e-12)
-    assert near.products == 11
+    """Seven free directions of twenty, a block of one: the basis ends where they end."""
+    known = Known(np.arange(1.0, 21), rotation(20, 3))
+    held = held_out(known.vector[:, :13], np.empty((20, 0)))
+    low_end = LowEnd(known, 21.0, 30.0)
+    for near in (
+        modes_nearest(solver(known.square, known.vector, 0.0), 7, 0.0, held),
+        modes_below(low_end, 7, held),
+    ):
+        assert near.converged.all()
+        assert near.square == pytest.approx(known.square[13:], rel=1e-11)
+        assert near.products in (7, 7 * low_end.degree)
 
 
 @pytest.mark.parametrize("count", [1, 6, 25])

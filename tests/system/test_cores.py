@@ -89,11 +89,15 @@ def test_spheres_in_the_order_of_the_loops_change_no_bit(pre_stress, monkeypatch
 
 def test_wide_packings_are_worked_through_in_columns(monkeypatch):
     """Another order within the slabs; each contact is there once, as its matrix says."""
-    network = gallery.fcc(cells=(8, 8, 6))
+    network = gallery.fcc(cells=(8, 5, 6))
     whole = PackedContacts.of(network, "none")
     monkeypatch.setattr(packed_contacts, "ACROSS", 2)
     cut = PackedContacts.of(network, "none")
     assert not np.array_equal(cut.ends, whole.ends) and np.array_equal(cut.slabs, whole.slabs)
+    # One column after the other: from 0 to 7.5 and to 4.5 diameters there are four and two.
+    at = network.position[:, :2] - network.position[:, :2].min(axis=0)
+    column = np.minimum(at / at.max(axis=0) * [4, 2], [3, 1]).astype(int) @ [2, 1]
+    assert (np.diff(column[cut.ends[:, 0]]) >= 0).all()
     x = np.random.default_rng(4).standard_normal(6 * network.n_particles)
     K = stiffness_matrix(network)
     assert ContactOperator(network) @ x == pytest.approx(K @ x, abs=1e-12 * abs(K @ x).max())
