@@ -12,4 +12,4 @@ pytest=(.venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder)
 [ $# -eq 0 ] || exec "${pytest[@]}" "$@"
 "${pytest[@]}"
 mapfile -t files < <(grep -rl --include="test_*.py" two_ways tests)
-GRANULAR_WITHOUT=numba,pypardiso exec "${pytest[@]}" -m "two_ways and not slow" "${files[@]}"
+GRANULAR_WITHOUT=numba,pypardiso,threadpoolctl exec "${pytest[@]}" -m "two_ways and not slow" "${files[@]}"

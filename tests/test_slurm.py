@@ -101,7 +101,7 @@ def mended(local: Path, folder: Path, before: dict[Path, float]) -> None:
     """After the next run what was taken away is there, the same; nothing else was made twice."""
     assert ended(run(folder, "--slurm")) == 0
     same(local, folder)
-    assert all(path.stat().st_mtime == made for path, made in before.items())
+    assert {path: path.stat().st_mtime for path in before} == before
 
 
 def job(rule: str, folder: Path) -> str:

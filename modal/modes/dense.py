@@ -18,6 +18,10 @@ from modal.modes.unsymmetric import at_zero, whole_spectrum
 from modal.packing.repeats import lateral_repeats
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.blas import blas_threads
+
+SHARED = 1000
+"""Rows of a dense matrix from which on threads share its work."""
 
 
 def dense_modes(system: LinearSystem, choice: Choice) -> ModeSet:
@@ -59,7 +63,8 @@ def _solved(system: LinearSystem, block: Array) -> tuple[Floats, Array]:
     """Eigenvalues (b,), ascending, and unit vectors (b, b) of a block, which is overwritten."""
     if not system.symmetric:
         return whole_spectrum(block)
-    square, inner = eigh(block, overwrite_a=True, check_finite=False, driver="evd")
+    with blas_threads(shared=len(block) >= SHARED):
+        square, inner = eigh(block, overwrite_a=True, check_finite=False, driver="evd")
     return square, inner
 
 

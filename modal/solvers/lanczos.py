@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,6 +18,7 @@ from scipy.linalg import LinAlgError, cholesky, eigh, qr, solve_triangular
 
 from modal.solvers.low_end import LowEnd
 from modal.tools.arrays import Bools, Floats
+from modal.tools.blas import blas_threads
 from modal.tools.progress import progress
 
 BLOCK = 12
@@ -54,6 +56,9 @@ DEPENDENT = 1e-5
 in round-off."""
 ROWS = 4096
 """Rows of the basis that are combined together."""
+SHARED = 1e6
+"""Numbers of a block from which on threads share its products: for 8,800 spheres of 48 columns, and
+35,201 of 12. Of 6,000 spheres the lowest 100 modes take two thirds of the time with one thread."""
 SEED = 20170729
 """The same start every time, so that the same network gives the same digits."""
 
@@ -226,6 +231,14 @@ def modes_from_top(apply: Callable[[Floats], Floats], count: int, held: Held, mo
 
 
 def _largest(
+    apply: Callable[[Floats], Floats], count: int, held: Held, *, width: int, **how: Any
+) -> Nearest:
+    """As `_found`, with as many threads as pay."""
+    with blas_threads(shared=len(held.found) * width >= SHARED):
+        return _found(apply, count, held, width=width, **how)
+
+
+def _found(
     apply: Callable[[Floats], Floats],
     count: int,
     held: Held,

@@ -1,4 +1,4 @@
-"""Products of matrices in blocks, against the product at once."""
+"""Products of matrices in blocks, against the product at once; how many threads make them."""
 
 import json
 import os
@@ -10,6 +10,7 @@ import pytest
 from places import ROOT, TESTS
 
 from modal.solvers.same_bits import same_bits_product
+from modal.tools.blas import blas_threads
 
 EPS = np.finfo(float).eps
 
@@ -45,3 +46,20 @@ def test_threads_change_no_bit():
         told.append(json.loads(done.stdout.splitlines()[-1]))
     assert [each["threads"] for each in told] == [1, 2]
     assert told[0]["found"] == told[1]["found"]
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_small_products_take_one_thread_of_blas(shared):
+    """Within it alone: before and after BLAS has what it had."""
+    pool = pytest.importorskip("threadpoolctl")
+
+    def threads() -> set[int]:
+        return {
+            library["num_threads"]
+            for library in pool.ThreadpoolController().select(user_api="blas").info()
+        }
+
+    with pool.threadpool_limits(2, "blas"):
+        with blas_threads(shared=shared):
+            assert threads() == {2 if shared else 1}
+        assert threads() == {2}
