@@ -23,7 +23,7 @@ from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools import loops
 from modal.waves import integrators as wave
-from modal.waves.chebyshev import readings
+from modal.waves.chebyshev import LOOK, readings
 from modal.waves.propagate import propagate
 
 pytestmark = pytest.mark.two_ways
@@ -103,7 +103,7 @@ def test_growth_is_told_from_round_off_at_every_order(square, orders):
     """cosh(2 k sqrt(d)) is 1 + 2 k^2 d for a mode that lies a share d beyond the interval.
 
     The recurrence's round-off grows as k^2, too: the same shares are seen, or not, at every order,
-    above the interval and below. Tiny starts: growth is relative to them.
+    above the interval and below, and at once. Tiny starts: growth is relative to them.
     """
     start = np.full(len(square), 1e-9)
 
@@ -112,8 +112,10 @@ def test_growth_is_told_from_round_off_at_every_order(square, orders):
         rows = sp.identity(len(square))
         return readings(operator, states, rows, np.linalg.norm(start), orders)
 
+    grows = Known(square)
     with pytest.raises(GrowthError):
-        read(Known(square))
+        read(grows)
+    assert grows.products == min(orders, LOOK) - 1
     read(Known(np.clip(square, 0, 1 + 1e-15)))
 
 
@@ -136,7 +138,7 @@ TASKS = {
 
 @pytest.mark.parametrize("task", TASKS)
 def test_work_and_memory_are_as_large_as_said(task, monkeypatch):
-    """Within a factor of two of the products made and of the largest sum of all arrays.
+    """Within a tenth of the products made, a factor of two of the largest sum of all arrays.
 
     Of the products every one is told.
     """
@@ -162,7 +164,7 @@ def test_work_and_memory_are_as_large_as_said(task, monkeypatch):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert 0.5 < peak / said["bytes_needed"] < 2
-    assert 0.5 < made / said["products"] < 2 and made == sum(calls)
+    assert 1 / 1.1 < made / said["products"] < 1.1 and made == sum(calls)
 
 
 @pytest.mark.parametrize("steps", [5, 300])
