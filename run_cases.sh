@@ -42,7 +42,7 @@ while [ $# -gt 0 ]; do
     [ $# = 0 ] || shift
 done
 [ "$(uname)" = Linux ] || fail "the study runs on Linux, with YADE; on $(uname) \`pip install .\` gives granular-modes"
-[ -d "workflow/profiles/$profile" ] || fail "--profile $profile: no such folder in workflow/profiles"
+[ -f "workflow/profiles/$profile/config.yaml" ] || fail "--profile $profile: no such folder in workflow/profiles"
 ./setup.sh --extra "${profile/local/workflow}" --without-yade
 exec .venv/bin/python workflow/run.py "$profile" "$only" "$jobs" "study=$study" "products=$products" \
     "stage=$stage" "cases=[$(IFS=,; echo "${cases[*]:-2}")]" "${config[@]}"

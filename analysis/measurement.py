@@ -1,6 +1,6 @@
 """What a packing is like, in one call: quantities by name, each with error and caveats."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -125,15 +125,17 @@ def measure(
 
 
 def measure_files(
-    paths: Sequence[str], **how: Any
+    paths: Sequence[str], say: Callable[[str], object], **how: Any
 ) -> tuple[dict[str, Measurement], Measurement | None]:
     """A measurement for each packing among the files, and their mean where there are several.
 
     Waves that were recorded in a packing take the place of its own where their files are given;
     `how` has what `measure` takes by name. Densities, structure factors and moduli are used, too,
-    where they lie beside under its name.
+    where they lie beside under its name. `say` is told what a reader should know of the packings.
     """
     waves = [path for path in paths if kind_of(path) in WAVES]
+    if len(waves) == len(paths):
+        raise InputError(f"{', '.join(paths)}: no packing; name its *.network.h5 as well")
     cases = cases_of_files([path for path in paths if path not in waves])
     owner = {path: owner_of(Path(path), cases) for path in waves}
     found = {}
@@ -141,6 +143,8 @@ def measure_files(
         records = [path for path in waves if owner[path] is case]
         path = next((text for text in paths if Path(text) == case.packing_path), "")
         found[path] = measure(case, *records, **how)
+        for note in case.notes:
+            say(note)
     if len(found) < 2:
         return found, None
     return found, mean_of(list(found.values()), same=one_state(found))

@@ -336,12 +336,6 @@ def test_full_disk_behind_the_terminal(to, status, tmp_path):
     assert done.stderr == refused * bool(status)
 
 
-def test_folder_that_is_a_file(tmp_path, one_line):
-    (tmp_path / "folder").write_text("")
-    command = "pack --spheres 30 --aspect 2 --stress 1e5 -o"
-    one_line(main, [*command.split(), tmp_path / "folder"], "cannot be written")
-
-
 def test_parts_of_killed_processes_are_removed(tmp_path):
     path = tmp_path / "a.network.h5"
     child = os.fork()

@@ -8,7 +8,6 @@ from modal.cli.terminal import put
 from modal.exchange.registry import read
 from modal.formats.hdf5 import write_text
 from modal.formats.provenance import packing_of, require_same_packing
-from modal.tools.errors import InputError
 from modal.waves.signals import read_signals
 
 EXAMPLE = "agreement case02.network.h5 case02.signals.h5 -o agreement.md"
@@ -22,8 +21,6 @@ OPTIONS = [
 
 def run(options: Given) -> None:
     """Print the table, and write it where --output says."""
-    if options.output and options.output.endswith(".csv"):
-        raise InputError(f"-o {options.output}: the table is text, a *.csv is put beside; *.md")
     network, first = read(options.network), read_signals(options.signals)
     paths = {name: path for name in OTHER_RUNS if (path := getattr(options, name))}
     packing = packing_of(options.network)

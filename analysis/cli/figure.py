@@ -26,19 +26,15 @@ OPTIONS = [
 def run(options: Given) -> None:
     """Draw into --output, then print what the cases' reader should know."""
     name, again = options.name, options.name.endswith(".csv")
-    folder, told = Path(options.output), "a figure's CSV holds its cases already; leave FILE out"
+    told = "a figure's CSV holds its cases already; leave FILE out"
     if again == bool(options.file):
         raise InputError(told if again else "no file given; name a packing, or a figure's CSV")
     cases = cases_of_files(options.file) if options.file else []
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if again:
-            picture, stem = read_picture(name), Path(name).stem
-        else:
-            picture = compose(name, [Measuring.of(case) for case in cases])
-            stem = ".".join([*(case.name for case in cases), name])
-        paths = save(picture, folder / stem)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error}); choose another -o") from error
+    if again:
+        picture, stem = read_picture(name), Path(name).stem
+    else:
+        picture = compose(name, [Measuring.of(case) for case in cases])
+        stem = ".".join([*(case.name for case in cases), name])
+    paths = save(picture, Path(options.output) / stem)
     put("\n".join(map(str, paths)))
     put("".join(f"note: {note}\n" for case in cases for note in case.notes), end="")

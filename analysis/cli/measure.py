@@ -60,7 +60,7 @@ def run(options: Given) -> int:
     """Measure; 3 where a quantity that was asked for, by name or as quick, could not be."""
     names = QUICK if options.quick else options.quantities
     how = {"quantities": names, "keep": options.keep, "amplitudes": options.amplitudes}
-    found, mean = measure_files(options.files, **how)
+    found, mean = measure_files(options.files, say, **how)
     if options.output:
         as_json = options.output.endswith(".json")
         write_text(options.output, _json(found, mean) + "\n" if as_json else _table(found))

@@ -39,6 +39,8 @@ def run(options: Given) -> int:
     """One stage, or the whole; 3 for a page that lacks cases."""
     results, folder, products = map(Path, (options.results, options.output, options.products))
     study = Study(options.study)
+    if options.file and not options.measure:
+        raise InputError("FILE is for --measure NAME; leave it out: --results are read")
     if options.measure:
         if not isinstance(options.output, NewFile):
             raise InputError(f"-o {folder}: a result is a file; name it *.json")
@@ -53,11 +55,6 @@ def run(options: Given) -> int:
         put(f"{table.title}\n{table.text()}")
         put("".join(f"note: {note}\n" for note in notes), end="")
         return 0
-    try:
-        page, missing = write_study(
-            study, results, folder, ["python", "-m", "analysis", *options.argv]
-        )
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error}); choose another -o") from error
+    page, missing = write_study(study, results, folder, ["python", "-m", "analysis", *options.argv])
     put(page)
     return 3 if missing else 0

@@ -117,7 +117,7 @@ class Study:
     def _yaml(self, path: Path) -> Any:
         try:
             return yaml.load(path.read_text(), _Loader)
-        except OSError as error:
+        except (OSError, UnicodeDecodeError) as error:
             raise InputError(f"{path}: cannot be read ({error}); name a study's YAML") from None
         except yaml.YAMLError as error:
             text = " ".join(str(error).split())

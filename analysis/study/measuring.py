@@ -48,7 +48,6 @@ def measure_case(
     `scatter`: of another seed's packing only the numbers are measured whose scatter is shown,
     without errors along every column.
     """
-    output.parent.mkdir(parents=True, exist_ok=True)
     state, quantities = name.endswith("Pa") and len(files) == 1, study.settings["measure"]
     if not state and name not in study.rows:
         raise InputError(f"{name}: no case of {study.path}")

@@ -34,7 +34,6 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
     if not frame["there"].any():
         raise InputError(f"{results}: no result of {study.path}; run its cases first")
     rules, found = Rules(frame, study.stated()), answers(study, frame)
-    output.mkdir(parents=True, exist_ok=True)
     specs, goals = study.part("tables"), targets(found)
     shown = [_absent(results / "absent.csv", frame), second_verdicts(found)]
     shown += tables(specs, frame, rules, rows)

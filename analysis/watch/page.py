@@ -14,18 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from modal.exchange.picture import VISIBLE, contact_lines, sphere_stress
+from modal.exchange.picture import VISIBLE, contact_lines, moving, sphere_stress
 from modal.exchange.registry import read
-from modal.formats.hdf5 import open_h5, write_whole
+from modal.formats.hdf5 import write_whole
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
-from modal.modes.mode_set import SCHEMA as MODES
-from modal.modes.mode_set import ModeSet, read_modes
+from modal.modes.mode_set import ModeSet
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.tools.display import quantity
 from modal.tools.errors import InputError
-from modal.waves.signals import SCHEMA as SIGNALS
-from modal.waves.signals import Signals, read_signals
+from modal.waves.signals import Signals
 
 STEPS = 32767
 """Steps of a displacement from zero to the largest."""
@@ -57,20 +55,14 @@ def watch_page(
     `chosen` are the modes by number from 1, all by default.
     InputError for files without the motion of every sphere.
     """
-    with open_h5(product) as file:
-        schema = file.attrs.get("schema")
-    if schema not in (SIGNALS, MODES):
-        raise InputError(f"{product}: neither signals nor modes; give *.signals.h5 or *.modes.h5")
+    of, moved, numbers = moving(product, chosen)
     packing = packing or _packing_beside(Path(product))
     notes = [note for note in [require_same_packing(product, packing_of(packing))] if note]
     network = read(packing)
-    if schema == SIGNALS:
-        if chosen:
-            raise InputError("--modes: the file has a wave; give *.modes.h5")
-        signals = read_signals(product)
-        shown = _of_wave(network, signals, str(product)) | _of_slip(network, signals)
+    if isinstance(of, Signals):
+        shown = _of_wave(network, of, moved) | _of_slip(network, of)
     else:
-        shown = _of_modes(network, read_modes(product), str(product), chosen)
+        shown = _of_modes(network, of, moved, numbers)
     data = _of_packing(network) | shown
     title = f"{Path(product).name}, {data['spheres']:,} spheres"
     write_whole(output, _filled(title, data).encode())
@@ -79,10 +71,12 @@ def watch_page(
 
 def _packing_beside(product: Path) -> Path:
     """The packing that a product names as its source, in its folder."""
-    for source in read_provenance(product).packing:
-        if source.name and (product.parent / source.name).is_file():
-            return product.parent / source.name
-    raise InputError(f"{product}: its packing is not beside it; name its *.network.h5 as well")
+    names = [source.name for source in read_provenance(product).packing if source.name]
+    for name in names:
+        if (product.parent / name).is_file():
+            return product.parent / name
+    told = " or ".join(names) or "of unknown name"
+    raise InputError(f"{product}: its packing, {told}, is not beside it; name that as well")
 
 
 def _of_packing(network: Network) -> dict[str, Any]:
@@ -144,11 +138,8 @@ def _from_zero(values: np.ndarray) -> tuple[str, float]:
     return coded(np.clip(values / top * 255, 0, 255), "u1"), top
 
 
-def _of_wave(network: Network, signals: Signals, name: str) -> dict[str, Any]:
-    moved, most = signals.particle_displacement, len(signals.time)
-    if moved is None:
-        why = "without the motion of every sphere; make it again with wave --particles"
-        raise InputError(f"{name}: {why}")
+def _of_wave(network: Network, signals: Signals, moved: np.ndarray) -> dict[str, Any]:
+    most = len(signals.time)
     frames = int(np.clip(MOTION // (2 * network.n_particles), *FRAMES))
     at = np.unique(np.linspace(0, most - 1, min(frames, most)).round().astype(int))
     largest = float(abs(moved).max()) or 1.0
@@ -218,20 +209,14 @@ def slip_of_spheres(count: int, ends: np.ndarray, energy: np.ndarray) -> np.ndar
 
 
 def _of_modes(
-    network: Network, modes: ModeSet, name: str, chosen: list[int] | None
+    network: Network, modes: ModeSet, moved: np.ndarray, numbers: list[int]
 ) -> dict[str, Any]:
-    if modes.mode_shape is None or not len(modes.frequency):
-        raise InputError(f"{name}: without mode shapes; make it again with modes -o")
-    numbers = chosen or list(range(1, len(modes.frequency) + 1))
-    for number in numbers:
-        if not 1 <= number <= len(modes.frequency):
-            raise InputError(f"--modes {number}: the file has modes 1 to {len(modes.frequency)}")
     fits = max(1, MOTION // (6 * network.n_particles))
     if len(numbers) > fits:
         many = f"{len(numbers)} modes of {network.n_particles} spheres"
         raise InputError(f"{many} make too large a page; choose up to {fits} with --modes")
     index = np.array(numbers) - 1
-    shape = modes.mode_shape[index][:, :, :3]
+    shape = moved[index][:, :, :3]
     largest = np.maximum(np.linalg.norm(shape, axis=2).max(axis=1), np.finfo(float).tiny)
     main = (shape**2).sum(axis=1).argmax(axis=1)  # the axis along which a mode moves most
     layers = Layers(network)

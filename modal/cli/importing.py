@@ -12,7 +12,6 @@ from modal.packing.network import Network, read_network, write_network
 from modal.packing.plausibility import plausibility
 from modal.packing.state import has_forces, stress_tensor
 from modal.system.contacts import GROWTH, SHEAR, TANGENTS, contact_tangent
-from modal.tools.errors import InputError
 
 ROUND_OFF = 1e-14
 """A share below which a term is none."""
@@ -35,8 +34,6 @@ read_product = read_network
 
 def run(options: Given) -> Result:
     """Read the packing, write the network, and say what was found."""
-    if not options.output.endswith(".network.h5"):
-        raise InputError(f"-o {options.output}: a network's name ends in .network.h5")
     found = import_packing(options.file, **chosen(options, *OF_PROGRAMS))
     write_network(options.output, replace(found.network, provenance=options.made.attributes()))
     return summary_of(found)

@@ -82,7 +82,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             result = {"current": options.output} | kept(options)
         else:
             result = command.run(options)
-        for remark in options.remarks:  # with an error its one line is enough
+        for remark in dict.fromkeys(options.remarks):  # with an error its one line is enough
             say(remark)
         result["seconds"] = time.perf_counter() - start
         result["peak_memory_bytes"] = peak_memory()

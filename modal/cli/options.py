@@ -1,12 +1,15 @@
 """Commands as data: options, a parser whose mistakes are one line, files to write, what is said."""
 
 import argparse
+import math
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
 from inspect import signature
+from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple, NoReturn
 
@@ -43,7 +46,12 @@ class Group(NamedTuple):
 
 
 class NewFile(str):
-    """A name that was given for a file to be written: the type of such an option."""
+    """A name that was given for a file to be written: the type of such an option.
+
+    It ends in one of the `endings`, those that the option's text says behind a *.
+    """
+
+    endings: tuple[str, ...] = ()
 
 
 class NewFolder(str):
@@ -71,9 +79,13 @@ SHORT = 3
 """Exit status where a product is written but falls short: a list of modes that lacks some, a sample
 that has not come to rest within the tolerance."""
 PACKINGS = ".network.h5", ".sample.h5"
-"""How the names of packings end."""
-MAKE_PACKINGS = "import", "relax", "tile"
-"""Commands that write one under a given name."""
+"""How the names of packings end, by which they are known; other products are by what they hold."""
+PRODUCTS = *PACKINGS, ".modes.h5", ".signals.h5", ".density.h5", ".response.h5", ".moduli.h5"
+"""How names end that say what a file holds."""
+
+
+FIRST = "; files stand before the options"
+"""What is said where an option with several values may have taken them."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -82,27 +94,37 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, **settings: Any) -> None:
         """Descriptions and what follows the help keep their lines."""
         super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **settings)
+        self._negative_number_matcher = re.compile(r"-(\.?\d|inf|nan)")  # as -1e5, no option
 
     def parse_known_args(self, *given: Any, **more: Any) -> Any:
         """Refuse what is no option here, where the command's own options are known."""
         found, unknown = super().parse_known_args(*given, **more)
         if unknown:
             near = get_close_matches(unknown[0], self._option_string_actions, 1)
-            hint = f"; did you mean {near[0]}?" if near else ""
+            hint = f"; did you mean {near[0]}?" if near else FIRST * (unknown[0][0] != "-")
             self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return found, unknown
 
     def error(self, message: str) -> NoReturn:
         """A mistake in the command line, in one line."""
+        if re.search(r"required: \w", message):
+            message += FIRST
         raise InputError(f"{self.prog}: {message}; see {self.prog} --help")
 
 
 def number(text: str) -> float:
     """What was typed, as a number."""
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number; give it in SI, as 1e5") from None
+    with suppress(ValueError):
+        if math.isfinite(value := float(text)):
+            return value
+    raise argparse.ArgumentTypeError(f"{text!r} is no number; give it in SI, as 1e5")
+
+
+def whole(text: str) -> int:
+    """What was typed, as a whole number: 1000, or 1e3."""
+    if not (value := number(text)).is_integer():
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number; give one")
+    return int(text) if text.isdigit() else int(value)
 
 
 def one_of(words: tuple[str, ...]) -> Callable[[str], str]:
@@ -112,7 +134,7 @@ def one_of(words: tuple[str, ...]) -> Callable[[str], str]:
         try:
             refuse_unknown("", text, words)
         except InputError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
+            raise argparse.ArgumentTypeError(f"{error}{FIRST * os.path.isfile(text)}") from None
         return text
 
     return word
@@ -145,7 +167,10 @@ def add_options(command: Any, options: Iterable[Option | Group]) -> None:
             continue
         how: dict[str, Any] = {"help": option.text, "default": option.default, **option.more}
         kind = one_of(option.kind) if isinstance(option.kind, tuple) else option.kind
-        how["type"] = number if kind is float else kind
+        if kind is NewFile:
+            endings = tuple(re.findall(r"\*(\.[\w.]+\w)", option.text))
+            kind = type("NewFile", (NewFile,), {"endings": endings})
+        how["type"] = number if kind is float else whole if kind is int else kind
         if option.metavar:
             how["metavar"] = option.metavar
         if isinstance(option.metavar, tuple):
@@ -178,13 +203,15 @@ def _check_files(options: Given) -> None:
     """InputError for a file to be written that cannot be, or that is read as well."""
     texts = list[str]()
     for name, value in vars(options).items():
-        if value == "":
-            raise InputError(f"{name.replace('_', ' ')}: an empty text; give one, or leave it out")
         given = value if isinstance(value, list) else [value]
+        if "" in given:
+            raise InputError(f"{name.replace('_', ' ')}: an empty text; give one, or leave it out")
         texts += [text for text in given if isinstance(text, str)]
     read = [text for text in texts if not isinstance(text, NewFile) and os.path.isfile(text)]
     for path in texts:
         if isinstance(path, NewFolder):
+            if os.path.isfile(path):
+                raise InputError(f"{path}: a file, no folder; name a folder to write to")
             refuse_unwritable(os.path.join(path, "file"))
         if not isinstance(path, NewFile):
             continue
@@ -193,8 +220,10 @@ def _check_files(options: Given) -> None:
             raise InputError(
                 f"{path}: it is read, and would be written over; give another name to write to"
             )
-        if path.endswith(PACKINGS) and options.command not in MAKE_PACKINGS:
-            raise InputError(f"{path}: the name of a packing, which this is none; give another")
+        said = next((end for end in PRODUCTS if path.endswith(end)), Path(path).suffix)
+        known = *path.endings, *(Path(end).suffix for end in {*path.endings} - {*PACKINGS})
+        if known and said not in known:
+            raise InputError(f"{path}: its name must end in {' or '.join(path.endings)}; give one")
 
 
 def chosen(options: Given, *names: str) -> dict[str, Any]:

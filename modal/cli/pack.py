@@ -50,8 +50,7 @@ OF_COMPRESSION = (
 EXAMPLE = "pack --spheres 300 --stress 1e5 -o dense"
 OPTIONS = (
     Option("--spheres", "N", "how many", 35201, int),
-    Option("--aspect", "A", SLENDER),
-    Option("--width", "D", "in diameters, instead of --aspect"),
+    Group("", [Option("--aspect", "A", SLENDER), Option("--width", "D", "the same, in diameters")]),
     Option("--seed", "S", "of the random cloud", 1, int),
     Option("--stress", "PA ...", "one or several; a state is written of each"),
     Option("--friction", "MU", "0 to 1", 0.0),

@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from modal.cli.options import PACKINGS, REQUIRED, Given, Option, Result, output
+from modal.cli.options import REQUIRED, Given, Option, Result, output
 from modal.cli.reading import NETWORK
 from modal.exchange.programs.own import is_sample
-from modal.exchange.registry import read
+from modal.exchange.registry import read, read_remarked
 from modal.packing.network import Network, write_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.tiling import repeat, repeat_sample
@@ -27,11 +27,10 @@ read_product = read
 def run(options: Given) -> Result:
     """Write the repeated packing; a sample stays one if the name of FILE says so."""
     times, source, output = options.repeat, options.network, options.output
-    if not output.endswith(PACKINGS):
-        raise InputError(f"-o {output}: its name must end in {' or '.join(PACKINGS)}")
     if is_sample(output) and not is_sample(source):
         raise InputError(f"-o {output}: only a sample gives a sample; write *.network.h5")
-    packing: Sample | Network = read_sample(source) if is_sample(output) else read(source)
+    packing: Sample | Network = read_remarked(source, options.remarks.append)
+    packing = read_sample(source) if is_sample(output) else packing
     spheres = len(packing.position) * times[0] * times[1]
     light = isinstance(packing, Sample) and packing.shear is None
     task = f"repeating {source} {times[0]} by {times[1]} times"

@@ -23,6 +23,7 @@ def unit_vector(direction: ArrayLike) -> Floats:
         vector = np.zeros(3)
     if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
         raise InputError(f"direction {direction!r}: give three numbers that are not all zero")
+    vector = vector / abs(vector).max()  # whose squares are numbers, however long it is
     return vector / np.linalg.norm(vector)
 
 

@@ -17,11 +17,14 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from modal.formats.hdf5 import unwritable, write_whole
+from modal.formats.hdf5 import open_h5, unwritable, write_whole
+from modal.modes.mode_set import SCHEMA as MODES
+from modal.modes.mode_set import ModeSet, read_modes
 from modal.packing.network import Network
 from modal.packing.state import contacts_per_particle
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
+from modal.waves.signals import PLANE, SCHEMA, Signals, read_signals
 
 VISIBLE = 0.5
 """Largest displacement in a frame, in mean radii, unless a scale is given."""
@@ -32,6 +35,37 @@ Motion = list[tuple[float, Floats]]
 """Times, s, and displacements (n, 3), m, or kg^-1/2 of a mode."""
 Frames = Iterable[tuple[float, Floats, dict[str, Array]]]
 """Times, s, positions (n, 3), m, and fields (n,) or (n, k) of the spheres."""
+
+
+def moving(
+    product: str | Path, chosen: list[int] | None, *, any_source: bool = False
+) -> tuple[Signals | ModeSet, Floats, list[int]]:
+    """A wave or modes from a file, how every sphere moves, and the numbers of the chosen modes.
+
+    Motions are (nt, n), m, of a wave, (k, n, 6) of modes, which are numbered from 1, by default
+    all. InputError for another product, or one without the motion of every sphere; `any_source` as
+    of `read_signals`.
+    """
+    with open_h5(product) as file:
+        schema = file.attrs.get("schema")
+    if schema not in (MODES, SCHEMA, PLANE):
+        raise InputError(f"{product}: neither signals nor modes; give *.signals.h5 or *.modes.h5")
+    if schema != MODES:
+        if chosen:
+            raise InputError("--modes: the file has a wave; give *.modes.h5")
+        signals = read_signals(product, of_any_source=any_source)
+        if signals.particle_displacement is None:
+            why = "without the motion of every sphere; make it again with wave --particles"
+            raise InputError(f"{product}: {why}")
+        return signals, signals.particle_displacement, []
+    modes = read_modes(product)
+    if modes.mode_shape is None or not len(modes.frequency):
+        raise InputError(f"{product}: without mode shapes; make it again with modes -o")
+    numbers = chosen or list(range(1, len(modes.frequency) + 1))
+    for number in numbers:
+        if not 1 <= number <= len(modes.frequency):
+            raise InputError(f"--modes {number}: the file has modes 1 to {len(modes.frequency)}")
+    return modes, modes.mode_shape, numbers
 
 
 def sphere_fields(network: Network) -> dict[str, Array]:

@@ -111,11 +111,11 @@ def pack(
         raise InputError("walls of a cell that is periodic along z: it has none; leave one out")
     of = words({"sizes": sizes, "densities": densities, "walls": walls, "solid": solid})
     of |= {"walls": NO_WALLS} if periodic else {}
-    if aspect is None and width is None:
-        aspect = sound_aspect(spheres)
-        say(f"{spheres} spheres: length over width {aspect:.3g}")
-    width = width_of(spheres, aspect or 0.0) if width is None else width
+    sound = sound_aspect(spheres) if aspect is None and width is None else None
+    width = width_of(spheres, aspect or sound or 0.0) if width is None else width
     study = Study(friction, spheres, width, seed, **(protocol | of))
+    if sound:
+        say(f"{spheres} spheres: length over width {sound:.3g}")
     made = study.provenance(COMMAND)
     if friction == 0:
         return compress_to_stresses(folder, study, targets, made, Descent, say, Pressure)

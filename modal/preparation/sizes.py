@@ -27,14 +27,15 @@ DENSITIES = (
     "large ones, others are dealt out at random in equal numbers"
 )
 WALLS = "Young's modulus, Pa, and Poisson's ratio of the walls"
-SOLID = (
-    "Young's modulus, Poisson's ratio, density, (mean) radius of the spheres, and their contact "
-    "model if it is another than hertz-mindlin"
-)
 LARGE = (1e-8, 10.0)
 """m: radii of spheres that are neither molecules nor hills."""
 DENSE = (10.0, 30_000.0)
 """kg/m^3: from foam to osmium; densities in g/cm^3 lie outside."""
+SOLID = (
+    f"Young's modulus, Pa ({YOUNG[0]:g} to {YOUNG[1]:g}), Poisson's ratio (-1 to 0.5), density, "
+    f"kg/m^3 ({DENSE[0]:g} to {DENSE[1]:g}), (mean) radius, m ({LARGE[0]:g} to {LARGE[1]:g}) of "
+    "the spheres, and their contact model if it is another than hertz-mindlin"
+)
 
 
 @dataclass(frozen=True)
@@ -220,7 +221,7 @@ def solid_of(words: Sequence[str | float]) -> tuple[Material, float]:
             laws_of(material)  # refuses a model that there is not
             return material, radius
     raise InputError(
-        f"spheres of {' '.join(map(str, words))}: give {SOLID} in Pa, kg/m^3 and m, as "
+        f"spheres of {' '.join(map(str, words))}: give {SOLID}, as "
         f"{GLASS.young:g} {GLASS.poisson:g} {GLASS.density:g} {RADIUS:g}"
     )
 

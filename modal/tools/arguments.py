@@ -117,7 +117,7 @@ def frequencies(given: ArrayLike) -> Floats:
     try:
         asked = np.asarray(given, float)
     except (TypeError, ValueError) as error:
-        raise InputError(f"frequency is {given!r}, not numbers of Hz from 0 on") from error
+        raise InputError(f"frequency is {given!r}, not numbers from 0 on; give Hz") from error
     wrong = ~((asked >= 0) & (asked <= HIGHEST))
     if wrong.any():
         what = f"{asked[wrong][0]:g} Hz is no frequency"

@@ -35,7 +35,7 @@ def refuse_unknown(what: str, word: object, known: Iterable[str]) -> None:
     words = list(known)
     if word in words:
         return
-    near = get_close_matches(str(word), words) if len(words) > SHOWN else []
+    near = get_close_matches(str(word).lower(), words) if len(words) > SHOWN else []
     all_of_them = ", ".join(words[:SHOWN] + ["..."] * (len(words) > SHOWN))
     do = f"did you mean {' or '.join(near)}?" if near else f"choose from {all_of_them}"
     raise InputError(f"{what} {word!r}: unknown; {do}".lstrip())

@@ -75,8 +75,7 @@ def by_polynomials(
             "Chebyshev polynomials of K, which give a leapfrog's steps too, know no damping of "
             "contacts; leave it out, or give no time step"
         )
-    if time_step is not None:
-        every = _steps_between_records(interval, time_step)
+    every = 0 if time_step is None else _steps_between_records(interval, time_step)
 
     def series_for(top: float) -> Expansion:
         if time_step is not None and not time_step < 2 / np.sqrt(top):
@@ -85,13 +84,13 @@ def by_polynomials(
                 f"{2 / np.sqrt(top):.4g} s; take a smaller one"
             )
         orders, times = orders_of(top, duration), duration / interval + 1
-        numbers = EXPANSION_COPIES * orders * times + (orders + times) * driven.count
+        numbers = (EXPANSION_COPIES * orders + every) * times + (orders + times) * driven.count
         refuse_endless(
             f"a wave of {duration:g} s, recorded every {interval:g} s,",
             driven.springs.operator,
             products=orders / 1.1,
             bytes_needed=8 * numbers,
-            remedy="take a shorter duration or a longer interval",
+            remedy="take a shorter duration or a longer interval" + ", or step" * bool(every),
         )
         time = record_times(duration, interval)
 

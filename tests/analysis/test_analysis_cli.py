@@ -48,7 +48,7 @@ def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products):
         (["figure", "chi_z"], "no file given"),
         (["figure", "absent.csv"], "cannot be read"),
         (["figure", "chi_z", "NETWORK"], "make it before"),
-        ([], "required"),
+        (["study", "NETWORK"], "cannot be read"),
     ],
 )
 def test_bad_input_is_one_line(products, tmp_path, one_line, arguments, words):

@@ -117,7 +117,7 @@ def test_stress_of_a_packing_that_states_none_is_what_its_contacts_bear(folder, 
     assert np.isnan(unknown.stress) and unknown.label == "random (bare)"
 
 
-def test_what_lies_beside_a_packing_under_its_name_is_read(folder, tmp_path):
+def test_what_lies_beside_a_packing_under_its_name_is_read(folder, tmp_path, capsys):
     """If it was made from that very packing, and no other of its kind is given."""
     (case,) = cases_of_files(files(folder, "heap.h5", "low.h5"))
     assert {path.name for path in case.files.values()} >= {"heap.signals.h5", "low.h5"}
@@ -130,6 +130,7 @@ def test_what_lies_beside_a_packing_under_its_name_is_read(folder, tmp_path):
     assert list(case.files) == ["network", "100kHz.signals", "modes"]
     kept = ["--quantities", "ioffe_regel", "--keep", str(tmp_path)]
     assert main(["measure", str(heap), *kept]) in (0, 3)
+    assert "diameters wide" in capsys.readouterr().err
     assert main(["figure", "scattering", str(heap), "-o", str(tmp_path / "out")]) == 0
     (case,) = cases_of_files([heap, folder / "band.h5", folder / "top.h5"])
     assert case.files["modes"].name == "heap.modes.h5" and len(case.files) == 6

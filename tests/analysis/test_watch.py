@@ -159,7 +159,6 @@ def test_nothing_comes_from_a_network(folder):
     [
         (["fcc.network.h5"], "neither signals nor modes"),
         (["fcc.signals.h5", "fcc.network.h5", "--modes", "1"], "has a wave"),
-        (["fcc.modes.h5", "fcc.network.h5", "--modes", "10"], "modes 1 to 9"),
         (["fcc.signals.h5"], "is not beside it"),
     ],
 )

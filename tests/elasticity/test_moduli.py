@@ -216,7 +216,7 @@ def test_command_prints_what_the_function_finds(tmp_path, capsys, printed, cell)
     said = printed("moduli", path, "--direction", 1, 1, 0, "-o", product, "--non-affine")
     found = elastic_moduli(cell, non_affine=True)
     assert said["stiffness_pa"] == found.stiffness.tolist()
-    assert said["velocity_m_per_s"]["1 1 0"] == found.velocities((1, 1, 0)).tolist()
+    assert said["velocity_m_per_s"]["1 1 0"] == found.velocities((1e300, 1e300, 0)).tolist()
     assert said["velocity_m_per_s"]["z"] == found.velocities((0, 0, 1)).tolist()
     assert said["isotropic_velocity_m_per_s"] == [found.v_p, found.v_s]
     assert (read_moduli(product).stiffness == found.stiffness).all()

@@ -174,13 +174,10 @@ def test_stresses_of_spheres_add_up_to_that_of_the_packing():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("-o", "p.png"), "give a name that ends in .vtu"),
         (("p.modes.h5", "--modes", "9", "-o", "p.xyz"), "the file has modes 1 to 3"),
         (("p.modes.h5", "--frames", "4", "-o", "p.xyz"), "choose one mode to animate"),
         (("p.modes.h5", "--frames", "0", "-o", "p.xyz"), "give 1 to 10000"),
         (("--frames", "4", "-o", "p.xyz"), "need a file of modes or signals"),
-        (("--scale", "2", "-o", "p.xyz"), "need a file of modes or signals"),
-        (("--scale", "nan", "-o", "p.xyz"), "--scale nan: give a number"),
         (("other.modes.h5", "-o", "p.xyz"), "made from other.network.h5"),
     ],
 )

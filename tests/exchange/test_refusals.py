@@ -85,6 +85,13 @@ SPOILT = {
         ("spheres", 9, 0, "1e17", r"spheres.csv, line 9, column id: 1e\+17 is no whole number"),
         ("contacts", 9, slice(2), ["12", "12"], "csv, line 9: spheres 12 and 12 lie in one place"),
         ("contacts", 9, 3, "\x1b[31m" * 99, r"line 9, column kt: '\\x1b\[31m[^\n]{,250} is no num"),
+        (
+            "spheres",
+            9,
+            3,
+            "0,5",
+            "csv, line 9: more than the 6 columns .*; write numbers with a po",
+        ),
         ("contacts", 1, 2, "stiff", "contacts.csv, line 1, column kn: no column kn among"),
         ("spheres", 6, 0, "10", r"spheres.csv, line 6, column id: sphere 10 again \(line 5\)"),
         ("spheres", 9, 4, "-1e-3", "spheres.csv: sphere 14 has radius <= 0"),

@@ -48,7 +48,7 @@ def test_repeated_sample_has_the_repeated_network(sample):
 
 
 @pytest.mark.parametrize("kind", ["sample", "network"])
-def test_tile_makes_equal_parts(kind, tmp_path, printed):
+def test_tile_makes_equal_parts(kind, tmp_path, printed, capsys):
     """Twice along y, then thrice along x; overlaps differ by round-off, 1e-11.
 
     Waves in them are those of the small one: `tests/waves/test_one_part.py`.
@@ -63,6 +63,9 @@ def test_tile_makes_equal_parts(kind, tmp_path, printed):
     assert parts.count == 6 and parts.part.n_contacts == small.n_contacts
     stiff = (np.sort(net.stiffness_normal) for net in (small, parts.part))
     assert next(stiff) == pytest.approx(next(stiff), rel=1e-8)
+    # However wide it is then, it repeats a narrow cell.
+    assert main(["tile", str(SHEARED), *["--repeat", "1", "1", "-o"], str(paths[1])]) == 0
+    assert "diameters wide" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -70,7 +73,6 @@ def test_tile_makes_equal_parts(kind, tmp_path, printed):
     [
         (("--repeat", "0", "1", "-o", "b.sample.h5"), "whole numbers"),
         (("--repeat", "2", "1", "-o", "b.h5"), "must end in"),
-        (("--repeat", "2.5", "1", "-o", "b.sample.h5"), "invalid int"),
         (("--repeat", "100000", "100000", "-o", "b.sample.h5"), "TB of memory"),
         (("--repeat", "100000", "100000", "-o", "b.network.h5"), "TB of memory"),
     ],

@@ -88,6 +88,9 @@ def _table(
             do = f"leave it out; known are {','.join(known[:-1])}"
             what = "it is not known, and may change the answer"
             fault(path, what, do, number, shown(name)[1:-1])
+    wide = np.array([text.rstrip(", \n").count(",") >= len(columns) for text in texts])
+    do = "write numbers with a point, commas between them alone"
+    rows.refuse(wide, f"more than the {len(columns)} columns that the header names", do)
     if not texts:
         what = f"no rows below the names {','.join(needed)}"
         fault(path, what, "write those of the packing", number + 1)
