@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
-from analysis.figures import beyond, modes, packing, spectra, waves
 from analysis.figures import cases as of_cases
+from analysis.figures import modes, spectra, waves
 from analysis.figures.picture import Picture, columns_for, merged
 from analysis.frame import frame_of
 from analysis.measuring import Measuring
@@ -16,11 +16,11 @@ Figure = Callable[[Any], Any]
 OF_ROWS: tuple[Figure, ...] = (
     *(of_cases.velocity_cases, of_cases.highest_frequency, of_cases.low_pass_cases),
     *(of_cases.velocity_low_pass, of_cases.wavelength_cases, of_cases.gain_cases),
-    *(beyond.isostaticity, beyond.scattering),
+    *(of_cases.isostaticity, of_cases.scattering),
 )
 """Figures of the numbers of cases, as `analysis.frame.frame_of` has them."""
 OF_CASES: tuple[Figure, ...] = (
-    *(packing.samples, packing.source, waves.signals, waves.signals_stress, waves.space_time),
+    *(waves.samples, waves.source, waves.signals, waves.signals_stress, waves.space_time),
     *(modes.natural_frequencies, modes.chi_z, modes.mode_shapes, spectra.velocity_frequency),
     *(waves.spectrum_distance, spectra.dispersion),
 )

@@ -6,7 +6,6 @@ import numpy as np
 
 from analysis.estimators import damped_transform as disp
 from analysis.estimators.resonances import mode_velocities
-from analysis.estimators.transfer import wall_velocity
 from analysis.estimators.wavenumber import fk_map
 from analysis.figures.picture import BLUE, ORANGE, Panel
 from analysis.figures.waves import producer_name
@@ -22,18 +21,11 @@ KHZ = 2e3 * np.pi
 
 
 def velocity_frequency(m: Measuring) -> Panel:
-    """Fig. 11: phase and group velocity of the linear wave (walls, layers) and modes; dL/dt."""
+    """Fig. 11: phase and group velocity of the linear wave (layers) and of modes; dL/dt."""
     top, low, speed = 0.9 * scale(m), low_frequency(m), longest(m, "linear").value
     panel = Panel("frequency (kHz)", "velocity (m/s)", m.label, legend="lower left")
     panel.ylim = ((0.5 if m.crystal else 0.75) * speed, 1.12 * speed)
     panel.xlim = (0, top / 1e3)
-    walls = wall_velocity(m.linear, m.network.length)
-    if walls is not None:
-        f, phase, group = walls
-        keep = (f > 0.7 * low) & (f < top)
-        panel.line(f[keep] / 1e3, phase[keep], "phase, walls", color="0.6")
-        if m.crystal:  # of others the derivative is the scatter's, not the wave's
-            panel.line(f[keep] / 1e3, group[keep], "group, walls", color="0.6", ls=":")
     wave = coherent(m, "linear")
     # At the lowest frequencies a derivative by differences is a ratio of small numbers.
     for values, text, first, ls in (

@@ -91,4 +91,4 @@ def _over_amplitudes(name: str, m: Measuring) -> Value:
 
 
 for _name, _definition in AMPLITUDE.items():
-    on_request(_name, "1", _definition)(partial(_over_amplitudes, _name))
+    on_request("1", _name, _definition)(partial(_over_amplitudes, _name))

@@ -57,14 +57,14 @@ def of_moduli(unit: str, number: Callable[[ElasticModuli], float]) -> Callable[[
 
 for _name, (_unit, _number, _definition) in OF_MODULI.items():
     _register = without_signal if _name in ("bulk_modulus", "shear_modulus") else on_request
-    _register(_name, _unit, _definition)(of_moduli(_unit, _number))
+    _register(_unit, _name, _definition)(of_moduli(_unit, _number))
 
 
-@on_request(
-    "shear_over_indeterminacy", "1", "(G D / k) / (h D^3), level in poorly coordinated packings"
-)
+@on_request("1")
 def shear_over_indeterminacy(packing: Measuring) -> Value:
-    """Shear modulus in units of mean contact stiffness k over diameter D, over indeterminacy.
+    """(G D / k) / (h D^3), level in poorly coordinated packings.
+
+    Shear modulus in units of mean contact stiffness k over diameter D, over indeterminacy.
 
     I. Agnolin and J.-N. Roux (Phys. Rev. E 76, 061304, 2007) find that G so normalised tends to
     vary in proportion to the degree of force indeterminacy per unit volume, h = n (3 Z / 2 - 6):

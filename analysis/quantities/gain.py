@@ -25,14 +25,13 @@ def gain_of(m: Measuring) -> Response:
 
 
 @quantity(
-    "gain",
-    "1",
-    "stress on the receiver over that on the source wall, over frequency",
-    exact="resonances without end, of which the record's window alone decides",
-    asked=True,
+    "1", exact="resonances without end, of which the record's window alone decides", asked=True
 )
 def gain(m: Measuring) -> Value:
-    """Of P-waves, without damping."""
+    """Stress on the receiver over that on the source wall, over frequency.
+
+    Of P-waves, without damping.
+    """
     found = gain_of(m)
     text = f"resolution: heights of resonances are those of lines {hertz(found.resolution)} wide"
     return Value(found.gain, "1", {}, (text, *m.of_waves), found.frequency)

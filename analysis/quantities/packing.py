@@ -60,12 +60,15 @@ def _exact(number: Callable[[Network], Any]) -> Callable[[Measuring], Value]:
 
 for _name, (_number, _definition) in EXACT.items():
     _register = without_signal if _name in ("void_ratio", "coordination") else on_request
-    _register(_name, "1", _definition)(_exact(_number))
+    _register("1", _name, _definition)(_exact(_number))
 
 
-@without_signal("crystalline_share", "1", "share of spheres in crystalline surroundings")
+@without_signal("1")
 def crystalline_share(packing: Measuring) -> Value:
-    """Of all spheres; a random packing has few."""
+    """Share of spheres in crystalline surroundings.
+
+    Of all spheres; a random packing has few.
+    """
     if not packing.crystalline:
         radius = packing.network.radius
         equal = np.ptp(radius) <= 1e-9 * radius.mean()
@@ -74,18 +77,24 @@ def crystalline_share(packing: Measuring) -> Value:
     return Value(packing.crystalline["crystalline_share"], "1")
 
 
-@on_request("void_ratio_of_bulk", "1", "void ratio away from the walls")
-def of_voids_in_bulk(packing: Measuring) -> Value:
-    """Mean over the layers that no wall orders."""
+@on_request("1")
+def void_ratio_of_bulk(packing: Measuring) -> Value:
+    """Void ratio away from the walls.
+
+    Mean over the layers that no wall orders.
+    """
     layers = profile(packing.network)
     if not layers.bulk.any():
         return unknown("1", "too short: no layer is far from both walls")
     return Value(float(1 / (1 / (1 + layers.void_ratio[layers.bulk])).mean() - 1), "1")
 
 
-@on_request("stress_error", "1", "largest deviation of a principal stress from its target")
+@on_request("1")
 def stress_error(packing: Measuring) -> Value:
-    """Of the stress that the packing says it was made for."""
+    """Largest deviation of a principal stress from its target.
+
+    Of the stress that the packing says it was made for.
+    """
     target = float(packing.network.study.get("stress", np.nan))
     if not target > 0:
         return unknown("1", "the packing does not say for which stress it was made")

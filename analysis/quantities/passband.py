@@ -97,15 +97,11 @@ def wavelength_at(m: Measuring, frequency: float, key: str) -> float:
     return 2 * np.pi / kappa
 
 
-@quantity(
-    "low_pass",
-    "Hz",
-    "frequency above which less than 2 % of the amplitude arrives",
-    exact=EXACT,
-    bias=0.03,
-)
+@quantity("Hz", exact=EXACT, bias=0.03)
 def low_pass(m: Measuring) -> Value:
-    """The 2 % rule of Otsubo et al. (2017), section 5.1, as `analysis.estimators.low_pass` has it.
+    """Frequency above which less than 2 % of the amplitude arrives.
+
+    The 2 % rule of Otsubo et al. (2017), section 5.1, as `analysis.estimators.low_pass` has it.
 
     Of random packings the mean over all columns of spheres, with their scatter; of crystals, and of
     records without single particles, along the one chain.
@@ -127,14 +123,11 @@ def low_pass(m: Measuring) -> Value:
     return Value(edge.value, "Hz", {"chain": edge.error}).with_caveats(*caveats)
 
 
-@quantity(
-    "low_pass_unbiased",
-    "Hz",
-    "upper end of the band of P-waves, without a threshold on a record",
-    exact=EXACT,
-)
+@quantity("Hz", exact=EXACT)
 def low_pass_unbiased(m: Measuring) -> Value:
-    """Of a crystal the edge of its band; of disorder where little is left of the coherent wave.
+    """Upper end of the band of P-waves, without a threshold on a record.
+
+    Of a crystal the edge of its band; of disorder where little is left of the coherent wave.
 
     Disorder has no band edge. What stands for it is the frequency at which the coherent wave fades
     to 2 %, the part of the paper's rule, over 50 D, a length of every packing alike: alpha(f) 50 D

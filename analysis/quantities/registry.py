@@ -61,14 +61,17 @@ class Quantity:
         return replace(found, unit=self.unit, caveats=caveats)
 
 
-def quantity(name: str, unit: str, definition: str, **more: Any) -> Callable[[Of], Of]:
+def quantity(unit: str, name: str = "", definition: str = "", **more: Any) -> Callable[[Of], Of]:
     """Register a function as the one that measures a quantity: a `Value`, or its number alone.
 
-    `more` are `exact` and what else a `Quantity` has.
+    The quantity has the function's name, and the first line of its docstring says what it is, where
+    no others are given. `more` are `exact` and what else a `Quantity` has.
     """
 
     def register(of: Of) -> Of:
-        QUANTITIES[name] = Quantity(name, unit, definition, of, **more)
+        called, said = name or of.__name__, (of.__doc__ or "").split("\n")[0].rstrip(".")
+        told = definition or said[:1].lower() + said[1:]
+        QUANTITIES[called] = Quantity(called, unit, told, of, **more)
         return of
 
     return register

@@ -66,25 +66,20 @@ def _sent_to(m: Measuring, highest: float) -> float:
     return float(frequency[lost[0]]) if len(lost) else highest
 
 
-@quantity(
-    "attenuation",
-    "1/m",
-    "decay of the coherent wave's amplitude along z, over frequency",
-    exact=lambda lattice: 0.0,
-)
+@quantity("1/m", exact=lambda lattice: 0.0)
 def attenuation(m: Measuring) -> Value:
-    """Of means over layers, from a pulse of the wall."""
+    """Decay of the coherent wave's amplitude along z, over frequency.
+
+    Of means over layers, from a pulse of the wall.
+    """
     return attenuation_of(m)[0]
 
 
-@quantity(
-    "quality",
-    "1",
-    "quality factor omega / (2 alpha v) of the coherent wave, over frequency",
-    exact=DISORDER,
-)
+@quantity("1", exact=DISORDER)
 def quality(m: Measuring) -> Value:
-    """alpha the attenuation, v the group velocity; unknown where alpha is not told from zero.
+    """Quality factor omega / (2 alpha v) of the coherent wave, over frequency.
+
+    alpha the attenuation, v the group velocity; unknown where alpha is not told from zero.
 
     The frequency over the width of the line that the decay makes, with the error of that.
     """
@@ -98,14 +93,12 @@ def quality(m: Measuring) -> Value:
     return Value(value, "1", parts, alpha.caveats, alpha.at)
 
 
-@quantity(
-    "ioffe_regel",
-    "Hz",
-    "frequency at which the mean free path falls to half a wavelength",
-    exact=DISORDER,
-)
+@quantity("Hz", exact=DISORDER)
 def ioffe_regel(m: Measuring) -> Value:
-    """Between two standing waves; half of their distance is the error."""
+    """Frequency at which the mean free path falls to half a wavelength.
+
+    Between two standing waves; half of their distance is the error.
+    """
     if m.crystal:
         return unknown("Hz", "a crystal does not scatter its waves")
     found = scattering(m)
@@ -119,11 +112,11 @@ def ioffe_regel(m: Measuring) -> Value:
     return Value(found.limit, "Hz", {"resolution": near / 2}, caveats)
 
 
-@on_request(
-    "scattering_of_pulse", "Hz", "width of the line that a pulse's decay makes, alpha v / pi"
-)
+@on_request("Hz")
 def scattering_of_pulse(m: Measuring) -> Value:
-    """Over frequency; v is the measured group velocity, at which the energy moves on.
+    """Width of the line that a pulse's decay makes, alpha v / pi.
+
+    Over frequency; v is the measured group velocity, at which the energy moves on.
 
     What fades as exp(-alpha x) in space fades as exp(-alpha v t) in time: a line so wide. Under the
     window exp(-eta t) the wave number is less by eta d alpha / d omega, by whose derivative the
@@ -168,7 +161,7 @@ def _width_of_lines(packing: Measuring, polarisation: str) -> Value:
 # 2 pi times it is the rate at which disorder takes the energy of a plane wave.
 for _wave, _polarisation in (("p", "L"), ("s", "T")):
     _text = f"full width of the line of plane {_wave.upper()}-waves, over its frequency"
-    on_request(f"scattering_of_{_wave}", "Hz", _text)(
+    on_request("Hz", f"scattering_of_{_wave}", _text)(
         partial(_width_of_lines, polarisation=_polarisation)
     )
 

@@ -5,12 +5,13 @@ it is no wave, but soft by the disorder of the packing alone. E. Lerner, G. Duri
 Bouchbinder, Phys. Rev. Lett. 117, 035501 (2016) took small cells for that reason.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from analysis.case import AbsentError
 from analysis.estimators import resonances as resonant
 from analysis.estimators.damped_transform import Dispersion, mode_dispersion
-from analysis.estimators.excess import Excess
 from analysis.estimators.resonances import Standing, long_wave_velocity, standing_modes
 from analysis.measuring import Measuring, once
 from analysis.prepare import kept_file, made
@@ -28,6 +29,11 @@ LOWEST = 40
 """Modes that are searched for where no file has any."""
 FEWEST = 30
 """Modes below a peak of D(f) / f^2: from fewer each single one is a peak."""
+FIRST_LINES = 10
+"""Steps between the frequencies of a density below which modes of zero frequency are seen: 2.5
+widths of a single mode's line, as four frequencies stand in a width (`modal.modes.density`)."""
+TENTH = 0.1
+"""Part of the highest frequency at which packings are compared."""
 SAME = 1e-6
 """Relative difference of two frequencies that are one mode's, of two searches."""
 
@@ -226,33 +232,65 @@ def last_pure(m: Measuring) -> Value:
     return estimate(last, apart)
 
 
+class Excess(NamedTuple):
+    """D f_max^3 / f^2, D a share of all modes, at a tenth of the highest frequency; its largest.
+
+    The largest at `peak_frequency`, Hz; NaN where it is at the lowest frequency that is known.
+    """
+
+    at_a_tenth: float
+    peak: float
+    peak_frequency: float
+
+
+def excess_of(frequency: Floats, density: Floats, modes: float, highest: float) -> Excess:
+    """From modes per Hz (n,) at evenly spaced frequencies (n,) Hz, `modes` in all.
+
+    In a solid of plane waves alone D grows as f^2 (Debye), and the ratio is 3. A packing near its
+    loss of rigidity has modes at low frequency beside the waves: the ratio has a maximum, the
+    higher and the lower in frequency the fewer contacts hold a sphere.
+
+    >>> f = np.linspace(0, 1e5, 1001)
+    >>> float(round(excess_of(f, 3 * f**2 / 1e5**3 * 600, 600, 1e5).at_a_tenth, 12))
+    3.0
+    """
+    first = FIRST_LINES * (frequency[1] - frequency[0])
+    keep = (frequency > first) & (frequency < highest)
+    f = frequency[keep] / highest
+    reduced = density[keep] / modes * highest / f**2
+    tenth = float(np.interp(TENTH, f, reduced, np.nan, np.nan)) if len(f) > 1 else np.nan
+    top = int(np.argmax(reduced)) if len(f) else 0
+    return Excess(tenth, *((reduced[top], f[top] * highest) if top else (np.nan, np.nan)))
+
+
 @once
 def excess(m: Measuring) -> Excess:
     """Density of states over that of plane waves."""
     frequency, per_hertz, _ = density(m)
-    return Excess.of(frequency, per_hertz, 6 * m.network.n_particles, f_max(m))
+    return excess_of(frequency, per_hertz, 6 * m.network.n_particles, f_max(m))
 
 
 HIGHEST_BRANCH = 0.15
 """Of the highest frequency: the modes of a narrow cell are not listed beyond."""
 
 
-@without_signal("highest_frequency", "Hz", "highest natural frequency")
+@without_signal("Hz")
 def highest_frequency(m: Measuring) -> Value:
-    """Of the mode that products with K find at the top; its residual bounds its error."""
+    """Highest natural frequency.
+
+    Of the mode that products with K find at the top; its residual bounds its error.
+    """
     modes = highest(m)
     value, residual = float(modes.frequency[-1]), float(modes.residual[-1])
     return Value(value, "Hz", {"fit": residual * value / 2})
 
 
-@quantity(
-    "excess_peak",
-    "Hz",
-    "frequency at which D(f) / f^2 is largest: where soft modes are",
-    exact=DISORDER,
-)
+@quantity("Hz", exact=DISORDER)
 def excess_peak(m: Measuring) -> Value:
-    """The boson peak; its error is half the width of a line of the density."""
+    """Frequency at which D(f) / f^2 is largest: where soft modes are.
+
+    The boson peak; its error is half the width of a line of the density.
+    """
     if m.crystal:
         return unknown("Hz", "a crystal has no soft modes beside its waves")
     frequency, _, below = density(m)
@@ -269,9 +307,12 @@ def excess_peak(m: Measuring) -> Value:
     return Value(found.peak_frequency, "Hz", {"resolution": line / 2}, m.of_one_sample)
 
 
-@on_request("resonances", "Hz", "of standing P-waves r = 1, 2, ... among the lowest modes")
+@on_request("Hz")
 def resonances(m: Measuring) -> Value:
-    """Of a crystal its pure modes, else the modes that bear the largest share of each wave."""
+    """Of standing P-waves r = 1, 2, ... among the lowest modes.
+
+    Of a crystal its pure modes, else the modes that bear the largest share of each wave.
+    """
     modes, along_z, lacks = lowest_modes(m)
     f = modes.resonance_frequency
     if not m.crystal or f is None:
@@ -281,17 +322,23 @@ def resonances(m: Measuring) -> Value:
     return Value(np.asarray(f), "Hz", {}).with_caveats(*m.of_waves, *filter(None, [lacks]))
 
 
-@on_request("chi_z", "1", "share of a mode's motion that is along z, over frequency (Eq. 2)")
+@on_request("1")
 def chi_z(m: Measuring) -> Value:
-    """Of all spheres, of each of the lowest modes."""
+    """Share of a mode's motion that is along z, over frequency (Eq. 2).
+
+    Of all spheres, of each of the lowest modes.
+    """
     modes, _, lacks = lowest_modes(m)
     caveats = m.of_one_sample + tuple(filter(None, [lacks]))
     return Value(modes.chi_z, "1", {}, caveats, modes.frequency)
 
 
-@on_request("chi_z_of_branches", "1", "chi_z of every mode up to 1.5 V_P / W, W the cell's width")
+@on_request("1")
 def chi_z_of_branches(packing: Measuring) -> Value:
-    """Of all spheres. V_S / W and V_P / W are where further waves set in along a cell W wide."""
+    """chi_z of every mode up to 1.5 V_P / W, W the cell's width.
+
+    Of all spheres. V_S / W and V_P / W are where further waves set in along a cell W wide.
+    """
     width = packing.width * packing.diameter
     limit = 1.5 * float(packing.moduli.velocities((0, 0, 1))[0]) / width
     top = min(limit, HIGHEST_BRANCH * highest(packing).frequency[-1])
@@ -318,9 +365,12 @@ def soft_modes(m: Measuring) -> ModeSet:
     return modes
 
 
-@on_request("first_wave", "Hz", "slowest V_S along an axis over the side of a periodic cell")
+@on_request("Hz")
 def first_wave(packing: Measuring) -> Value:
-    """By the moduli."""
+    """Slowest V_S along an axis over the side of a periodic cell.
+
+    By the moduli.
+    """
     return Value(lowest_wave(packing), "Hz")
 
 
@@ -329,22 +379,31 @@ def _over_modes(packing: Measuring, value: Floats) -> Value:
     return Value(value, "1", {}, packing.of_one_sample, soft_modes(packing).frequency)
 
 
-@on_request("soft_participation", "1", "spheres that take part in each mode below the first wave")
+@on_request("1")
 def soft_participation(packing: Measuring) -> Value:
-    """(sum e)^2 / sum e^2, e the kinetic energy of each, rotations included."""
+    """Spheres that take part in each mode below the first wave.
+
+    (sum e)^2 / sum e^2, e the kinetic energy of each, rotations included.
+    """
     share = soft_modes(packing).participation(packing.network)
     return _over_modes(packing, share * packing.network.n_particles)
 
 
-@on_request("soft_rotation", "1", "part of the kinetic energy in rotations, of the same modes")
+@on_request("1")
 def soft_rotation(packing: Measuring) -> Value:
-    """Of all spheres."""
+    """Part of the kinetic energy in rotations, of the same modes.
+
+    Of all spheres.
+    """
     return _over_modes(packing, soft_modes(packing).rotation_share)
 
 
-@on_request("soft_contacts", "1", "contacts of the sphere that moves most, of the same modes")
+@on_request("1")
 def soft_contacts(packing: Measuring) -> Value:
-    """One with two or three is held loosely, whatever its surroundings."""
+    """Contacts of the sphere that moves most, of the same modes.
+
+    One with two or three is held loosely, whatever its surroundings.
+    """
     square = (soft_modes(packing).shapes()[:, :, :3] ** 2).sum(axis=2)
     contacts = contacts_per_particle(packing.network)
     return _over_modes(packing, contacts[square.argmax(axis=1)].astype(float))

@@ -146,37 +146,38 @@ def _quoted(m: Measuring, key: str, places: slice) -> Value:
     return Value(value, "m/s", {"fit": 0.5 * value * m.moduli.error}, (why, *m.of_waves))
 
 
-@quantity("v_p", "m/s", "velocity of the longest P-waves along z; the one to quote", exact=EXACT)
+@quantity("m/s", exact=EXACT)
 def v_p(m: Measuring) -> Value:
-    """Of the coherent wave from the wall; of a cell without walls by its moduli."""
+    """Velocity of the longest P-waves along z; the one to quote.
+
+    Of the coherent wave from the wall; of a cell without walls by its moduli.
+    """
     return _quoted(m, "wave", slice(0, 1))
 
 
-@quantity(
-    "v_s",
-    "m/s",
-    "velocity of the longest S-waves along z; the one to quote",
-    exact="the exact lattice is that of P-waves; S-waves of the crystal against Bloch's in tests",
-)
+@quantity("m/s", exact="the exact lattice has P-waves alone; S-waves have Bloch's in tests")
 def v_s(m: Measuring) -> Value:
-    """The same of a wall that slides along x."""
+    """Velocity of the longest S-waves along z; the one to quote.
+
+    As `v_p`, of a wall that slides along x.
+    """
     return _quoted(m, "shear_wave", slice(1, 3))
 
 
-@without_signal("v_p_static", "m/s", "velocity of P-waves by the springs' answer to a steady push")
+@without_signal("m/s")
 def v_p_static(m: Measuring) -> Value:
-    """Independent of every rule that reads waves."""
+    """Velocity of P-waves by the springs' answer to a steady push.
+
+    Independent of every rule that reads waves.
+    """
     m.require_walls()
     return Value(static_velocity(m.network)[0], "m/s", {}, m.of_one_sample)
 
 
-@quantity(
-    "v_p_first_peaks",
-    "m/s",
-    "velocity of first peaks along the chain, as of the paper",
-    exact=EXACT,
-    bias=0.013,
-)
+@quantity("m/s", exact=EXACT, bias=0.013)
 def v_p_first_peaks(m: Measuring) -> Value:
-    """Depends on pulse and chain: of disorder the first peak broadens on its way."""
+    """Velocity of first peaks along the chain, as of the paper.
+
+    Depends on pulse and chain: of disorder the first peak broadens on its way.
+    """
     return first_peak(m, "wave").with_caveats(*m.of_waves)

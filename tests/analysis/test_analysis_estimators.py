@@ -16,7 +16,6 @@ from analysis.estimators.damped_transform import (
     rms_deviation,
 )
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
-from analysis.estimators.transfer import cross_spectrum
 from analysis.estimators.travel_time import arrival_times, first_peak_times, travelled
 from analysis.estimators.wavenumber import PADDING, far_end, frequency_wavenumber
 from modal.packing.crystal import fcc
@@ -161,14 +160,6 @@ def test_error_of_the_coherent_wave_is_that_of_noisy_records(points):
     # The stated error is some 1.2 times too large; independent of the number of points.
     assert 1 - unsure < np.sqrt((stated**2).mean()) / scatter < 1.25 * (1 + unsure)
     assert abs(velocity.mean() - CHAIN.velocity) < 3 * scatter / np.sqrt(len(draws)) + 0.1
-
-
-def test_cross_spectrum_of_a_delayed_pulse():
-    time = np.arange(0, 4e-4, 1e-7)
-    first, second = (Pulse(1.0, 5e4).displacement(time - late) for late in (0, 1e-4))
-    frequency, phase, group = cross_spectrum(first, second, time, 0.1)
-    assert np.interp(3e4, frequency, phase) == pytest.approx(1000, rel=1e-4)
-    assert np.interp(3e4, frequency, group) == pytest.approx(1000, rel=1e-3)
 
 
 @pytest.mark.parametrize("turn", [1, -1])

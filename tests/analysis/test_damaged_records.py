@@ -17,7 +17,6 @@ from analysis.estimators.fits import power_law
 from analysis.estimators.layer_lattice import LayerLattice, exact_twin, lattice_signals
 from analysis.estimators.low_pass import Passband, at_stretch
 from analysis.estimators.ridge import ridge
-from analysis.estimators.transfer import wall_velocity
 from analysis.estimators.travel_time import arrival_times, first_peak_times, travelled
 from analysis.estimators.wavenumber import chain_wavenumber
 from analysis.measuring import Measuring
@@ -125,17 +124,6 @@ def test_the_order_of_the_chain_does_not_matter(order):
     assert ridge(turned).edge_wavelength == pytest.approx(2 * CHAIN.distance, rel=1e-3)
     kappa = [chain_wavenumber(r, 2e4, LENGTH, velocity=CHAIN.velocity) for r in (turned, FULL)]
     assert kappa[0] == pytest.approx(kappa[1], rel=1e-6)
-
-
-def test_walls_that_hear_no_wave_have_no_velocity():
-    assert wall_velocity(record(0.98), LENGTH) is None
-    long = record(1.7)
-    heard = wall_velocity(long, LENGTH)
-    assert np.interp(2e4, heard[0], heard[1]) == pytest.approx(CHAIN.velocity, rel=0.03)
-    noise = RANDOM.standard_normal(len(long.time))
-    assert wall_velocity(replace(long, receiver_stress=noise), LENGTH) is None
-    still = replace(long, source_displacement=0 * long.time)  # its source has moved before
-    assert wall_velocity(still, LENGTH) is None
 
 
 def test_nothing_has_no_ridge():

@@ -158,12 +158,14 @@ def test_files_on_the_command_line(tmp_path, capsys, printed, one_line):
 def test_a_quantity_is_one_function(random, monkeypatch):
     """Registered under its name, measured with the others; what is not known is refused."""
 
-    @quantity("spheres", "1", "how many spheres there are", exact="counted")
+    @quantity("1", exact="counted")
     def spheres(packing: Measuring) -> Value:
+        """How many spheres there are."""
         return Value(packing.network.n_particles, "1")
 
     try:
         assert analysis.measure(random, quantities=["spheres"])["spheres"].value == 2000
+        assert QUANTITIES["spheres"].definition == "how many spheres there are"
     finally:
         del QUANTITIES["spheres"]
     with pytest.raises(InputError, match="quantity 'spheres': unknown; did you mean"):

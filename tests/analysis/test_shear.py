@@ -11,8 +11,8 @@ from study_folder import measured
 import modal
 from analysis.agreement import Agreement, relative
 from analysis.case import Case, kind_of
-from analysis.estimators.transfer import gain_settings
 from analysis.measuring import Measuring
+from analysis.prepare import gain_settings
 from analysis.quantities.velocity import chain, first_peak, longest
 from modal.elasticity.moduli import write_moduli
 from modal.packing.network import write_network
