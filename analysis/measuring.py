@@ -20,15 +20,21 @@ from analysis.estimators.coherent import PASSAGES
 from analysis.estimators.damped_transform import UNEVEN, layer_distance
 from analysis.estimators.effective_medium import velocity_of_contacts
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
-from analysis.estimators.settled import MARK, why_unsettled
 from analysis.estimators.source_motion import as_of_pulse, cut, recorded_motion
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
 from modal.exchange.registry import read_remarked
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.plausibility import CRYSTALLINE
+from modal.packing.plausibility import BALANCED, CRYSTALLINE
 from modal.packing.sample import Sample
-from modal.packing.state import has_forces, profile, stress_tensor
+from modal.packing.state import (
+    has_forces,
+    profile,
+    residual_forces,
+    stress_tensor,
+    wall_stress,
+)
 from modal.packing.summary import crystalline_shares
+from modal.preparation.protocol import SETTLED
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
@@ -53,6 +59,7 @@ LINE = 0.005
 frequency: 1 kHz in the study's packings under 100 kPa."""
 NARROW = 10.0
 """Diameters: a narrower packing guides its waves at low frequency already."""
+MARK = "not settled"
 Found = TypeVar("Found", bound=Callable[..., Any])
 
 
@@ -367,3 +374,29 @@ class Measuring:
             return record
         as_run = key == "linear" and run is not None
         return cut(record, float(run.time[-1]) if as_run else PASSAGES * self.affine_passage)
+
+
+def why_unsettled(network: Network, stress: float = np.nan) -> str:
+    """What of a packing's state is beyond `SETTLED`; empty if nothing is, or without forces.
+
+    Stresses may be off by what a preparation allows, net forces by twice that: of a state that was
+    reached these are just below its limit, and a little more where forces are made from positions.
+    A state that ran out of patience before is marked wherever one of its numbers is shown.
+
+    `stress` is the target of its three stresses, Pa; NaN where it has none or only an axial one, as
+    a crystal has. Where anything is beyond, it also says how far the pressures of walls are off.
+    """
+    if network.n_contacts == 0 or not has_forces(network):
+        return ""
+    most_off, _ = SETTLED
+    residual = residual_forces(network).mean()
+    off = float(abs(np.diag(stress_tensor(network)) / stress - 1).max())
+    found = []
+    if residual > BALANCED:
+        found.append(f"residual {residual:.1e} over {BALANCED:g}")
+    if off > most_off:
+        found.append(f"stress {100 * off:.2f} % off, over {100 * most_off:g} %")
+    if found and np.isfinite(stress) and not network.cell_periodic[2]:
+        walls = 100 * (wall_stress(network) / stress - 1)
+        found.append("walls " + ", ".join(f"{value:+.1f} %" for value in walls))
+    return "; ".join(found)

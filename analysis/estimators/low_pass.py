@@ -96,18 +96,12 @@ def last_crossing(
 
 
 def spectra(
-    time: np.ndarray, displacement: np.ndarray, highest: float, fade: float = 0.0
+    time: np.ndarray, displacement: np.ndarray, highest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frequency (nf,) Hz to `highest`, and the amplitudes (nf, p) of `displacement` (nt, p).
-
-    The last part, `fade`, of the record fades out by a half cosine; the paper's rule has none.
-    """
+    """Frequency (nf,) Hz to `highest`, and the amplitudes (nf, p) of `displacement` (nt, p)."""
     step = float(time[1] - time[0])
     frequency = np.arange(0, min(highest, 0.5 / step), 1 / (OVERSAMPLING * len(time) * step))
     kernel = np.exp(-2j * np.pi * frequency[:, None] * time)
-    if fade:
-        past = np.clip((time - time[0]) / (time[-1] - time[0]) / fade - (1 / fade - 1), 0, 1)
-        kernel *= np.cos(np.pi / 2 * past) ** 2
     amplitude = np.empty((len(frequency), displacement.shape[1]), np.float32)
     for start in range(0, displacement.shape[1], 4096):  # some spectra at a time: memory
         part = slice(start, start + 4096)
@@ -182,14 +176,10 @@ class Passband:
         return (self.end(record) - sets_out(record)) * self.velocity / self.network.length
 
     def map(
-        self,
-        record: Signals,
-        whose: str = "chain",
-        passages: float = PASSAGES,
-        fade: float = 0.0,
+        self, record: Signals, whose: str = "chain", passages: float = PASSAGES
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Distance (nc,) m, frequency (nf,) Hz and amplitude (nf, nc) of a record cut short."""
-        key = id(record), whose, passages, fade
+        key = id(record), whose, passages
         if key not in self._maps:
             z, u = record.chain_position, record.chain_displacement
             if whose == "chain":
@@ -197,16 +187,16 @@ class Passband:
                 z, u = z[bearing], u[:, bearing]
             elif not self.crystal:
                 z, u = record.layer_position, record.layer_displacement
-            found = self._spectra(record, u, passages, fade)
+            found = self._spectra(record, u, passages)
             self._maps[key] = z - self.network.wall_position[0], *found
         return self._maps[key]
 
     def _spectra(
-        self, record: Signals, u: np.ndarray, passages: float, fade: float = 0.0
+        self, record: Signals, u: np.ndarray, passages: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Of motions u (nt, p) of a record cut short: `spectra`."""
         kept = slice(int((record.time <= self.end(record, passages) * (1 + 1e-9)).sum()))
-        return spectra(record.time[kept], u[kept], self.highest, fade)
+        return spectra(record.time[kept], u[kept], self.highest)
 
     def edges(
         self,
@@ -214,18 +204,17 @@ class Passband:
         whose: str = "chain",
         reference: str = "map",
         passages: float = PASSAGES,
-        fade: float = 0.0,
     ) -> list[Edge]:
         """f_low-pass for each of `THRESHOLDS`; unknown without a record, or one of layers."""
         if record is None or (
             whose == "layers" and not self.crystal and record.layer_displacement is None
         ):
             return [UNKNOWN] * len(THRESHOLDS)
-        distance, frequency, amplitude = self.map(record, whose, passages, fade)
+        distance, frequency, amplitude = self.map(record, whose, passages)
         curves = threshold_curves(frequency, amplitude, reference)
         found = [at_stretch(distance, row, self.network.length, self.stretch) for row in curves]
         source = record.source_displacement[:, None]
-        at, sent = self._spectra(record, source, passages, fade)
+        at, sent = self._spectra(record, source, passages)
         ends = [last_crossing(at, sent, SENT * t * sent.max())[0] for t in THRESHOLDS]
         return [
             replace(UNKNOWN, why=f"above {end / 1e3:.3g} kHz the source sends too little")
@@ -284,10 +273,6 @@ class Passband:
     @cached_property
     def mean_of_columns(self) -> Edge:
         """The 2 % rule, Hz: mean over all columns, and their scatter."""
-        length = self.network.length / self.diameter
-        if not self.crystal and length < SHORTEST:
-            why = f"the packing is {length:.1f} D long, {SHORTEST:g} D are asked for"
-            return replace(UNKNOWN, why=why)
         columns = self.of_columns[:, 0]
         known = columns[np.isfinite(columns)]
         if 2 * len(known) <= len(columns):
@@ -308,8 +293,6 @@ class Passband:
         for passages in (0.7, 1.15, 1.73):
             text = f"linear wave, chain, 2 % of the map, record of {passages:g} passages"
             rows.append((text, self.edges(self.wave, passages=passages)[0]))
-        text = "linear wave, chain, 2 % of the map, last fifth of the record fades"
-        rows.append((text, self.edges(self.wave, fade=0.2)[0]))
         return rows
 
 

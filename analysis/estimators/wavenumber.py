@@ -84,16 +84,3 @@ def frequency_wavenumber(
     wavenumber = 2 * np.pi * np.fft.fftfreq(nl, float(spacing.mean()))
     order = np.argsort(wavenumber)
     return frequency, wavenumber[order], spectrum[:, order]
-
-
-def fk_map(signals: Signals) -> tuple[Floats, Floats, Floats]:
-    """Amplitude over frequency and wave number of a record's chain, to look at.
-
-    Returns frequency (nf,) Hz, wavenumber (nk,) rad/m (both from 0 up, waves towards high z) and
-    amplitude (nf, nk) relative to its maximum.
-    """
-    u, z = signals.chain_displacement, signals.chain_position
-    f, k, spectrum = frequency_wavenumber(u, signals.time, z)
-    low, ahead = f < 4 * signals.input_frequency, k >= 0
-    amplitude = abs(spectrum)[low][:, ahead]
-    return f[low], k[ahead], amplitude / amplitude.max()

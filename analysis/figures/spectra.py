@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.estimators import damped_transform as disp
 from analysis.estimators.resonances import mode_velocities
-from analysis.estimators.wavenumber import fk_map
+from analysis.estimators.wavenumber import frequency_wavenumber
 from analysis.figures.picture import BLUE, ORANGE, Panel
 from analysis.figures.waves import producer_name
 from analysis.measuring import Measuring
@@ -55,13 +55,15 @@ def dispersion(m: Measuring) -> Panel:
         z, u = record.layer_position, record.layer_displacement
         record = replace(record, chain_position=z, chain_displacement=u)
     title = f"{m.label}, {producer_name(record.producer)}{'' if m.crystal else ', layers'}"
-    f, k, amplitude = fk_map(record)
+    place = record.chain_position
+    f, k, spectrum = frequency_wavenumber(record.chain_displacement, record.time, place)
     widest = float(np.pi / disp.layer_distance(record))
     if not m.crystal:
         widest = float(min(widest, 2.5 * np.pi * top / longest(m, "linear").value))
-    rows, columns = np.flatnonzero(f < top), np.flatnonzero(k < widest)
+    rows = np.flatnonzero(f < min(top, 4 * record.input_frequency))
+    columns = np.flatnonzero((k >= 0) & (k < widest))
     rows, columns = (v[:: max(1, len(v) // 110)] for v in (rows, columns))
-    shade = amplitude[np.ix_(rows, columns)]
+    shade = abs(spectrum[np.ix_(rows, columns)])
     sent = np.exp(-2j * np.pi * f[rows, None] * record.time) @ record.source_displacement
     shade = shade / abs(sent)[:, None]  # over the source: what is left of each frequency
     shade = 20 * np.log10(np.maximum(shade / shade.max(), 1e-3))

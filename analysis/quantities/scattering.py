@@ -7,8 +7,7 @@ import numpy as np
 
 from analysis.estimators.coherent import STRETCH
 from analysis.estimators.low_pass import spectra
-from analysis.estimators.scattering import Scattering
-from analysis.estimators.structure_factor import structure_factor
+from analysis.estimators.structure_factor import Scattering, structure_factor
 from analysis.measuring import Measuring, once
 from analysis.prepare import kept_file
 from analysis.quantities.passband import low_pass_2, scale
@@ -176,7 +175,7 @@ def scattering(m: Measuring) -> Scattering:
     if not velocity > 0:
         raise InputError(LOST)
     if kept is not None:
-        return Scattering.of(kept, velocity, m.diameter)
+        return kept.scattering(velocity, m.diameter)
     line, highest = COARSE * m.line, 0.75 * velocity / m.diameter
     # Waves in a length: halves of standing waves between walls, whole ones in a cell without.
     fit = 2 if m.walls else 1
@@ -185,7 +184,7 @@ def scattering(m: Measuring) -> Scattering:
         whole = np.unique(orders.round()).astype(int)
         along = whole if m.walls else whole[:, None] * np.array([0, 0, 1])
         found = structure_factor(m.network, along, line, highest)
-        return Scattering.of(found, velocity, m.diameter)
+        return found.scattering(velocity, m.diameter)
 
     most = max(1.0, 0.5 * fit * m.network.length / m.diameter)
     first = ridge(np.geomspace(max(1.0, most / 20), most, 8))
@@ -198,7 +197,7 @@ def scattering(m: Measuring) -> Scattering:
 @once
 def whole_ridge(m: Measuring) -> Scattering:
     """The same of all waves of a file's structure factor."""
-    return Scattering.of(m.case.needed("structure"), longest(m, "linear").value, m.diameter)
+    return m.case.needed("structure").scattering(longest(m, "linear").value, m.diameter)
 
 
 def free_path(m: Measuring) -> float:

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.frame import missing, numbers, runs, select, spreads
+from analysis.frame import missing, numbers, powers, runs, select, spreads
 from analysis.rows import of_one_producer
 from analysis.study.description import Study, following
-from analysis.study.powers import powers
 from analysis.table import Table, number
 from modal.tools.errors import InputError
 

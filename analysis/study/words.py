@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimators.fits import power_law, straight_line
-from analysis.frame import numbers, select, spreads
-from analysis.study.powers import powers
+from analysis.frame import numbers, powers, select, spreads
 from analysis.table import number
 from modal.tools.errors import InputError
 

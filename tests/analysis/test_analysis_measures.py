@@ -13,9 +13,8 @@ from analysis.estimators.fits import power_law
 from analysis.estimators.layer_lattice import lattice_signals
 from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.resonances import standing_modes
-from analysis.estimators.settled import why_unsettled
 from analysis.frame import frame_of, numbers
-from analysis.measuring import Measuring
+from analysis.measuring import Measuring, why_unsettled
 from analysis.quantities import QUANTITIES, passband, spectrum, velocity
 from analysis.rows import of_one_producer, row_of
 from analysis.table import number

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.estimators.resonances import fitted_wavenumbers, long_wave_velocity
-from analysis.estimators.scattering import Scattering
-from analysis.estimators.structure_factor import StructureFactor
+from analysis.estimators.structure_factor import Scattering, StructureFactor
 from analysis.measuring import Measuring
 from analysis.quantities import gain
 from modal.packing.crystal import fcc
@@ -38,11 +37,11 @@ def test_lines_of_known_width_give_it_back():
     power = np.exp(-0.5 * ((f - centre[:, None]) / sigma[:, None]) ** 2) / sigma[:, None]
     order = np.array([7, 14, 21])
     found = StructureFactor(f, order, order * 10.0, power, resolution)
-    seen = Scattering.of(found, 500.0, 2.5e-3)
+    seen = found.scattering(500.0, 2.5e-3)
     assert seen.frequency == pytest.approx(centre, rel=1e-3)
     assert seen.width == pytest.approx(width, rel=1e-2)
     narrow = StructureFactor(f, order, order * 10.0, power, 1.2 * resolution)
-    assert np.isnan(Scattering.of(narrow, 500.0, 2.5e-3).width[0])
+    assert np.isnan(narrow.scattering(500.0, 2.5e-3).width[0])
 
 
 def test_fitted_wave_numbers_of_walls_that_give_way():

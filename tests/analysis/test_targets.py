@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from analysis.frame import frame_of
+from analysis.frame import frame_of, powers
 from analysis.rows import Row, read_result, read_results, write_result
 from analysis.study.description import Study
-from analysis.study.powers import powers
 from analysis.study.tables import tables
 from analysis.study.targets import Finding, Rules, answers, second_verdicts
 from analysis.value import estimate
