@@ -42,15 +42,15 @@ def _cost(shape: Shape) -> Cost:
 def _factorise(
     matrix: sp.csr_matrix, order: Ints, definite: bool, symmetric: bool, kept: bool
 ) -> Factor:
+    # Else the package, as it is loaded, and each solver search the disk for MKL: 0.4 s and more.
+    for place in Path(sys.prefix, "lib").glob("libmkl_rt.*"):
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(place))
     from pypardiso import PyPardisoSolver
     from pypardiso.pardiso_wrapper import PyPardisoError
 
     if np.iscomplexobj(matrix):
         return _complex(matrix, order, symmetric)
     given = _with_diagonal(matrix, symmetric)
-    # Else each solver searches the disk for MKL, for half a second and more.
-    for place in Path(sys.prefix, "lib").glob("libmkl_rt.*"):
-        os.environ.setdefault("PYPARDISO_MKL_RT", str(place))
     solver = PyPardisoSolver(mtype=(2 if definite else -2) if symmetric else 11)
     for parameter, value in (SYMMETRIC if symmetric else UNSYMMETRIC).items():
         solver.set_iparm(parameter, value)
