@@ -36,7 +36,6 @@ def compare(m: Measuring) -> list[list[str]]:
     own |= {"yade": _of_wave(m, "yade")} if m.yade else {}
     values = {name: known | numbers for name, numbers in own.items()}
     stretch = "at {:g}-{:g} % of the length".format(*(100 * p for p in low_pass.STRETCH[True]))
-    told = {"biased": "paper's rule; theory: the rule on exact signals", "stretch": stretch}
     lines = []
     for line in csv.DictReader(TABLE.read_text().splitlines()):
         names = [line.get(name, line["wave"]).format(record=name) for name in COLUMNS]
@@ -44,8 +43,8 @@ def compare(m: Measuring) -> list[list[str]]:
             values.get(c, {}).get(name, np.nan) for c, name in zip(COLUMNS, names, strict=True)
         ]
         cells = [f"{number:.6g}" if np.isfinite(number) else "" for number in numbers]
-        text, note = (line[name].format(**told) for name in ("quantity", "note"))
-        lines += [[line["id"], text, line["unit"], *cells, note]] if any(cells) else []
+        text = line["quantity"].format(stretch=stretch)
+        lines += [[line["id"], text, line["unit"], *cells, line["note"]]] if any(cells) else []
     return lines
 
 

@@ -12,7 +12,7 @@ from analysis.figures.waves import producer_name
 from analysis.measuring import Measuring
 from analysis.quantities.passband import band_edge, edges, scale, wavelength_at
 from analysis.quantities.spectrum import standing_waves
-from analysis.quantities.velocity import coherent, first_peak, longest, low_frequency
+from analysis.quantities.velocity import LOW_ORDER, coherent, first_peak, longest
 from modal.theory.fcc import dispersion as eq_9
 from modal.waves.signals import Signals
 
@@ -22,7 +22,8 @@ KHZ = 2e3 * np.pi
 
 def velocity_frequency(m: Measuring) -> Panel:
     """Fig. 11: phase and group velocity of the linear wave (layers) and of modes; dL/dt."""
-    top, low, speed = 0.9 * scale(m), low_frequency(m), longest(m, "linear").value
+    top, speed = 0.9 * scale(m), longest(m, "linear").value
+    low = LOW_ORDER * speed / (2 * m.network.length)
     panel = Panel("frequency (kHz)", "velocity (m/s)", m.label, legend="lower left")
     panel.ylim = ((0.5 if m.crystal else 0.75) * speed, 1.12 * speed)
     panel.xlim = (0, top / 1e3)

@@ -112,11 +112,6 @@ def columns(m: Measuring, key: str) -> tuple[float, float]:
     return first_peaks_of_columns(m.cut(key), m.network)
 
 
-def low_frequency(m: Measuring) -> float:
-    """Frequency, Hz, of the wavelength L / 5."""
-    return LOW_ORDER * longest(m, "linear").value / (2 * m.network.length)
-
-
 def of_frequency(m: Measuring, frequency: float) -> tuple[str, ...]:
     """What to know of what is read at a frequency, Hz, where the wave may be wider than the cell.
 
