@@ -23,16 +23,10 @@ from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.source_motion import as_of_pulse, cut, recorded_motion
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
 from modal.exchange.registry import read_remarked
+from modal.packing import state
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.plausibility import BALANCED, CRYSTALLINE
 from modal.packing.sample import Sample
-from modal.packing.state import (
-    has_forces,
-    profile,
-    residual_forces,
-    stress_tensor,
-    wall_stress,
-)
 from modal.packing.summary import crystalline_shares
 from modal.preparation.protocol import SETTLED
 from modal.system.linear_system import LinearSystem
@@ -162,9 +156,9 @@ class Measuring:
         Else the mean that the contacts bear, to three digits; NaN without contact forces.
         """
         stated = float(self.network.study.get("stress", np.nan))
-        if np.isfinite(stated) or not has_forces(self.network):
+        if np.isfinite(stated) or not state.has_forces(self.network):
             return stated
-        return float(f"{np.trace(stress_tensor(self.network)) / 3:.3g}")
+        return float(f"{np.trace(state.stress_tensor(self.network)) / 3:.3g}")
 
     @cached_property
     def unsettled(self) -> str:
@@ -212,7 +206,7 @@ class Measuring:
     @cached_property
     def crystalline(self) -> dict[str, float]:
         """Share of spheres in crystalline surroundings, of all and of the bulk; empty if untold."""
-        return crystalline_shares(self.network, profile(self.network))
+        return crystalline_shares(self.network, state.profile(self.network))
 
     @cached_property
     def of_one_sample(self) -> tuple[str, ...]:
@@ -272,11 +266,8 @@ class Measuring:
     @cached_property
     def shear(self) -> dict[str, Signals]:
         """Recorded S-waves: the first of each producer, by its name."""
-        found: dict[str, Signals] = {}
-        for record in self.records:
-            if record.direction != "z":
-                found.setdefault(record.producer, record)
-        return found
+        slid = [record for record in self.records if record.direction != "z"]
+        return {record.producer: record for record in reversed(slid)}
 
     @cached_property
     def yade(self) -> Signals | None:
@@ -386,17 +377,17 @@ def why_unsettled(network: Network, stress: float = np.nan) -> str:
     `stress` is the target of its three stresses, Pa; NaN where it has none or only an axial one, as
     a crystal has. Where anything is beyond, it also says how far the pressures of walls are off.
     """
-    if network.n_contacts == 0 or not has_forces(network):
+    if network.n_contacts == 0 or not state.has_forces(network):
         return ""
     most_off, _ = SETTLED
-    residual = residual_forces(network).mean()
-    off = float(abs(np.diag(stress_tensor(network)) / stress - 1).max())
+    residual = state.residual_forces(network).mean()
+    off = float(abs(np.diag(state.stress_tensor(network)) / stress - 1).max())
     found = []
     if residual > BALANCED:
         found.append(f"residual {residual:.1e} over {BALANCED:g}")
     if off > most_off:
         found.append(f"stress {100 * off:.2f} % off, over {100 * most_off:g} %")
     if found and np.isfinite(stress) and not network.cell_periodic[2]:
-        walls = 100 * (wall_stress(network) / stress - 1)
+        walls = 100 * (state.wall_stress(network) / stress - 1)
         found.append("walls " + ", ".join(f"{value:+.1f} %" for value in walls))
     return "; ".join(found)
