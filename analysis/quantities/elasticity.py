@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from analysis.measuring import Measuring
-from analysis.quantities.registry import on_request, without_signal
+from analysis.quantities.registry import on_request, quantity
 from analysis.value import Value, unknown
 from modal.elasticity.moduli import ElasticModuli
 from modal.elasticity.plane_waves import isotropic_mean
@@ -56,8 +56,8 @@ def of_moduli(unit: str, number: Callable[[ElasticModuli], float]) -> Callable[[
 
 
 for _name, (_unit, _number, _definition) in OF_MODULI.items():
-    _register = without_signal if _name in ("bulk_modulus", "shear_modulus") else on_request
-    _register(_unit, _name, _definition)(of_moduli(_unit, _number))
+    _asked = _name not in ("bulk_modulus", "shear_modulus")
+    quantity(_unit, _name, _definition, asked=_asked)(of_moduli(_unit, _number))
 
 
 @on_request("1")

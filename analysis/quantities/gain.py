@@ -5,7 +5,7 @@ import numpy as np
 from analysis.measuring import Measuring, once
 from analysis.prepare import kept_file, made
 from analysis.quantities.passband import low_pass_2
-from analysis.quantities.registry import quantity
+from analysis.quantities.registry import on_request
 from analysis.quantities.spectrum import standing_waves
 from analysis.quantities.velocity import longest
 from analysis.value import Value, hertz
@@ -24,9 +24,7 @@ def gain_of(m: Measuring) -> Response:
     return kept_file(m, "response") or made(m, "response")
 
 
-@quantity(
-    "1", exact="resonances without end, of which the record's window alone decides", asked=True
-)
+@on_request("1")
 def gain(m: Measuring) -> Value:
     """Stress on the receiver over that on the source wall, over frequency.
 

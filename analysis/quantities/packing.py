@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from analysis.measuring import Measuring
-from analysis.quantities.registry import on_request, without_signal
+from analysis.quantities.registry import on_request, quantity
 from analysis.value import Value, unknown
 from modal.packing import state
 from modal.packing.network import Network
@@ -59,11 +59,11 @@ def _exact(number: Callable[[Network], Any]) -> Callable[[Measuring], Value]:
 
 
 for _name, (_number, _definition) in EXACT.items():
-    _register = without_signal if _name in ("void_ratio", "coordination") else on_request
-    _register("1", _name, _definition)(_exact(_number))
+    _asked = _name not in ("void_ratio", "coordination")
+    quantity("1", _name, _definition, asked=_asked)(_exact(_number))
 
 
-@without_signal("1")
+@quantity("1")
 def crystalline_share(packing: Measuring) -> Value:
     """Share of spheres in crystalline surroundings.
 

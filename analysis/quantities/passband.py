@@ -1,7 +1,5 @@
 """Up to which frequency waves pass: the paper's threshold rule, and without its bias."""
 
-from operator import attrgetter
-
 import numpy as np
 
 from analysis.estimators.low_pass import SHORTEST, Edge, Passband
@@ -15,8 +13,6 @@ from analysis.value import Value, hertz, unknown
 from modal.packing.rattlers import force_bearing
 from modal.tools.errors import InputError
 
-EXACT = attrgetter("low_pass_frequency")
-"""Of the exact lattice: the end of its band."""
 LEFT = 0.02
 """Of the amplitude, `SHORTEST` diameters on, at the unbiased low-pass of a random packing."""
 SURE = 0.25
@@ -97,7 +93,7 @@ def wavelength_at(m: Measuring, frequency: float, key: str) -> float:
     return 2 * np.pi / kappa
 
 
-@quantity("Hz", exact=EXACT, bias=0.03)
+@quantity("Hz")
 def low_pass(m: Measuring) -> Value:
     """Frequency above which less than 2 % of the amplitude arrives.
 
@@ -123,7 +119,7 @@ def low_pass(m: Measuring) -> Value:
     return Value(edge.value, "Hz", {"chain": edge.error}).with_caveats(*caveats)
 
 
-@quantity("Hz", exact=EXACT)
+@quantity("Hz")
 def low_pass_unbiased(m: Measuring) -> Value:
     """Upper end of the band of P-waves, without a threshold on a record.
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from analysis.case import ABSENT, AbsentError
-from analysis.estimators.layer_lattice import LayerLattice
 from analysis.measuring import Measuring
 from analysis.value import Value, estimate, unknown
 from modal.tools.errors import InputError
@@ -20,9 +19,6 @@ QUICK = (
     *("v_p", "v_s", "low_pass", "highest_frequency"),
 )
 """Those that take a wave or less, of 35,201 spheres half a minute together."""
-Exact = Callable[[LayerLattice], float]
-"""What a quantity of the exact planar crystal is (`analysis.estimators.layer_lattice`)."""
-DISORDER = "a crystal, of which signals are known exactly, has none"
 Of = TypeVar("Of", bound=Callable[[Measuring], Value | float])
 
 
@@ -30,16 +26,13 @@ Of = TypeVar("Of", bound=Callable[[Measuring], Value | float])
 class Quantity:
     """`of` measures it; `unit` is SI, "1" for a number; `definition` says what it is.
 
-    `exact` is its answer on exact signals, on which it is tried, or why there is none; `bias` is
-    what its rule is known to be off there, relative. `asked` is measured on request alone.
+    `asked` is measured on request alone.
     """
 
     name: str
     unit: str
     definition: str
     of: Callable[[Measuring], Value | float]
-    exact: Exact | str
-    bias: float = 0.0
     asked: bool = False
 
     def measured(self, packing: Measuring) -> Value:
@@ -61,21 +54,22 @@ class Quantity:
         return replace(found, unit=self.unit, caveats=caveats)
 
 
-def quantity(unit: str, name: str = "", definition: str = "", **more: Any) -> Callable[[Of], Of]:
+def quantity(
+    unit: str, name: str = "", definition: str = "", asked: bool = False
+) -> Callable[[Of], Of]:
     """Register a function as the one that measures a quantity: a `Value`, or its number alone.
 
     The quantity has the function's name, and the first line of its docstring says what it is, where
-    no others are given. `more` are `exact` and what else a `Quantity` has.
+    no others are given.
     """
 
     def register(of: Of) -> Of:
         called, said = name or of.__name__, (of.__doc__ or "").split("\n")[0].rstrip(".")
         told = definition or said[:1].lower() + said[1:]
-        QUANTITIES[called] = Quantity(called, unit, told, of, **more)
+        QUANTITIES[called] = Quantity(called, unit, told, of, asked)
         return of
 
     return register
 
 
-without_signal = partial(quantity, exact="it is read from no signal")
-on_request = partial(without_signal, asked=True)
+on_request = partial(quantity, asked=True)

@@ -11,7 +11,7 @@ from analysis.estimators.structure_factor import Scattering, structure_factor
 from analysis.measuring import Measuring, once
 from analysis.prepare import kept_file
 from analysis.quantities.passband import low_pass_2, scale
-from analysis.quantities.registry import DISORDER, on_request, quantity
+from analysis.quantities.registry import on_request, quantity
 from analysis.quantities.velocity import LOST, coherents, longest, of_frequency, v_p
 from analysis.value import Value, estimate, hertz, unknown
 from modal.tools.arrays import Floats
@@ -65,7 +65,7 @@ def _sent_to(m: Measuring, highest: float) -> float:
     return float(frequency[lost[0]]) if len(lost) else highest
 
 
-@quantity("1/m", exact=lambda lattice: 0.0)
+@quantity("1/m")
 def attenuation(m: Measuring) -> Value:
     """Decay of the coherent wave's amplitude along z, over frequency.
 
@@ -74,7 +74,7 @@ def attenuation(m: Measuring) -> Value:
     return attenuation_of(m)[0]
 
 
-@quantity("1", exact=DISORDER)
+@quantity("1")
 def quality(m: Measuring) -> Value:
     """Quality factor omega / (2 alpha v) of the coherent wave, over frequency.
 
@@ -92,7 +92,7 @@ def quality(m: Measuring) -> Value:
     return Value(value, "1", parts, alpha.caveats, alpha.at)
 
 
-@quantity("Hz", exact=DISORDER)
+@quantity("Hz")
 def ioffe_regel(m: Measuring) -> Value:
     """Frequency at which the mean free path falls to half a wavelength.
 

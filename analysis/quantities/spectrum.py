@@ -15,7 +15,7 @@ from analysis.estimators.damped_transform import Dispersion, mode_dispersion
 from analysis.estimators.resonances import Standing, long_wave_velocity, standing_modes
 from analysis.measuring import Measuring, once
 from analysis.prepare import kept_file, made
-from analysis.quantities.registry import DISORDER, on_request, quantity, without_signal
+from analysis.quantities.registry import on_request, quantity
 from analysis.quantities.velocity import LOW_ORDER, longest
 from analysis.value import Value, estimate, hertz, unknown
 from modal.modes.eigenmodes import eigenmodes
@@ -274,7 +274,7 @@ HIGHEST_BRANCH = 0.15
 """Of the highest frequency: the modes of a narrow cell are not listed beyond."""
 
 
-@without_signal("Hz")
+@quantity("Hz")
 def highest_frequency(m: Measuring) -> Value:
     """Highest natural frequency.
 
@@ -285,7 +285,7 @@ def highest_frequency(m: Measuring) -> Value:
     return Value(value, "Hz", {"fit": residual * value / 2})
 
 
-@quantity("Hz", exact=DISORDER)
+@quantity("Hz")
 def excess_peak(m: Measuring) -> Value:
     """Frequency at which D(f) / f^2 is largest: where soft modes are.
 

@@ -6,7 +6,6 @@ are called by their names, of `Measuring.record`.
 """
 
 from dataclasses import replace
-from operator import attrgetter
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from analysis.estimators.coherent import DECAY, Coherent, coherent_wave, longest
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
 from analysis.estimators.travel_time import first_peaks_of_columns, travelled
 from analysis.measuring import Measuring, once
-from analysis.quantities.registry import quantity, without_signal
+from analysis.quantities.registry import quantity
 from analysis.value import Value, hertz, unknown
 from modal.elasticity.slab import static_velocity
 from modal.waves.signals import Signals
@@ -36,8 +35,6 @@ V_P by 12, 5 and 3 % at 10, 11 and 14 D (one by 15), V_S by 12, 7 and 8 % (one b
 by 1 to 3 and 0 %."""
 LOW_ORDER = 10
 """Low frequency means that of the standing wave r = 10, wavelength L / 5."""
-EXACT = attrgetter("velocity")
-"""Of the exact lattice: its V_P."""
 LOST = "no coherent wave goes through enough of the packing to be read"
 
 
@@ -141,7 +138,7 @@ def _quoted(m: Measuring, key: str, places: slice) -> Value:
     return Value(value, "m/s", {"fit": 0.5 * value * m.moduli.error}, (why, *m.of_waves))
 
 
-@quantity("m/s", exact=EXACT)
+@quantity("m/s")
 def v_p(m: Measuring) -> Value:
     """Velocity of the longest P-waves along z; the one to quote.
 
@@ -150,7 +147,7 @@ def v_p(m: Measuring) -> Value:
     return _quoted(m, "wave", slice(0, 1))
 
 
-@quantity("m/s", exact="the exact lattice has P-waves alone; S-waves have Bloch's in tests")
+@quantity("m/s")
 def v_s(m: Measuring) -> Value:
     """Velocity of the longest S-waves along z; the one to quote.
 
@@ -159,7 +156,7 @@ def v_s(m: Measuring) -> Value:
     return _quoted(m, "shear_wave", slice(1, 3))
 
 
-@without_signal("m/s")
+@quantity("m/s")
 def v_p_static(m: Measuring) -> Value:
     """Velocity of P-waves by the springs' answer to a steady push.
 
@@ -169,7 +166,7 @@ def v_p_static(m: Measuring) -> Value:
     return Value(static_velocity(m.network)[0], "m/s", {}, m.of_one_sample)
 
 
-@quantity("m/s", exact=EXACT, bias=0.013)
+@quantity("m/s")
 def v_p_first_peaks(m: Measuring) -> Value:
     """Velocity of first peaks along the chain, as of the paper.
 
