@@ -8,9 +8,7 @@ from scipy.special import ndtr
 
 from analysis.__main__ import main
 from analysis.estimators.coherent import coherent_wave, longest_waves
-from analysis.estimators.effective_medium import (
-    velocity_of_contacts,
-)
+from analysis.estimators.effective_medium import velocity_of_contacts
 from analysis.estimators.layer_lattice import LayerLattice
 from analysis.estimators.structure_factor import (
     read_structure,

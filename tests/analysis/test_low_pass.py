@@ -139,8 +139,6 @@ def test_columns_of_a_crystal_agree():
     assert len(band.of_columns) == 4
     assert band.chain_scatter == pytest.approx(np.zeros(4), abs=1e-2 * lattice.low_pass_frequency)
     assert band.passages(wave) == pytest.approx(0.95)
-    names = [name for name, _ in band.choices()]
-    assert len(set(names)) == len(names)
 
 
 def test_the_end_of_the_source_is_not_taken_for_the_packings():
