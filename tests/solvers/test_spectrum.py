@@ -193,6 +193,5 @@ def test_value_vector_and_products(steps, monkeypatch):
 def test_what_does_not_converge_has_no_vector():
     """A column of FCC has a dense bunch at the top."""
     operator = ContactOperator(gallery.fcc(cells=(1, 1, 200)), mass_scaled=True)
-    for most in (20, 22):
-        found = top_mode(operator, most)
-        assert not found.converged.any() and not found.vector.any() and found.products == most
+    found = top_mode(operator, 22)
+    assert not found.converged.any() and not found.vector.any() and found.products == 22
