@@ -173,7 +173,8 @@ def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
             else:
                 cases.append(Case(_name(path, cases), path.parent, {wanted: path}))
     if not cases:
-        raise InputError(f"{', '.join(map(str, kinds))}: no packing; name its *.network.h5 as well")
+        told = ", ".join(map(str, kinds)) or "waves alone"
+        raise InputError(f"{told}: no packing; name its *.network.h5 as well")
     for path in (path for path, kind in kinds.items() if kind not in PACKINGS):
         _give(owner_of(path, cases), kinds[path], path)
     for case in cases:

@@ -15,6 +15,7 @@ from modal.exchange.programs.own import is_sample
 from modal.exchange.registry import read_remarked
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample
+from modal.tools.arguments import checked
 from modal.tools.display import table
 from modal.tools.errors import InputError, refuse_unknown
 from modal.waves.signals import Signals, read_signals
@@ -49,6 +50,7 @@ class Measurement(dict[str, Value]):
         return f"<Measurement of {', '.join(self)}>"
 
 
+@checked
 def measure(
     packing: Network | Sample | Case | str | Path,
     *records: Signals | str | Path,
@@ -134,8 +136,6 @@ def measure_files(
     where they lie beside under its name. `say` is told what a reader should know of the packings.
     """
     waves = [path for path in paths if kind_of(path) in WAVES]
-    if len(waves) == len(paths):
-        raise InputError(f"{', '.join(paths)}: no packing; name its *.network.h5 as well")
     cases = cases_of_files([path for path in paths if path not in waves])
     owner = {path: owner_of(Path(path), cases) for path in waves}
     found = {}

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import modal
+from analysis.measurement import measure
 from modal.elasticity.moduli import ElasticModuli
 from modal.modes.damped import decay_rates
 from modal.modes.density import DensityOfStates
@@ -23,6 +24,7 @@ from modal.system.damping import ContactDamping
 from modal.waves.propagate import LinearWave
 from modal.waves.response import Response
 from modal.waves.signals import Signals
+from modal.waves.sources import Point
 
 OFFERED = {
     *("InputError", "Network", "read", "fcc", "random_packing", "eigenmodes", "count_modes"),
@@ -204,13 +206,13 @@ WRONG = [
     (modal.fcc, {"cells": (1, 1, np.inf)}, "three whole numbers"),
     (modal.fcc, {"cells": (1, 1, 10**9)}, "1000000000 spheres takes 2.2 TB of memory"),
     (modal.fcc, {"stress": -1.0}, "stress -1 Pa"),
-    (modal.FccLattice, {"stress": "high"}, ANOTHER_KIND),
+    (measure, {"packing": 3}, ANOTHER_KIND),
     (modal.random_packing, {"sizes": "two"}, "sizes is 'two', not a list"),
     (modal.random_packing, {"spheres": 10**9, "friction": 0.3}, "1000000000 spheres takes .* mem"),
-    (modal.random_packing, {"spheres": np.nan}, ANOTHER_KIND),
+    (modal.propagate, {"duration": 1e-5, "source": Point(1.5)}, "sphere 1.5"),
     (modal.random_packing, {"seed": 2**63}, "seed 9223372036854775808"),
     *((modal.random_packing, {"spheres": 100, "sizes": sizes}, "sizes") for sizes in NO_SIZES),
-    (modal.fcc, {"radius": 0.0}, "radius 0"),
+    (modal.fcc, {"radius": 1e-300}, "radius 1e-300"),
     (modal.random_packing, {"friction": 2.0}, r"friction \(mu_comp\) 2"),
     *((f, {"network": "mine.network.h5"}, ANOTHER_KIND) for f in OF_NETWORK),
     (modal.random_packing, {"sizes": np.full(3, np.nan)}, "sizes"),

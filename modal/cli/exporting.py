@@ -45,7 +45,6 @@ def run(options: Given) -> Result:
             motion = picture.motion_of_wave(of.time, moved, axis, count or 50)
     elif options.modes or count or scale is not None:
         raise InputError("--modes, --frames and --scale need a file of modes or signals")
-    path.parent.mkdir(parents=True, exist_ok=True)
     frames: picture.Frames = [(0.0, network.position, fields)]
     if motion:
         frames = picture.frames_of(network, fields, motion, scale)

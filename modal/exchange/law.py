@@ -40,7 +40,7 @@ class Units(NamedTuple):
         """Those that somebody gives as numbers; InputError where no unit can have them."""
         if scales is None:
             return None
-        if len(scales) != 3 or not all(0 < scale < np.inf for scale in scales):
+        if np.shape(scales) != (3,) or not all(0 < scale < np.inf for scale in scales):
             raise InputError("--scales: give three positive values, in m, kg, s")
         return cls(*scales)
 

@@ -45,8 +45,8 @@ class FccPacking:
 
     def __post_init__(self) -> None:
         refuse_other_kinds(FccPacking, type(self).__name__, vars(self))
-        if not 0 < self.radius < 1e9:
-            raise InputError(f"radius {self.radius:g}: give a positive number, in m")
+        if not 1e-30 < self.radius < 1e9:
+            raise InputError(f"radius {self.radius:g}: give a positive number below 1e9, in m")
         deepest = DEEPEST * self.radius
         force = float(self.laws[0].normal_force(deepest, self.radius / 2))
         largest = 2 * sqrt(2) * force / (2 * self.radius - deepest) ** 2

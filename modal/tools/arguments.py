@@ -75,7 +75,11 @@ def refuse_other_kinds(owner: Callable[..., Any], name: str, given: Mapping[str,
 
 @cache
 def _kinds(owner: Callable[..., Any]) -> dict[str, Any]:
-    return get_type_hints(owner)
+    kinds = get_type_hints(owner)
+    for name, one in signature(owner).parameters.items():
+        if one.kind is one.VAR_POSITIONAL:
+            kinds[name] = types.GenericAlias(Sequence, kinds[name])
+    return kinds
 
 
 def _alternatives(kind: Any) -> tuple[Any, ...]:

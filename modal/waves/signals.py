@@ -21,6 +21,7 @@ from modal.formats.provenance import Provenance
 from modal.tools.arrays import Floats, Ints
 from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError
+from modal.tools.workload import refuse_above_memory
 from modal.waves.energy_balance import EnergyBalance
 
 TORSION = "torsion"
@@ -213,7 +214,9 @@ class Wave(Drawn):
 
 def record_times(duration: float, interval: float) -> Floats:
     """Times (nt,), s, of a record: from 0 on, none after its `duration` but by round-off."""
-    return interval * np.arange(np.floor(duration / interval * (1 + 1e-9)) + 1)
+    count = np.floor(duration / interval * (1 + 1e-9)) + 1
+    refuse_above_memory(8 * count, f"a record every {interval:g} s", "take a longer interval")
+    return interval * np.arange(count)
 
 
 def write_signals(path: str | Path, signals: Signals, made: Provenance | None = None) -> None:

@@ -152,7 +152,7 @@ class Point(Source):
 
     def load(self, network: Network, direction: str) -> Floats:
         """Shape (6n,); InputError for a sphere that the packing does not have."""
-        if not 0 <= self.particle < network.n_particles:
+        if self.particle not in range(network.n_particles):
             raise InputError(
                 f"sphere {self.particle}: the packing has 0 to {network.n_particles - 1}"
             )

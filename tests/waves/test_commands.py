@@ -88,10 +88,9 @@ def test_file_and_numbers_are_those_of_the_function(
 
 
 WRONG = [
-    *(("crystal", f"wave --duration {s}", "must be positive") for s in ("-1", "0")),
-    *(("crystal", f"wave --interval {s}", "must be positive") for s in ("0", "-1", "1e-3")),
+    *(("crystal", f"wave --interval {s}", "must be positive") for s in ("-1e-30", "0", "1e-3")),
     *(("crystal", f"wave --tolerance {s}", "between 0 and 1") for s in ("0", "1")),
-    *(("crystal", f"wave --time-step {s}", "must be positive") for s in ("0", "-1")),
+    ("crystal", "wave --time-step -1e-30", "must be positive"),
     # The step named divides the interval: four of them.
     ("crystal", "wave --time-step 3e-7 --interval 1e-6", "2.5e-07"),
     ("crystal", "wave --damping -0.1 0", "takes energy"),
@@ -105,7 +104,6 @@ WRONG = [
     ("crystal", "wave --motion-file still.txt", "never moves"),
     ("crystal", "wave --motion-file still.txt --amplitude 1e-9", "the motion is a file"),
     ("crystal", "wave --plane 99", "outside the cell"),
-    ("crystal", "wave --plane nan", "is no number"),
     ("crystal", "wave --point -1", "the packing has 0 to"),
     ("crystal", "wave --friction 2", "of the non-linear wave"),
     ("cell", "wave", "--plane"),
