@@ -85,7 +85,7 @@ def printed(capsys):
 @pytest.fixture(scope="session")
 def yade():
     """What a test asks for that runs YADE."""
-    if shutil.which("yade") is None:
+    if shutil.which("yade-batch") is None:
         pytest.skip("YADE is missing: apt-get install --no-install-recommends yade python3-h5py")
 
 

@@ -1,6 +1,7 @@
-"""The project's scripts inside YADE, each as `workflow/yade_job.sh` runs it on a table of one line.
+"""The project's scripts inside YADE, each as yade-batch runs it for a table of one line.
 
-That itself `test_faults_study.py` goes through.
+yade-batch itself, which `test_faults_study.py` goes through, starts a second YADE to read the table
+and looks every half second whether a job has ended.
 """
 
 import atexit
@@ -20,7 +21,7 @@ from modal.packing.network import Network, write_network
 
 
 def of_batch(script: str, table: str, folder: Path) -> tuple[Path, dict[str, str]]:
-    """The script, and the environment that a job gives it for a table of two lines."""
+    """The script, and the environment that yade-batch gives it for a table of two lines."""
     path = folder / f"{script}.table"
     path.write_text(table)
     here = {"YADE_BATCH": f"{path}:2", "WAVE_PRODUCTS": str(folder)}

@@ -205,22 +205,21 @@ def test_front_door_refuses_in_one_line(arguments, said):
         ("2023.02a", "killed", False, 1, "killed"),
         ("2023.02a", "written", True, 0, "written"),
         ("2018.02b", "", False, 2, "this is YADE 2018.02b, and 2023.02"),
-        ("", "", False, 2, "yade is not in PATH"),
+        ("", "", False, 2, "yade-batch is not in PATH"),
     ],
 )
 def test_a_job_of_yade_fails_with_its_script(version, prints, there, status, said, tmp_path):
-    """YADE returns 0 whatever comes of its script; a product may be there from before."""
-    if version:
-        says = f"[ $1 = --version ] && echo '{version}' || echo '{prints}'"
-        (tmp_path / "yade").write_text(f"#!/bin/sh\n{says}\n")
-        (tmp_path / "yade").chmod(0o755)
+    """yade-batch itself returns 0 whatever comes of its job; a product may be there from before."""
+    for name, text in (("yade-batch", prints), ("yade", version)) if version else ():
+        (tmp_path / name).write_text(f"#!/bin/sh\necho '{text}'\n")
+        (tmp_path / name).chmod(0o755)
     product = tmp_path / "100000Pa.sample.h5"
     if there:
         product.touch()
     table = tmp_path / "own.table"
     table.write_text("mu_comp spheres width seed\n0.4 120 4.2 1\n")
-    job = [ROOT / "workflow/yade_job.sh", table, "yade_scripts/compress.py"]
-    job += [tmp_path, tmp_path / "walk.log", product]
+    job = [ROOT / "workflow/yade_job.sh", table, "0.4"]
+    job += ["yade_scripts/compress.py", tmp_path, tmp_path / "walk.log", product]
     done = subprocess.run(
         [str(word) for word in job],
         env={"YADE": str(tmp_path / "yade"), "PATH": "/usr/bin:/bin"},

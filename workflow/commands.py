@@ -43,7 +43,7 @@ class Commands:
             raise InputError(f"{', '.join(own)}: not in YADE's compressions; write prepare: modal")
         own = f"{self.folder}/walks/{walk}.table"
         last = f"{made}/{self.stresses[-1]:g}Pa.sample.h5"
-        job = f"workflow/yade_job.sh {own} yade_scripts/compress.py"
+        job = f"workflow/yade_job.sh {own} {row['mu_comp']} yade_scripts/compress.py"
         job += f" {self.folder}/walks {self.folder}/log/states/{walk}.yade.log {last}"
         return f"{write_line(self.shape_of(row), own)} && {job}"
 
@@ -79,7 +79,7 @@ class Commands:
         folder = f"{self.folder}/waves/{run}" if run else self.folder
         own = f"{folder}/tables/{case}.{parts[-1]}.table"
         line = write_line(self.line(case, *parts, run=run), own)
-        job = f"workflow/yade_job.sh {own} yade_scripts/{script}.py"
+        job = f"workflow/yade_job.sh {own} {self.rows[case]['case']} yade_scripts/{script}.py"
         job += f" {folder} $log {folder}/{case}.{kind}.h5"
         return f"mkdir -p {folder}/tables; {line}; {job}"
 
@@ -137,7 +137,7 @@ class Commands:
 
 
 def write_line(line: Mapping[str, Any], path: str) -> str:
-    """Command that writes a table of one line for YADE, which takes cells for Python."""
+    """Command that writes a table of one line for yade-batch, which takes cells for Python."""
     cells = [
         f'"{cell.replace(" ", "_")}"' if isinstance(cell, str) else f"{cell:.12g}"
         for cell in line.values()

@@ -1,22 +1,30 @@
 #!/usr/bin/env bash
-# A script inside YADE, on a table of one line: yade_job.sh TABLE SCRIPT FOLDER LOG PRODUCT
-# FOLDER is where YADE's scripts read and write. YADE is the program that the variable YADE names, or
-# the one in PATH. What counts are the PRODUCT, which may be there from before, and that the script
-# names no error. The table is read as of yade-batch, which itself starts a second YADE for that.
+# One line of a yade-batch table: yade_job.sh TABLE KEY SCRIPT FOLDER LOG PRODUCT
+# The line is the one whose first column is KEY; FOLDER is where YADE's scripts read and write.
+# yade-batch returns 0 although its job failed: what counts are the PRODUCT, which may be there from
+# before, and that the script names no error. YADE is the program that the variable YADE names, or
+# the one in PATH.
 set -euo pipefail
 tried=2023.02
-table=$1 script=$2 folder=$3 log=$4 product=$5 yade=${YADE:-yade}
+table=$1 key=$2 script=$3 folder=$4 log=$5 product=$6
 fail() { echo "error: $*" >> "$log"; exit 2; }
 mkdir -p "$folder" "$(dirname "$log")"
 : > "$log"
 exec 2>> "$log"
-command -v "$yade" > /dev/null ||
-    fail "$yade is not in PATH: install YADE, load its module, or name it by the variable YADE"
-export WAVE_PRODUCTS=$folder OMP_NUM_THREADS=1 YADE_BATCH=$table:2
-"$yade" -n -x -j1 "$script" > "$log" 2>&1 < /dev/null || true
+batch=${YADE:+$YADE-batch}; batch=${batch:-yade-batch}
+command -v "$batch" > /dev/null ||
+    fail "$batch is not in PATH: install YADE, load its module, or name it by the variable YADE"
+line=$(awk -v key="$key" '!/^#/ && NF && $1 + 0 == key + 0 && $1 ~ /^[0-9]/ {print NR; exit}' "$table")
+[ -n "$line" ] || fail "$table: no line begins with $key; add one"
+export WAVE_PRODUCTS=$folder OMP_NUM_THREADS=1
+# yade-batch wants its line in the name of the log.
+own=${log%.log}.line%.log
+"$batch" -j 1 --job-threads 1 --nice 0 --lines "$line" --log "$own" "$table" "$script" > "$log" 2>&1 || true
+own=${own//%/$line}
+[ ! -f "$own" ] || { cat "$own" >> "$log"; rm -f "$own"; }
 ! grep -q '^error: ' "$log" || exit 1
 [ -f "$product" ] || {
-    here=$("$yade" --version 2> /dev/null | grep -o '20[0-9][0-9][.0-9a-z]*' | head -n 1)
+    here=$("${batch%-batch}" --version 2> /dev/null | grep -o '20[0-9][0-9][.0-9a-z]*' | head -n 1)
     [[ "$here" = "$tried"* ]] || fail "no product; this is YADE ${here:-of no known version}, and" \
         "$tried was tried; install that one, or name it by the variable YADE; see $log"
     echo "no product from YADE $here; the lines before this one may say why" >> "$log"
