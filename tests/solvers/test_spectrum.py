@@ -83,6 +83,7 @@ def test_bound_of_a_packing_is_above_the_real_parts(make, pre_stress):
 @pytest.mark.parametrize(("inertia", "times"), [(1e-8, 16), (1e8, 4)])
 def test_how_far_above_one_contact_the_bound_of_shear_forces_lies(inertia, times):
     """They reach |t| l / (4 I) where spheres hardly move, |t| / (l m) where they hardly turn."""
+    pytest.importorskip("numba")  # of the loops: a matrix has its symmetric part itself
     one = sheared().with_contacts(np.flatnonzero(~sheared().with_wall)[:1])
     system = LinearSystem(one.unchecked(inertia=inertia * one.inertia), pre_stress="full")
     part, more = system.operator.symmetric_part()
