@@ -1,9 +1,4 @@
-"""What the natural frequencies are: the highest, standing waves among the lowest, soft modes.
-
-The longest wave that fits into a cell has the frequency V_S over the cell's side; what lies below
-it is no wave, but soft by the disorder of the packing alone. E. Lerner, G. During and E.
-Bouchbinder, Phys. Rev. Lett. 117, 035501 (2016) took small cells for that reason.
-"""
+"""What the natural frequencies are: the highest, standing waves among the lowest, their density."""
 
 from typing import NamedTuple
 
@@ -345,65 +340,3 @@ def chi_z_of_branches(packing: Measuring) -> Value:
     modes = eigenmodes(packing.network, below=top, shapes=False)
     lacks = (f"{modes.missing} modes are missing",) if modes.missing else ()
     return Value(modes.chi_z, "1", {}, packing.of_one_sample + lacks, modes.frequency)
-
-
-@once
-def lowest_wave(m: Measuring) -> float:
-    """Hz: of the longest shear wave of a cell without walls, V_S over the cell's side."""
-    if not m.network.cell_periodic.all():
-        raise InputError("between walls waves have other frequencies: take a periodic cell")
-    axes = zip(np.eye(3), m.network.cell_size, strict=True)
-    return float(min(m.moduli.velocities(axis)[-1] / side for axis, side in axes))
-
-
-@once
-def soft_modes(m: Measuring) -> ModeSet:
-    """All modes below the first wave, certified; zero modes are not among them."""
-    modes = eigenmodes(m.network, below=lowest_wave(m))
-    if modes.missing or not len(modes.frequency):
-        raise InputError(f"below the first wave {modes.missing} modes are missing of some")
-    return modes
-
-
-@on_request("Hz")
-def first_wave(packing: Measuring) -> Value:
-    """Slowest V_S along an axis over the side of a periodic cell.
-
-    By the moduli.
-    """
-    return Value(lowest_wave(packing), "Hz")
-
-
-def _over_modes(packing: Measuring, value: Floats) -> Value:
-    """A number of each mode below the first wave, over their frequencies."""
-    return Value(value, "1", {}, packing.of_one_sample, soft_modes(packing).frequency)
-
-
-@on_request("1")
-def soft_participation(packing: Measuring) -> Value:
-    """Spheres that take part in each mode below the first wave.
-
-    (sum e)^2 / sum e^2, e the kinetic energy of each, rotations included.
-    """
-    share = soft_modes(packing).participation(packing.network)
-    return _over_modes(packing, share * packing.network.n_particles)
-
-
-@on_request("1")
-def soft_rotation(packing: Measuring) -> Value:
-    """Part of the kinetic energy in rotations, of the same modes.
-
-    Of all spheres.
-    """
-    return _over_modes(packing, soft_modes(packing).rotation_share)
-
-
-@on_request("1")
-def soft_contacts(packing: Measuring) -> Value:
-    """Contacts of the sphere that moves most, of the same modes.
-
-    One with two or three is held loosely, whatever its surroundings.
-    """
-    square = (soft_modes(packing).shapes()[:, :, :3] ** 2).sum(axis=2)
-    contacts = contacts_per_particle(packing.network)
-    return _over_modes(packing, contacts[square.argmax(axis=1)].astype(float))
