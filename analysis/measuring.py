@@ -206,7 +206,7 @@ class Measuring:
     @cached_property
     def crystalline(self) -> dict[str, float]:
         """Share of spheres in crystalline surroundings, of all and of the bulk; empty if untold."""
-        return crystalline_shares(self.network, state.profile(self.network))
+        return crystalline_shares(self.network)
 
     @cached_property
     def of_one_sample(self) -> tuple[str, ...]:

@@ -123,24 +123,34 @@ def _images(position: Floats, side: Floats, distance: float) -> tuple[Floats, In
 
 
 def _near_pairs(points: Floats, distance: float) -> Iterator[tuple[Ints, Ints]]:
-    """Pairs of `points` (k, 3) at most `distance` apart, some at a time, by cells that wide."""
-    cell = ((points - points.min(axis=0, initial=0.0)) / (distance * (1 + 1e-9))).astype(int)
-    wide, deep = cell[:, :2].max(axis=0, initial=0) + 3
-    number = (cell[:, 2] * deep + cell[:, 1]) * wide + cell[:, 0]
-    order = np.argsort(number, kind="stable")
-    number = number[order]
+    """Pairs of `points` (k, 3) at most `distance` apart, some at a time.
+
+    They stand in rows along x, as high and deep as the distance, and in a row in the order of x.
+    """
+    low = points.min(axis=0, initial=0.0)
+    extent = points.max(axis=0, initial=0.0) - low
+    # Wider rows where they would be too many to tell them apart by one number.
+    unit = max(distance * (1 + 1e-9), 1e-4 * extent.max())
+    apart, most = (points - low) / unit, extent / unit
+    row, deep = apart[:, 1:].astype(int), int(most[1]) + 2
+    # How far along the rows a point is sought, so that round-off in `place` hides none.
+    reach = 1 + 8 * float(np.spacing(most[2] * deep * (most[0] + 4)))
+    wide = most[0] + 2 * reach
+    place = (row[:, 1] * deep + row[:, 0]) * wide + apart[:, 0]
+    order = np.argsort(place, kind="stable")
+    place, (x, y, z) = place[order], points[order].T.copy()
     for start in range(0, len(points), CHUNK):
         here: Ints = np.arange(start, min(start + CHUNK, len(points)))
-        # Half of the rows of three cells about each point; of its own row what comes after it.
-        for row in (0, wide, (deep - 1) * wide, deep * wide, (deep + 1) * wide):
-            low = np.searchsorted(number, number[here] + row - 1) if row else here + 1
-            count = np.searchsorted(number, number[here] + row + 1, side="right") - low
+        # Half of the rows about each point; of its own row what comes after it.
+        for ahead in (0, 1, deep - 1, deep, deep + 1):
+            middle = place[here] + ahead * wide
+            low = np.searchsorted(place, middle - reach) if ahead else here + 1
+            count = np.searchsorted(place, middle + reach, side="right") - low
             one = np.repeat(here, count)
             two = np.arange(len(one)) + np.repeat(low - np.cumsum(count) + count, count)
-            one, two = order[one], order[two]
-            apart = points[one] - points[two]
-            near = np.einsum("ck,ck->c", apart, apart) <= distance**2
-            yield one[near], two[near]
+            square = (x[one] - x[two]) ** 2 + (y[one] - y[two]) ** 2 + (z[one] - z[two]) ** 2
+            near = square <= distance**2
+            yield order[one[near]], order[two[near]]
 
 
 def touching(

@@ -13,7 +13,7 @@ from numpy.polynomial.legendre import Legendre
 
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import Network
-from modal.tools.arrays import Bools
+from modal.tools.arrays import Bools, Complex
 
 REACH = 1.3
 """Distance of neighbours, diameters: between first and second shell of FCC (1 and 1.41)."""
@@ -46,18 +46,21 @@ def _crystalline(network: Network) -> Bools:
         here, there = i[part], j[part]
         branch = position[there] + shift[part] * np.array([*side, 0.0]) - position[here]
         x, y, z = (branch / np.linalg.norm(branch, axis=1)[:, None]).T
+        turned: Complex = np.ones(len(z), complex)
         for m in range(7):
             # Y_6m up to a common factor; those of negative m are conjugates: a factor 2.
             scale = np.sqrt((2 if m else 1) * factorial(6 - m) / factorial(6 + m))
-            value = scale * Legendre.basis(6).deriv(m)(z) * (x + 1j * y) ** m
+            value = scale * Legendre.basis(6).deriv(m)(z) * turned
+            turned *= x + 1j * y
             for end in (here, there):  # degree 6 is even: a bond looks the same from both ends
                 vector.real[:, m] += np.bincount(end, value.real, n)
                 vector.imag[:, m] += np.bincount(end, value.imag, n)
     size = np.linalg.norm(vector, axis=1)
     vector /= np.where(size > 0, size, 1)[:, None]
-    bonds = np.zeros(n, int)
+    # A cosine is real: the scalar product of real and imaginary parts.
+    bonds, parts_of = np.zeros(n, int), vector.view(float)
     for part in parts:
         here, there = i[part], j[part]
-        solid = (vector[here] * vector[there].conj()).sum(axis=1).real > AGREEMENT
+        solid = np.einsum("bk,bk->b", parts_of[here], parts_of[there]) > AGREEMENT
         bonds += np.bincount(here[solid], minlength=n) + np.bincount(there[solid], minlength=n)
     return bonds >= SOLID_BONDS

@@ -14,7 +14,7 @@ from numpy.linalg import norm
 from modal.packing.checks import density_of, force_ratio, stiffness_ratio
 from modal.packing.neighbours import touching
 from modal.packing.network import Network
-from modal.packing.state import profile, residual_forces
+from modal.packing.state import residual_forces
 from modal.packing.summary import crystalline_shares
 from modal.tools.arrays import Floats
 
@@ -86,7 +86,7 @@ def _of_shape(network: Network, waves: bool) -> Remarks:
     shares, lattice = {}, False
     if network.length > 0 and network.cell_size[:2].all():
         if few:  # of many spheres alike springs alone tell a lattice
-            shares = crystalline_shares(network, profile(network))
+            shares = crystalline_shares(network)
         springs = network.stiffness_normal[~network.with_wall]
         alike = springs.size > 0 and springs.std() <= UNIFORM * springs.mean()
         lattice = bool(alike) and shares.get("crystalline_share", 1.0 - few) > CRYSTAL

@@ -114,15 +114,24 @@ def friction_used(network: Network, friction: float) -> Floats:
     return share
 
 
+def layer_edges(network: Network, thickness: float | None = None) -> tuple[Floats, Bools]:
+    """Edges (k + 1,), m, of layers as those of `profile`, and which (k,) are of the bulk."""
+    diameter = 2 * float(network.radius.mean())
+    count = max(1, round(network.length / (thickness or diameter)))
+    edges = np.linspace(network.wall_position[0], network.wall_position[1], count + 1)
+    reach = edges[[0, -1]] + np.array([1, -1]) * WALL_ZONE * diameter
+    inner = (edges[:-1] >= reach[0]) & (edges[1:] <= reach[1])
+    return edges, inner | bool(network.cell_periodic[2])
+
+
 def profile(network: Network, thickness: float | None = None) -> Profile:
     """Layers of about `thickness`, m (one mean diameter), from wall to wall.
 
     A sphere's volume is split at the edges as the spherical caps that they cut off; volume and
     force beyond a wall count to the last layer, beyond a period to the layer that they enter there.
     """
-    diameter = 2 * float(network.radius.mean())
-    count = max(1, round(network.length / (thickness or diameter)))
-    edges = np.linspace(network.wall_position[0], network.wall_position[1], count + 1)
+    edges, bulk = layer_edges(network, thickness)
+    count = len(bulk)
     volume = volume_between_walls(network) / count
     z, radius = network.position[:, 2], network.radius
     solid, periodic = np.zeros(count + 1), bool(network.cell_periodic[2])
@@ -133,7 +142,6 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     layer = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, count - 1)
     particles = np.bincount(layer, minlength=count)
     ends = np.bincount(layer, contacts_per_particle(network), count)
-    reach = edges[[0, -1]] + np.array([1, -1]) * WALL_ZONE * diameter
     own, empty = np.diff(solid), np.full(count, np.inf)
     return Profile(
         edges=edges,
@@ -141,7 +149,7 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
         void_ratio=np.divide(volume, own, out=empty, where=own > 0) - 1,
         coordination=ends / np.maximum(particles, 1),
         particles=particles,
-        bulk=periodic | ((edges[:-1] >= reach[0]) & (edges[1:] <= reach[1])),
+        bulk=bulk,
     )
 
 

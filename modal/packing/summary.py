@@ -50,7 +50,7 @@ def _of_volume(network: Network) -> dict[str, Any]:
     return result | _along_z(network)
 
 
-def crystalline_shares(network: Network, layers: state.Profile) -> dict[str, float]:
+def crystalline_shares(network: Network) -> dict[str, float]:
     """The share of crystalline spheres, of all and of the bulk if there is one.
 
     Empty but for equal spheres in a cell with periods along x and y.
@@ -58,10 +58,10 @@ def crystalline_shares(network: Network, layers: state.Profile) -> dict[str, flo
     periodic = bool(network.cell_periodic[0] and network.cell_periodic[1])
     if not periodic or np.ptp(network.radius) > 1e-9 * network.radius.mean():
         return {}
-    ordered, edges = crystalline(network), layers.edges
+    ordered, (edges, bulk) = crystalline(network), state.layer_edges(network)
     shares = {"crystalline_share": float(ordered.mean())}
-    if layers.bulk.any():
-        z, inner = network.position[:, 2], np.flatnonzero(layers.bulk)
+    if bulk.any():
+        z, inner = network.position[:, 2], np.flatnonzero(bulk)
         inside = (z >= edges[inner[0]]) & (z < edges[inner[-1] + 1])
         if inside.any():
             shares["crystalline_share_of_bulk"] = float(ordered[inside].mean())
@@ -71,7 +71,7 @@ def crystalline_shares(network: Network, layers: state.Profile) -> dict[str, flo
 def _along_z(network: Network) -> dict[str, Any]:
     """The share of crystalline spheres, and how the bulk differs along z."""
     layers = state.profile(network)
-    result: dict[str, Any] = dict(crystalline_shares(network, layers))
+    result: dict[str, Any] = dict(crystalline_shares(network))
     if layers.bulk.any():
         density = 1 / (1 + layers.void_ratio[layers.bulk])
         weight, ends = layers.particles[layers.bulk], layers.coordination[layers.bulk]

@@ -22,7 +22,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modal.dem.motion import Dynamics
 from modal.packing.network import Network
 from modal.packing.sample import Sample, sample_of_network
 from modal.system.linear_system import LinearSystem
@@ -196,6 +195,8 @@ class NonlinearRuns:
             bytes_needed=8 * (3 * nt * reading.shape[0] + steps),
             remedy="take a shorter duration or a larger tolerance",
         )
+        from modal.dem.motion import Dynamics  # not at import: linear waves need none of its loops
+
         moving = Dynamics(self.sample, books=True)
         moving.axis = self.network.cell_size[:2] / 2
         contacts, inertia = moving.contacts, np.repeat(moving.masses, 3, axis=1)
