@@ -16,7 +16,7 @@ from modal.dem.near_contacts import contacts_in_reach, longest_ways
 from modal.packing.sample import Sample
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
-from modal.tools.slabs import slabs_of
+from modal.tools.slabs import SLABS, slabs_of
 
 SKIN, WIDEST = 0.03, 0.24
 """First and largest reach of the list of pairs beyond touch, diameters of the largest sphere. A
@@ -86,7 +86,7 @@ class MovingContacts:
         self._history, self.work = history, np.zeros((0, 2))
         if history:
             self._begin(books)
-        self._age, self.moved = LIFE, 0.0
+        self._age, self.moved, self._ways = LIFE, 0.0, np.empty(SLABS)
         self.seek()
         self.touch()
 
@@ -196,7 +196,8 @@ class MovingContacts:
         """Seek the pairs anew where others may touch by now."""
         lengths, walls = self._sought_in
         stretch = self.lengths / lengths
-        moved = float(longest_ways(self.position, self._sought_at, stretch).max())
+        longest_ways(self.position, self._sought_at, stretch, self._ways)
+        moved = float(self._ways.max())
         # A list is sought with a period that stands upright; walls have their own ways.
         moved += math.hypot(*self.lean) + float(abs(self.walls - stretch[2] * walls).max())
         # Both are ways since the list was made: by their difference the farthest one has grown.

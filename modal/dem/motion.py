@@ -18,8 +18,7 @@ import numpy as np
 from modal.dem.contacts import SKIN, MovingContacts
 from modal.packing.sample import Sample
 from modal.tools.arrays import Floats
-from modal.tools.loops import compiled, compiled_part, fingerprint, numba, prange
-from modal.tools.slabs import SLABS
+from modal.tools.loops import by_parts
 
 PACE = 0.3
 """Squared time step over mass per sum of kn, of dynamic relaxation. For each contact kn (n.d)^2 +
@@ -33,7 +32,7 @@ AT_REST = np.zeros(3)
 
 
 def _advance_some(
-    first, last, position, velocity, load, before, rates, dt, damping, masses, late
+    first, last, _, position, velocity, load, before, rates, dt, damping, masses, late
 ):  # fmt: skip
     for i in range(first, last):
         of_force, of_torque = 1 / masses[i, 0], 1 / masses[i, 1]
@@ -52,15 +51,6 @@ def _advance_some(
             work = twist * (w + 0.5 * dt * twist)
             twist *= 1 - damping * (1.0 * (work > 0) - (work < 0))
             velocity[i, 3 + axis] = w + dt * twist
-
-
-def _advance(position, velocity, load, before, rates, dt, damping, masses, late):
-    n = len(position)
-    for part in prange(SLABS):
-        _advance_some(
-            part * n // SLABS, (part + 1) * n // SLABS, position, velocity, load, before, rates,
-            dt, damping, masses, late,
-        )  # fmt: skip
 
 
 def advance_by_arrays(position, velocity, load, before, rates, dt, damping, masses, late):
@@ -83,11 +73,7 @@ def advance_by_arrays(position, velocity, load, before, rates, dt, damping, mass
     late[:] = way - (position - start)
 
 
-if numba is None:
-    advance_by_loop = advance_by_arrays
-else:
-    _advance_some = compiled_part(_advance_some, fingerprint())
-    advance_by_loop = compiled(_advance, 0, fingerprint())
+advance_by_loop = by_parts(_advance_some, advance_by_arrays)
 
 
 Control = Callable[[Floats], Floats]

@@ -10,7 +10,7 @@ import numpy as np
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Floats, Ints
-from modal.tools.loops import compiled, compiled_part, fingerprint, numba, prange
+from modal.tools.loops import by_parts, compiled, compiled_part, fingerprint, numba, prange
 from modal.tools.slabs import SLABS
 
 EMPTY = 100
@@ -156,43 +156,32 @@ def _pairs_by_cells(position, lengths, reach, whole):
     return ends[:kept], shift[:kept]
 
 
-def _way_of_some(first, last, position, start, stretch):
-    longest = 0.0
+def _way_of_some(first, last, part, position, start, stretch, longest):
+    most = 0.0
     for i in range(first, last):
         way = 0.0
         for axis in range(3):
             way += (position[i, axis] - stretch[axis] * start[i, axis]) ** 2
         # What is no number stays in sight.
-        if longest == longest and not way <= longest:
-            longest = way
-    return longest
+        if most == most and not way <= most:
+            most = way
+    longest[part] = np.sqrt(most)
 
 
-def _longest_ways(position, start, stretch):
-    n = len(position)
-    longest = np.zeros(SLABS)
-    for part in prange(SLABS):
-        first, last = part * n // SLABS, (part + 1) * n // SLABS
-        longest[part] = _way_of_some(first, last, position, start, stretch)
-    return np.sqrt(longest)
-
-
-def longest_ways_by_arrays(position: Floats, start: Floats, stretch: Floats) -> Floats:
-    """How far the spheres have gone from `start` (n, 3), stretched (3,): each, m.
+def longest_ways_by_arrays(
+    position: Floats, start: Floats, stretch: Floats, longest: Floats
+) -> None:
+    """How far the spheres have gone from `start` (n, 3), stretched (3,), m: into `longest` (k,).
 
     The compiled loop gives the longest way of each part. The largest of them is for numpy, which
     unlike threads' loops does not pass over what is no number.
     """
-    ways: Floats = np.sqrt(((position - stretch * start) ** 2).sum(axis=1))
-    return ways
+    longest[:] = np.sqrt(((position - stretch * start) ** 2).sum(axis=1)).max(initial=0.0)
 
 
-if numba is None:
-    longest_ways = longest_ways_by_arrays
-else:
+longest_ways = by_parts(_way_of_some, longest_ways_by_arrays)
+if numba is not None:
     _sorted_by = numba.njit(cache=True)(_sorted_by)
     _runs_near = compiled_part(_runs_near, fingerprint())
     _pairs_of_some = compiled_part(_pairs_of_some, fingerprint())
     _pairs_by_cells = compiled(_pairs_by_cells, 0, fingerprint())
-    _way_of_some = compiled_part(_way_of_some, fingerprint())
-    longest_ways = compiled(_longest_ways, 0, fingerprint())

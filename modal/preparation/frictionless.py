@@ -16,7 +16,7 @@ from modal.packing.sample import Sample
 from modal.preparation.protocol import SQUEEZE, Stage, Study, stress_of
 from modal.preparation.strain_control import Servo
 from modal.tools.arrays import Floats
-from modal.tools.loops import compiled, compiled_part, fingerprint, numba, prange
+from modal.tools.loops import by_parts
 from modal.tools.slabs import SLABS
 
 PEAK_PACE, PACE = 0.3, 0.4
@@ -37,7 +37,7 @@ FARTHEST, STRAIN = 0.1, 0.01
 spheres must not pass through each other."""
 
 
-def _sums_of_some(first, last, velocity, force, sums):
+def _sums_of_some(first, last, part, velocity, force, sums):
     power = square = pushes = fastest = hardest = 0.0
     for i in range(first, last):
         for axis in range(3):
@@ -46,37 +46,24 @@ def _sums_of_some(first, last, velocity, force, sums):
             square += v * v
             pushes += f * f
             fastest, hardest = max(fastest, abs(v)), max(hardest, abs(f))
-    sums[0], sums[1], sums[2], sums[3], sums[4] = power, square, pushes, fastest, hardest
+    row = sums[part]
+    row[0], row[1], row[2], row[3], row[4] = power, square, pushes, fastest, hardest
 
 
-def _sums(velocity, force):
-    n, sums = len(velocity), np.zeros((SLABS, 5))
-    for part in prange(SLABS):
-        _sums_of_some(part * n // SLABS, (part + 1) * n // SLABS, velocity, force, sums[part])
-    return sums
-
-
-def sums_by_arrays(velocity: Floats, force: Floats) -> Floats:
-    """Shape (k, 5), of parts of the spheres: sums of F v, v^2 and F^2; the largest v and F."""
+def sums_by_arrays(velocity: Floats, force: Floats, sums: Floats) -> None:
+    """Fill rows of parts of the spheres: sums of F v, v^2 and F^2; the largest v and F."""
     # Not BLAS: its threads cost more than they save here, and make the sum depend on their number.
     pairs = ((force, velocity), (velocity, velocity), (force, force))
     largest = abs(velocity).max(), abs(force).max()
-    return np.array([[*(np.einsum("ij,ij", a, b) for a, b in pairs), *largest]])
+    sums[0] = [*(np.einsum("ij,ij", a, b) for a, b in pairs), *largest]
 
 
-def _descend_some(first, last, position, velocity, force, keep, gain, stretch, dt):
+def _descend_some(first, last, _, position, velocity, force, keep, gain, stretch, dt):
     for i in range(first, last):
         for axis in range(3):
             v = keep * velocity[i, axis] + gain * force[i, axis]
             velocity[i, axis] = v
             position[i, axis] = stretch[axis] * position[i, axis] + dt * v
-
-
-def _descend(position, velocity, force, keep, gain, stretch, dt):
-    n = len(position)
-    for part in prange(SLABS):
-        first, last = part * n // SLABS, (part + 1) * n // SLABS
-        _descend_some(first, last, position, velocity, force, keep, gain, stretch, dt)
 
 
 def descend_by_arrays(position, velocity, force, keep, gain, stretch, dt):
@@ -87,13 +74,8 @@ def descend_by_arrays(position, velocity, force, keep, gain, stretch, dt):
     position += dt * velocity
 
 
-if numba is None:
-    sums_by_loop, descend_by_loop = sums_by_arrays, descend_by_arrays
-else:
-    _sums_of_some = compiled_part(_sums_of_some, fingerprint())
-    _descend_some = compiled_part(_descend_some, fingerprint())
-    sums_by_loop = compiled(_sums, 0, fingerprint())
-    descend_by_loop = compiled(_descend, 0, fingerprint())
+sums_by_loop = by_parts(_sums_of_some, sums_by_arrays)
+descend_by_loop = by_parts(_descend_some, descend_by_arrays)
 
 
 class Pressure(Stage):
@@ -158,7 +140,8 @@ class Descent:
         pull = (contacts.virial - self._control.target * contacts.lengths.prod()) / self._scale
         limit = self._limit()
         dt = min(max(self._dt, 0.02 * limit), limit)
-        sums = sums_by_loop(self.velocity, force)
+        sums = np.zeros((SLABS, 5))
+        sums_by_loop(self.velocity, force, sums)
         power, square, pushes = sums[:, :3].sum(axis=0)
         fastest, hardest = sums[:, 3:].max(axis=0)
         keep, push = 0.0, 0.0

@@ -1,6 +1,7 @@
 """Loops over contacts or spheres, compiled by numba where it is installed: to import loads it."""
 
 import os
+import sys
 import zlib
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -110,6 +111,28 @@ def compiled_part(
     the processor has them in one.
     """
     return numba.njit(cache=True, fastmath=fastmath)(_renamed(function, of, own))
+
+
+def by_parts(some: Loop, by_arrays: Loop) -> Loop:
+    """A loop over spheres, compiled, whose parts may share the cores; else `by_arrays`.
+
+    `some` takes the first sphere of a part, the one behind its last, the number of the part, and
+    what the loop is given, whose first array has a row for each sphere.
+    """
+    if numba is None:
+        return by_arrays
+    of = fingerprint(sys.modules[some.__module__])
+    return compiled(_by_parts, 0, f"{some.__name__}_{of}", {"_some": compiled_part(some, of)})
+
+
+def _some(first, last, part, *given):
+    """What is done with a part: each loop has its own in this place."""
+
+
+def _by_parts(*given):
+    count = len(given[0])
+    for part in prange(slabs.SLABS):
+        _some(part * count // slabs.SLABS, (part + 1) * count // slabs.SLABS, part, *given)
 
 
 @elementwise
