@@ -1,11 +1,12 @@
 """Whole questions by the clock: what a person types, and how long the answer takes on all cores.
 
 Runs only when it is named, on a machine that has nothing else to do. The packing is the sample of
-case 6, 35,201 spheres; a slender one is made by the question before it is asked of. The last rows
-repeat the sample sideways, up to ten million spheres, which need 16 GB.
+case 6, 35,201 spheres; a slender one is made by the question before it is asked of. Each answer is
+told as soon as it is there.
 """
 
 import shutil
+from collections.abc import Mapping
 
 from benchmarks.harness import diagram
 from benchmarks.harness.measure import CORES, Job, Measured, median_of
@@ -15,18 +16,18 @@ from modal.packing.sample import read_sample, sample_of_network
 from modal.preparation.random_packing import random_network
 
 TITLE = "Whole questions: seconds and memory from the command to the answer"
-SMALL, PACKING, MADE, WIDE = (f"{name}.sample.h5" for name in ("small", "packing", "made", "wide"))
+SMALL, PACKING, MADE = (f"{name}.sample.h5" for name in ("small", "packing", "made"))
 """Files that the questions are asked of, in the folder in which they are asked."""
 ONCE_MORE = 60.0
 """Seconds up to which a question is asked with one thread, too."""
+Question = tuple[str, float | None]
+"""A command, and the seconds in which its answer should be there, if stated."""
 SIZES = {
     True: {"slender": 1000, "rough": 300, "width": 5},
-    False: {"slender": 8800, "rough": 35201, "width": 14.65},
+    False: {"slender": 8800, "rough": 8800, "width": 9.2},
 }
 """Spheres of packings that are made, without friction and with it; diameters."""
-COPIES = {True: (), False: ((2, 2), (7, 4), (17, 17))}
-"""Repetitions of the sample along x and y."""
-QUESTIONS = {
+QUESTIONS: dict[str, Question] = {
     "what is in a small packing": (f"modal info {SMALL}", 0.35),
     "V_P, V_S, f_low-pass": (f"analysis measure {PACKING} --quick", 15),
     "all quantities": (f"analysis measure {PACKING}", 50),
@@ -47,27 +48,19 @@ QUESTIONS = {
     ),
     "its rest": (f"modal relax {MADE} --friction 0.5 -o rested.sample.h5", None),
 }
-"""What is asked -> its command, and the seconds in which the answer should be there, if stated. A
-command that makes a packing writes to the folder `made`."""
-
-
-def questions(quick: bool) -> dict[str, tuple[str, float | None]]:
-    """All of them, in their order; with `quick` of small packings and without copies."""
-    asked = {
-        text: (words.format(**SIZES[quick]), goal) for text, (words, goal) in QUESTIONS.items()
-    }
-    for x, y in COPIES[quick]:
-        asked[f"repeated {x} x {y} times"] = (
-            f"modal tile {PACKING} --repeat {x} {y} -o {WIDE}",
-            None,
-        )
-        wave = f"modal wave {WIDE} --duration 6e-4 --whole"
-        asked[f"the wave, {x} x {y} times"] = wave, None
-    return asked
+"""What is asked. A command that makes a packing writes to the folder `made`."""
 
 
 def run(job: Job) -> Page:
     """Ask every question; of small samples if `quick`, to see that all are answered."""
+    asked = {
+        text: (words.format(**SIZES[job.quick]), goal) for text, (words, goal) in QUESTIONS.items()
+    }
+    return answers(job, "questions", TITLE, asked)
+
+
+def answers(job: Job, name: str, title: str, questions: Mapping[str, Question]) -> Page:
+    """The page `name` of `questions`, as `QUESTIONS`, with their answers' seconds and memory."""
     small = sample_of_network(random_network(500, STRESS, seed=1), 0.1)
     job.write(small, "small")
     job.write(small if job.quick else read_sample(SAMPLE))
@@ -77,12 +70,13 @@ def run(job: Job) -> Page:
         return job.command(*command.split(), threads=threads)
 
     rows: Rows = []
-    for text, (command, goal) in questions(job.quick).items():
+    for text, (command, goal) in questions.items():
         found = median_of(3, lambda asked=command: answered(asked, CORES))
         row = {"question": text, "goal_s": goal, **found.cost, "one_thread_s": None}
         if not found.failure and found.seconds < ONCE_MORE:
             row["one_thread_s"] = answered(command, 1).seconds
         rows.append(row)
+        print(*(f"{name} {value}" for name, value in row.items()), sep=", ", flush=True)
         for state in sorted((job.folder / "made").glob("*.sample.h5")):  # the last is asked for
             state.replace(job.folder / MADE)
     task = (
@@ -100,4 +94,4 @@ def run(job: Job) -> Page:
     ax.plot([row["goal_s"] for row in shown], range(len(shown)), "k|", ms=14, label="aimed at")
     ax.set(xscale="log", xlabel="seconds")
     diagram.legend_below(figure, ax)
-    return Page(TITLE, task, {"questions": rows}, said, {"questions": figure})
+    return Page(title, task, {name: rows}, said, {name: figure})
