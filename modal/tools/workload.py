@@ -76,7 +76,7 @@ def refuse_above(
     `seconds` memory alone is told.
     """
     at_hand = memory_at_hand()
-    if seconds > (LONGEST if longest is None else longest) or bytes_needed > at_hand:
+    if not seconds <= (LONGEST if longest is None else longest) or bytes_needed > at_hand:
         task += f" {duration(seconds)} here, and" if seconds else ""
         raise InputError(
             f"{task} {quantity(bytes_needed, 'B', 3)} of memory "

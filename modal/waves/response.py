@@ -133,6 +133,8 @@ def maxima(frequency: Floats, gain: Floats) -> tuple[Floats, Floats]:
     return frequency[k] + shift * (frequency[1] - frequency[0]), heights
 
 
+BEYOND = 10
+"""Times the highest mode's frequency up to which a response may go."""
 SCHEMA = "granular-frequency-response"
 _TABLE = product_of(SCHEMA, Response, versions=VERSION)
 FORMAT = replace(
@@ -230,9 +232,13 @@ def frequency_response(
 
 def _end(top: float, highest: float | None, resolution: float) -> float:
     """Hz: where the frequencies end; `top` is the end of the spectrum in omega^2, 1/s^2."""
-    end = float(np.sqrt(top) / (2 * np.pi) if highest is None else frequencies(highest))
-    if not resolution < end:
-        raise InputError(f"highest frequency {end:g} Hz: must exceed the resolution")
+    last = float(np.sqrt(top) / (2 * np.pi))
+    end = last if highest is None else float(frequencies(highest))
+    if not resolution < end <= BEYOND * last:
+        raise InputError(
+            f"highest frequency {end:g} Hz: must exceed the resolution, and may be {BEYOND} times "
+            f"that of the highest mode, {last:.3g} Hz, above which all motion dies away; give Hz"
+        )
     return end
 
 

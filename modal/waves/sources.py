@@ -148,7 +148,7 @@ class Point(Source):
 
     def height_in(self, network: Network) -> Floats:
         """That of the sphere."""
-        return network.position[[self.particle], 2]
+        return network.position[[int(self.particle)], 2]
 
     def load(self, network: Network, direction: str) -> Floats:
         """Shape (6n,); InputError for a sphere that the packing does not have."""
@@ -157,7 +157,7 @@ class Point(Source):
                 f"sphere {self.particle}: the packing has 0 to {network.n_particles - 1}"
             )
         load = super().load(network, direction)
-        load[6 * self.particle + COMPONENT[direction]] = 1
+        load[6 * int(self.particle) + COMPONENT[direction]] = 1
         return load
 
 

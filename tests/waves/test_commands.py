@@ -112,6 +112,7 @@ WRONG = [
     # Some 1e12 frequencies: 1e13 bytes for each receiver.
     ("crystal", "response --resolution 1e-6", "coarser resolution"),
     ("crystal", "response --highest 10", "must exceed the resolution"),
+    ("crystal", "response --highest 1e9", "times that of the highest mode"),
     ("crystal", "response --damping 0.1 0 --resolution 1e-12", "fewer frequencies"),
     ("cell", "response --highest 1e4", "--plane"),
     ("crystal", "moduli --pre-stress normal", "in a slab the springs alone"),
