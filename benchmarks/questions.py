@@ -13,7 +13,7 @@ from benchmarks.harness.measure import CORES, Job, Measured, median_of
 from benchmarks.harness.packing import SAMPLE, STRESS
 from benchmarks.harness.report import Page, Rows
 from modal.packing.sample import read_sample, sample_of_network
-from modal.preparation.random_packing import random_network
+from modal.preparation.random_packing import random_packing
 
 TITLE = "Whole questions: seconds and memory from the command to the answer"
 SMALL, PACKING, MADE = (f"{name}.sample.h5" for name in ("small", "packing", "made"))
@@ -61,7 +61,7 @@ def run(job: Job) -> Page:
 
 def answers(job: Job, name: str, title: str, questions: Mapping[str, Question]) -> Page:
     """The page `name` of `questions`, as `QUESTIONS`, with their answers' seconds and memory."""
-    small = sample_of_network(random_network(500, STRESS, seed=1), 0.1)
+    small = sample_of_network(random_packing(500, STRESS, aspect=2.5), 0.1)
     job.write(small, "small")
     job.write(small if job.quick else read_sample(SAMPLE))
 

@@ -13,7 +13,7 @@ from modal.modes.eigenmodes import modes_of
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import RECEIVER_WALL, Network
 from modal.packing.tiling import repeat
-from modal.preparation.random_packing import random_network
+from modal.preparation.random_packing import random_packing
 from modal.system.contacts import motion_of_contacts, slip, springs
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.system.operator import ContactOperator
@@ -37,7 +37,7 @@ class KnownPacking:
     @classmethod
     def of(cls, spheres: int, job: Job) -> "KnownPacking":
         """Packing without friction at 100 kPa, written to the job's folder."""
-        network = random_network(spheres, STRESS, seed=1, aspect=ASPECT)
+        network = random_packing(spheres, STRESS, aspect=ASPECT)
         system = LinearSystem.of(network)
         return cls(job.write(network), system, spectrum(system))
 
@@ -76,7 +76,7 @@ def spectrum(system: LinearSystem) -> np.ndarray:
 
 def sample_or_small(spheres: int, quick: bool, aspect: float = ASPECT) -> Network:
     """The committed sample; with `quick` a packing of `spheres` made on the spot."""
-    return random_network(spheres, STRESS, seed=1, aspect=aspect) if quick else read(SAMPLE)
+    return random_packing(spheres, STRESS, aspect=aspect) if quick else read(SAMPLE)
 
 
 def resized(sample: Network, spheres: int) -> Network:

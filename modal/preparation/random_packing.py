@@ -11,7 +11,7 @@ from typing import Any
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Material
 from modal.packing.network import Network
 from modal.packing.plausibility import WIDE
-from modal.packing.sample import Sample, read_sample
+from modal.packing.sample import read_sample
 from modal.preparation.compression import compress_to_stresses, in_motion
 from modal.preparation.frictionless import Descent, Pressure
 from modal.preparation.protocol import JAMMING_STRESS, NOMINAL_FRACTION, PEAK, STRESSES, Study
@@ -209,7 +209,7 @@ def random_packing(
         solid += [] if own.contact_model == HERTZ_MINDLIN else own.contact_model.split()
     with TemporaryDirectory() as folder:
         files = pack(
-            Path(folder), _unheard, spheres, [stress], friction, seed,
+            Path(folder), lambda _: None, spheres, [stress], friction, seed,
             aspect=aspect, periodic=periodic, solid=solid, **mixture,
         )  # fmt: skip
         sample = read_sample(files[-1][1])
@@ -220,35 +220,3 @@ def random_packing(
             stacklevel=2,
         )
     return sample.network()
-
-
-def _unheard(text: str) -> None:
-    """What `pack` says, to somebody who has no use for it."""
-
-
-def random_sample(
-    spheres: int = 500,
-    stress: float = 1e5,
-    seed: int = 1,
-    aspect: float = 2.5,
-    tolerance: float = 1e-4,
-    **mixture: Sequence[str | float],
-) -> Sample:
-    """A small frictionless packing at `stress`, Pa, in memory, for tests, without its notes.
-
-    `mixture`: sizes, densities and walls as in `modal.preparation.sizes`.
-
-    Without numba, whose sums are rounded otherwise, the same but for round-off, or beyond some
-    hundred spheres but for a contact that opens for it and what then moves.
-    """
-    given: dict[str, Any] = {"aspect": aspect, "residual": tolerance, **mixture}
-    with TemporaryDirectory() as folder:
-        files = pack(Path(folder), _unheard, spheres, [stress], 0.0, seed, **given)
-        return replace(read_sample(files[-1][1]), study={}, provenance={})
-
-
-def random_network(
-    spheres: int = 500, stress: float = 1e5, seed: int = 1, aspect: float = 2.5
-) -> Network:
-    """The contact network of `random_sample`, for tests, benchmarks and examples."""
-    return random_sample(spheres, stress, seed, aspect).network()

@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from packings import random_sample
 
 from analysis.__main__ import main
 from analysis.estimators.fits import straight_line
 from analysis.study.tables import limits
 from modal.packing.sample import write_sample
-from modal.preparation.random_packing import random_sample
 
 
 def test_limit_of_a_line_is_exact_and_its_error_that_of_least_squares():

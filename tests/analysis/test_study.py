@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from exact_crystal import CHAIN, write_crystal
-from packings import slender
+from packings import random_sample, slender
 from places import ROOT
 
 from analysis.__main__ import main
@@ -20,7 +20,6 @@ from analysis.study.targets import Rules, answers, targets
 from modal.modes.eigenmodes import modes_of
 from modal.packing.network import write_network
 from modal.packing.state import void_ratio
-from modal.preparation.random_packing import random_network
 from modal.system.linear_system import LinearSystem
 
 PAPER = ROOT / "studies/otsubo2017/study.yaml"
@@ -145,7 +144,7 @@ def test_the_library_knows_no_study():
 
 def test_errors_of_natural_frequencies_hold_the_exact_ones():
     """The error from the residual is a bound: the dense spectrum is within it."""
-    network = random_network(60, 1e5, seed=3)
+    network = random_sample(60, 1e5, seed=3).network()
     exact = modes_of(LinearSystem.of(network), all=True).frequency[-1]
     found = modes_of(LinearSystem.of(network), highest=1, certify=False)
     own = natural_frequency(float(found.frequency[-1]), found)

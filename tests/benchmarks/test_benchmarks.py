@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from oracles import stepped
+from packings import random_sample
 
 from analysis.estimators.layer_lattice import LayerLattice
 from benchmarks import dem, density, scaling, wave
@@ -18,7 +19,6 @@ from modal.modes.density import density_of_states
 from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL
-from modal.preparation.random_packing import random_network
 from modal.system.assembly import stiffness_matrix
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
@@ -29,7 +29,7 @@ from tests.benchmarks import tasks
 @pytest.fixture(scope="module")
 def packing():
     """A random packing of 60 spheres with floppy modes, and its whole spectrum."""
-    network = random_network(60, 1e5, seed=3, aspect=2.5)
+    network = random_sample(60, 1e5, seed=3, aspect=2.5).network()
     system = LinearSystem.of(network)
     assert by_structure(system).total > 0
     return network, spectrum(system), by_structure(system)

@@ -29,7 +29,6 @@ from modal.exchange.registry import import_packing
 from modal.packing.layers import Layers
 from modal.packing.network import Network
 from modal.packing.state import stress_tensor
-from modal.preparation.random_packing import random_sample
 from modal.system.assembly import assembled
 from modal.system.contacts import TANGENTS, contact_tangent
 from modal.waves.source import read_motion
@@ -345,7 +344,7 @@ def test_small_wave_is_that_of_the_imported_packing(tmp_path, law):
     each stiffness), and what net forces of 5e-4 of the others still move.
     """
     amplitude, period, step, every, steps = 2.5e-11, 1e-5, 1e-7, 5, 400
-    made = random_sample(120, 1e6, 4, 2.0, 1e-9, sizes=("lognormal", 0.2)).network()
+    made = packings.random_sample(120, 1e6, 4, 2.0, 1e-9, sizes=("lognormal", 0.2)).network()
     data_file(made, tmp_path / "start.data", speed=0.1)
     low, high = made.wall_position.tolist()
     wall = f"fix wall all wall/gran {SMOOTH} zplane"

@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 from changes import stiffer
+from packings import random_sample
 from scipy.linalg import eigh
 from scipy.special import ndtr
 
@@ -12,7 +13,6 @@ from modal.formats.hdf5 import sha256
 from modal.modes.density import DensityOfStates, density_of_states, read_density
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
-from modal.preparation.random_packing import random_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
@@ -31,7 +31,7 @@ def spectrum(network):
 @pytest.fixture(scope="module")
 def packing():
     """Random packing, its exact frequencies (Hz) and the components of its modes."""
-    network = random_network(100, 1e5, seed=3)
+    network = random_sample(100, 1e5, seed=3).network()
     return network, *spectrum(network)
 
 
@@ -91,7 +91,8 @@ def test_tolerance_bounds_the_standard_error_for_every_size(spheres, seeds):
 
     A single seed at the usual tolerance of 1e-3, where no random vector is needed.
     """
-    network = gallery.column(5) if spheres == 5 else random_network(spheres, 1e6, aspect=1.0)
+    packed = spheres != 5
+    network = random_sample(spheres, 1e6, aspect=1.0).network() if packed else gallery.column(5)
     size, vectors = 6 * spheres, 0 if seeds == 1 else max(6, spheres // 5)
     tolerance = 1 / np.sqrt(2 * size * (vectors - 0.3)) if vectors else 1e-3
     frequency = np.linspace(1e4, 2e5, 8)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import polydisperse
+from packings import polydisperse, random_sample
 from places import PACKINGS, SHEARED
 
 from modal.packing import crystal as gallery
@@ -16,7 +16,6 @@ from modal.packing.order import crystalline
 from modal.packing.rattlers import firmly_held, force_bearing
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.summary import summary
-from modal.preparation.random_packing import random_sample
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
 

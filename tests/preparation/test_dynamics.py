@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from changes import in_flight
 from in_yade import script
+from packings import random_sample
 from places import ROOT
 from scipy.spatial.transform import Rotation
 
@@ -18,7 +19,6 @@ from modal.dem.motion import Dynamics
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.preparation.durations import time_step
-from modal.preparation.random_packing import random_sample
 from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
 from modal.tools import slabs
 from modal.tools.errors import InputError

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from packings import random_sample
 
 from modal.__main__ import main
 from modal.cli import relax as relax_command
@@ -12,7 +13,6 @@ from modal.dem.contacts import MovingContacts
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import net_forces, stress_tensor
 from modal.preparation import relax as relaxation
-from modal.preparation.random_packing import random_sample
 from modal.preparation.relax import NEAR, RESERVE, STRIDE, elastic_motion, equilibrium_of, relax
 from modal.tools.errors import InputError
 

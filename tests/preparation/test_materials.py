@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from packings import random_sample
 
 import modal
 from modal.__main__ import main
@@ -14,7 +15,6 @@ from modal.packing.state import stress_tensor
 from modal.packing.tiling import repeat_sample
 from modal.preparation.durations import inertial_time
 from modal.preparation.protocol import Study
-from modal.preparation.random_packing import random_sample
 from modal.tools.errors import InputError
 
 STEEL = 2.1e11, 0.3

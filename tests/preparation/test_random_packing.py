@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from packings import random_sample
 
 from modal.__main__ import main
 from modal.dem import contacts
@@ -14,7 +15,7 @@ from modal.preparation import frictionless
 from modal.preparation.cloud import cloud
 from modal.preparation.frictionless import Descent, Pressure
 from modal.preparation.protocol import Study, by_tens, stages_of
-from modal.preparation.random_packing import random_sample, sound_aspect, width_of
+from modal.preparation.random_packing import sound_aspect, width_of
 from modal.preparation.sizes import radii_of, words
 from modal.tools.slabs import SLABS
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from changes import scaled
 from oracles import wall_pattern
+from packings import random_sample
 
 from modal.elasticity import steady
 from modal.elasticity.slab import static_velocity
 from modal.elasticity.steady import steady_motion
 from modal.packing import crystal as gallery
 from modal.packing.network import SOURCE_WALL
-from modal.preparation.random_packing import random_network
 from modal.system.imposed import WallMoves
 from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
@@ -21,7 +21,7 @@ from modal.tools.errors import InputError
 
 def test_motion_is_that_of_the_least_squares_solution():
     """Loose spheres stay where they are: of all solutions the shortest, in the norm of the mass."""
-    network = random_network(150, 1e6, aspect=1.5)
+    network = random_sample(150, 1e6, aspect=1.5).network()
     system = LinearSystem.of(network)
     push = wall_pattern(network, SOURCE_WALL)[0]
     exact = np.linalg.pinv(system.scaled.toarray(), rcond=1e-11) @ system.root.over(push)

@@ -7,14 +7,13 @@ import pytest
 import scipy.sparse as sp
 from in_yade import measured_tangent, script
 from oracles import asymmetry
-from packings import sheared
+from packings import random_sample, sheared
 from places import ROOT, SHEARED
 
 from modal.dem.contacts import MovingContacts
 from modal.packing import crystal as gallery
 from modal.packing.sample import read_sample
 from modal.packing.state import net_forces
-from modal.preparation.random_packing import random_sample
 from modal.system.assembly import stiffness_matrix
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 from in_yade import put, run
+from packings import random_sample
 from places import SHEARED
 from test_yade_fcc import LAYERS, WIDTH, batch
 
@@ -12,7 +13,6 @@ from analysis.agreement import Agreement, compare
 from benchmarks.harness.yade import in_yades_order
 from modal.packing import crystal as gallery
 from modal.packing.sample import read_sample
-from modal.preparation.random_packing import random_sample
 from modal.preparation.relax import relax
 from modal.waves.signals import read_signals
 from modal.waves.source import Pulse
