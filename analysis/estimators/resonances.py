@@ -61,19 +61,15 @@ def fitted_wavenumbers(shape: np.ndarray, depth: np.ndarray, length: float) -> n
     for k, u in enumerate(shape):
         middle = np.exp(1j * (k + 1) * angle)
         both, products = (u * middle) @ aside, middle**2 @ twice
-        right = np.stack([both.imag, both.real], axis=-1)
-        sine, cosine = 0.5 * (len(u) - products.real), 0.5 * (len(u) + products.real)
-        mixed = 0.5 * products.imag
-        left = np.stack([sine, mixed, mixed, cosine], axis=-1).reshape(-1, 2, 2)
-        weight = np.linalg.solve(left, right[..., None])[..., 0]
-        missed = -(weight * right).sum(axis=-1)
+        # What the best a sin(kappa z) + b cos(kappa z) explains of the sum of u^2.
+        explained = 2 * (len(u) * abs(both) ** 2 - (products.conj() * both**2).real)
+        explained /= len(u) ** 2 - abs(products) ** 2
         kappa = np.pi * (k + 1 + offsets) / length
-        if k == 0:
-            kept = kappa > 0.6 * np.pi / length
-            kappa, missed = kappa[kept], missed[kept]
-        at = int(np.argmin(missed))
+        kept = kappa > 0.6 * np.pi / length
+        kappa, explained = kappa[kept], explained[kept]
+        at = int(np.argmax(explained))
         if 0 < at < len(kappa) - 1:
-            shift = summit(*missed[at - 1 : at + 2])
+            shift = summit(*explained[at - 1 : at + 2])
             found[k] = kappa[at] + shift * (kappa[1] - kappa[0])
     return found
 
@@ -90,9 +86,3 @@ def long_wave_velocity(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[f
     if np.isfinite(velocity).sum() < 5:
         return np.nan, np.nan
     return straight_line(kappa**2, velocity).at(0.0)
-
-
-def mode_velocities(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Phase and group velocity (k,) m/s of resonances: frequency (k,) Hz, kappa (k,) rad/m."""
-    omega = 2 * np.pi * np.asarray(frequency)
-    return omega / wavenumber, np.gradient(omega, wavenumber)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.estimators import damped_transform as disp
-from analysis.estimators.resonances import mode_velocities
 from analysis.estimators.wavenumber import frequency_wavenumber
 from analysis.figures.picture import BLUE, ORANGE, Panel
 from analysis.figures.waves import producer_name
@@ -40,10 +39,12 @@ def velocity_frequency(m: Measuring) -> Panel:
     if keep.sum() > 2:
         every = slice(None, None, max(1, keep.sum() // 25))
         style = {"ls": "none", "mfc": "none", "color": BLUE, "ms": 5}
-        speeds = zip(("phase", "group"), mode_velocities(f_r[keep], kappa[keep]), "ov", strict=True)
-        for which, values, marker in speeds:
-            text, at = f"{which}, modes (Eq. 4)", f_r[keep][every] / 1e3
-            panel.line(at, values[every], text, marker=marker, **style)
+        omega, kappa = 2 * np.pi * f_r[keep], kappa[keep]
+        for values, text, marker in (
+            (omega / kappa, "phase, modes (Eq. 4)", "o"),
+            (np.gradient(omega, kappa), "group, modes (Eq. 4)", "v"),
+        ):
+            panel.line(f_r[keep][every] / 1e3, values[every], text, marker=marker, **style)
     panel.hline(first_peak(m, "linear").value, "dL/dt, first peaks", color=ORANGE, ls="--")
     return panel
 
@@ -71,7 +72,7 @@ def dispersion(m: Measuring) -> Panel:
     panel = Panel(r"wave number $\kappa$ (rad/m)", "frequency (kHz)", title, legend="lower right")
     panel.colour_label = "amplitude over the source's (dB)"
     panel.xlim, panel.ylim = (0, widest), (0, top / 1e3)
-    panel.map(k[columns], f[rows] / 1e3, shade, cmap="gray_r", vmin=-50, vmax=0)
+    panel.add("map", k[columns], f[rows] / 1e3, shade, cmap="gray_r", vmin=-50, vmax=0)
     (_of_crystal if m.crystal else _of_random)(panel, m, record, np.linspace(0, widest, 101))
     f_r, k_r = standing_waves(m)
     every = slice(None, None, max(1, len(f_r) // 20)) if m.crystal else slice(None)
