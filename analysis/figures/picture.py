@@ -96,10 +96,6 @@ class Panel:
         ends = np.broadcast_to(low, np.shape(x)), np.broadcast_to(high, np.shape(x))
         self.add("band", x, *ends, label, **style)
 
-    def map(self, x: np.ndarray, y: np.ndarray, z: np.ndarray, **style) -> None:
-        """Append a map: z (ny, nx) over x (nx,) and y (ny,)."""
-        self.add("map", x, y, z, **style)
-
 
 @dataclass
 class Picture:

@@ -165,7 +165,7 @@ def space_time(m: Measuring) -> Panel:
     panel = Panel(DISTANCE, "time (ms)", m.label, legend="upper left")
     panel.colour_label = "$u_z$ (nm)"
     panel.xlim = (float(z.min()), float(z.max()))
-    panel.map(z[order], 1e3 * time, u, cmap="gray_r", vmin=-top, vmax=top)
+    panel.add("map", z[order], 1e3 * time, u, cmap="gray_r", vmin=-top, vmax=top)
     line = z / longest(m, "linear").value
     seen = line < 1e3 * time[-1]
     panel.line(z[seen], line[seen], "long-wave $V_P$", color="k", ls="--")
@@ -190,7 +190,7 @@ def spectrum_distance(m: Measuring) -> Panel:
     panel = Panel(DISTANCE, "frequency (kHz)", title, ylim=(0, top / 1e3))
     panel.colour_label, panel.legend = "amplitude (dB)", ("upper right", "lower left")[m.crystal]
     # A layer is drawn only with all others: every third alone would show a false band.
-    panel.map(1e3 * distance, frequency[rows] / 1e3, shade, cmap="gray_r")
+    panel.add("map", 1e3 * distance, frequency[rows] / 1e3, shade, cmap="gray_r")
     curves = threshold_curves(frequency, amplitude)
     ends = np.array(band.stretch) * m.network.length
     for row, edge, text, ls in zip(curves, falls, ("2 %", "1 %"), ("-", ":"), strict=False):

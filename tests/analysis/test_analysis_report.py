@@ -64,7 +64,7 @@ def test_random_case_without_a_run(packing, tmp_path):
 def test_picture_survives_its_file(tmp_path):
     panel = Panel("x (m)", "y (s)", 'a, "b"', xlim=(0, 1), yscale="log")
     panel.line([1 / 3, np.nan], [2, 3], "line", ls="--")
-    panel.map(np.linspace(0, 1, 4), np.array([1.0, 2.0]), np.arange(8.0), cmap="gray")
+    panel.add("map", np.linspace(0, 1, 4), np.array([1.0, 2.0]), np.arange(8.0), cmap="gray")
     write_picture(tmp_path / "a.csv", Picture([panel], columns=2))
     write_picture(tmp_path / "b.csv", read_picture(tmp_path / "a.csv"))
     assert (tmp_path / "a.csv").read_text() == (tmp_path / "b.csv").read_text()
