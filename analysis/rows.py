@@ -190,7 +190,7 @@ def write_result(path: Path, row: Row) -> None:
 def read_result(path: str | Path) -> Row:
     """A result; InputError where the file is none."""
     try:
-        found = _numbers(json.loads(Path(path).read_text()))
+        found = json.loads(Path(path).read_text(), object_hook=_known)
         if (found["schema"], found["version"]) != (SCHEMA, VERSION):
             raise ValueError(f"schema {found['schema']}, version {found['version']}")
         row = Row(**{name: own for name, own in found.items() if name not in ("schema", "version")})
@@ -215,13 +215,9 @@ def read_results(folder: Path) -> list[Row]:
     return rows
 
 
-def _numbers(value: Any) -> Any:
-    """What `plain` has made None is NaN again."""
-    if isinstance(value, dict):
-        return {name: _numbers(cell) for name, cell in value.items()}
-    if isinstance(value, list):
-        return [_numbers(cell) for cell in value]
-    return np.nan if value is None else value
+def _known(found: dict[str, Any]) -> dict[str, Any]:
+    """Numbers by name: what `plain` has made None is NaN again."""
+    return {name: np.nan if value is None else value for name, value in found.items()}
 
 
 def scatter_of_samples(several: Sequence[Row]) -> dict[str, float]:

@@ -55,12 +55,7 @@ def measure_case(
     case = Case(name, folder, of_files)
     case.check()
     m = Measuring.of(case)
-    if state or quantities or scatter:
-        row = Row.of(m)
-    else:
-        m.stated = Rules(study.cases, study.stated()).stated_of(name)
-        row = row_of(m)
-        _add_tables(row, m)
+    row = Row.of(m)
     if state:
         row.state = True
         row.add(m, OF_STATE)
@@ -70,6 +65,9 @@ def measure_case(
         m.linear = m.linear_wave(particles=False)
         row.add(m, SCATTERING)
     else:
+        m.stated = Rules(study.cases, study.stated()).stated_of(name)
+        row = row_of(m)
+        _add_tables(row, m)
         for figure in wanted(study.part("figures"), study.cases.loc[[name]]):
             try:
                 write_picture(output.with_suffix(f".{figure}.csv"), compose(figure, [m]))

@@ -105,10 +105,5 @@ def _read(path: Path) -> tuple[list[str], list[list[str]]]:
 
 def _shown(command: list[str]) -> str:
     """The command without a folder of this machine: paths from here on, or their last part."""
-    here, parts = Path.cwd(), []
-    for part in command:
-        path = Path(part)
-        if path.is_absolute():
-            part = str(path.relative_to(here)) if path.is_relative_to(here) else path.name
-        parts.append(part)
-    return shlex.join(parts)
+    from_here = [part.removeprefix(f"{Path.cwd()}/") for part in command]
+    return shlex.join(Path(part).name if Path(part).is_absolute() else part for part in from_here)
