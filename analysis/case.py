@@ -84,8 +84,6 @@ class Case:
     """What a reader should know: products that do not say which packing they are of."""
     held: dict[str, Any] = field(default_factory=dict)
     """What has been read of the files, by their kind."""
-    _belonging: set[str] = field(default_factory=set, init=False, repr=False)
-    """Kinds of product that are known to be of this packing: each file is opened for it once."""
 
     @property
     def number(self) -> int | None:
@@ -133,11 +131,9 @@ class Case:
 
     def product(self, kind: str) -> Path:
         """File of a product; InputError, naming both files, where it is of another packing."""
-        if kind not in self._belonging:
-            note = require_same_packing(self.path(kind), self.packing)
-            if note and note not in self.notes:
-                self.notes.append(note)
-            self._belonging.add(kind)
+        note = require_same_packing(self.path(kind), self.packing)
+        if note and note not in self.notes:
+            self.notes.append(note)
         return self.path(kind)
 
     def read(self, kind: str) -> Any:

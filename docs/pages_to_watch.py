@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 import modal  # noqa: E402
-from analysis.watch import watch_page  # noqa: E402
+from analysis.watch.page import watch_page  # noqa: E402
 from modal.modes.mode_set import write_modes  # noqa: E402
 from modal.packing.network import write_network  # noqa: E402
 from modal.waves.signals import write_signals  # noqa: E402

@@ -1,6 +1,6 @@
 """A wave or modes in three dimensions: one HTML page that opens without a network."""
 
-from analysis.watch import watch_page
+from analysis.watch.page import watch_page
 from modal.cli.options import Given, Option, output, say
 from modal.cli.terminal import put
 

@@ -75,7 +75,9 @@ def coherent_wave(
     if len(part) < 3:
         return Coherent(frequency, nan, nan, np.nan)
     z, u = z[part], u[:, part]
-    kept = signals.time - signals.time[0] <= _before_reflection(signals, z, u, length)
+    speed, _ = travel_velocity(z, first_peak_times(replace(signals, chain_displacement=u)))
+    reflected = PASSAGES * length / speed if speed > 0 else np.inf
+    kept = signals.time - signals.time[0] <= reflected
     time, u = signals.time[kept], u[kept]
     duration = time[-1] - time[0]
     eta = decay / duration
@@ -97,12 +99,6 @@ def coherent_wave(
     wave[:, np.logical_or.accumulate(lost)] = np.nan
     # Noise under the window is correlated as 1 / (1 + (pi df / eta)^2), whose integral is eta.
     return Coherent(frequency, wave[0], wave[1], eta)
-
-
-def _before_reflection(signals: Signals, z: np.ndarray, u: np.ndarray, length: float) -> float:
-    """Time, s, of `PASSAGES` at the speed at which first peaks go through z (n,), m; u (nt, n)."""
-    speed, _ = travel_velocity(z, first_peak_times(replace(signals, chain_displacement=u)))
-    return PASSAGES * length / speed if speed > 0 else np.inf
 
 
 def longest_waves(wave: Coherent) -> tuple[float, float]:

@@ -59,17 +59,17 @@ class Scattering:
     velocity: float
     diameter: float
 
-    def width_at(self, frequency: float) -> float:
-        """Width, Hz, at a frequency, Hz, straight between the ridge's logarithms; NaN outside."""
+    def free_path(self, frequency: float) -> float:
+        """Mean free path at a frequency (Hz), in diameters: V / (2 pi width).
+
+        The width is straight between the ridge's logarithms; NaN outside.
+        """
         known = np.isfinite(self.width)
         if known.sum() < 2 or not np.isfinite(frequency) or frequency <= 0:
             return np.nan
         f, width = np.log(self.frequency[known]), np.log(self.width[known])
-        return float(np.exp(np.interp(np.log(frequency), f, width, np.nan, np.nan)))
-
-    def free_path(self, frequency: float) -> float:
-        """Mean free path at a frequency (Hz), in diameters: V / (2 pi width)."""
-        return self.velocity / (2 * np.pi * self.width_at(frequency)) / self.diameter
+        there = np.exp(np.interp(np.log(frequency), f, width, np.nan, np.nan))
+        return float(self.velocity / (2 * np.pi * there) / self.diameter)
 
     @property
     def limit(self) -> float:
