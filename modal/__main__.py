@@ -4,6 +4,7 @@ import atexit
 import gc
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from importlib.util import LazyLoader, find_spec, module_from_spec
 
 from modal.tools.interrupted import end_at_interrupt
@@ -11,13 +12,12 @@ from modal.tools.interrupted import end_at_interrupt
 __all__ = ["main"]
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None, package: str = "modal") -> int:
     """Run one command; without `argv` as a program of its own, which Ctrl-C ends in one line."""
     if argv is None:
         begin()
-    from modal.cli.main import main as run
-
-    return run(argv)
+    status: int = import_module(f"{package}.cli.main").main(argv)
+    return status
 
 
 def begin() -> None:

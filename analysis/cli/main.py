@@ -19,6 +19,15 @@ COMMANDS = {
 is called, and has what modules of `modal.cli` have: `EXAMPLE`, `OPTIONS`, `run`."""
 
 
+USED_FOR = {
+    "matplotlib": ("matplotlib", "draws"),
+    "pandas": ("pandas", "groups the results of a study"),
+    "yaml": ("pyyaml", "reads a study"),
+    "jinja2": ("jinja2", "fills the page of a study"),
+}
+"""Modules that some commands need: their packages, and what these do."""
+
+
 def parser(called: str = "") -> argparse.ArgumentParser:
     """The parser of all commands, with the options of the one that is `called`."""
     about = "Any packing measured, and the study of many; COMMAND --help has options, an example."
@@ -45,6 +54,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         options.argv = words
         command = importlib.import_module(f"analysis.cli.{options.command}")
         status: int | None = command.run(options)
+    except ModuleNotFoundError as error:
+        if error.name not in USED_FOR:
+            raise
+        package, use = USED_FOR[error.name]
+        return refused(InputError(f"{package} is absent, which {use}; pip install {package}"))
     except InputError as error:
         return refused(error)
     return status or 0
