@@ -8,6 +8,7 @@ from __future__ import annotations
 import glob
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -115,8 +116,7 @@ class Case:
         for kind in PACKINGS:
             if self.has(kind):
                 return self.path(kind)
-        told = "no such file; run the case first"
-        raise InputError(f"{self.path('network')}: {told}")
+        raise InputError(f"{self.path('network')}: no such file; run the case first")
 
     @cached_property
     def packing(self) -> tuple[Source, ...]:
@@ -220,11 +220,9 @@ def owner_of(path: Path, cases: list[Case]) -> Case:
             f"{path}: does not say of which packing it is; give it with that packing alone"
         )
     for case in cases:
-        try:
+        with suppress(InputError):
             require_same_packing(path, case.packing)
             return case
-        except InputError:
-            continue
     raise InputError(f"{path}: made from none of the packings given; name its packing as well")
 
 

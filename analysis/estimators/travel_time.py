@@ -42,13 +42,12 @@ def first_peak_times(signals: Signals) -> np.ndarray:
     A peak is one of the wall's own direction, and counts when it exceeds half the particle's
     maximum; NaN if the record ends before.
     """
-    times = np.full(signals.chain_displacement.shape[1], np.nan)
+    u, times = outward(signals), np.full(signals.chain_displacement.shape[1], np.nan)
+    top = (u[1:-1] > u[:-2]) & (u[1:-1] >= u[2:]) & (u[1:-1] > 0.5 * u.max(axis=0))
+    n = np.flatnonzero(top.any(axis=0))
+    k = np.argmax(top[:, n], axis=0) + 1
     step = signals.time[1] - signals.time[0]
-    for n, u in enumerate(outward(signals).T):
-        top = (u[1:-1] > u[:-2]) & (u[1:-1] >= u[2:]) & (u[1:-1] > 0.5 * u.max())
-        if top.any():
-            k = int(np.argmax(top)) + 1
-            times[n] = signals.time[k] + step * summit(*u[k - 1 : k + 2])
+    times[n] = signals.time[k] + step * summit(u[k - 1, n], u[k, n], u[k + 1, n])
     return times
 
 
