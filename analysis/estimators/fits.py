@@ -65,22 +65,18 @@ def straight_line(x: Floats, y: Floats, error: Floats | None = None) -> Line:
     >>> "{:.1f} {:.1f}".format(*line.at(4.0))
     '12.0 nan'
     """
-    known, unknown = np.isfinite(x) & np.isfinite(y), np.full((2, 2), np.nan)
+    known = np.isfinite(x) & np.isfinite(y)
     if error is not None:
         known &= np.isfinite(error) & (error > 0)
     x, y = np.asarray(x)[known], np.asarray(y)[known]
     if len(x) < 2 or np.ptp(x) == 0:
-        return Line(np.nan, np.nan, unknown)
-    if error is None and len(x) == 2:
-        slope, offset = np.polyfit(x, y, 1)
-        return Line(slope, offset, unknown)
-    if error is None:
-        (slope, offset), covariance = np.polyfit(x, y, 1, cov=True)
-        return Line(slope, offset, covariance)
-    weight = 1 / error[known]
+        return Line(np.nan, np.nan, np.full((2, 2), np.nan))
+    weight = np.ones(len(x)) if error is None else 1 / error[known]
     (slope, offset), covariance = np.polyfit(x, y, 1, w=weight, cov="unscaled")
     left, spare = weight * (y - slope * x - offset), len(x) - 2
     chi = float((left**2).sum() / spare) if spare else np.nan
+    if error is None:  # the scatter alone says what it is
+        return Line(slope, offset, chi * covariance)
     return Line(slope, offset, np.fmax(1.0, chi) * covariance, chi)
 
 

@@ -11,7 +11,6 @@ from analysis.value import Value, unknown
 from modal.packing import state
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
-from modal.packing.state import profile, stress_tensor, void_ratio
 from modal.tools.arrays import Floats
 
 
@@ -21,12 +20,12 @@ def _forces(network: Network) -> Floats:
 
 
 def _lateral(network: Network) -> float:
-    stress = np.diag(stress_tensor(network))
+    stress = np.diag(state.stress_tensor(network))
     return stress[:2].mean() / stress[2]
 
 
 EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
-    "void_ratio": (void_ratio, "volume of voids over that of spheres, from wall to wall"),
+    "void_ratio": (state.void_ratio, "volume of voids over that of spheres, from wall to wall"),
     "coordination": (
         lambda n: state.contacts_per_particle(n).mean(),
         "contacts of a sphere, rattlers and contacts with walls included",
@@ -83,7 +82,7 @@ def void_ratio_of_bulk(packing: Measuring) -> Value:
 
     Mean over the layers that no wall orders.
     """
-    layers = profile(packing.network)
+    layers = state.profile(packing.network)
     if not layers.bulk.any():
         return unknown("1", "too short: no layer is far from both walls")
     return Value(float(1 / (1 / (1 + layers.void_ratio[layers.bulk])).mean() - 1), "1")
@@ -98,4 +97,4 @@ def stress_error(packing: Measuring) -> Value:
     target = float(packing.network.study.get("stress", np.nan))
     if not target > 0:
         return unknown("1", "the packing does not say for which stress it was made")
-    return Value(float(abs(np.diag(stress_tensor(packing.network)) / target - 1).max()), "1")
+    return Value(float(abs(np.diag(state.stress_tensor(packing.network)) / target - 1).max()), "1")

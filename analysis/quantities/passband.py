@@ -3,8 +3,7 @@
 import numpy as np
 
 from analysis.estimators.low_pass import SHORTEST, Edge, Passband
-from analysis.estimators.ridge import Ridge
-from analysis.estimators.ridge import ridge as ridge_of
+from analysis.estimators.ridge import Ridge, ridge
 from analysis.estimators.wavenumber import chain_wavenumber
 from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity
@@ -59,9 +58,9 @@ def band_edge(m: Measuring, key: str) -> float:
 
 
 @once
-def ridge(m: Measuring, key: str) -> Ridge:
+def ridge_of(m: Measuring, key: str) -> Ridge:
     """Frequency over wave number along the chain of a crystal."""
-    return ridge_of(m.record(key))
+    return ridge(m.record(key))
 
 
 def edge_wavelength(m: Measuring, key: str) -> float:
@@ -70,7 +69,7 @@ def edge_wavelength(m: Measuring, key: str) -> float:
     Measured where the waves of the record turn round, not computed from the lattice (Eq. 7).
     """
     m.require_crystal()
-    return ridge(m, key).edge_wavelength / m.diameter
+    return ridge_of(m, key).edge_wavelength / m.diameter
 
 
 def wavelength_at(m: Measuring, frequency: float, key: str) -> float:
@@ -80,7 +79,7 @@ def wavelength_at(m: Measuring, frequency: float, key: str) -> float:
     band edge, where no wave travels.
     """
     if m.crystal:
-        return ridge(m, key).wavelength(frequency)
+        return ridge_of(m, key).wavelength(frequency)
     record, band = m.record(key), passband(m)
     kappa = chain_wavenumber(
         record,

@@ -7,7 +7,6 @@ import numpy as np
 from analysis.case import AbsentError
 from analysis.estimators import resonances as resonant
 from analysis.estimators.damped_transform import Dispersion, mode_dispersion
-from analysis.estimators.resonances import Standing, long_wave_velocity, standing_modes
 from analysis.measuring import Measuring, once
 from analysis.prepare import kept_file, made
 from analysis.quantities.registry import on_request, quantity
@@ -80,11 +79,11 @@ def lowest_modes(m: Measuring) -> tuple[ModeSet, Floats, str]:
 
 
 @once
-def standing(m: Measuring) -> Standing | None:
+def standing(m: Measuring) -> resonant.Standing | None:
     """Modes of a file that bear the standing waves of a random packing; None without shapes."""
     if m.crystal or z_shapes(m) is None:
         return None
-    return standing_modes(m.case.read("modes").frequency, z_shapes(m), m.network)
+    return resonant.standing_modes(m.case.read("modes").frequency, z_shapes(m), m.network)
 
 
 @once
@@ -127,7 +126,7 @@ def modal_fitted(m: Measuring) -> Value:
     depth = m.network.position[bearing, 2] - m.network.wall_position[0]
     rows = bearers.row[:LOW_ORDER]
     kappa = resonant.fitted_wavenumbers(z_shapes(m)[rows][:, bearing], depth, m.network.length)
-    return estimate(*long_wave_velocity(bearers.frequency[:LOW_ORDER], kappa))
+    return estimate(*resonant.long_wave_velocity(bearers.frequency[:LOW_ORDER], kappa))
 
 
 @once
@@ -311,7 +310,7 @@ def resonances(m: Measuring) -> Value:
     modes, along_z, lacks = lowest_modes(m)
     f = modes.resonance_frequency
     if not m.crystal or f is None:
-        f = standing_modes(modes.frequency, along_z, m.network).frequency
+        f = resonant.standing_modes(modes.frequency, along_z, m.network).frequency
     if not len(f):
         return unknown("Hz", "no mode bears a standing wave", lacks)
     return Value(np.asarray(f), "Hz", {}).with_caveats(*m.of_waves, *filter(None, [lacks]))
