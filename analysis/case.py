@@ -146,7 +146,7 @@ class Case:
     def needed(self, kind: str) -> Any:
         """The same of a file that must be there; else `AbsentError`."""
         if not self.has(kind):
-            raise AbsentError
+            raise AbsentError(f"{self.path(kind)}: no such file; make it before")
         return self.read(kind)
 
 

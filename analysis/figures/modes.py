@@ -7,7 +7,6 @@ from analysis.measuring import Measuring
 from analysis.quantities.records import HIGH, LOW
 from analysis.quantities.spectrum import chi_lists, density, f_max, standing, z_shapes
 from analysis.quantities.velocity import longest
-from modal.modes.mode_set import ModeSet
 from modal.packing.rattlers import firmly_held
 from modal.tools.errors import InputError
 
@@ -63,7 +62,7 @@ def chi_z(m: Measuring) -> Panel:
 
     Where no mode of a random packing was computed, up to 20 kHz, the panel is shaded.
     """
-    modes = _modes(m)
+    modes = m.case.needed("modes")
     panel = Panel("natural frequency (kHz)", r"$\chi_z$", m.label, ylim=(-0.03, 1.12))
     panel.legend = "outside"
     for k, (frequency, every, along) in enumerate(chi_lists(m)):
@@ -73,8 +72,9 @@ def chi_z(m: Measuring) -> Panel:
         ):
             f, chi = _distinct(frequency / 1e3, values)
             panel.line(f, chi, text if k == 0 else "", ls="none", mew=0.6, **style)
-    _not_computed(panel, m)
-    _across(panel, m)
+    if not m.crystal:
+        _not_computed(panel, m)
+        _across(panel, m)
     bearers = standing(m)
     f_r = bearers.frequency if bearers else modes.resonance_frequency
     if f_r is not None and len(f_r):
@@ -89,8 +89,6 @@ def chi_z(m: Measuring) -> Panel:
 
 def _across(panel: Panel, m: Measuring) -> None:
     """Where the first waves fit across a random packing: below them only waves along it exist."""
-    if m.crystal:
-        return
     width = float(min(m.network.cell_size[:2]))
     moduli = m.case.read("moduli")
     shear = np.nan if moduli is None else moduli.velocities((0, 0, 1))[1:].mean()
@@ -108,8 +106,6 @@ TO = 2e4
 
 def _not_computed(panel: Panel, m: Measuring) -> None:
     """Shade frequencies of a random packing, up to `TO`, between and beyond the lists of modes."""
-    if m.crystal:
-        return
     ends = [(float(f[0]), float(f[-1])) for f, _, _ in chi_lists(m)]
     above = [first for first, _ in ends[1:]] + [TO]
     text = "not computed"
@@ -130,7 +126,7 @@ def _distinct(frequency: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np
 
 def mode_shapes(m: Measuring) -> Picture:
     """Fig. 10: z-shapes along the chain of the P resonances r = 1, 2, 5, 10, ..., and the sine."""
-    panels, modes, bearers = [], _modes(m), standing(m)
+    panels, modes, bearers = [], m.case.needed("modes"), standing(m)
     f, shapes = modes.resonance_frequency, modes.resonance_shape
     chain = m.shown.chain_particle
     if bearers is not None:
@@ -159,10 +155,3 @@ def mode_shapes(m: Measuring) -> Picture:
         panel.line(1e3 * z, shape, text, color="k", marker=".", ms=2, lw=0.5)
         panels.append(panel)
     return Picture(panels, columns=3, shape=(11, 0.4 + 1.5 * -(-len(panels) // 3)))
-
-
-def _modes(m: Measuring) -> ModeSet:
-    """The modes of the case's file; InputError without it."""
-    if not m.case.has("modes"):
-        raise InputError(f"{m.case.path('modes')}: no such file; make it before this figure")
-    return m.case.read("modes")

@@ -258,16 +258,13 @@ def _short(values: np.ndarray) -> list[float]:
 
 
 def _filled(title: str, data: dict[str, Any]) -> str:
-    folder = files("analysis.watch")
-    parts = {
-        "title": title.replace("&", "&amp;").replace("<", "&lt;"),
-        "uplot": folder.joinpath("uplot.min.css").read_text(),
-        "libraries": folder.joinpath("libraries.min.js").read_text(),
-        "packing": folder.joinpath("packing.js").read_text(),
-        "player": folder.joinpath("player.js").read_text(),
-        # A text in it cannot end the script element.
-        "data": json.dumps(data).replace("</", "<\\/"),
-    }
-    page = folder.joinpath("page.html").read_text()
+    """The page, with the files beside it that it names in doubled braces."""
+    # A text in the data cannot end their script element.
+    parts = {"data": json.dumps(data).replace("</", "<\\/")}
+    parts["title"] = title.replace("&", "&amp;").replace("<", "&lt;")
+
+    def part(name: str) -> str:
+        return parts.get(name) or files("analysis.watch").joinpath(name).read_text()
+
     # In one pass: what is filled in may itself have doubled braces.
-    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], page)
+    return re.sub(r"\{\{([\w.]+)\}\}", lambda place: part(place[1]), part("page.html"))
