@@ -59,11 +59,8 @@ class Value:
         >>> Value(1.0, "m/s", {"fit": 3.0, "chain": 4.0, "samples": 6.0}).error
         6.0
         """
-        squares = np.zeros(np.shape(self.value))
-        for name, part in self.parts.items():
-            if name != "samples":
-                squares = squares + np.square(part)
-        error = np.sqrt(squares)
+        squares = [np.square(part) for name, part in self.parts.items() if name != "samples"]
+        error = np.sqrt(sum(squares, np.zeros(np.shape(self.value))))
         if "samples" in self.parts:
             error = np.fmax(error, self.parts["samples"])
         return error if np.ndim(error) else float(error)

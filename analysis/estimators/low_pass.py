@@ -255,10 +255,9 @@ class Passband:
         frequency, amplitude = self._spectra(self.wave, u, self.common)
         distance = network.position[bearing, 2] - network.wall_position[0]
         low, high = np.array(self.stretch) * network.length
-        inside, column = (distance >= low) & (distance < high), columns_of(network, bearing)
-        for number in np.unique(column):
-            own = column == number
-            top, part = amplitude[:, own].max(), amplitude[:, own & inside]
+        inside = (distance >= low) & (distance < high)
+        for own in columns_of(network, bearing):
+            top, part = amplitude[:, own].max(), amplitude[:, own[inside[own]]]
             if part.shape[1] > 4:
                 curves = [last_crossing(frequency, part, t * top) for t in THRESHOLDS]
                 found.append(np.median(curves, axis=1))
@@ -296,10 +295,11 @@ class Passband:
         return rows
 
 
-def columns_of(network: Network, particles: np.ndarray) -> np.ndarray:
-    """Number (p,) of the column, a diameter wide, in which each of the particles (p,) stands."""
+def columns_of(network: Network, particles: np.ndarray) -> list[np.ndarray]:
+    """Of each column, a diameter wide: which of the particles (p,) stand in it."""
     diameter = 2 * float(network.radius.mean())
     # A crystal's cell, pressed together, is little less than whole diameters wide.
     cells = np.maximum(1, (network.cell_size[:2] / diameter + 0.05).astype(int))
     place = (network.position[particles, :2] / network.cell_size[:2] % 1 * cells).astype(int)
-    return place[:, 0] * cells[1] + place[:, 1]
+    column = place[:, 0] * cells[1] + place[:, 1]
+    return [np.flatnonzero(column == number) for number in np.unique(column)]

@@ -113,8 +113,7 @@ def first_peaks_of_columns(record: Signals, network: Network) -> tuple[float, fl
     bearing, distance = bearing[inside], distance[inside]
     moved = record.particle_displacement[:, bearing]
     times = first_peak_times(replace(record, chain_displacement=moved))
-    column = columns_of(network, bearing)
-    members = [np.flatnonzero((column == c) & np.isfinite(times)) for c in np.unique(column)]
+    members = [own[np.isfinite(times[own])] for own in columns_of(network, bearing)]
     speeds = [travel_velocity(distance[m], times[m])[0] for m in members if len(m) > 9]
     scatter = float(np.std(speeds, ddof=1)) if len(speeds) > 1 else np.nan
     return (float(np.mean(speeds)), scatter) if speeds else (np.nan, np.nan)

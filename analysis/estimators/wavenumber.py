@@ -30,10 +30,9 @@ def chain_wavenumber(
     length: float,
     *,
     velocity: float,
-    end: float = np.inf,
     part: Bools | None = None,
 ) -> float:
-    """kappa, 1/m, at `frequency` (Hz) of the record up to `end` (s); NaN where there is no ridge.
+    """kappa, 1/m, at `frequency` (Hz) of a record; NaN where there is no ridge.
 
     `velocity` (m/s) of the long waves bounds the search: 0.6 to 2.5 times its wave number. `part`
     (nc,) bool leaves out particles of the chain. A maximum on the bound is none.
@@ -42,12 +41,11 @@ def chain_wavenumber(
     used = (depth >= STRETCH[0]) & (depth <= STRETCH[1])
     if part is not None:
         used &= part
-    kept = record.time <= end * (1 + 1e-9)
     if used.sum() < 8 or not np.isfinite(frequency) or frequency <= 0:
         return np.nan
-    time, z = record.time[kept], record.chain_position[used]
+    z, u = record.chain_position[used], record.chain_displacement[:, used]
     # The wave exp(i kappa z - i omega t) counts as forward.
-    field = np.exp(2j * np.pi * frequency * time) @ record.chain_displacement[np.ix_(kept, used)]
+    field = np.exp(2j * np.pi * frequency * record.time) @ u
     # Particles swing unequally; the phase alone says how far the wave has come.
     field = field / np.maximum(abs(field), np.finfo(float).tiny)
     slowest = 2 * np.pi * frequency / velocity

@@ -4,6 +4,7 @@ import numpy as np
 
 from analysis.estimators.low_pass import SHORTEST, Edge, Passband
 from analysis.estimators.ridge import Ridge, ridge
+from analysis.estimators.source_motion import cut
 from analysis.estimators.wavenumber import chain_wavenumber
 from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity
@@ -81,14 +82,9 @@ def wavelength_at(m: Measuring, frequency: float, key: str) -> float:
     if m.crystal:
         return ridge_of(m, key).wavelength(frequency)
     record, band = m.record(key), passband(m)
-    kappa = chain_wavenumber(
-        record,
-        frequency,
-        m.network.length,
-        velocity=band.velocity,
-        end=band.end(record, band.common),
-        part=force_bearing(m.network)[record.chain_particle],
-    )
+    record, bearing = cut(record, band.end(record, band.common)), force_bearing(m.network)
+    part, length = bearing[record.chain_particle], m.network.length
+    kappa = chain_wavenumber(record, frequency, length, velocity=band.velocity, part=part)
     return 2 * np.pi / kappa
 
 
