@@ -14,7 +14,7 @@ import h5py
 import pandas as pd
 from commands import COLUMNS, FULL, FURTHER, OF_NETWORK, RULES, Commands
 
-from analysis.study.description import KINDS, Study, part_of_name
+from analysis.study.description import Study, part_of_name
 from modal.tools.errors import InputError, refuse_unknown
 
 ACROSS = 16
@@ -261,19 +261,15 @@ def one_of(names: Any) -> str:
 
 
 def _chosen(wanted: Any, rows: Mapping[str, Any]) -> list[str]:
-    """Cases by name or number; all where none is asked for."""
-    names = list(rows)
-    found: list[str] = []
+    """Cases by name, number or kind; all where none is asked for."""
+    called = {name: (name, str(row["case"]), row["kind"], "all") for name, row in rows.items()}
+    found: dict[str, None] = {}
     for one in wanted or ["all"]:
-        text = str(one)
-        if text in ("all", *KINDS):
-            found += [name for name, row in rows.items() if text in ("all", row["kind"])]
-            continue
-        name = names[int(text) - 1] if text.isdecimal() and 0 < int(text) <= len(names) else text
-        if name not in rows:
-            raise InputError(f"case {one}: none of the study's: {names[0]} to {names[-1]}")
-        found.append(name)
-    return list(dict.fromkeys(found))
+        some = [name for name, words in called.items() if str(one).lstrip("0") in words]
+        if not some:
+            raise InputError(f"case {one}: none of the study's: {[*rows][0]} to {[*rows][-1]}")
+        found |= dict.fromkeys(some)
+    return list(found)
 
 
 @cache
