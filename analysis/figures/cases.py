@@ -130,8 +130,8 @@ def wavelength_cases(cases: pd.DataFrame) -> Picture:
 def gain_cases(cases: pd.DataFrame) -> Picture:
     """Fig. 19: gain factor of FCC and the lowest friction over stress; below, the resonances."""
     own = styles(groups.with_curve(cases, "gain", "gain factor"))
-    two, panels = [members for _, members, _ in own][:2], []
-    for letter, members in zip(("(a)", "(b)"), two, strict=False):
+    two, panels, below = [members for _, members, _ in own][:2], [], []
+    for letter, other, members in zip(("(a)", "(b)"), ("(c)", "(d)"), two, strict=False):
         title = f"{letter} {members['group'].iloc[0]}"
         title += ", each stress a decade lower" if len(members) > 1 else ""
         panel = Panel("frequency over $f_1$", "gain factor", title, yscale="log", ylim=(1e-6, 10))
@@ -146,14 +146,12 @@ def gain_cases(cases: pd.DataFrame) -> Picture:
             panel.line(f / row.curves["first"][0], height / 10**k, text, **look)
             panel.hline(10.0**-k, color="0.6", lw=0.6)
         panels.append(panel)
-    below = [_gain(members["row"].iloc[min(1, len(members) - 1)]) for members in two]
-    for letter, panel in zip(("(c)", "(d)"), below, strict=False):
-        panel.title = f"{letter} {panel.title}"
+        below.append(_gain(members["row"].iloc[min(1, len(members) - 1)], other))
     panels += below
     return Picture(panels, columns=2, shape=(10, 0.3 + 3.1 * -(-len(panels) // 2)))
 
 
-def _gain(row: Row) -> Panel:
+def _gain(row: Row, letter: str) -> Panel:
     """Gain factor (receiver over source stress) of the springs, and the resonances.
 
     Between rigid walls the stress ratio of a rod is 1 / |cos kappa L|: its maxima lie midway
@@ -162,7 +160,8 @@ def _gain(row: Row) -> Panel:
     f, height = row.curves["gain"]
     f_r, top = row.curves["resonances"][0], 10 * row.curves["first"][0][0]
     keep = f < top
-    panel = Panel("frequency (kHz)", "gain factor", row.label, legend="upper right")
+    title = f"{letter} {row.label}"
+    panel = Panel("frequency (kHz)", "gain factor", title, legend="upper right")
     panel.xlim, panel.ylim = (0, top / 1e3), (0, 1.4 * float(height[keep].max()))
     panel.line(f[keep] / 1e3, height[keep], "gain", color="k")
     f_r = f_r[f_r < top] / 1e3
