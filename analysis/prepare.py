@@ -21,7 +21,7 @@ from analysis.estimators.structure_factor import structure_factor, write_structu
 from analysis.measuring import Measuring
 from modal.formats.provenance import Provenance, is_current
 from modal.modes.density import density_of_states, write_density
-from modal.packing.network import Network, write_network
+from modal.packing.network import write_network
 from modal.waves.response import frequency_response, write_response
 
 RESOLUTION = 0.376
@@ -74,15 +74,11 @@ def made(m: Measuring, kind: str) -> Any:
     return MADE[kind][0](m.network, **_settings(m, kind))
 
 
-def gain_settings(network: Network, passage: float) -> dict[str, Any]:
-    """Resolution and highest frequency, Hz, of a gain; `passage` (s) from wall to wall."""
-    diameters = network.length / (2 * float(network.radius.mean()))
-    return {"resolution": RESOLUTION * 0.5 / passage, "highest": REACH * diameters / passage}
-
-
 def _settings(m: Measuring, kind: str) -> dict[str, Any]:
+    """Resolution and highest frequency, Hz, and what else a spectrum needs."""
     if kind == "response":
-        return gain_settings(m.network, m.affine_passage)
+        highest = REACH * (m.network.length / m.diameter) / m.affine_passage
+        return {"resolution": RESOLUTION * 0.5 / m.affine_passage, "highest": highest}
     if kind == "density":
         return {"resolution": m.line, "tolerance": DENSITY_TOLERANCE}
     layers = int(m.network.length / m.diameter)

@@ -51,7 +51,7 @@ def source(m: Measuring) -> Picture:
     """Fig. 2: displacement of the source wall, a pulse, and its spectrum."""
     left = Panel("time (µs)", "source wall $u$ (nm)", xlim=(0, 20))
     right = Panel("frequency (kHz)", "amplitude over its maximum", xlim=(0, 500))
-    pulse = Pulse(m.linear.amplitude, m.linear.input_frequency)
+    pulse = Pulse(m.motion.amplitude, m.motion.frequency)
     style, label = LINES.get(pulse.frequency, ":"), f"{pulse.frequency / 1e3:g} kHz"
     time, frequency = np.linspace(0, 2e-5, 401), np.linspace(0, 5e5, 501)
     fine = np.linspace(0, 1 / pulse.frequency, 2001)

@@ -108,8 +108,8 @@ class Study:
             self.rows[name] = line
         for name, own in self.settings["cases"].items():
             if name not in self.rows:
-                first, *_, last = self.rows
-                raise InputError(f"{path}: cases: {name} is none of {first} ... {last}")
+                known = [*self.rows]
+                raise InputError(f"{path}: cases: {name} is none of {known[0]} ... {known[-1]}")
             self._known(own, OF_CASE, f"{name}: setting")
             self.rows[name] |= own
         self.rows = {name: self._checked(name, line) for name, line in self.rows.items()}

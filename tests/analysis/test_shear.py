@@ -12,7 +12,6 @@ import modal
 from analysis.agreement import Agreement, relative
 from analysis.case import Case, kind_of
 from analysis.measuring import Measuring
-from analysis.prepare import gain_settings
 from analysis.quantities.velocity import chain, first_peak, longest
 from modal.elasticity.moduli import write_moduli
 from modal.packing.network import write_network
@@ -58,7 +57,8 @@ def test_numbers_of_the_crystals_s_wave(made):
         kappa = np.linspace(0.01, 0.8, 80) * np.pi / EXACT.crystal.layer_distance
         assert chain(m, key).omega(kappa) == pytest.approx(EXACT.branches(kappa)[0], rel=5e-3)
         # As of P-waves: the gain is largest where the source end is free, a quarter of a wave.
-        how = gain_settings(m.network, m.network.length / EXACT.velocity)
+        passed = EXACT.velocity / m.network.length
+        how = {"resolution": 0.2 * passed, "highest": 9 * passed}
         found = frequency_response(m.network, direction="x", **how)
         first = EXACT.velocity / (4 * m.network.length)
         assert found.gain_maxima()[0] == pytest.approx(first, rel=0.05)
