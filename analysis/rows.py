@@ -123,8 +123,8 @@ class Row:
             if name in keys:
                 self.flat[keys[name]] = value.known and not value.caveats
             if not value.known:
-                told = [one for one in value.caveats if one not in ("no plateau", ABSENT)]
-                self.notes += [f"{column}: {caveat}" for caveat in told]
+                told = (f"{column}: {caveat}" for caveat in value.caveats if caveat != ABSENT)
+                self.notes += told
 
 
 @once

@@ -18,8 +18,8 @@ ORDER = {
         *("elasticity", "preparation", "theory", "exchange", "description", "cli", "__main__"),
     ),
     "analysis": (
-        *("table", "watch", "estimators", "agreement", "case"),
-        *("value", "measuring", "prepare", "quantities", "measurement"),
+        *("table", "watch", "value", "estimators", "agreement", "case"),
+        *("measuring", "prepare", "quantities", "measurement"),
         *("rows", "frame", "crystal", "figures", "study"),
         *("cli", "__main__"),
     ),

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from analysis.estimators.source_motion import sets_out
+from analysis.value import Value, unknown
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.waves.signals import Signals
@@ -46,29 +47,6 @@ WHOSE, REFERENCES = ("chain", "layers"), ("map", "own")
 """Whose displacement; relative to the maximum of the whole map, or of the own spectrum."""
 OVERSAMPLING = 4
 """Frequencies a record length."""
-
-
-@dataclass(frozen=True)
-class Edge:
-    """f_low-pass of one threshold, Hz: median over the stretch, half the quartile distance.
-
-    `change` is the larger relative change to the stretches of equal width before and behind it; NaN
-    where in a stretch fewer than three particles, or less than half of them, have a value. `why`
-    says for a value that is NaN why there is none.
-    """
-
-    value: float
-    error: float
-    change: float
-    why: str = ""
-
-    @property
-    def flat(self) -> bool:
-        """Whether the value stands on a plateau; if not, the rule has no answer of its own."""
-        return bool(self.change <= FLAT)
-
-
-UNKNOWN = Edge(np.nan, np.nan, np.nan)
 
 
 def last_crossing(
@@ -123,8 +101,14 @@ def threshold_curves(
 
 def at_stretch(
     distance: np.ndarray, values: np.ndarray, length: float, stretch: tuple[float, float]
-) -> Edge:
-    """The value of a curve (nc,) over distance (nc,) on a stretch, in parts of `length`, m."""
+) -> Value:
+    """The value, Hz, of a curve (nc,) over distance (nc,) on a stretch, in parts of `length`, m.
+
+    The median over the stretch, half the quartile distance as its error; unknown where fewer than
+    three particles, or less than half of them, have a value. Without a caveat it stands on a
+    plateau: it is that of the stretches of equal width before and behind. Else the rule has no
+    answer of its own.
+    """
     low, high = stretch
     medians = []
     for shift in (-1, 0, 1):
@@ -133,12 +117,17 @@ def at_stretch(
         seen = values[inside & np.isfinite(values)]
         told = len(seen) > 2 and 2 * len(seen) > inside.sum()
         medians.append(float(np.median(seen)) if told else np.nan)
+        if shift == 0 and not told:
+            return unknown("Hz", f"seen at {len(seen)} of {inside.sum()} particles: too few")
         if shift == 0:
-            quartiles = np.percentile(seen, [75, 25]) if told else np.full(2, np.nan)
-            why = "" if told else f"seen at {len(seen)} of {inside.sum()} particles: too few"
+            error = float(np.subtract(*np.percentile(seen, [75, 25]))) / 2
     before, value, behind = medians
+    found = Value(value, "Hz", {"fit": error})
     change = float(np.max(abs(np.array([before, behind]) / value - 1)))
-    return Edge(value, float(np.subtract(*quartiles)) / 2, change, why)
+    if change <= FLAT:
+        return found
+    by = f" by {100 * change:.0f} %" if np.isfinite(change) else ""
+    return found.with_caveats(f"no plateau: it changes{by} with the place along the packing")
 
 
 @dataclass
@@ -204,12 +193,12 @@ class Passband:
         whose: str = "chain",
         reference: str = "map",
         passages: float = PASSAGES,
-    ) -> list[Edge]:
+    ) -> list[Value]:
         """f_low-pass for each of `THRESHOLDS`; unknown without a record, or one of layers."""
         if record is None or (
             whose == "layers" and not self.crystal and record.layer_displacement is None
         ):
-            return [UNKNOWN] * len(THRESHOLDS)
+            return [unknown("Hz")] * len(THRESHOLDS)
         distance, frequency, amplitude = self.map(record, whose, passages)
         curves = threshold_curves(frequency, amplitude, reference)
         found = [at_stretch(distance, row, self.network.length, self.stretch) for row in curves]
@@ -217,21 +206,21 @@ class Passband:
         at, sent = self._spectra(record, source, passages)
         ends = [last_crossing(at, sent, SENT * t * sent.max())[0] for t in THRESHOLDS]
         return [
-            replace(UNKNOWN, why=f"above {end / 1e3:.3g} kHz the source sends too little")
+            unknown("Hz", f"above {end / 1e3:.3g} kHz the source sends too little")
             if edge.value > end
             else edge
             for edge, end in zip(found, ends, strict=True)
         ]
 
     @cached_property
-    def low_pass(self) -> list[Edge]:
+    def low_pass(self) -> list[Value]:
         """By the paper's words, of the linear wave cut as the run is."""
         return self.of_any_chain(self.edges(self.wave, passages=self.common))
 
-    def of_any_chain(self, edges: list[Edge]) -> list[Edge]:
+    def of_any_chain(self, edges: list[Value]) -> list[Value]:
         """With the error of the choice of the chain, where that is known and larger."""
         return [
-            replace(edge, error=float(np.fmax(edge.error, scatter)))
+            replace(edge, parts={"fit": float(np.fmax(edge.error, scatter))})
             for edge, scatter in zip(edges, self.chain_scatter, strict=True)
         ]
 
@@ -270,15 +259,15 @@ class Passband:
         return np.array([np.std(v, ddof=1) if len(v) > 1 else np.nan for v in known])
 
     @cached_property
-    def mean_of_columns(self) -> Edge:
+    def mean_of_columns(self) -> Value:
         """The 2 % rule, Hz: mean over all columns, and their scatter."""
         columns = self.of_columns[:, 0]
         known = columns[np.isfinite(columns)]
         if 2 * len(known) <= len(columns):
-            return replace(UNKNOWN, why=f"{len(known)} of {len(columns)} columns have a value")
-        return Edge(float(known.mean()), float(self.chain_scatter[0]), np.nan)
+            return unknown("Hz", f"{len(known)} of {len(columns)} columns have a value")
+        return Value(float(known.mean()), "Hz", {"chain": float(self.chain_scatter[0])})
 
-    def choices(self) -> list[tuple[str, Edge]]:
+    def choices(self) -> list[tuple[str, Value]]:
         """What each choice makes of f_low-pass, the others kept."""
         rows = []
         for name, record in (("YADE", self.run), ("linear wave", self.wave)):

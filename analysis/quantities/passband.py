@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.estimators.low_pass import SHORTEST, Edge, Passband
+from analysis.estimators.low_pass import SHORTEST, Passband
 from analysis.estimators.ridge import Ridge, ridge
 from analysis.estimators.source_motion import cut
 from analysis.estimators.wavenumber import chain_wavenumber
@@ -31,7 +31,7 @@ def passband(m: Measuring, key: str = "linear") -> Passband:
 
 
 @once
-def edges(m: Measuring, producer: str, whose: str = "chain", reference: str = "map") -> list[Edge]:
+def edges(m: Measuring, producer: str, whose: str = "chain", reference: str = "map") -> list[Value]:
     """f_low-pass by the thresholds, of `yade` or `linear`: `Passband.edges`.
 
     By the paper's words with the error of the choice of the chain.
@@ -97,19 +97,17 @@ def low_pass(m: Measuring) -> Value:
     Of random packings the mean over all columns of spheres, with their scatter; of crystals, and of
     records without single particles, along the one chain.
     """
-    band, caveats = passband(m, "wave"), m.of_waves
+    band = passband(m, "wave")
     edge = band.low_pass[0]
-    if not edge.flat and np.isfinite(edge.value):
-        by = f" by {100 * edge.change:.0f} %" if np.isfinite(edge.change) else ""
-        caveats += (f"no plateau: it changes{by} with the place along the packing",)
+    caveats = m.of_waves + (edge.caveats if edge.known else ())
     length = m.network.length / m.diameter
     if not m.crystal and length < SHORTEST:
         text = f"too short: {length:.1f} D long, the rule needs {SHORTEST:g} D and reads too high"
         caveats += (text,)
     elif not m.crystal and len(band.of_columns):
         edge = band.mean_of_columns
-    if not np.isfinite(edge.value):
-        return unknown("Hz", edge.why or "the rule finds no frequency", *caveats)
+    if not edge.known:
+        return unknown("Hz", *(edge.caveats or ("the rule finds no frequency",)), *caveats)
     caveats += of_frequency(m, edge.value)
     return Value(edge.value, "Hz", {"chain": edge.error}).with_caveats(*caveats)
 

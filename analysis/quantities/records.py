@@ -96,9 +96,7 @@ def _off_linear(m: Measuring) -> float:
 
 
 def _low_pass(m: Measuring, producer: str, rule: str, threshold: int) -> Value:
-    edge = passband.edges(m, producer, *MAPS[rule])[threshold]
-    caveats = (edge.why,) if edge.why else () if edge.flat else ("no plateau",)
-    return Value(edge.value, "Hz", {"fit": edge.error}, caveats)
+    return passband.edges(m, producer, *MAPS[rule])[threshold]
 
 
 def _wavelength(m: Measuring, producer: str, rule: str, threshold: int) -> Value:
@@ -112,8 +110,7 @@ def _wavelength(m: Measuring, producer: str, rule: str, threshold: int) -> Value
 
 
 def _shear_edge(m: Measuring, key: str) -> Value:
-    edge = passband.passband(m, key).low_pass[0]
-    return estimate(edge.value, edge.error)
+    return passband.passband(m, key).low_pass[0]
 
 
 FOUND: dict[str, tuple[str, str, Number]] = {

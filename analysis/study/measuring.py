@@ -8,7 +8,6 @@ import numpy as np
 
 from analysis.case import Case
 from analysis.crystal import compare
-from analysis.estimators.low_pass import Edge
 from analysis.figures import compose
 from analysis.figures.picture import write_picture
 from analysis.measurement import measure
@@ -21,7 +20,7 @@ from analysis.study.arrangement import wanted
 from analysis.study.description import Study
 from analysis.study.targets import Rules
 from analysis.table import number
-from analysis.value import estimate
+from analysis.value import Value, estimate
 from modal.formats.hdf5 import sha256
 from modal.formats.provenance import read_provenance
 from modal.tools.errors import InputError
@@ -106,12 +105,12 @@ def _add_tables(row: Row, m: Measuring) -> None:
         row.tables["comparison"] = compare(m)
 
 
-def _chosen(edge: Edge) -> str:
+def _chosen(edge: Value) -> str:
     """A threshold's frequency in kHz, marked where it stands on no plateau; else why none."""
     text = number(1e-3 * edge.value, 1e-3 * edge.error)
     if not text:
-        return f"none: {edge.why}" if edge.why else ""
-    return text if edge.flat else f"{text}, no plateau"
+        return "".join(f"none: {why}" for why in edge.caveats)
+    return f"{text}, no plateau" if edge.caveats else text
 
 
 def _provenance(case: Case) -> list[list[str]]:
