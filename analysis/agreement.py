@@ -113,10 +113,9 @@ class Agreement:
         run, interval = self.run, self.run.time_step * self.every
         settings: dict[str, Any] = {"motion": self.source, "pre_stress": pre_stress}
         settings |= {"direction": run.direction, "interval": interval}
+        settings["time_step"] = None if exact_in_time else run.time_step
         # At full size some GB, where nothing is held against it.
         settings["particles"] = run.particle_displacement is not None
-        if not exact_in_time:
-            settings["time_step"] = run.time_step
         wave = propagate(self.network, interval * (len(run.time) - 1), **settings).signals
         chain = wave.chain_displacement
         if wave.particle_displacement is not None:

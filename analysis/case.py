@@ -184,12 +184,10 @@ def kind_of(path: str | Path) -> str:
     Of modes also by which were asked for, of signals by the direction of the wall and by who made
     them.
     """
-    with open_h5(path) as file:
+    with open_h5(path) as file, complete(path):
         noted = {name: _text(value) for name, value in file.attrs.items()}
         schema = noted.get("schema", "")
-        with complete(path):
-            of_modes = dict(file.attrs) if schema == mode_set.SCHEMA else {}
-            choice = mode_set.Choice.of_attributes(of_modes)
+        choice = mode_set.Choice.of_attributes(noted if schema == mode_set.SCHEMA else {})
     if schema == mode_set.SCHEMA:
         settings = read_provenance(path).settings or {}
         if settings.get("translations_only", str(path).endswith(".translations.modes.h5")):

@@ -30,22 +30,20 @@ SHOWN = ("void_ratio", "coordination_number", "v_p_static_m_per_s", *OF_RECORD)
 """Numbers of a case that are shown, stated or not."""
 
 
-def tables(
-    specs: Sequence[Spec], frame: pd.DataFrame, rules: Rules, rows: list[Row]
-) -> list[Table]:
+def tables(specs: Sequence[Spec], rules: Rules) -> list[Table]:
     """All tables of a study that have a line, in its order; `name` is that of their file."""
     kinds: dict[str, Callable[[Spec, pd.DataFrame], Cells]] = {
         "means": means,
         "limit": limits,
         "laws": laws,
         "checks": lambda spec, cases: checks(spec["checks"], rules),
-        "side_by_side": lambda spec, cases: side_by_side(spec["side_by_side"], cases, rows),
+        "side_by_side": lambda spec, cases: side_by_side(spec["side_by_side"], cases),
         "columns": of_columns,
         "says": lambda spec, cases: says(spec["says"], rules.frame),
     }
     found = []
     for spec in specs:
-        cases = select(frame[frame["there"]], spec.get("select", ""))
+        cases = select(rules.frame[rules.frame["there"]], spec.get("select", ""))
         kind = next((name for name in kinds if name in spec), "")
         if not kind:
             raise InputError(f"table {spec['name']}: give it one of {', '.join(kinds)}")
@@ -54,12 +52,12 @@ def tables(
     return [table for table in found if table.rows]
 
 
-def whole(frame: pd.DataFrame, rows: list[Row]) -> Table:
+def whole(frame: pd.DataFrame) -> Table:
     """Every number of every case, for files: value, error, and the scatter of samples."""
     words = {"case": "case", "name": "name", "kind": "packing", "mu_comp": "mu_comp"}
     words |= {"stress": "stress_pa", "record": "record", "unsettled": "settled"}
     there = frame[frame["there"]].replace({"unsettled": {"": "yes"}})
-    quantities = dict.fromkeys(name for row in rows if not row.state for name in row.values)
+    quantities = dict.fromkeys(name for row in there["row"] for name in row.values)
     names = [f"{q}{end}" for q in quantities for end in ("", "_error", "_sample_error")]
     names += [name for name in there if name.endswith("_of_state") or name.startswith("plateau_")]
     names = [*words, "packings", *(name for name in names if name in there), "absent"]
@@ -168,11 +166,11 @@ def checks(spec: Spec, rules: Rules) -> Cells:
     return ["rule", *spec["columns"]], lines
 
 
-def side_by_side(name: str, cases: pd.DataFrame, rows: list[Row]) -> Cells:
+def side_by_side(name: str, cases: pd.DataFrame) -> Cells:
     """A table that each case has, of several cases beside one another."""
     parts = []
-    for row in rows:
-        if row.name in cases.index and row.tables.get(name):
+    for row in cases["row"]:
+        if row.tables.get(name):
             (first, *head), *lines = row.tables[name]
             names = [f"{text}, {row.label}" for text in head] if len(head) > 1 else [row.label]
             parts.append(pd.DataFrame(lines, columns=[first, *names]).set_index(first))

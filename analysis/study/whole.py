@@ -36,14 +36,14 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
     rules, found = Rules(frame, study.stated()), answers(study, frame)
     specs, goals = study.part("tables"), targets(found)
     shown = [_absent(results / "absent.csv", frame), second_verdicts(found)]
-    shown += tables(specs, frame, rules, rows)
+    shown += tables(specs, rules)
     for path in sorted(results.glob("*.agreement.csv")):
         case = path.name.split(".")[0]
         title = f"YADE against the linear wave by cause, {case}"
         shown.append(Table(title, *_read(path), f"split_{case}"))
     shown = [table for table in shown if table.rows]
     of_pages = {"targets", "second_verdicts", *(s["name"] for s in specs if s.get("page"))}
-    for table in (each for each in (whole(frame, rows), goals, *shown) if each.rows):
+    for table in (each for each in (whole(frame), goals, *shown) if each.rows):
         table.write_csv(output / f"{table.name}.csv")
         if table.name in of_pages:
             write_text(output / f"{table.name}.md", table.markdown())

@@ -126,8 +126,8 @@ def test_committed_tables_are_those_of_the_committed_results(paper):
     frame = frame_of(rows, paper.cases)
     assert frame["there"].all()
     rules = Rules(frame, paper.stated())
-    found = [whole(frame, rows), targets(answers(paper, frame))]
-    found += tables(paper.part("tables"), frame, rules, rows)
+    found = [whole(frame), targets(answers(paper, frame))]
+    found += tables(paper.part("tables"), rules)
     for table in found:
         with open(ROOT / f"results/study/{table.name}.csv", newline="") as file:
             header, *lines = csv.reader(file)

@@ -33,11 +33,12 @@ def test_factors_make_cases_and_settings_follow_them(tmp_path):
     assert cases["input_frequency"].tolist() == [1e5] * 6 + [2e5] * 6
     frame = frame_of([_of_sweep(k, row) for k, row in cases.iterrows()], cases)
     spec = {"name": "means", "title": "", "means": ["mu_comp", "width"], "columns": {"V": "v_p"}}
-    (table,) = tables([spec], frame, Rules(frame, Study(path).stated()), [])
+    rules = Rules(frame, Study(path).stated())
+    (table,) = tables([spec], rules)
     # 500 + 10 times the seed: mean 520, standard error 10 / sqrt 3.
     assert table.rows[0] == ["0", "4", "520 ± 6", "3"] and len(table.rows) == 4
     with pytest.raises(ValueError, match="means: cannot be made"):
-        tables([spec | {"columns": 3}], frame, Rules(frame, Study(path).stated()), [])
+        tables([spec | {"columns": 3}], rules)
 
 
 def _of_sweep(name: str, case) -> Row:

@@ -164,7 +164,7 @@ def test_a_rule_that_gives_the_papers_numbers_meets_its_statements_and_others_do
             row.values[f"lambda_{percent}_linear_over_d"] = estimate(10.0)
     frame = frame_of(rows, paper.cases)
     spec = [spec for spec in paper.part("tables") if spec["name"] == "statements"]
-    (table,) = tables(spec, frame, Rules(frame, paper.stated()), rows)
+    (table,) = tables(spec, Rules(frame, paper.stated()))
     assert len(table.rows) == 1 and "linear wave" in table.rows[0][0]  # absent rules have no row
     found = dict(zip(table.header, table.rows[0], strict=True))
     said = {head: text.split(":")[0] for head, text in found.items() if text and head != "rule"}
