@@ -6,6 +6,7 @@ import numpy as np
 
 from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.low_pass import threshold_curves
+from analysis.estimators.source_motion import cut
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture
 from analysis.measuring import Measuring
 from analysis.quantities.passband import edges, passband
@@ -105,10 +106,9 @@ def _signal(m: Measuring, wanted: float) -> Panel:
 
 def _curve(panel: Panel, record: Signals, n: int, end: float, label: str, **style) -> None:
     """Displacement of the chain's n-th particle up to `end` (s)."""
-    inside = np.flatnonzero(record.time <= end * (1 + 1e-9))
-    keep = inside[_thin(len(inside) // 2)]
-    u = record.chain_displacement[keep, n]
-    panel.line(1e3 * record.time[keep], 1e9 * u, label, **style)
+    record = cut(record, end)
+    keep = _thin(len(record.time) // 2)
+    panel.line(1e3 * record.time[keep], 1e9 * record.chain_displacement[keep, n], label, **style)
 
 
 DISTANCES = np.array([10.0, 50.0, 100.0])
@@ -154,13 +154,11 @@ def signals_stress(m: Measuring) -> Picture:
 
 def space_time(m: Measuring) -> Panel:
     """Fig. 5: displacement over distance and time, and the line of the long-wave velocity."""
-    record = m.shown
+    record = cut(m.shown, _end(m, m.shown))
     z = 1e3 * (record.chain_position - m.network.wall_position[0])
-    time = record.time[record.time <= _end(m, record) * (1 + 1e-9)]
-    step, every = _thin(len(time)), _thin(len(z))  # every second layer alone would beat
+    step, every = _thin(len(record.time)), _thin(len(z))  # every second layer alone would beat
     order = np.argsort(z)[every]  # a chain may step back
-    u = 1e9 * record.chain_displacement[: len(time)][step][:, order]
-    time = time[step]
+    u, time = 1e9 * record.chain_displacement[step][:, order], record.time[step]
     top = float(f"{np.percentile(abs(u), 99.9):.3g}") or 1.0
     panel = Panel(DISTANCE, "time (ms)", m.label, legend="upper left")
     panel.colour_label = "$u_z$ (nm)"
