@@ -51,7 +51,7 @@ BLOCK = 8
 class Scattering:
     """frequency (n,) Hz of the ridge, rising; width (n,) Hz, full at half height; velocity m/s.
 
-    diameter in m. Widths that are not told from zero are NaN.
+    diameter in m. Of the waves whose widths are told from zero.
     """
 
     frequency: np.ndarray
@@ -64,18 +64,16 @@ class Scattering:
 
         The width is straight between the ridge's logarithms; NaN outside.
         """
-        known = np.isfinite(self.width)
-        if known.sum() < 2 or not np.isfinite(frequency) or frequency <= 0:
+        if len(self.width) < 2 or not np.isfinite(frequency) or frequency <= 0:
             return np.nan
-        f, width = np.log(self.frequency[known]), np.log(self.width[known])
+        f, width = np.log(self.frequency), np.log(self.width)
         there = np.exp(np.interp(np.log(frequency), f, width, np.nan, np.nan))
         return float(self.velocity / (2 * np.pi * there) / self.diameter)
 
     @property
     def limit(self) -> float:
         """Ioffe-Regel frequency, Hz: the first at which pi times the width reaches it; else NaN."""
-        known = np.isfinite(self.width)
-        f, excess = self.frequency[known], np.pi * self.width[known] / self.frequency[known]
+        f, excess = self.frequency, np.pi * self.width / self.frequency
         beyond = np.flatnonzero(excess >= 1)
         if not len(beyond) or beyond[0] == 0:
             return np.nan
@@ -88,8 +86,7 @@ class Scattering:
         Or up to where the width falls back to half of its largest: what stands out is then no ridge
         but a single line of its noise.
         """
-        known = np.isfinite(self.width)
-        f, width = self.frequency[known], self.width[known]
+        f, width = self.frequency, self.width
         lost = np.append(width < 0.5 * np.maximum.accumulate(width), True)
         beyond = np.append(np.pi * width >= f, True)
         kept = slice(0, min(int(np.argmax(lost)), int(np.argmax(beyond)) + 1))
@@ -99,7 +96,7 @@ class Scattering:
     def power(self, frequency: float) -> PowerLaw:
         """The width as a power of the frequency, about a frequency in Hz."""
         low, high = (part * frequency for part in AROUND)
-        steep = (self.frequency > low) & (self.frequency < high) & np.isfinite(self.width)
+        steep = (self.frequency > low) & (self.frequency < high)
         return power_law(self.frequency[steep], self.width[steep])
 
 
@@ -144,8 +141,8 @@ class StructureFactor:
         """What the ridge tells, as far as its frequency rises; `velocity` m/s, `diameter` m."""
         peak, width = self.ridge()
         rising = np.isfinite(peak) & (np.maximum.accumulate(np.nan_to_num(peak)) == peak)
-        width = np.where(width > self.resolution / 2, width, np.nan)
-        return Scattering(peak[rising], width[rising], velocity, diameter)
+        told = rising & (width > self.resolution / 2)
+        return Scattering(peak[told], width[told], velocity, diameter)
 
 
 FORMAT = product_of(SCHEMA, StructureFactor)

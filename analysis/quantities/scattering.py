@@ -104,7 +104,7 @@ def ioffe_regel(m: Measuring) -> Value:
     if not np.isfinite(found.limit):
         why = "of no standing wave that could be read is the mean free path so short"
         return unknown("Hz", why)
-    near = np.sort(abs(found.frequency[np.isfinite(found.width)] - found.limit))[:2].sum()
+    near = np.sort(abs(found.frequency - found.limit))[:2].sum()
     caveats = m.of_one_sample
     if found.velocity / found.limit > m.width * m.diameter:
         caveats = of_frequency(m, found.limit)

