@@ -46,7 +46,7 @@ class Series:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ValueError(f"kind {self.kind!r} is none of {KINDS}")
-        self.x, self.y = (_rounded(values).ravel() for values in (self.x, self.y))
+        self.x, self.y = (_rounded(values) for values in (self.x, self.y))
         if self.z is not None:
             self.z = _rounded(self.z, SHADES if self.kind == "map" else DIGITS)
         if self.kind == "map":
@@ -181,9 +181,7 @@ def read_picture(path: str | Path) -> Picture:
             own = points.get((len(picture.panels) - 1, len(series)), [])
             x = [float(row[0]) for row in own if row[0]]
             z = [[float(v) for v in row[2].split()] for row in own if row[2]]
-            found = {"x": x, "y": [float(row[1]) for row in own], "z": np.array(z) if z else None}
-            if z and head["series"]["kind"] != "map":
-                found["z"] = np.ravel(z)
+            found = {"x": x, "y": [float(row[1]) for row in own], "z": z or None}
             series.append(Series(**found | head["series"]))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error}); check the name") from error
@@ -193,9 +191,7 @@ def read_picture(path: str | Path) -> Picture:
 
 
 def _rounded(values: np.ndarray, digits: int = DIGITS) -> np.ndarray:
-    array = np.atleast_1d(np.asarray(values, float))
-    flat = [float(_text(value, digits)) for value in array.ravel()]
-    return np.array(flat).reshape(array.shape)
+    return np.array([float(_text(value, digits)) for value in np.ravel(values)])
 
 
 def _text(value: float, digits: int = DIGITS) -> str:

@@ -107,7 +107,7 @@ def low_pass(m: Measuring) -> Value:
     elif not m.crystal and len(band.of_columns):
         edge = band.mean_of_columns
     if not edge.known:
-        return unknown("Hz", *(edge.caveats or ("the rule finds no frequency",)), *caveats)
+        return unknown("Hz", *edge.caveats, *caveats)
     caveats += of_frequency(m, edge.value)
     return Value(edge.value, "Hz", {"chain": edge.error}).with_caveats(*caveats)
 
