@@ -5,22 +5,20 @@ rolling sds, twisting sds and marshall; gran/hooke, gran/hooke/history and gran/
 wall/gran` in the same words. Cohesion is refused by name: no spring of this project does that.
 
 As in LAMMPS a type of pair_coeff is a number or a range (`*`, `n*`, `*n`, `m*n`), a range stands
-for pairs of rising types alone, the last line that covers a pair holds, and a pair that none covers
-is mixed from those of its two types.
+for pairs of rising types alone, and the last line that covers a pair holds. A pair that none covers
+is refused: how LAMMPS mixes the laws of its two types depends on its version.
 """
 
 import math
 import re
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from modal.exchange.dump import TYPED, Frame, OfKind, Told, Walls
 from modal.exchange.input_script import Script
-from modal.exchange.law import DISPLACEMENT, FORCE, MIDDLE, ONE_SIDED, RADIUS, SI, ProgramLaw, Units
+from modal.exchange.law import DISPLACEMENT, FORCE, MIDDLE, ONE_SIDED, RADIUS, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import WALLS, Contacts, LawOf, Packing
 from modal.exchange.text import Words, fault
 from modal.packing.contact_law import YOUNG, Elasticity
@@ -53,18 +51,7 @@ LAST = sys.maxsize
 """The highest type, whatever it is."""
 
 
-@dataclass(frozen=True)
-class Coefficients:
-    """One line of coefficients: the law among spheres of one type, and what it was made of."""
-
-    law: ProgramLaw
-    material: Elasticity | None = None
-    own_tangential: bool = True
-
-
-def granular(
-    words: Sequence[str], where: str, arms: tuple[str, str], units: Units = SI
-) -> Coefficients:
+def granular(words: Sequence[str], where: str, arms: tuple[str, str], units: Units) -> ProgramLaw:
     """The law of `pair_style granular`, from its words after the types.
 
     `where` says in a message whose words these are; `arms` of motion and torque.
@@ -93,12 +80,11 @@ def granular(
                 resists[option] = stiffness if limit > 0 else min(stiffness, 0.0)
         elif option != "limit_damping":
             said.next(f"the word of {option}")
-    own = not math.isnan(across)
-    if not own and material is None:
-        said.refuse("tangential NULL needs hertz/material", "give its stiffness")
     across *= units.pressure if grows else units.stiffness
-    if material and not own:
-        across = 8 * material.effective_shear
+    if math.isnan(across):
+        if material is None:
+            said.refuse("tangential NULL needs hertz/material", "give its stiffness")
+        across = 8 * material.moduli.effective_shear
     rolling, twisting = units.stiffness * resists["rolling"], units.moment * resists["twisting"]
     # LAMMPS takes the coefficient as it is, also one in units of pressure.
     half = 0.5 * (units.length if grows else 1.0) * marshall
@@ -109,11 +95,10 @@ def granular(
             "mend the line",
         )
     turning = (rolling, twisting, half)
-    law = ProgramLaw(stiff, model != "hooke", across, grows, friction, keeps, *arms, *turning)
-    return Coefficients(law, material, own)
+    return ProgramLaw(stiff, model != "hooke", across, grows, friction, keeps, *arms, *turning)
 
 
-def gran(style: str, words: Sequence[str], where: str, units: Units = SI) -> Coefficients:
+def gran(style: str, words: Sequence[str], where: str, units: Units) -> ProgramLaw:
     """The law of one of `GRAN`: Kn Kt gn gt mu dampflag.
 
     It is that of granular in other words, with arms as long as the radii.
@@ -128,8 +113,8 @@ def gran(style: str, words: Sequence[str], where: str, units: Units = SI) -> Coe
 
 
 def coefficients(
-    style: str, words: Sequence[str], where: str, units: Units = SI, *, wall: bool = False
-) -> Coefficients:
+    style: str, words: Sequence[str], where: str, units: Units, *, wall: bool = False
+) -> ProgramLaw:
     """The law that a style and its words say; accelerated variants, such as /omp, have the same."""
     base = re.sub("/(omp|kk|intel|opt|gpu)$", "", style)
     if base == "granular":
@@ -139,30 +124,6 @@ def coefficients(
         return gran(base, words, where, units)
     known = ", ".join(("granular", *GRAN))
     fault(where, f"{style!r} is no law of contact that is known", f"give {known}")
-
-
-def mixed(first: Coefficients, second: Coefficients) -> ProgramLaw:
-    """The law between two types that have none of their own, as LAMMPS mixes them.
-
-    Materials as two bodies in contact; other coefficients by their geometric mean.
-    """
-    a, b = first.law, second.law
-    same = (a.hertz, a.grows, a.keeps, a.marshall) == (b.hertz, b.grows, b.keeps, b.marshall)
-    if not same or (first.material is None) != (second.material is None):
-        fault("pair_coeff", "two types have different models", "give their own pair_coeff")
-
-    def mean(x: float, y: float) -> float:
-        return float((x * y) ** 0.5)
-
-    normal, tangential = mean(a.normal, b.normal), mean(a.tangential, b.tangential)
-    if first.material is not None and second.material is not None:
-        young, shear = first.material.against(second.material)
-        normal = 4 / 3 * young
-        if not first.own_tangential:
-            tangential = 8 * shear
-    names = ("friction", "rolling", "twisting")
-    means: dict[str, Any] = {name: mean(getattr(a, name), getattr(b, name)) for name in names}
-    return replace(a, normal=normal, tangential=tangential, **means)
 
 
 def material_of(young: float, poisson: float, where: str) -> Elasticity:
@@ -179,7 +140,7 @@ def law_of_types(script: Script, units: Units) -> LawOf:
     """The law between any two types of sphere."""
     said = script.said
     style, *shared = script.style
-    lines: list[tuple[range, range, Coefficients]] = []
+    lines: list[tuple[range, range, ProgramLaw]] = []
     everywhere = [("*", "*")] if shared and style.startswith("gran/") else []
     for one, two, *words in (*everywhere, *script.pair):
         where = f"{said}: pair_coeff {one} {two}"
@@ -191,18 +152,12 @@ def law_of_types(script: Script, units: Units) -> LawOf:
             fault(where, what, "exchange the two")
         lines.append((first, second, coefficients(style, words or shared, said, units)))
 
-    def told(a: int, b: int) -> Coefficients | None:
-        covering = (law for first, second, law in reversed(lines) if a in first and b in second)
-        return next(covering, None)
-
     def law_of(a: int, b: int) -> ProgramLaw:
         a, b = min(a, b), max(a, b)
-        own, one, two = told(a, b), told(a, a), told(b, b)
-        if own is not None:
-            return own.law
-        if one is None or two is None:
-            fault(said, f"no pair_coeff for types {a} and {b}", "give one")
-        return mixed(one, two)
+        for first, second, law in reversed(lines):
+            if a in first and b in second:
+                return law
+        fault(said, f"no pair_coeff for types {a} and {b}", "give one")
 
     return law_of
 
@@ -210,7 +165,7 @@ def law_of_types(script: Script, units: Units) -> LawOf:
 def law_of_wall(said: Words, script: Script, units: Units, of_types: LawOf) -> OfKind:
     """The law of a wall, which stands before its zplane: the same for all types."""
     style, *rest = said.left
-    law = coefficients(style, rest[: rest.index("zplane")], said.where, units, wall=True).law
+    law = coefficients(style, rest[: rest.index("zplane")], said.where, units, wall=True)
     return lambda kind: law
 
 

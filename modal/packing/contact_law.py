@@ -42,14 +42,10 @@ class Elasticity:
         return self.young / (2 * (1 - self.poisson**2))
 
     @property
-    def effective_shear(self) -> float:
-        """G* = G / (2 (2 - nu)), Pa, of two bodies of this material."""
-        return self.young / (4 * (1 + self.poisson) * (2 - self.poisson))
-
-    @property
     def moduli(self) -> Moduli:
-        """E* and G*: all that the law of contact needs."""
-        return Moduli(self.effective_young, self.effective_shear)
+        """E* and G* = G / (2 (2 - nu)), Pa: all that the law of contact needs."""
+        shear = self.young / (4 * (1 + self.poisson) * (2 - self.poisson))
+        return Moduli(self.effective_young, shear)
 
     def against(self, other: Elasticity) -> Moduli:
         """E* and G*, Pa, of a contact with a body of another material: compliances add.
