@@ -87,7 +87,8 @@ def network_of(
             _refuse_other_units(pushed, overlap, packing.name)
             if error > BLURRED * np.median(pushed):
                 how, overlap = "forces", np.where(force > 0, pushed, overlap)
-                _turn_to_lines(normal, touch.line)
+                if touch.line is not None:
+                    _turn_to_lines(normal, touch.line)
         columns |= law.columns(overlap, effective)
         sliding = None if touch.shear is None else law.slides(force, touch.shear)
     told = {
@@ -137,16 +138,18 @@ def _kept(listed: Contacts, packing: Packing, overlap: Floats) -> Bools:
     place, and for a contact of bodies that lie apart.
     """
     reach, _ = packing.reach(listed.i, listed.j)
-    kept = np.ones(len(overlap), bool)
-    if not listed.columns:
-        kept = overlap > 0 if listed.force is None else listed.force != 0
+    body = packing.body[[listed.i, np.maximum(listed.j, 0)]]
+    kept: Bools = (listed.j < 0) | (body[0] < 1) | (body[0] != body[1])
 
     def ends(row: int) -> str:
         one, other = (packing.number[end] for end in (listed.i[row], max(listed.j[row], 0)))
         return f"spheres {one} and {other}" if listed.j[row] >= 0 else f"sphere {one} and the wall"
 
     do = "mend the positions, or the numbers of the two"
-    listed.refuse(overlap == reach, lambda row: f"{ends(row)} lie in one place", do, packing.name)
+    where = kept & (overlap == reach)
+    listed.refuse(where, lambda row: f"{ends(row)} lie in one place", do, packing.name)
+    if not listed.columns:
+        kept &= overlap > 0 if listed.force is None else listed.force != 0
     do = "write both at one step, in one unit of length, with the cell's periods and walls"
     listed.refuse(
         kept & (overlap < -WIDEST * reach),
@@ -154,7 +157,6 @@ def _kept(listed: Contacts, packing: Packing, overlap: Floats) -> Bools:
         do,
         packing.name,
     )
-    kept &= ~packing.inside_body(listed.i, listed.j)
     if not kept.any():
         fault(packing.name, "no two spheres touch", "dump a packing under stress")
     return kept
@@ -180,10 +182,8 @@ def _refuse_other_units(pushed: Floats, overlap: Floats, name: str) -> None:
         fault(name, what, do)
 
 
-def _turn_to_lines(normal: Floats, line: Floats | None) -> None:
+def _turn_to_lines(normal: Floats, line: Floats) -> None:
     """Turn normals to the lines that are told: six digits of a force against six of a position."""
-    if line is None:
-        return
     size = np.linalg.norm(line, axis=1)
     told = size > 0
     way = np.sign((line * normal).sum(axis=1))[told] / size[told]

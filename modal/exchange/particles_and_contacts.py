@@ -122,12 +122,6 @@ class Packing:
         if wrong.any():
             fault(self.name, f"sphere {self.number[np.argmax(wrong)]} {what}", do)
 
-    def inside_body(self, i: Ints, j: Ints) -> Bools:
-        """Shape (m,): contacts between two spheres of one body, which are none."""
-        one, other = self.body[i], self.body[np.maximum(j, 0)]
-        same: Bools = (j >= 0) & (one > 0) & (one == other)
-        return same
-
     def between(self, i: Ints, j: Ints) -> ContactList:
         """Contacts of i with the nearest image of j, or with a wall: normals, overlaps, periods."""
         cell, pair = self.cell, (j >= 0)[:, None]
@@ -150,18 +144,11 @@ class Packing:
 
     def touching(self) -> Contacts:
         """Contacts by overlap alone, through all periods, and at walls."""
-        cell, widest = self.cell, 2 * float(self.radius.max())
-        # Along an axis without a period images lie beyond the reach of any sphere.
-        room = np.where(cell.periodic, cell.periods, np.ptp(self.position, axis=0) + 3 * widest)
-        origin = np.where(cell.periodic, cell.low, self.position.min(axis=0))
-        walls = None if cell.periodic[2] else np.array(cell.walls) - origin[2]  # NaN: none there
-        sides = room if walls is None else room[:2]
+        cell = self.cell
+        low = np.where(cell.periodic, cell.low, self.position.min(axis=0))
         with np.errstate(invalid="ignore", divide="ignore"):  # two in one place are refused later
-            found = touching(self.position - origin, sides, walls, self.radius)
-        i, j = found.particle_i, found.particle_j
-        kept = ~self.inside_body(i, j)
-        order = np.flatnonzero(kept)[np.lexsort((j[kept], i[kept]))]
-        return Contacts(i[order], j[order])
+            found = touching(self.position, low, cell.periods, np.array(cell.walls), self.radius)
+        return Contacts(found.particle_i, found.particle_j)
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,11 @@ command `import` and all commands that take a packing ask here.
 
 import importlib
 import pkgutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, cast
+from types import ModuleType
+from typing import Any
 
 from modal.exchange import programs
 from modal.exchange.import_result import ImportResult
@@ -34,27 +35,14 @@ class Option:
     kind: type = str
 
 
-class Program(Protocol):
-    """What the module of a program has."""
-
-    NAME: str
-    OPTIONS: Mapping[str, Option]
-
-    def sniff(self, path: Path, head: bytes) -> bool:
-        """Whether a file with these first bytes is of this program."""
-
-    def read(self, path: Path, **options: Any) -> ImportResult:
-        """The packing of a file; InputError in one line for what is wrong."""
-
-
-def all_programs() -> Iterator[Program]:
+def all_programs() -> Iterator[ModuleType]:
     """The modules of all programs; a file is of one of them alone.
 
     This project's own come first: for its files nothing else is loaded.
     """
     names = [name for _, name, _ in pkgutil.iter_modules(programs.__path__)]
     for name in sorted(names, key=lambda name: name != "own"):
-        yield cast(Program, importlib.import_module(f"{programs.__name__}.{name}"))
+        yield importlib.import_module(f"{programs.__name__}.{name}")
 
 
 def beginning(path: str | Path) -> bytes:
@@ -63,7 +51,7 @@ def beginning(path: str | Path) -> bytes:
         return file.read(LOOKED_AT)
 
 
-def program_of(path: Path) -> Program:
+def program_of(path: Path) -> ModuleType:
     """The program whose file it is; InputError where none knows it."""
     head = beginning(path)
     for asked in all_programs():
@@ -93,7 +81,8 @@ def import_packing(path: str | Path, **options: Any) -> ImportResult:
         if name not in asked.OPTIONS:
             do = f"leave it out (options: {', '.join(asked.OPTIONS) or 'none'})"
             fault(path, f"a file of {asked.NAME}, which does not go with {name}", do)
-    return asked.read(path, **given)
+    found: ImportResult = asked.read(path, **given)
+    return found
 
 
 @checked

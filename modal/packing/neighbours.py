@@ -154,16 +154,20 @@ def _near_pairs(points: Floats, distance: float) -> Iterator[tuple[Ints, Ints]]:
 
 
 def touching(
-    position: Floats, side: Floats, walls: Floats | None, radius: float | Floats
+    position: Floats, low: Floats, periods: Floats, walls: Floats, radius: float | Floats
 ) -> ContactList:
-    """All overlapping contacts of spheres between flat walls at z = `walls` (2,), m.
+    """All overlapping contacts of spheres in a cell, centres inside its periods.
 
-    Without walls the `side` (3,) has a period along z as well, and z is from 0 on. `radius` in m,
-    of all spheres, or of each (n,).
+    `periods` (3,), m, which begin at `low` (3,), 0 along an axis without; flat `walls` (2,) at z,
+    m, NaN where there is none, and none beside a period along z. `radius` in m, of all spheres, or
+    of each (n,).
     """
-    each = np.broadcast_to(radius, len(position))
-    parts = [periodic_pairs(position, side, 2 * float(np.max(radius)))]
-    for wall, z in () if walls is None else zip(WALLS, walls, strict=True):
+    each, widest = np.broadcast_to(radius, len(position)), 2 * float(np.max(radius))
+    position, walls, whole = position - low, walls - low[2], periods[2] > 0
+    # Along an axis without a period images lie beyond the reach of any sphere.
+    side = np.where(periods > 0, periods, np.ptp(position, axis=0) + 3 * widest)[: 2 + whole]
+    parts = [periodic_pairs(position, side, widest)]
+    for wall, z in () if whole else zip(WALLS, walls, strict=True):
         (at,) = np.nonzero(each - WALLS[wall] * (z - position[:, 2]) > 0)
         parts.append((at, np.full(len(at), wall), np.zeros((len(at), 3), np.int8)))
     i, j, shift = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -176,7 +180,7 @@ def touching(
 
 
 def between(
-    ends: tuple[Ints, ...], position: Floats, side: Floats, walls: Floats | None, each: Floats
+    ends: tuple[Ints, ...], position: Floats, side: Floats, walls: Floats, each: Floats
 ) -> ContactList:
     """Contacts whose `ends`, i, j and periods, are known; `each` (n,) is a sphere's radius, m.
 
@@ -192,7 +196,7 @@ def between(
     distance[j < 0] = 1.0
     normal /= distance[:, None]
     overlap = np.subtract(each[i] + each[partner], distance, out=distance)
-    for wall, z in () if walls is None else zip(WALLS, walls, strict=True):
+    for wall, z in zip(WALLS, walls, strict=True):
         with_wall, direction = j == wall, WALLS[wall]
         normal[with_wall] = 0.0, 0.0, direction
         overlap[with_wall] = each[i[with_wall]] - direction * (z - position[i[with_wall], 2])

@@ -138,10 +138,10 @@ def _overlapping(network: Network, depth: float) -> int:
     radius, periodic, walls = network.radius, network.cell_periodic, network.wall_position
     if radius.max() > SIMILAR * radius.min() or not periodic[:2].all():
         return 0
-    side = network.cell_size[: 2 + periodic[2]]
     position = network.position - np.where(periodic, [0, 0, walls[0]], 0.0)
-    position[:, : len(side)] %= side
-    found = touching(position, side, None if periodic[2] else walls, radius)
+    position[:, periodic] %= network.cell_size[periodic]
+    periods = np.where(periodic, network.cell_size, 0.0)
+    found = touching(position, np.zeros(3), periods, walls, radius)
     counted = (network.length > 0) | (found.particle_j >= 0)
     return int(((found.overlap > depth) & counted).sum())
 

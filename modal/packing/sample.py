@@ -141,9 +141,9 @@ class Sample:
 
     def contacts(self) -> ContactList:
         """All contacts, in canonical order; their overlaps follow from the positions."""
-        if self.periodic_z:
-            return touching(self.position - [0, 0, self.walls[0]], self.lengths, None, self.sizes)
-        return touching(self.position, self.periods, self.walls, self.sizes)
+        periodic = np.array([*self.periodic_sides, self.periodic_z])
+        low = np.where(periodic, [0.0, 0.0, self.walls[0]], 0.0)
+        return touching(self.position, low, periodic * self.lengths, self.walls, self.sizes)
 
     def network(self, contact: ContactList | None = None) -> Network:
         """The contact network: springs of the contact model at the present overlaps.
@@ -342,8 +342,7 @@ def _faults(sample: Sample) -> Faults:
     material, radius = sample.material, sample.radius
     wall = sample.wall_material or material
     dense = material.density if sample.densities is None else float(sample.densities.min())
-    positive = (material.young, wall.young, dense, float(np.min(sample.sizes)))
-    sound = all(0 < number < np.inf for number in positive)
+    sound = all(0 < number < np.inf for number in (dense, float(np.min(sample.sizes))))
     sound &= -1 < min(material.poisson, wall.poisson) <= max(material.poisson, wall.poisson) < 0.5
     fault = (
         "radius, friction and the material's constants must be positive, Poisson's ratio from -1 "
