@@ -20,7 +20,6 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -138,13 +137,11 @@ def refuse_absent(path: str | Path) -> None:
 
 
 @contextmanager
-def open_h5(
-    path: str | Path, schema: str | None = None, version: int | tuple[int, ...] = ()
-) -> Iterator[h5py.File]:
-    """Open an HDF5 file for reading; refuse what is missing, damaged or of another schema.
+def open_h5(path: str | Path) -> Iterator[h5py.File]:
+    """Open an HDF5 file for reading; refuse what is missing or damaged.
 
-    Without a schema every file is taken. What the block itself raises is no damage of the file: it
-    goes to the caller as it is, but for what HDF5 has raised in it.
+    What the block itself raises is no damage of the file: it goes to the caller as it is, but for
+    what HDF5 has raised in it.
     """
     path = Path(path)
     refuse_absent(path)
@@ -155,8 +152,6 @@ def open_h5(
         raise _unreadable(path, error) from error
     with file:
         try:
-            if schema is not None:
-                _require_schema(file, schema, version)
             yield file
         except _BY_HDF5 as error:
             frames = traceback.walk_tb(error.__traceback__)
@@ -166,22 +161,6 @@ def open_h5(
 
 
 _BY_HDF5 = (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError)
-
-
-def _require_schema(file: h5py.File, schema: str, version: int | tuple[int, ...]) -> None:
-    found: Any = file.attrs.get("schema")
-    found_version: Any = file.attrs.get("schema_version")
-    if isinstance(found, bytes):
-        found = found.decode(errors="replace")
-    if np.shape(found) != () or found != schema:
-        raise InputError(f"{file.filename}: schema is {found!r}, expected {schema!r}; wrong file?")
-    known = (version,) if isinstance(version, int) else version
-    if np.shape(found_version) != () or found_version not in known:
-        reads = " and ".join(map(str, known))
-        raise InputError(
-            f"{file.filename}: schema_version is {found_version}, this program reads {reads}; "
-            "convert the file or update the program"
-        )
 
 
 def _unreadable(path: Path, error: Exception) -> InputError:

@@ -143,20 +143,17 @@ class Product:
                 file.require_group(group).attrs.update(values[group])
 
     def read(
-        self,
-        path: str | Path,
-        leave: Container[str] = (),
-        parts: Mapping[str, Any] | None = None,
+        self, path: str | Path, leave: Container[str] = (), parts: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
         """All values by name, absent columns None; InputError in one line for anything wrong.
 
         Columns to `leave` are not read, and are None. Of those in `parts` their indices are read.
         """
-        with open_h5(path, self.schema, self.versions) as file:
+        with open_h5(path) as file:
             values: dict[str, Any] = {}
             lengths: dict[int | str, int] = {}
             with named(path):
-                self._refuse_unknown(file)
+                self._refuse_others(file)
                 for name, column in self.columns.items():
                     absent = column.optional and column.dataset not in file
                     part = (parts or {}).get(name, ())
@@ -177,9 +174,20 @@ class Product:
                 values[self.others] = further
         return values
 
-    def _refuse_unknown(self, file: h5py.File) -> None:
-        """A column of a later program may change the answer; in version 1 there is none."""
-        if file.attrs["schema_version"] == 1:
+    def _refuse_others(self, file: h5py.File) -> None:
+        """InputError for a file of another schema or version, and for columns that are not known.
+
+        A column of a later program may change the answer; in version 1 there is none.
+        """
+        schema, version = (file.attrs.get(name) for name in OF_THE_FORMAT[:2])
+        schema = schema.decode(errors="replace") if isinstance(schema, bytes) else schema
+        if not np.array_equal(schema, self.schema):
+            raise InputError(f"schema is {schema!r}, expected {self.schema!r}; wrong file?")
+        if not any(np.array_equal(version, known) for known in self.versions):
+            reads = f"this program reads {' and '.join(map(str, self.versions))}"
+            do = "convert the file or update the program"
+            raise InputError(f"schema_version is {version}, {reads}; {do}")
+        if version == 1:
             return
         known = {column.dataset for column in self.columns.values()}
         for folder in {name.rpartition("/")[0] for name in known}:

@@ -8,7 +8,6 @@ computes, so that it also runs inside YADE's Python.
 from __future__ import annotations
 
 import json
-import math
 import os
 import shlex
 import sys
@@ -18,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import h5py
-import numpy as np
 
 from modal.formats.hdf5 import complete, open_h5, refuse_absent, sha256
+from modal.tools.display import plain
 from modal.tools.errors import InputError
 
 GROUP, OF_PACKING = "provenance", "network_sha256"
@@ -74,10 +73,12 @@ class Provenance:
     def __post_init__(self) -> None:
         if self.settings is None:
             return
-        kept = {name: _plain(value) for name, value in self.settings.items() if value is not None}
+        given = {name: value for name, value in self.settings.items() if value is not None}
+        files = {name: value.name for name, value in given.items() if isinstance(value, Path)}
+        kept = plain(given | files)  # numbers, texts and lists as JSON gives them back
         for name, value in kept.items():
-            if isinstance(value, float) and not math.isfinite(value):
-                raise InputError(f"{name} is {value}; give a number")
+            if value is None:
+                raise InputError(f"{name} is {given[name]}; give a number")
         object.__setattr__(self, "settings", kept)
 
     @property
@@ -186,10 +187,7 @@ _ROLES = {
     "log": "log",
     "bodies": "bodies",
 }
-_NOT_SETTINGS = {
-    *_ROLES,
-    *("command", "network", "output", "json", "skip_current", "at", "hours"),
-}
+_NOT_SETTINGS = {*_ROLES, "command", "network", "output", "json", "skip_current", "at", "hours"}
 
 
 def packing_of(path: str | Path) -> tuple[Source, ...]:
@@ -271,12 +269,3 @@ def set_aside(path: str | Path) -> None:
     path = Path(path)
     if path.exists():
         os.replace(path, path.with_name(path.name + ".stale"))
-
-
-def _plain(value: Any) -> Any:
-    """Numbers, texts and lists as JSON gives them back; a path is its name without folder."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value.name if isinstance(value, Path) else value
