@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from modal.tools.arrays import Floats
-from modal.tools.display import plain, quantities, quantity
+from modal.tools.display import plain, quantity, scaled
 
 FEW = 3
 """Numbers over frequency that are all told; of more the first and the last."""
@@ -110,8 +110,8 @@ class Value:
         if not unit and not told:
             return f"{float(value):.{digits}g}"
         numbers = [float(value), float(error)] if told else [float(value)]
-        text = quantities(numbers, unit, digits, prefixed=unit in ("Hz", "Pa"))
-        return text.replace(", ", " ± ").strip()
+        texts, unit = scaled(numbers, unit, digits, prefixed=unit in ("Hz", "Pa"))
+        return f"{' ± '.join(texts)} {unit}".strip()
 
 
 def unknown(unit: str, *caveats: str) -> Value:

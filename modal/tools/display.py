@@ -25,24 +25,18 @@ def quantity(value: float, unit: str, digits: int = 4) -> str:
     return f"{rounded / 10.0**power:.{digits}g} {PREFIXES[power]}{unit}"
 
 
-def quantities(
-    values: Sequence[float], unit: str, digits: int = 4, *, prefixed: bool = True
-) -> str:
-    """Numbers with the one prefix that suits the largest, and as many decimals as that one has.
-
-    >>> quantities([99976.5, 100012.3, 3.2], "Pa")
-    '100.0, 100.0, 0.0 kPa'
-    >>> quantities([2782.1, 549.04], "m/s", prefixed=False)
-    '2782, 549 m/s'
-    """
-    texts, unit = scaled(values, unit, digits, prefixed=prefixed)
-    return f"{', '.join(texts)} {unit}"
-
-
 def scaled(
     values: Sequence[float], unit: str, digits: int = 4, *, prefixed: bool = True
 ) -> tuple[list[str], str]:
-    """The texts of such numbers, and their unit with its prefix."""
+    """Texts of numbers, and their unit with the one prefix that suits the largest.
+
+    They have as many decimals as that one has.
+
+    >>> scaled([99976.5, 100012.3, 3.2], "Pa")
+    (['100.0', '100.0', '0.0'], 'kPa')
+    >>> scaled([2782.1, 549.04], "m/s", prefixed=False)
+    (['2782', '549'], 'm/s')
+    """
     largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     if largest == 0:
         return [f"{value:g}" for value in values], unit

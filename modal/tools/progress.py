@@ -1,6 +1,6 @@
-"""How far a long loop has come: a bar on a terminal, a line a minute in a log.
+"""How far a long loop has come: one line, which a terminal replaces, and a log has every minute.
 
-Both go to standard error, so that results can be read from standard output.
+It goes to standard error, so that results can be read from standard output.
 """
 
 import math
@@ -10,10 +10,8 @@ from collections.abc import Generator
 
 from modal.tools.display import duration
 
-WIDTH = 32
-"""Characters of the bar."""
-BAR_INTERVAL, LOG_INTERVAL = 0.2, 60.0
-"""Seconds between two drawings of the bar, and between two lines of a log."""
+TERMINAL_INTERVAL, LOG_INTERVAL = 0.2, 60.0
+"""Seconds between two such lines."""
 
 
 class Minute:
@@ -56,22 +54,16 @@ def progress(count: int, label: str) -> Generator[int, None, None]:
     A run that ends within a minute leaves nothing in a log.
     """
     terminal = sys.stderr.isatty()
-    interval = BAR_INTERVAL if terminal else LOG_INTERVAL
+    before, after = ("\r\033[K", "") if terminal else ("", "\n")
+    interval = TERMINAL_INTERVAL if terminal else LOG_INTERVAL
     start, minute = time.monotonic(), Minute()
     try:
         for k in range(count):
             yield k
-            if not minute.passed(interval):
-                continue
-            part = (k + 1) / count
-            left = (time.monotonic() - start) * (1 / part - 1)
-            told = f"{100 * part:3.0f} %, {duration(left)} left"
-            if terminal:
-                sys.stderr.write(f"\r{label} [{'#' * int(WIDTH * part):<{WIDTH}}] {told} ")
-            else:
-                sys.stderr.write(f"{label}: step {k + 1} of {count}, {told}\n")
-            sys.stderr.flush()
+            if minute.passed(interval):
+                part = (k + 1) / count
+                left = duration((time.monotonic() - start) * (1 / part - 1))
+                told = f"{label}: step {k + 1} of {count}, {100 * part:3.0f} %, {left} left"
+                print(before, told, sep="", end=after, file=sys.stderr, flush=True)
     finally:
-        if terminal:
-            sys.stderr.write("\r\033[K")
-            sys.stderr.flush()
+        print(before, end="", file=sys.stderr, flush=True)

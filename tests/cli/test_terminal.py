@@ -23,7 +23,7 @@ from modal.cli.terminal import label_and_unit
 from modal.packing.network import write_network
 from modal.tools import progress as module
 from modal.tools import workload
-from modal.tools.display import PREFIXES, duration, quantities
+from modal.tools.display import PREFIXES, duration, scaled
 
 POWER = {prefix: power for power, prefix in PREFIXES.items()}
 
@@ -35,13 +35,12 @@ POWER = {prefix: power for power, prefix in PREFIXES.items()}
 )
 def test_quantities_say_the_numbers(values, digits):
     """Read back, each differs by at most half of the last decimal, which the largest fixes."""
-    *numbers, last = quantities(values, "Pa", digits).split(", ")
-    last, unit = last.split(" ")
+    numbers, unit = scaled(values, "Pa", digits)
     scale = 10.0 ** POWER[unit.removesuffix("Pa")]
     largest = max(map(abs, values))
     # Half a unit in the largest number's last digit; a carry, 9.9996 to 10.000, is one more digit.
     tolerance = 0.5001 * 10.0 ** (math.floor(math.log10(largest)) + 2 - digits) if largest else 0
-    for text, value in zip([*numbers, last], values, strict=True):
+    for text, value in zip(numbers, values, strict=True):
         assert abs(float(text) * scale - value) <= tolerance
 
 
