@@ -8,7 +8,7 @@ mistakes make; `docs/formats.md` has the table. What no check can tell is in
 `modal.packing.plausibility`.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -63,7 +63,7 @@ def converted(given: Mapping[str, Any]) -> dict[str, Any]:
     return own
 
 
-Faults = Iterator[tuple[str, Any, str]]
+Faults = Iterable[tuple[str, Any, str]]
 """One after the other: the kind of thing, which of them (k,) bool are at fault, and what that is;
 no kind and a single bool where it is the network as a whole."""
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
 
@@ -26,7 +26,6 @@ TURN, KG_M2 = {"unit": "N m/rad", "since": 2}, "kg m^2"
 PART = 1 << 14
 """Contacts of a part, of those that are worked on together."""
 Made = TypeVar("Made")
-Same = TypeVar("Same", bound="Columns")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -143,7 +142,7 @@ class Columns:
             return float(said)
         return None
 
-    def unchecked(self: Same, **columns: Array | None) -> Same:
+    def unchecked(self, **columns: Array | None) -> Self:
         """The same with other columns, which nobody checks: for those that follow from sound ones.
 
         `dataclasses.replace` makes one that is checked.
@@ -152,7 +151,7 @@ class Columns:
         other.__setstate__(self.__getstate__() | columns)
         return other
 
-    def some(self: Same, kept: Bools | Ints | slice) -> Same:
+    def some(self, kept: Bools | Ints | slice) -> Self:
         """The contacts that `kept` selects, (m,) bool, indices or a slice, unchecked."""
         own = {name: data[kept] for name, data in self._known(CONTACTS).items()}
         return self.unchecked(**frozen(**own))
@@ -164,7 +163,7 @@ class Columns:
     def _known(self, names: list[str]) -> dict[str, Any]:
         return {name: data for name in names if (data := getattr(self, name)) is not None}
 
-    def parts(self: Same) -> Iterator[Same]:
+    def parts(self) -> Iterator[Self]:
         """`PART` contacts at a time, whose matrices then take little memory."""
         for first in range(0, self.n_contacts, PART):
             yield self.some(slice(first, first + PART))

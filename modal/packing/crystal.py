@@ -207,11 +207,9 @@ def fcc(
     ).network(contact)
 
 
-def column(
-    particles: int = 3, force: float = 0.5, radius: float = RADIUS, material: Material = GLASS
-) -> Network:
-    """Spheres on one another between two flat walls under `force` (N): a chain known exactly."""
-    pair, wall = laws_of(material)
+def column(particles: int = 3, force: float = 0.5, radius: float = RADIUS) -> Network:
+    """Glass spheres on one another between two flat walls under `force` (N), known exactly."""
+    pair, wall = laws_of(GLASS)
     overlap = float(pair.overlap_of_force(force, radius / 2))
     at_wall = float(wall.overlap_of_force(force, radius))
     k: Ints = np.arange(particles)
@@ -231,7 +229,6 @@ def column(
         np.array([0.0, z[-1] + radius - at_wall]),
         friction=np.inf,
         radius=radius,
-        material=material,
         periodic_sides=(False, False),
         study={"case": "column"},
         provenance=MADE,

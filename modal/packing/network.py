@@ -15,11 +15,9 @@ import numpy as np
 from modal.formats.hdf5 import named
 from modal.formats.product import Product
 from modal.packing.checks import check, converted
-from modal.packing.columns import COLUMNS, UNKNOWN, Columns, frozen
+from modal.packing.columns import COLUMNS, SCHEMA, UNKNOWN, VERSION, Columns, frozen
 from modal.packing.columns import RECEIVER_WALL as RECEIVER_WALL
-from modal.packing.columns import SCHEMA as SCHEMA
 from modal.packing.columns import SOURCE_WALL as SOURCE_WALL
-from modal.packing.columns import VERSION as VERSION
 from modal.tools.arrays import Array, Bools, Ints
 from modal.tools.errors import InputError
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from modal.packing.checks import refuse
 from modal.packing.network import Network
 from modal.tools.arrays import Floats, Ints
-from modal.tools.errors import InputError
 
 LONGEST = 0.45
 """Of a period: how far a member may lie from the first one, or its image is not known."""
@@ -49,12 +49,8 @@ def joined(network: Network, body: Ints, told: Bodies | None = None) -> Network:
     whole = np.where(network.cell_periodic, network.cell_size, 0.0)
     shift = whole * turns
     offset += shift
-    far = (abs(offset) > LONGEST * period).any(axis=1)
-    if far.any():
-        raise InputError(
-            f"sphere {int(np.argmax(far))} lies half a period away from the first of its body; "
-            "take a wider cell"
-        )
+    fault = "lies half a period away from the first of its body; take a wider cell"
+    refuse([("sphere", (abs(offset) > LONGEST * period).any(axis=1), fault)])
     place = network.position + shift
     mass: Floats = _sums(index, network.mass, total)
     lever = _sums(index, network.mass[:, None] * offset, total) / mass[:, None]
@@ -65,16 +61,14 @@ def joined(network: Network, body: Ints, told: Bodies | None = None) -> Network:
         number = own[first]
         at = np.searchsorted(told.number, number[number > 0])
         joint = np.flatnonzero(number > 0)
-        if not np.array_equal(told.number[np.minimum(at, len(told.number) - 1)], number[joint]):
-            raise InputError("some bodies have no mass and tensor; give those of all of them")
+        lacks = told.number[np.minimum(at, len(told.number) - 1)] != number[joint]
+        refuse([("", lacks, "some bodies have no mass and tensor; give those of all of them")])
         apart = told.centre[at] - centre[joint]
         apart -= np.round(apart / period) * whole
         reach = np.zeros(total)
         np.maximum.at(reach, index, np.linalg.norm(offset, axis=1) + network.radius)
-        if (np.linalg.norm(apart, axis=1) > reach[joint]).any():
-            raise InputError(
-                "a body's centre of mass lies outside its spheres; give both of one step"
-            )
+        fault = "a body's centre of mass lies outside its spheres; give both of one step"
+        refuse([("", np.linalg.norm(apart, axis=1) > reach[joint], fault)])
         centre[joint] += apart
         mass[joint], tensor[joint] = told.mass[at], told.tensor[at]
     arm = place - centre[index]
