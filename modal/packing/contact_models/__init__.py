@@ -1,16 +1,19 @@
 """Contact models by name, one class a module: force, energy and tangent of a contact of spheres.
 
 A module's name with hyphens is that of its model, its `LAW` the class: a named tuple of what one
-contact needs, or many (arrays (m,)). Its methods are plain functions of numbers or of arrays, from
-which the loop over moving contacts is compiled, too: they may call `elementwise` functions of their
-module, and no other methods. What it needs beside E* and G*, `own_numbers` makes of the numbers
-behind the model's name. Networks, crystals, pre-stress, and samples from files take them from
-`laws_of`; nothing else knows which models there are.
+contact needs, or many (arrays (m,)). Its methods take the overlap, m, and the effective radius, m,
+R1 R2 / (R1 + R2): `normal_force`, compressive, N; `elastic_energy`, its work from touch on, J;
+`stiffness_normal`, its tangent, N/m; `stiffness_tangential`, along the contact without slip, N/m;
+and `overlap_of_force`, of a force, N, the inverse of the first. They are plain functions of numbers
+or of arrays, from which the loop over moving contacts is compiled, too: they may call `elementwise`
+functions of their module, and no other methods. What it needs beside E* and G*, `own_numbers` makes
+of the numbers behind the model's name. Networks, crystals, pre-stress, and samples from files take
+them from `laws_of`; nothing else knows which models there are.
 """
 
 import importlib
 import pkgutil
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -22,23 +25,8 @@ MODELS = tuple(sorted(module.name.replace("_", "-") for module in pkgutil.iter_m
 """Their names."""
 
 
-class ContactLaw(Protocol):
-    """The law of a contact: `overlap` in m, `radius` the effective one, R1 R2 / (R1 + R2), m."""
-
-    def normal_force(self, overlap: Any, radius: Any) -> Any:
-        """Compressive force, N."""
-
-    def elastic_energy(self, overlap: Any, radius: Any) -> Any:
-        """Work of that force from touch to the overlap, J."""
-
-    def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
-        """Tangent of the force, dN/d(overlap), N/m."""
-
-    def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
-        """Stiffness along the contact without slip, N/m."""
-
-    def overlap_of_force(self, force: Any, radius: Any) -> Any:
-        """The inverse of `normal_force`, m."""
+ContactLaw = Any
+"""The law of one contact, or of many: a `LAW`."""
 
 
 def laws_of(spheres: Material, walls: Elasticity | None = None) -> tuple[ContactLaw, ContactLaw]:
@@ -72,5 +60,5 @@ def laws_of(spheres: Material, walls: Elasticity | None = None) -> tuple[Contact
 def law_of_each(laws: tuple[ContactLaw, ContactLaw], wall: Bools) -> Any:
     """The law of many contacts, of which those in `wall` (m,) bool are with a wall."""
     of_pairs, of_walls = laws
-    columns = zip(of_walls, of_pairs, strict=True)  # type: ignore[call-overload]
+    columns = zip(of_walls, of_pairs, strict=True)
     return type(of_pairs)(*(np.where(wall, flat, curved) for flat, curved in columns))
