@@ -1,7 +1,6 @@
 """A packing in a few lines for people: stresses, voids, rattlers, motions without energy."""
 
-from modal.modes.collective import easy, every_floppy
-from modal.modes.zero_modes import by_structure
+from modal.modes.collective import every_floppy
 from modal.packing.network import Network
 from modal.packing.summary import summary
 from modal.system.linear_system import LinearSystem
@@ -67,8 +66,7 @@ def describe(network: Network) -> str:
 def _floppy(network: Network) -> str:
     """Their number and kinds, or why it is not known."""
     try:
-        system = LinearSystem.of(network)
-        floppy = every_floppy(system) if easy(system) else by_structure(system)
+        floppy = every_floppy(LinearSystem.of(network))
     except InputError as error:
         return str(error)
     kinds = ", ".join(f"{n} {kind.replace('_', ' ')}" for kind, n in floppy.kinds.items() if n)

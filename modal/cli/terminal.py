@@ -26,7 +26,7 @@ UNITS = {
 }
 """End of a name and what it is measured in; longer ends first."""
 WITHOUT_PREFIX = ("kg/m^3", "m/s")
-FREQUENCY_DIGITS = 6
+DIGITS = {"Hz": 6}
 """Of frequencies, which are the results with the most certain digits; others have four."""
 LONG = 3
 """Numbers in a list from which lists of equal length stand in columns."""
@@ -130,7 +130,7 @@ def _lines(value: Any, unit: str) -> list[str]:
 def _key(name: str) -> str:
     """The name of a value among others; a number is a frequency in Hz that was asked for."""
     try:
-        return quantity(float(name), "Hz", FREQUENCY_DIGITS)
+        return quantity(float(name), "Hz", DIGITS["Hz"])
     except ValueError:
         return name if "." in name else name.replace("_", " ")  # of a file, as it is
 
@@ -147,7 +147,7 @@ def _numbers(values: list[float], unit: str) -> str:
         ends = [_numbers(part, unit) for part in (values[:LONG], values[-LONG:])]
         return f"{ends[0]} ... {ends[1]}, {len(values)} in all"
     if len(values) == 1 and unit and unit not in WITHOUT_PREFIX and not isinstance(values[0], int):
-        return quantity(values[0], unit, _digits(unit))
+        return quantity(values[0], unit, DIGITS.get(unit, 4))
     texts, unit = _scaled(values, unit)
     return ", ".join(texts) + f" {unit}" * bool(unit)
 
@@ -155,12 +155,8 @@ def _numbers(values: list[float], unit: str) -> str:
 def _scaled(values: list[float], unit: str) -> tuple[list[str], str]:
     """Texts of numbers, and their unit with the prefix that suits the largest."""
     if unit and not all(isinstance(value, int) for value in values):
-        return scaled(values, unit, _digits(unit), prefixed=unit not in WITHOUT_PREFIX)
+        return scaled(values, unit, DIGITS.get(unit, 4), prefixed=unit not in WITHOUT_PREFIX)
     return [f"{v:,}" if isinstance(v, int) else f"{v:.4g}" for v in values], unit
-
-
-def _digits(unit: str) -> int:
-    return FREQUENCY_DIGITS if unit == "Hz" else 4
 
 
 def _side_by_side(columns: dict[str, list[float]], count: int) -> list[str]:
