@@ -97,8 +97,7 @@ def _motion(options: Given) -> Motion:
             raise InputError(f"{typed(option)}: the motion is a {name}, which has none")
         if option in has and given is None:
             raise InputError(f"--motion {name} needs {typed(option)}")
-    motion: Motion = make(*chosen(options, *has).values())
-    return motion
+    return make(*chosen(options, *has).values())
 
 
 def run(options: Given) -> Result:

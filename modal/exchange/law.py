@@ -118,8 +118,7 @@ class ProgramLaw:
         """Shape (m,), N: the elastic normal force; 0 where nothing touches."""
         deep = np.maximum(overlap, 0)
         root = np.where(self.hertz, np.sqrt(effective_radius * deep), 1.0)
-        force: Floats = self.normal * root * deep
-        return force
+        return self.normal * root * deep
 
     def overlap(self, force: Floats, effective_radius: Floats) -> Floats:
         """Shape (m,), m: the inverse of `force`."""
@@ -151,5 +150,4 @@ class ProgramLaw:
     def slides(self, force: Floats, shear: Floats) -> Bools:
         """Shape (m,): contacts at their limit; without friction there is no spring to slip."""
         limit = self.friction * force
-        slides: Bools = np.linalg.norm(shear, axis=1) >= limit * (1 - AT_LIMIT)
-        return slides & (limit > 0)
+        return (np.linalg.norm(shear, axis=1) >= limit * (1 - AT_LIMIT)) & (limit > 0)

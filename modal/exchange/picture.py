@@ -21,7 +21,7 @@ from modal.formats.hdf5 import open_h5, unwritable, write_whole
 from modal.modes.mode_set import SCHEMA as MODES
 from modal.modes.mode_set import ModeSet, read_modes
 from modal.packing.network import Network
-from modal.packing.state import contacts_per_particle
+from modal.packing.state import contact_forces, contacts_per_particle, has_forces
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 from modal.waves.signals import PLANE, SCHEMA, Signals, read_signals
@@ -79,17 +79,14 @@ def sphere_fields(network: Network) -> dict[str, Array]:
         "mass": network.mass,
         "contacts": contacts_per_particle(network).astype(np.int32),
     }
-    if network.force_normal is not None and network.force_tangential is not None:
+    if has_forces(network):
         fields["stress"] = sphere_stress(network)
     return fields
 
 
 def sphere_stress(network: Network) -> Floats:
     """Shape (n, 6), Pa: see `sphere_fields`; the symmetric part."""
-    along, across = (
-        network.require(name, "stress of spheres") for name in ("force_normal", "force_tangential")
-    )
-    on_j = along[:, None] * network.normal - across
+    on_j = -contact_forces(network, "stress of spheres")
     virial, pair = np.zeros((network.n_particles, 3, 3)), ~network.with_wall
     for end, lever, force in (
         (network.particle_i, network.lever_i, on_j),
@@ -97,8 +94,7 @@ def sphere_stress(network: Network) -> Floats:
     ):
         np.add.at(virial, end, lever[:, :, None] * force[:, None, :])
     virial = (virial + virial.transpose(0, 2, 1)) / 2
-    stress: Floats = virial[:, *VOIGT] / (4 / 3 * np.pi * network.radius**3)[:, None]
-    return stress
+    return virial[:, *VOIGT] / (4 / 3 * np.pi * network.radius**3)[:, None]
 
 
 def contact_lines(network: Network) -> tuple[Floats, dict[str, Array]]:
@@ -111,9 +107,8 @@ def contact_lines(network: Network) -> tuple[Floats, dict[str, Array]]:
     for name in ("stiffness_normal", "force_normal", "overlap", "sliding"):
         if (data := getattr(network, name)) is not None:
             fields[name] = data.astype(np.int32) if data.dtype == bool else data
-    if network.force_normal is not None and network.force_tangential is not None:
-        along = network.force_normal[:, None] * network.normal
-        fields["force"] = network.force_tangential - along
+    if has_forces(network):
+        fields["force"] = contact_forces(network, "force")
     return np.stack([start, start + network.branch], axis=1), fields
 
 

@@ -81,8 +81,7 @@ def import_packing(path: str | Path, **options: Any) -> ImportResult:
         if name not in asked.OPTIONS:
             do = f"leave it out (options: {', '.join(asked.OPTIONS) or 'none'})"
             fault(path, f"a file of {asked.NAME}, which does not go with {name}", do)
-    found: ImportResult = asked.read(path, **given)
-    return found
+    return asked.read(path, **given)
 
 
 @checked

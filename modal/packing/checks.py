@@ -284,5 +284,4 @@ def _of_median(ratio: Floats, bounds: tuple[float, float], fault: str) -> Faults
 
 def _dot(a: Floats, b: Floats) -> Floats:
     """Shape (m,): the products of rows (m, 3)."""
-    product: Floats = (a * b) @ np.ones(3)  # a third of what einsum takes
-    return product
+    return (a * b) @ np.ones(3)  # a third of what einsum takes

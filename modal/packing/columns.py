@@ -81,8 +81,7 @@ class Columns:
             self._made[name] = make()
             if isinstance(self._made[name], np.ndarray):
                 self._made[name].flags.writeable = False
-        made: Made = self._made[name]
-        return made
+        return self._made[name]
 
     @property
     def n_particles(self) -> int:

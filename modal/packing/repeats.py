@@ -176,8 +176,7 @@ def _rows_of_images(network: Network, spheres: Ints, axis: int, parts: int) -> I
     alike = all((rank[rows] == rank[rows[:, :1]]).all() for rank in ranks)
     if not (alike and (abs(np.diff(along[rows], axis=1) - width) <= near).all()):
         return None
-    images: Ints = spheres[rows]
-    return images
+    return spheres[rows]
 
 
 def _ranks(values: Floats, period: float | None, near: float) -> Ints:

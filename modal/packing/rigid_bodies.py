@@ -102,5 +102,4 @@ def _sums(index: Ints, values: Floats, count: int) -> Floats:
 def _moments(mass: Floats, arm: Floats) -> Floats:
     """Shape (n, 3, 3), kg m^2: of points of mass (n,) at the ends of arms (n, 3)."""
     square = (arm**2).sum(axis=1)[:, None, None] * np.eye(3)
-    moments: Floats = mass[:, None, None] * (square - arm[:, :, None] * arm[:, None, :])
-    return moments
+    return mass[:, None, None] * (square - arm[:, :, None] * arm[:, None, :])

@@ -50,22 +50,25 @@ def volume_between_walls(network: Network) -> float:
     return network.area * network.length
 
 
+def contact_forces(network: Network, purpose: str) -> Floats:
+    """Shape (m, 3), N: what each contact exerts on its i; `purpose` as of `Network.require`."""
+    along, across = (network.require(name, purpose) for name in FORCES)
+    return across - along[:, None] * network.normal
+
+
 def _virials(network: Network) -> tuple[Floats, Floats]:
     """Force times branch (m, 3, 3), N m, compression positive, and the branch's z (m,), m.
 
     A wall's branch ends on the wall's plane, so that the walls' work is counted to the last bit.
     """
-    branch = network.branch
-    along, across = (network.require(name, "stress") for name in FORCES)
-    on_j = along[:, None] * network.normal - across
+    on_j, branch = -contact_forces(network, "stress"), network.branch
     return on_j[:, :, None] * branch[:, None, :], branch[:, 2]
 
 
 def stress_tensor(network: Network) -> Floats:
     """Shape (3, 3), Pa: mean stress between the walls from the contact forces."""
     virial, _ = _virials(network)
-    stress: Floats = virial.sum(axis=0) / volume_between_walls(network)
-    return stress
+    return virial.sum(axis=0) / volume_between_walls(network)
 
 
 def void_ratio(network: Network) -> float:
@@ -98,11 +101,9 @@ def coordination_without_rattlers(network: Network) -> tuple[float, int]:
 
     Only contacts with walls and between force-bearing particles count; rattlers are all others.
     """
-    bearing = force_bearing(network)
-    i, pair = network.particle_i, ~network.with_wall
-    at_wall = bearing[i[~pair]]
-    between = bearing[i[pair]] & bearing[network.particle_j[pair]]
-    ends = 2 * int(between.sum()) + int(at_wall.sum())
+    bearing, wall = force_bearing(network), network.with_wall
+    kept = bearing[network.particle_i] & (bearing[network.partner] | wall)
+    ends = 2 * int(kept.sum()) - int((kept & wall).sum())
     return ends / max(int(bearing.sum()), 1), int((~bearing).sum())
 
 
@@ -110,8 +111,7 @@ def friction_used(network: Network, friction: float) -> Floats:
     """Shape (m,): shear force over friction times normal force; 1 at the limit, 0 without shear."""
     limit = friction * network.require("force_normal", "share of friction")
     shear = np.linalg.norm(network.require("force_tangential", "share of friction"), axis=1)
-    share: Floats = shear / np.where(shear > 0, limit, 1.0)
-    return share
+    return shear / np.where(shear > 0, limit, 1.0)
 
 
 def layer_edges(network: Network, thickness: float | None = None) -> tuple[Floats, Bools]:
@@ -157,8 +157,7 @@ def _images(height: Floats, network: Network) -> Floats:
     """Shape (1, k) or (3, k): heights, m, with those a period below and above if there is one."""
     period = network.cell_size[2]
     shifts = np.array([-period, 0.0, period] if network.cell_periodic[2] else [0.0])
-    images: Floats = height + shifts[:, None]
-    return images
+    return height + shifts[:, None]
 
 
 def has_forces(network: Network) -> bool:
@@ -196,10 +195,7 @@ def write_profile(path: str | Path, layers: Profile) -> None:
 
 def net_forces(network: Network) -> Floats:
     """Shape (n, 6), N and N m: force and torque that the contacts exert on each sphere."""
-    along, across = (network.require(name, "balance") for name in FORCES)
-    force = -along[:, None] * network.normal
-    force += across
-    load = np.zeros((network.n_particles, 6))
+    force, load = contact_forces(network, "balance"), np.zeros((network.n_particles, 6))
     ends = ((network.particle_i, network.lever_i), (network.particle_j, network.lever_j))
     for end, lever in ends:
         body = end >= 0
@@ -214,15 +210,13 @@ def net_forces(network: Network) -> Floats:
 def sizes_of_loads(load: Floats, radius: Floats) -> Floats:
     """Shape (n,), N: length of each sphere's force, its torque over its radius with it."""
     torque = load[:, 3:] / radius[:, None]
-    size: Floats = np.sqrt((load[:, :3] ** 2).sum(axis=1) + (torque**2).sum(axis=1))
-    return size
+    return np.sqrt((load[:, :3] ** 2).sum(axis=1) + (torque**2).sum(axis=1))
 
 
 def residual_forces(network: Network) -> Floats:
     """Shape (n,): net force and torque of each sphere over the mean normal force of a contact."""
     mean = abs(network.require("force_normal", "balance")).mean()
-    residual: Floats = sizes_of_loads(net_forces(network), network.radius) / mean
-    return residual
+    return sizes_of_loads(net_forces(network), network.radius) / mean
 
 
 def affine_stiffness(network: Network) -> Floats:
@@ -236,8 +230,7 @@ def affine_stiffness(network: Network) -> Floats:
     branch = network.branch[pair]
     nz2 = network.normal[pair, 2] ** 2
     kn, kt = network.stiffness_normal[pair], network.stiffness_tangential[pair]
-    stiffness: Floats = (kn * nz2**2 + kt * (nz2 - nz2**2)) * (branch**2).sum(axis=1)
-    return stiffness
+    return (kn * nz2**2 + kt * (nz2 - nz2**2)) * (branch**2).sum(axis=1)
 
 
 def affine_velocity(network: Network) -> float:
