@@ -14,7 +14,7 @@ from typing import Any
 
 import scipy.sparse as sp
 
-from modal.modes.counts import count_below, unstable_modes
+from modal.modes.counts import count_below
 from modal.modes.effort import factorisation
 from modal.modes.search import AboutShift, Search
 from modal.modes.zero_modes import FloppyModes, by_structure
@@ -78,7 +78,7 @@ def _counted(system: LinearSystem, at_zero: Floats | None) -> FloppyModes:
     floppy, unstable = by_structure(system), sp.csc_matrix((system.size, 0))
     collective = sp.csc_matrix(unstable if at_zero is None else at_zero)
     if at_zero is None:
-        unstable = _found(system, floppy.basis, unstable_modes(system), UNSTABLE)
+        unstable = _found(system, floppy.basis, count_below(system, 0.0), UNSTABLE)
         others = sp.hstack([floppy.basis, unstable], format="csc")
         if floppy.total < system.size:
             further = count_below(system, system.zero_frequency / 2) - others.shape[1]
@@ -131,10 +131,8 @@ def _found(
 
 def easy(system: LinearSystem) -> bool:
     """Whether an exact count takes some seconds, by estimate, or none as it was made."""
-    return (
-        bool(system.cached(COUNTED, dict))
-        or factorisation(system, counting=True).operations <= EASY
-    )
+    counted = bool(system.cached(COUNTED, dict))
+    return counted or factorisation(system, counting=True).operations <= EASY
 
 
 def doubtful(system: LinearSystem, floppy: FloppyModes) -> bool:

@@ -119,27 +119,13 @@ def counts_below(system: LinearSystem, frequency: ArrayLike) -> Ints:
     return np.array(counts, int).reshape(asked.shape)
 
 
-def unstable_modes(system: LinearSystem) -> int:
-    """How many omega^2 are negative, beyond round-off; none where no motion releases energy."""
-    return count_below(system, 0.0)
-
-
-def refuse_unstable(system: LinearSystem) -> None:
-    """InputError where K has a negative direction, along which no motion is a vibration."""
-    if unstable := unstable_modes(system):
-        raise InputError(
-            f"K has a negative direction ({unstable} unstable modes): the packing does not vibrate "
-            "with these springs; `count` says how many modes lie below a frequency, with these"
-        )
-
-
 def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) -> int:
     """Exact number of modes below `frequency` (Hz), unstable and zero-energy ones included.
 
     It is the number of negative eigenvalues of K - omega^2 M (Sylvester's law), read from pivots
-    of a factorisation. No factorisation can tell the sides of an
-    omega^2 below the system's `zero`: all modes so low are zero modes, and the count above 0 Hz is
-    made just above them, that at 0 Hz just below. A factorisation may be uncertain at this very
+    of a factorisation. No factorisation can tell the sides of an omega^2 below the system's `zero`:
+    all modes so low are zero modes, and the count above 0 Hz is made just above them, that at 0 Hz,
+    of the unstable modes alone, just below. A factorisation may be uncertain at this very
     frequency, since a pivot may vanish although no mode is near. Then it is made a little below and
     a little above, and counts if both agree; otherwise that of the blocks is tried. InputError
     where no way is certain, and, if the modes must be `apart` from the frequency, where one is
@@ -187,16 +173,16 @@ def _negative(system: LinearSystem, square: float, solver: str, apart: bool) -> 
 
     Nor can it where modes must be `apart` and one is not. What was told once is kept.
     """
-    known = system.cached("counts", dict[tuple[float, str, bool], int | None])
-    if (square, solver, apart) not in known:
-        negative = None
+
+    def told() -> int | None:
         with suppress(SingularError):
             factor = system.factorised(square, solver=solver, kept=apart)
             on_a_mode = apart and _distance(factor.solve, system.size) <= system.zero_threshold
             factor.release()
-            negative = None if on_a_mode else factor.negative
-        known[square, solver, apart] = negative
-    return known[square, solver, apart]
+            return None if on_a_mode else factor.negative
+        return None
+
+    return system.kept("counts", (square, solver, apart), told, lambda _: 0.0)
 
 
 def _distance(solve: Callable[[Floats], Floats], size: int) -> float:

@@ -140,10 +140,8 @@ def _all_rates(
 ) -> tuple[Complex, Complex]:
     """Rates (k,) and motions (size, k) of all modes that oscillate faster than `slow`, 1/s."""
     size, unit = A.shape[0], abs(shift)
-    companion = np.zeros((2 * size, 2 * size))
-    companion[:size, size:] = unit * np.eye(size)
-    companion[size:, :size], companion[size:, size:] = -A.toarray() / unit, -C.toarray()
-    rate, vector = eig(companion)
+    identity = unit * np.eye(size)
+    rate, vector = eig(np.block([[0 * identity, identity], [-A.toarray() / unit, -C.toarray()]]))
     forwards = rate.imag > slow
     return rate[forwards], vector[:size, forwards]
 

@@ -21,7 +21,7 @@ from scipy.linalg import eigh
 from modal.formats.product import Column, Product
 from modal.formats.provenance import Provenance
 from modal.modes.collective import every_floppy
-from modal.modes.counts import refuse_unstable
+from modal.modes.counts import count_below
 from modal.packing.network import Network
 from modal.solvers.chebyshev import chebyshev, jackson
 from modal.solvers.spectrum import largest_growth
@@ -280,7 +280,11 @@ def _density(
         bytes_needed=8 * numbers,
         remedy="take a coarser one",
     )
-    refuse_unstable(system)
+    if unstable := count_below(system, 0.0):
+        raise InputError(
+            f"K has a negative direction ({unstable} unstable modes): the packing does not vibrate "
+            "with these springs; `count` says how many modes lie below a frequency, with these"
+        )
     floppy = every_floppy(system)
     if exact:
         moments, at_zero = _exact_moments(system, top, count)

@@ -145,9 +145,9 @@ class Study:
 
     def __post_init__(self) -> None:
         for name, kind in Study.__annotations__.items():
-            if kind is str:
-                continue
-            setattr(self, name, int(getattr(self, name)) if kind is int else _number(self, name))
+            setattr(self, name, kind(getattr(self, name)))
+            if kind is float and not math.isfinite(getattr(self, name)):
+                raise InputError(f"{name} {getattr(self, name)}: not a finite number; give another")
         fewest, narrowest = (100, 4) if self.mu_comp else (8, 2)
         enough = self.spheres >= fewest and self.width >= narrowest
         if not 0 <= self.mu_comp <= 1:
@@ -220,13 +220,6 @@ class Study:
                     f"{path}: it belongs to another study ({name} is {found.get(name)}, not "
                     f"{value}); move it away or take another folder"
                 )
-
-
-def _number(study: Study, name: str) -> float:
-    value = float(getattr(study, name))
-    if not math.isfinite(value):
-        raise InputError(f"{name} {value}: not a finite number; give another")
-    return value
 
 
 def stages_of(study: Study, stresses: Sequence[float]) -> list[str]:

@@ -81,10 +81,8 @@ class RootMass:
 
     def _own_inverses(self) -> Floats:
         """Shape (n, 6, 6): M^-1/2 of each body."""
-        blocks = (1 / self.diagonal.reshape(-1, 6))[:, :, None] * np.eye(6)
-        if self.unturning is not None:
-            blocks[:, 3:, 3:] = self.unturning
-        return blocks
+        bodies = len(self.diagonal) // 6
+        return self.over(np.tile(np.eye(6), (bodies, 1))).reshape(bodies, 6, 6)
 
     def _inverse(self) -> sp.csr_matrix:
         """M^-1/2, sparse."""
