@@ -18,7 +18,7 @@ import numpy as np
 from modal.dem.contacts import SKIN, MovingContacts
 from modal.packing.sample import Sample
 from modal.tools.arrays import Floats
-from modal.tools.loops import by_parts
+from modal.tools.loops import by_parts, elementwise
 
 PACE = 0.3
 """Squared time step over mass per sum of kn, of dynamic relaxation. For each contact kn (n.d)^2 +
@@ -31,26 +31,35 @@ AT_REST = np.zeros(3)
 """Strain rates of a cell that rests."""
 
 
+@elementwise
+def damped(pull, beside, dt, damping):
+    """What local damping leaves of a pull, m/s^2, on what moves `beside` its cell, m/s."""
+    work = pull * (beside + 0.5 * dt * pull)
+    # The sign of the work is a toss: without a branch nothing waits for a wrong guess.
+    return pull * (1 - damping * (1.0 * (work > 0) - (work < 0)))
+
+
+@elementwise
+def advanced(x, v, late, pull, before, rate, dt, damping):
+    """Place, m, velocity, m/s, and `late` of `advance_by_arrays` along an axis, a step later."""
+    pull = damped(pull, v - before * x, dt, damping)
+    v = v + dt * (pull + before * v)
+    v = v + (rate - before) * x
+    way = dt * v + late
+    return x + way, v, way - ((x + way) - x)
+
+
 def _advance_some(
     first, last, _, position, velocity, load, before, rates, dt, damping, masses, late
 ):  # fmt: skip
     for i in range(first, last):
         of_force, of_torque = 1 / masses[i, 0], 1 / masses[i, 1]
         for axis in range(3):
-            x, v = position[i, axis], velocity[i, axis]
-            pull, beside = load[i, axis] * of_force, v - before[axis] * x
-            work = pull * (beside + 0.5 * dt * pull)
-            # The sign of the work is a toss: without a branch nothing waits for a wrong guess.
-            pull *= 1 - damping * (1.0 * (work > 0) - (work < 0))
-            v += dt * (pull + before[axis] * v)
-            v += (rates[axis] - before[axis]) * x
-            way = dt * v + late[i, axis]
-            late[i, axis] = way - ((x + way) - x)
-            position[i, axis], velocity[i, axis] = x + way, v
+            x, v, pull = position[i, axis], velocity[i, axis], load[i, axis] * of_force
+            x, v, rest = advanced(x, v, late[i, axis], pull, before[axis], rates[axis], dt, damping)
+            position[i, axis], velocity[i, axis], late[i, axis] = x, v, rest
             w, twist = velocity[i, 3 + axis], load[i, 3 + axis] * of_torque
-            work = twist * (w + 0.5 * dt * twist)
-            twist *= 1 - damping * (1.0 * (work > 0) - (work < 0))
-            velocity[i, 3 + axis] = w + dt * twist
+            velocity[i, 3 + axis] = w + dt * damped(twist, w, dt, damping)
 
 
 def advance_by_arrays(position, velocity, load, before, rates, dt, damping, masses, late):
@@ -60,17 +69,10 @@ def advance_by_arrays(position, velocity, load, before, rates, dt, damping, mass
     without it the normal and the shear forces of a contact would come to stand on different ways,
     and their works on each other would not cancel (2e-3 of a wave's energy at 0.25 nm).
     """
-    pull = load / np.repeat(masses, 3, axis=1)
-    beside = velocity.copy()
-    beside[:, :3] -= before * position
-    pull *= 1 - damping * np.sign(pull * (beside + 0.5 * dt * pull))
-    pull[:, :3] += before * velocity[:, :3]
-    velocity += dt * pull
-    velocity[:, :3] += (rates - before) * position
-    way = dt * velocity[:, :3] + late
-    start = position.copy()
-    position += way
-    late[:] = way - (position - start)
+    v, spin = velocity[:, :3], velocity[:, 3:]
+    pull, twist = load[:, :3] / masses[:, :1], load[:, 3:] / masses[:, 1:]
+    position[:], v[:], late[:] = advanced(position, v, late, pull, before, rates, dt, damping)
+    spin += dt * damped(twist, spin, dt, damping)
 
 
 advance_by_loop = by_parts(_advance_some, advance_by_arrays)

@@ -202,10 +202,9 @@ def test_small_sphere_flies_far_between_two_lists_of_a_mixture():
 
 def run(sample, steps, **options):
     """The sample's motion under a servo to 300 kPa."""
-    motion = Dynamics(sample, damping=0.2, **options)
     servo = Servo(3e5, INERTIAL_NUMBER)
-    for k in range(steps):
-        motion.step(STEP, servo.follow if k and k % 5 == 0 else None)
+    motion = Dynamics(sample, damping=0.2, control=servo.follow, **options)
+    motion.advance(steps, STEP, 5)
     return motion
 
 
