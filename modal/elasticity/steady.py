@@ -71,7 +71,7 @@ def steady_motion(
 
 
 def _worth_a_factor(system: LinearSystem) -> bool:
-    cost = factorisation(system)
+    cost = factorisation(system, kept=True)
     fits = cost.bytes < 0.8 * memory_at_hand()
     return available("pardiso") and fits and cost.operations < FACTOR_OPERATIONS
 

@@ -132,7 +132,7 @@ def _found(
 def easy(system: LinearSystem) -> bool:
     """Whether an exact count takes some seconds, by estimate, or none as it was made."""
     counted = bool(system.cached(COUNTED, dict))
-    return counted or factorisation(system, counting=True).operations <= EASY
+    return counted or factorisation(system, kept=False).operations <= EASY
 
 
 def doubtful(system: LinearSystem, floppy: FloppyModes) -> bool:

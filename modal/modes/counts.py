@@ -159,9 +159,9 @@ def _by_factors(system: LinearSystem, square: float, apart: bool) -> Iterator[se
 
     A little beside the square, where none can tell at it; and by the blocks.
     """
-    cost = factorisation(system, counting=True)
+    cost = factorisation(system, kept=False)
     refuse_endless_search(system, cost, "an exact count takes", "take the density of states")
-    chosen = choose(shape_of(system), system.solver, inertia=True).name
+    chosen = choose(shape_of(system), system.solver, kept=False).name
     step = max(BESIDE * abs(square), system.zero_threshold if apart else 0.0)
     for solver in dict.fromkeys([chosen, "blocks"]):
         yield {_negative(system, square, solver, apart)}

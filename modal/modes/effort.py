@@ -35,17 +35,17 @@ def shape_of(system: LinearSystem) -> Shape:
     return Shape(system.size, nonzeros, system.size / longest)
 
 
-def factorisation(system: LinearSystem, *, counting: bool = False) -> Cost:
-    """The cost of a factorisation and its matrix; `counting` asks for the inertia alone."""
+def factorisation(system: LinearSystem, *, kept: bool) -> Cost:
+    """The cost of a factorisation, `kept` or for the inertia alone, and of its matrix."""
     shape = shape_of(system)
-    cost = choose(shape, system.solver, inertia=counting).cost(shape)
-    return replace(cost, bytes=cost.memory(not counting) + 40 * shape.nonzeros)
+    cost = choose(shape, system.solver, kept=kept).cost(shape, kept)
+    return replace(cost, bytes=cost.bytes + 40 * shape.nonzeros)
 
 
 def _lanczos(system: LinearSystem, vectors: int, each: float) -> Cost:
     """The cost of a basis of so many vectors, each of which takes so many operations."""
     orthogonal = ORTHOGONAL * system.size * vectors
-    return Cost(8.0 * system.size * vectors, vectors * (each + orthogonal), 0.0)
+    return Cost(8.0 * system.size * vectors, vectors * (each + orthogonal))
 
 
 def near_a_shift(system: LinearSystem, count: int) -> Cost:
@@ -56,11 +56,11 @@ def near_a_shift(system: LinearSystem, count: int) -> Cost:
     """
     most = system.limits.slice
     slices = 1 if count <= most else int(np.ceil(count / (0.7 * most)))
-    factor, counting = factorisation(system), factorisation(system, counting=True)
+    factor, counting = (factorisation(system, kept=kept) for kept in (True, False))
     # About four vectors for each mode, and a hundred.
     search = _lanczos(system, 4 * -(-count // slices) + 100, factor.each)
     operations = factor.operations + counting.operations + search.operations
-    return Cost(max(factor.bytes + search.bytes, counting.bytes), slices * operations, 0.0)
+    return Cost(max(factor.bytes + search.bytes, counting.bytes), slices * operations)
 
 
 def below_an_edge(system: LinearSystem, count: int, degree: int) -> Cost:
@@ -68,26 +68,26 @@ def below_an_edge(system: LinearSystem, count: int, degree: int) -> Cost:
 
     One exact count is made, which needs a factorisation.
     """
-    counting = factorisation(system, counting=True)
+    counting = factorisation(system, kept=False)
     products = SPARSE * shape_of(system).nonzeros * degree
     search = _lanczos(system, count + count // 2 + 130, products)
     operations = counting.operations + search.operations
-    return Cost(max(search.bytes, counting.bytes), operations, 0.0)
+    return Cost(max(search.bytes, counting.bytes), operations)
 
 
 def from_the_top(system: LinearSystem, count: int) -> Cost:
     """The cost of the `count` highest modes by products with A, without an exact count."""
     if count == 1:
         # Two passes of three vectors (`modal.solvers.spectrum`); then as many hold its observables.
-        return Cost(80.0 * system.size, 400.0 * system.size * PRODUCT, 0.0)
+        return Cost(80.0 * system.size, 400.0 * system.size * PRODUCT)
     basis, products = 3 * count + 40, 300 + 15 * count
     each = system.size * (PRODUCT + 4 / 3 * ORTHOGONAL * basis)
-    return Cost(8.0 * system.size * (basis + 2 * count), products * each, 0.0)
+    return Cost(8.0 * system.size * (basis + 2 * count), products * each)
 
 
 def of_blocks(rows: int, blocks: int) -> Cost:
     """The cost of all modes of dense complex blocks, solved one after the other."""
-    return Cost(48.0 * rows**2, float(blocks * DENSE * rows**3), 0.0)
+    return Cost(48.0 * rows**2, float(blocks * DENSE * rows**3))
 
 
 def refuse_endless_search(system: LinearSystem, cost: Cost, task: str, remedy: str) -> None:

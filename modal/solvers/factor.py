@@ -92,19 +92,11 @@ class Shape:
 
 @dataclass(frozen=True)
 class Cost:
-    """Bytes of a factor, multiplications of factorising and of solving for one column.
-
-    `counting`: bytes where the inertia alone is wanted, as many by default.
-    """
+    """Bytes of a factor, multiplications of factorising and of solving for one column."""
 
     bytes: float
     operations: float
-    each: float
-    counting: float | None = None
-
-    def memory(self, kept: bool) -> float:
-        """Bytes of a factor that is `kept`, or of one that counts and is forgotten."""
-        return self.bytes if kept or self.counting is None else self.counting
+    each: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -112,15 +104,15 @@ class Factorisation:
     """One way to factorise, what it can, and what it costs.
 
     `package`: what must be installed besides scipy. `unsymmetric`: whether it takes such matrices;
-    all take symmetric ones, real or complex, definite or not. `cost` estimates from a `Shape`.
-    `make` takes the matrix, the order of rows in which it is a narrow band, whether it is positive
-    definite, whether it is symmetric, and whether the factor is `kept` for solutions or only its
-    inertia is wanted; it raises SingularError.
+    all take symmetric ones, real or complex, definite or not. `cost` estimates from a `Shape`, and
+    from whether the factor is kept for solutions or only its inertia is wanted. `make` takes the
+    matrix, the order of rows in which it is a narrow band, whether it is positive definite, whether
+    it is symmetric, and again whether it is kept; it raises SingularError.
     """
 
     name: str
     make: Callable[[sp.csr_matrix, Ints, bool, bool, bool], Factor]
-    cost: Callable[[Shape], Cost]
+    cost: Callable[[Shape, bool], Cost]
     package: str | None = None
     unsymmetric: bool = True
 
@@ -138,11 +130,7 @@ def available(solver: str) -> bool:
 
 
 def choose(
-    shape: Shape,
-    solver: str | None = None,
-    *,
-    inertia: bool = False,
-    unsymmetric: bool = False,
+    shape: Shape, solver: str | None, *, kept: bool, unsymmetric: bool = False
 ) -> Factorisation:
     """The factorisation for a matrix: the one that is named, or else the fastest that can do it.
 
@@ -153,12 +141,13 @@ def choose(
     if solver is None:
         every = [named(name) for name in SOLVERS if available(name)]
         able = [way for way in every if way.unsymmetric or not unsymmetric]
-        most = SHARE * memory_at_hand()
-        able = [way for way in able if way.cost(shape).memory(not inertia) <= most] or able
-        small = shape.rows <= SMALL
-        return min(
-            able, key=lambda way: ((way.package is None) is not small, way.cost(shape).operations)
-        )
+        most, small = SHARE * memory_at_hand(), shape.rows <= SMALL
+
+        def rank(way: Factorisation) -> tuple[bool, bool, float]:
+            cost = way.cost(shape, kept)
+            return cost.bytes > most, (way.package is None) is not small, cost.operations
+
+        return min(able, key=rank)
     way = named(solver)
     if not available(solver):
         raise InputError(
@@ -189,10 +178,10 @@ def factorise(
     """
     order, reach = band(matrix, along)
     shape = Shape.of(matrix, reach)
-    way = choose(shape, solver, inertia=not kept, unsymmetric=not symmetric)
+    way = choose(shape, solver, kept=kept, unsymmetric=not symmetric)
     if way.package is None:
         remedy += ", or install pypardiso, which needs less"
-    needed = way.cost(shape).memory(kept)
+    needed = way.cost(shape, kept).bytes
     refuse_above_memory(needed, f"a factorisation by {way.name}", remedy)
     factor = way.make(matrix, order, definite, symmetric, kept)
     return replace(factor, solver=way.name, bytes=needed)

@@ -198,7 +198,7 @@ def test_too_little_memory_is_refused(solver, monkeypatch):
 def test_memory_is_that_of_the_factor(solver):
     """Within a factor of three; PARDISO's is compared with what was measured by `test_effort`."""
     matrix = LinearSystem.of(modal.fcc(cells=(8, 8, 20))).shifted(-1.0)
-    cost = named(solver).cost(Shape.of(matrix)).bytes
+    cost = named(solver).cost(Shape.of(matrix), True).bytes
     if solver == "superlu":
         options = {"SymmetricMode": True}
         lu = splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0, options=options)

@@ -46,12 +46,12 @@ def _width(layer: float) -> int:
     return int(np.clip(layer / SHARE, FEWEST, MOST))
 
 
-def _cost(shape: Shape) -> Cost:
+def _cost(shape: Shape, kept: bool) -> Cost:
     numbers = 1 + shape.complex
     front = shape.layer + _width(shape.layer)
     own = shape.rows * front
-    counting = 8 * numbers * front**2
-    return Cost(8 * numbers * own, numbers**2 * own * front / 2, 2 * own, counting)
+    held = own if kept else front**2
+    return Cost(8 * numbers * held, numbers**2 * own * front / 2, 2 * own)
 
 
 def _factorise(

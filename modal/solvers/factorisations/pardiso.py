@@ -32,9 +32,9 @@ WITHOUT_MEMORY = -2
 """PARDISO's error code where it found too little memory."""
 
 
-def _cost(shape: Shape) -> Cost:
+def _cost(shape: Shape, kept: bool) -> Cost:
     if shape.complex:
-        return _cost(Shape(2 * shape.rows, 4 * shape.nonzeros, 2 * shape.layer))
+        return _cost(Shape(2 * shape.rows, 4 * shape.nonzeros, 2 * shape.layer), kept)
     entries = FILL * shape.nonzeros * np.sqrt(shape.layer)
     return Cost(10 * entries + 40 * shape.nonzeros, entries**2 / shape.rows, 2 * entries)
 

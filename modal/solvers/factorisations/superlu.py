@@ -18,7 +18,7 @@ SLOW = 8
 """In a solve each entry is met alone, which takes as long as so many multiplications of a block."""
 
 
-def _cost(shape: Shape) -> Cost:
+def _cost(shape: Shape, _: bool) -> Cost:
     entries, numbers = FILL * shape.nonzeros * shape.layer, 1 + shape.complex
     # L and U, each entry with its row.
     operations = 2 * numbers**2 * entries**2 / shape.rows
