@@ -46,7 +46,10 @@ def steady_motion(
     motion is u (6n, k), its residual that of the push. `solver` is one of `SOLVERS`, by default the
     one that is likely to be faster.
     """
-    solver = solver or ("pardiso" if _worth_a_factor(system) else "gradients")
+    if solver is None:
+        cost = factorisation(system, kept=True)
+        fits = cost.bytes < 0.8 * memory_at_hand() and cost.operations < FACTOR_OPERATIONS
+        solver = "pardiso" if fits and available("pardiso") else "gradients"
     refuse_unknown("solver", solver, SOLVERS)
     root, operator = system.root, system.renumbered
     inward, outward = operator.inward, operator.outward
@@ -68,12 +71,6 @@ def steady_motion(
     factor.release()
     motion, residual = root.over(outward(found.motion)), root.times(outward(found.residual))
     return replace(found, motion=motion, residual=residual), solver
-
-
-def _worth_a_factor(system: LinearSystem) -> bool:
-    cost = factorisation(system, kept=True)
-    fits = cost.bytes < 0.8 * memory_at_hand()
-    return available("pardiso") and fits and cost.operations < FACTOR_OPERATIONS
 
 
 def _own_blocks(system: LinearSystem) -> Factor:

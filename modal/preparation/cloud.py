@@ -1,8 +1,7 @@
 """Spheres placed at random: where a packing begins, with friction and without."""
 
 import math
-from collections.abc import Iterator
-from itertools import islice
+from itertools import chain, islice, repeat
 
 import numpy as np
 
@@ -73,7 +72,8 @@ def random_places(
             f"{count} spheres at this width: the cell is narrower than three of the largest, or "
             "less than two layers; take other numbers, or sizes that differ less"
         )
-    order, points = np.argsort(-diameters, kind="stable"), _points(count, seed)
+    order, random = np.argsort(-diameters, kind="stable"), np.random.default_rng(seed)
+    points = chain.from_iterable(random.random((count, 3)).tolist() for _ in repeat(None))
     bins: dict[tuple[int, int, int], list[tuple[float, float, float, float]]] = {}
     around = [(a, b, c) for a in (-1, 0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1)]
     places = np.empty((count, 3))
@@ -103,10 +103,3 @@ def random_places(
             raise InputError(f"{count} spheres do not fit into the cloud; take another width")
     upwards = np.argsort(places[:, 2], kind="stable")
     return places[upwards], order[upwards]
-
-
-def _points(count: int, seed: int) -> Iterator[list[float]]:
-    """Random points of the unit cube without end, the stream of `seed`."""
-    random = np.random.default_rng(seed)
-    while True:
-        yield from random.random((count, 3)).tolist()
