@@ -27,26 +27,18 @@ def unit_vector(direction: ArrayLike) -> Floats:
     return vector / np.linalg.norm(vector)
 
 
-def christoffel(stiffness: Floats, direction: ArrayLike) -> Floats:
-    """Shape (3, 3), Pa: Christoffel's matrix of a stiffness tensor, Pa.
-
-    In Voigt's order (6, 6); or (3, 3, 3, 3), that of a cell which carries forces.
-    """
-    n = unit_vector(direction)
-    if stiffness.ndim == 2:
-        stiffness = stiffness[INDEX[:, :, None, None], INDEX]
-    return np.einsum("ijkl,j,l->ik", stiffness, n, n)
-
-
 def plane_waves(stiffness: Floats, density: float, direction: ArrayLike) -> tuple[Floats, Floats]:
     """Velocities (3,) of the waves along a direction, m/s, the fastest first, and their motions.
 
-    The motions (3, 3) are unit vectors in rows. `stiffness` as of `christoffel`, Pa; `density` in
-    kg/m^3. A stiffness below zero, which is unstable or round-off, gives a negative velocity.
+    The motions (3, 3) are unit vectors in rows. `stiffness`, Pa, in Voigt's order (6, 6), or (3, 3,
+    3, 3), that of a cell which carries forces; `density` in kg/m^3. A stiffness below zero, which
+    is unstable or round-off, gives a negative velocity.
     """
-    matrix = christoffel(stiffness, direction) / density
+    n, symmetric = unit_vector(direction), stiffness.ndim == 2
+    whole = stiffness[INDEX[:, :, None, None], INDEX] if symmetric else stiffness
+    matrix = np.einsum("ijkl,j,l->ik", whole, n, n) / density
     # Shear forces make it unsymmetric.
-    square, motion = np.linalg.eigh(matrix) if stiffness.ndim == 2 else np.linalg.eig(matrix)
+    square, motion = np.linalg.eigh(matrix) if symmetric else np.linalg.eig(matrix)
     order = np.argsort(square.real)[::-1]
     square, motion = square.real[order], motion.real.T[order]
     return np.sign(square) * np.sqrt(abs(square)), motion
