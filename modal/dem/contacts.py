@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from modal.dem.forces import TOTALS, UPRIGHT, WITHOUT_HISTORY, forces_by_loop
+from modal.dem.forces import TOTALS, UPRIGHT, forces_by_loop
 from modal.dem.near_contacts import contacts_in_reach, longest_ways
 from modal.packing.sample import Sample
 from modal.tools.arrays import Bools, Floats, Ints
@@ -179,7 +179,8 @@ class MovingContacts:
             self.walls,
             self.radius,
             self._laws,
-            *((*law, self._normal, self._shear, self.work) if self._history else WITHOUT_HISTORY),
+            # All that slip asks for is None where there is none.
+            *((*law, self._normal, self._shear, self.work) if self._history else [None] * 7),
             self.load,
             self.stiffness,
         )

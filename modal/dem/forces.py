@@ -56,20 +56,14 @@ forces on both walls, N, and their torques about the line of `change`, N m; of a
 the first force is that across its period along z."""
 UPRIGHT = np.zeros(2)
 """Lean of a period along z that stands upright, m."""
-WITHOUT_HISTORY = None, None, None, None, None, None, None
-"""In place of motion, time step, change of the sides, friction, normals, shear forces and their
-work: numba then compiles a loop of the normal forces alone."""
-
-normal_force, elastic_energy = HertzMindlin.normal_force, HertzMindlin.elastic_energy
-stiffness_normal, stiffness_tangential = (
-    HertzMindlin.stiffness_normal,
-    HertzMindlin.stiffness_tangential,
+LAW = "normal_force", "elastic_energy", "stiffness_normal", "stiffness_tangential"
+"""What the loop takes of a contact model."""
+normal_force, elastic_energy, stiffness_normal, stiffness_tangential = (
+    getattr(HertzMindlin, name) for name in LAW
 )
 Law, NUMBERS = HertzMindlin, len(HertzMindlin._fields)
 """The contact model that a loop is compiled for, its count of numbers and its functions, in whose
 places those of Hertz and Mindlin stand here."""
-LAW = "normal_force", "elastic_energy", "stiffness_normal", "stiffness_tangential"
-"""What the loop takes of a contact model."""
 
 
 @elementwise

@@ -9,12 +9,12 @@ from collections.abc import Iterator
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import eigh
+from scipy.linalg import eig, eigh
 
 from modal.modes.effort import of_blocks, refuse_endless_search
 from modal.modes.mode_set import Choice, ModeSet, certificate
 from modal.modes.observables import Piece, found_modes
-from modal.modes.unsymmetric import at_zero, whole_spectrum
+from modal.modes.unsymmetric import at_zero, real_spectrum
 from modal.packing.repeats import lateral_repeats
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Array, Floats, Ints
@@ -62,7 +62,7 @@ def dense_modes(system: LinearSystem, choice: Choice) -> ModeSet:
 def _solved(system: LinearSystem, block: Array) -> tuple[Floats, Array]:
     """Eigenvalues (b,), ascending, and unit vectors (b, b) of a block, which is overwritten."""
     if not system.symmetric:
-        return whole_spectrum(block)
+        return real_spectrum(*eig(block, overwrite_a=True, check_finite=False))
     with blas_threads(shared=len(block) >= SHARED):
         square, inner = eigh(block, overwrite_a=True, check_finite=False, driver="evd")
     return square, inner

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import eig
 
 from modal.modes.mode_set import Choice, ModeSet, certificate
 from modal.modes.observables import Piece, found_modes
@@ -50,12 +49,6 @@ def at_zero(system: LinearSystem, square: Floats) -> tuple[int, int]:
     """Of so many omega^2 how many are zero to round-off, and how many below."""
     floppy, unstable = abs(square) <= system.zero_threshold, square < -system.zero_threshold
     return int(floppy.sum()), int(unstable.sum())
-
-
-def whole_spectrum(A: Array) -> tuple[Floats, Floats]:
-    """Every omega^2 (size,) and unit vector (size, size) of A, as `real_spectrum` gives them."""
-    square, vector = eig(A, overwrite_a=True, check_finite=False)
-    return real_spectrum(square, vector)
 
 
 def modes_at_an_end(system: LinearSystem, choice: Choice) -> ModeSet:
