@@ -185,8 +185,8 @@ class Study:
     @cached_property
     def mixture(self) -> Mixture:
         """Spheres and walls."""
-        given = {name: getattr(self, name) for name in (*MIXTURE, "solid")}
-        return Mixture.of(self.spheres, self.seed, **given)
+        words = self.sizes, self.densities, self.walls, self.solid
+        return Mixture.of(self.spheres, self.seed, *words)
 
     def time_step(self, stress: float) -> float:
         """Stable time step of statics at `stress` (Pa), s."""

@@ -56,16 +56,9 @@ class Mixture:
 
     @classmethod
     def of(
-        cls,
-        spheres: int,
-        seed: int,
-        *,
-        sizes: str = "",
-        densities: str = "",
-        walls: str = "",
-        solid: str = "",
+        cls, spheres: int, seed: int, sizes: str, densities: str, walls: str, solid: str
     ) -> Mixture:
-        """From words as the functions below have them; InputError for others."""
+        """From words as the functions below have them, or none; InputError for others."""
         material, radius = solid_of(solid.split()) if solid else (GLASS, RADIUS)
         radii = radii_of(spheres, sizes.split(), seed) * (radius / RADIUS) if sizes else None
         dense = densities_of(spheres, densities.split(), radii, seed) if densities else None
