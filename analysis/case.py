@@ -254,7 +254,4 @@ def _name(path: Path, cases: list[Case]) -> str:
 
 
 def _stem(packing: Path) -> str:
-    name = packing.name
-    for end in (".h5", *(f".{kind}" for kind in PACKINGS)):
-        name = name.removesuffix(end)
-    return name
+    return re.sub(rf"(\.({'|'.join(PACKINGS)}))?\.h5$", "", packing.name)

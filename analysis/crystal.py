@@ -19,6 +19,7 @@ from analysis.measuring import Measuring
 from analysis.quantities.spectrum import modal_dispersion
 from analysis.quantities.velocity import chain
 from analysis.rows import Row, row_of
+from analysis.table import cell
 
 COLUMNS = ("theory", "modal", "linear", "yade")
 TABLE = Path(__file__).with_name("comparison.csv")
@@ -39,10 +40,8 @@ def compare(m: Measuring) -> list[list[str]]:
     lines = []
     for line in csv.DictReader(TABLE.read_text().splitlines()):
         names = [line.get(name, line["wave"]).format(record=name) for name in COLUMNS]
-        numbers = [
-            values.get(c, {}).get(name, np.nan) for c, name in zip(COLUMNS, names, strict=True)
-        ]
-        cells = [f"{number:.6g}" if np.isfinite(number) else "" for number in numbers]
+        places = zip(COLUMNS, names, strict=True)
+        cells = [cell(values.get(column, {}).get(name), ".6g") for column, name in places]
         text = line["quantity"].format(stretch=stretch)
         lines += [[line["id"], text, line["unit"], *cells, line["note"]]] if any(cells) else []
     return lines
@@ -93,5 +92,4 @@ def _off_theory(m: Measuring, measured: disp.Dispersion) -> float:
 
 
 def _arrival(m: Measuring, key: str) -> float:
-    wall = float(m.network.wall_position[0])
-    return travelled(m.cut(key), wall, m.network.length, arrival_times)[0]
+    return travelled(m.cut(key), m.network.wall_position, arrival_times)[0]

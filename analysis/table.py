@@ -5,6 +5,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -31,12 +32,25 @@ class Table:
 
         return DataFrame(self.rows, columns=self.header).set_index(self.header[0]).to_string()
 
-    def write_csv(self, path: Path) -> Path:
-        """Write the header and the rows as CSV; returns the path."""
+    def write_csv(self, path: Path) -> None:
+        """Write the header and the rows as CSV."""
         text = io.StringIO()
         csv.writer(text, lineterminator="\n").writerows([self.header, *self.rows])
         write_text(path, text.getvalue())
-        return path
+
+
+def cell(value: Any, form: str = "g") -> str:
+    """A value as text, by Python's format and what stands behind it; empty where it is not known.
+
+    >>> cell(0.25, ".1f %"), cell(True), cell(np.nan)
+    ('0.2 %', 'yes', '')
+    """
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if isinstance(value, str) or value is None:
+        return value or ""
+    form, *unit = form.split()
+    return " ".join([f"{value:{form}}", *unit]) if np.isfinite(value) else ""
 
 
 NONE = 1e-6

@@ -90,15 +90,10 @@ class LayerLattice:
         """f_low-pass, Hz (Eq. 10)."""
         return np.sqrt(self.stiffness / self.mass) / np.pi
 
-    def eigenmodes(self, *, source_held: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        """Angular frequencies (n,) rad/s ascending, and orthonormal shapes (n, n) in columns.
-
-        With `source_held` false the source wall bears no force.
-        """
+    def eigenmodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Angular frequencies (n,) rad/s ascending, and orthonormal shapes (n, n) in columns."""
         diagonal = np.full(self.layers, 2 * self.stiffness)
         diagonal[[0, -1]] = self.stiffness + self.wall_stiffness
-        if not source_held:
-            diagonal[0] = self.stiffness
         off = np.full(self.layers - 1, -self.stiffness)
         square, shape = eigh_tridiagonal(diagonal / self.mass, off / self.mass)
         return np.sqrt(np.maximum(square, 0)), shape

@@ -12,6 +12,7 @@ The unbiased band edge of a crystal is in `damped_transform`.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -270,14 +271,13 @@ class Passband:
     def choices(self) -> list[tuple[str, Value]]:
         """What each choice makes of f_low-pass, the others kept."""
         rows = []
-        for name, record in (("YADE", self.run), ("linear wave", self.wave)):
-            for whose in WHOSE:
-                for reference in REFERENCES:
-                    of = "the whole map" if reference == "map" else f"each of the {whose}"
-                    edges = self.edges(record, whose, reference, self.common)
-                    for threshold, edge in zip(THRESHOLDS, edges, strict=True):
-                        text = f"{name}, {whose}, {100 * threshold:g} % of the maximum of {of}"
-                        rows.append((text, edge))
+        records = ("YADE", self.run), ("linear wave", self.wave)
+        for (name, record), whose, reference in product(records, WHOSE, REFERENCES):
+            of = "the whole map" if reference == "map" else f"each of the {whose}"
+            edges = self.edges(record, whose, reference, self.common)
+            for threshold, edge in zip(THRESHOLDS, edges, strict=True):
+                text = f"{name}, {whose}, {100 * threshold:g} % of the maximum of {of}"
+                rows.append((text, edge))
         for passages in (0.7, 1.15, 1.73):
             text = f"linear wave, chain, 2 % of the map, record of {passages:g} passages"
             rows.append((text, self.edges(self.wave, passages=passages)[0]))

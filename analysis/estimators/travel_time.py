@@ -9,6 +9,7 @@ from analysis.estimators.fits import straight_line, summit
 from analysis.estimators.low_pass import columns_of
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
+from modal.tools.arrays import Floats
 from modal.waves.signals import Signals
 
 MIDDLE = 0.25, 0.75
@@ -56,13 +57,12 @@ def arrival_times(signals: Signals) -> np.ndarray:
 
     The maximum is that in the wall's own direction; NaN where it is not passed in the record.
     """
-    times = np.full(signals.chain_displacement.shape[1], np.nan)
-    for n, u in enumerate(outward(signals).T):
-        above = u > LEVEL * u.max()
-        k = int(np.argmax(above))
-        if above.any() and k > 0 and np.argmax(u) < len(u) - 1:
-            part = (LEVEL * u.max() - u[k - 1]) / (u[k] - u[k - 1])
-            times[n] = signals.time[k - 1] + part * (signals.time[k] - signals.time[k - 1])
+    u, times = outward(signals), np.full(signals.chain_displacement.shape[1], np.nan)
+    level, k = LEVEL * u.max(axis=0), np.argmax(u > LEVEL * u.max(axis=0), axis=0)
+    n = np.flatnonzero((k > 0) & (np.argmax(u, axis=0) < len(u) - 1))
+    before, behind = u[k[n] - 1, n], u[k[n], n]
+    first, last = signals.time[k[n] - 1], signals.time[k[n]]
+    times[n] = first + (level[n] - before) / (behind - before) * (last - first)
     return times
 
 
@@ -81,17 +81,14 @@ def travel_velocity(distance: np.ndarray, times: np.ndarray) -> tuple[float, flo
 
 
 def travelled(
-    record: Signals,
-    source_wall: float,
-    length: float,
-    times: Callable[[Signals], np.ndarray] = first_peak_times,
+    record: Signals, walls: Floats, times: Callable[[Signals], np.ndarray] = first_peak_times
 ) -> tuple[float, float]:
     """dL/dt, m/s, of first peaks or arrivals along the chain's middle half, its standard error.
 
-    The rule of Fig. 5. `source_wall` is the wall's z and `length` the sample's, m.
+    The rule of Fig. 5. `walls` are the z, m, of the source's wall and of the receiver's.
     """
-    distance = record.chain_position - source_wall
-    inside = _middle(distance, length)
+    distance = record.chain_position - walls[0]
+    inside = _middle(distance, walls[1] - walls[0])
     return travel_velocity(distance[inside], times(record)[inside])
 
 

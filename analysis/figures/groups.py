@@ -109,8 +109,8 @@ def points(
 
 def scatter(
     panel: Panel, cases: pd.DataFrame, y: str, *, side_by_side: bool = False, **given: Any
-) -> Panel:
-    """The panel with the `points` of all groups.
+) -> None:
+    """The `points` of all groups.
 
     `side_by_side`: a little apart on a logarithmic axis, joined.
     """
@@ -119,7 +119,6 @@ def scatter(
         middle = (len(groups) - 1) / 2
         moved = 1.5 ** ((k - middle) / max(1.0, 2 * middle)) if side_by_side else 0.0
         points(panel, members, style, y, moved=moved, **given)
-    return panel
 
 
 def legend(

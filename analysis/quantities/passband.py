@@ -141,11 +141,10 @@ def low_pass_unbiased(m: Measuring) -> Value:
     caveats = of_frequency(m, value)
     line = coherent(m, "wave").resolution / np.sqrt(12)
     parts = {"fit": (last - first) / 2, "chain": abs(ends[1, 1] - ends[2, 1]), "resolution": line}
-    found = Value(value, "Hz", parts, caveats)
     if not np.hypot(parts["fit"], parts["chain"]) <= SURE * value:
         text = f"no plateau: attenuation rises through it from {hertz(first)} to {hertz(last)}"
         return unknown("Hz", text, *caveats)
-    return found
+    return Value(value, "Hz", parts, caveats)
 
 
 def _rise(frequency: np.ndarray, values: np.ndarray, level: float) -> tuple[float, float, float]:

@@ -147,10 +147,7 @@ FOUND: dict[str, tuple[str, str, Number]] = {
         *("Hz", "end of a crystal's band, lattice"),
         lambda m: m.lattice.low_pass_frequency,
     ),
-    "translations_only_over_edge": (
-        *("1", "highest mode without rotations over it"),
-        _translations,
-    ),
+    "translations_only_over_edge": ("1", "highest mode without rotations over it", _translations),
     "chi_z_low": ("1", "largest chi_z of the chain's modes below 0.05 f_max", _by(_chi, 0.0, LOW)),
     "chi_z_high": ("1", "largest of them above 0.07 f_max", _by(_chi, HIGH, np.inf)),
     "chi_z_high_all": ("1", "the same of all spheres", _by(_chi, HIGH, np.inf, False)),

@@ -17,7 +17,6 @@ from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity
 from analysis.value import Value, hertz, unknown
 from modal.elasticity.slab import static_velocity
-from modal.waves.signals import Signals
 
 ORDERS = {"z": (2, 3), "x": (5, 6), "y": (5, 6)}
 """Orders of a crystal's neighbour ratio, of the value and of what its error is told by. Layers turn
@@ -50,7 +49,7 @@ def coherent(m: Measuring, key: str, decay: float = DECAY) -> Coherent:
     """The coherent wave of a record, of S-waves as far as they are long."""
     record, length = m.record(key), m.network.length
     if record.direction != "z":
-        first = _travelled(m, record)[0]
+        first = travelled(record, m.network.wall_position)[0]
         highest = first / (LONGEST * m.diameter) if first > 0 else None
         return coherent_wave(record, length, highest=highest)
     if m.crystal:  # slabs a diameter thick would beat with its layers
@@ -77,10 +76,6 @@ def longest(m: Measuring, key: str) -> Value:
     return Value(value, "m/s", {"fit": error}) if np.isfinite(value) else unknown("m/s", LOST)
 
 
-def _travelled(m: Measuring, record: Signals) -> tuple[float, float]:
-    return travelled(record, float(m.network.wall_position[0]), m.network.length)
-
-
 def _told(value: float, error: float, scatter: float = 0.0) -> Value:
     if not np.isfinite(value):
         return unknown("m/s", "what comes first does not move on along the chain")
@@ -95,9 +90,9 @@ def first_peak(m: Measuring, key: str) -> Value:
     """
     record = m.record(key)
     if record.direction != "z":
-        return _told(*_travelled(m, record))
+        return _told(*travelled(record, m.network.wall_position))
     scatter = columns(m, "wave" if key == "wave" else "linear")[1]
-    return _told(*_travelled(m, m.cut(key)), scatter)
+    return _told(*travelled(m.cut(key), m.network.wall_position), scatter)
 
 
 @once

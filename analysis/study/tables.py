@@ -20,7 +20,7 @@ from analysis.rows import OF_RECORD, Row, read_results
 from analysis.study.description import Study, following
 from analysis.study.targets import Rules
 from analysis.study.words import UNKNOWN, Words
-from analysis.table import Table, number
+from analysis.table import Table, cell, number
 from modal.tools.errors import InputError
 
 Spec = Mapping[str, Any]
@@ -63,7 +63,7 @@ def whole(frame: pd.DataFrame) -> Table:
     names = [*words, "packings", *(name for name in names if name in there), "absent"]
     found = there[names].rename(columns=words)
     forms = [".3g" if name.endswith("_error") else ".7g" for name in found]
-    lines = [list(map(_cell, line, forms)) for line in found.to_numpy(object)]
+    lines = [list(map(cell, line, forms)) for line in found.to_numpy(object)]
     return Table("All numbers", list(found.columns), lines, "table1")
 
 
@@ -80,23 +80,13 @@ def _column(cases: pd.DataFrame, text: str) -> list[str]:
     """Cells of one column."""
     name, form, flag, *_ = [*map(str.strip, text.split("|")), "", ""]
     if not form and name in cases and not pd.api.types.is_numeric_dtype(cases[name]):
-        return [_cell(value) for value in cases[name]]
+        return [cell(value) for value in cases[name]]
     values = zip(numbers(cases, name), spreads(cases, name), strict=True)
-    cells = [number(*pair) if form == "±" else _cell(pair[0], form or "g") for pair in values]
+    cells = [number(*pair) if form == "±" else cell(pair[0], form or "g") for pair in values]
     if not flag:
         return cells
     pairs = zip(cells, cases[flag], strict=True)
-    return [f"{cell} *" if cell and not yes else cell for cell, yes in pairs]
-
-
-def _cell(value: Any, form: str = "g") -> str:
-    """A value as text, empty where it is not known."""
-    if isinstance(value, bool | np.bool_):
-        return "yes" if value else "no"
-    if isinstance(value, str) or value is None:
-        return value or ""
-    form, *unit = form.split()
-    return " ".join([f"{value:{form}}", *unit]) if np.isfinite(value) else ""
+    return [f"{text} *" if text and not yes else text for text, yes in pairs]
 
 
 def means(spec: Spec, cases: pd.DataFrame) -> Cells:
@@ -105,7 +95,7 @@ def means(spec: Spec, cases: pd.DataFrame) -> Cells:
     for key, members in cases.groupby(by):
         each = [numbers(members, text) for text in spec["columns"].values()]
         cells = [number(values.mean(), values.sem()) for values in each]
-        lines.append([*map(_cell, key), *cells, str(len(members))])
+        lines.append([*map(cell, key), *cells, str(len(members))])
     return [*by, *spec["columns"], "packings"], lines
 
 
@@ -122,8 +112,8 @@ def limits(spec: Spec, cases: pd.DataFrame) -> Cells:
             at = int(abs(size - own).argmin())
             here = mean.iloc[at], error.iloc[at]
             off = found.distance(size[at], *here)
-            cells = [number(*here), number(*found.at(0.0)), _cell(off, "+.1f")]
-            lines.append([*map(_cell, key), text, *cells, _cell(found.chi, ".1f")])
+            cells = [number(*here), number(*found.at(0.0)), cell(off, "+.1f")]
+            lines.append([*map(cell, key), text, *cells, cell(found.chi, ".1f")])
     header = ["quantity", "as it is", "limit", "distance in errors of the difference"]
     return [*by, *header, "chi^2 a point to spare"], lines
 
@@ -146,7 +136,7 @@ def laws(spec: Spec, cases: pd.DataFrame) -> Cells:
                 y = numbers(members, name)
                 law = power_law(numbers(members, fit["x"]), y)
                 if np.isfinite(law.exponent):
-                    cells = f"{law.exponent:.4f}", _cell(law.error, ".2g"), str(y.notna().sum())
+                    cells = f"{law.exponent:.4f}", cell(law.error, ".2g"), str(y.notna().sum())
                     lines.append([where, text, fit["over"], *cells])
     return ["group", "quantity", "power of", "exponent", "standard error", "cases"], lines
 
@@ -160,7 +150,7 @@ def checks(spec: Spec, rules: Rules) -> Cells:
         for name, quantity in names.items():
             text = text.replace(f"<{name}>", quantity)
         found = [rules.find(check) for check in json.loads(text)]
-        cells = [f"{one.word}: {one.short}" if np.isfinite(one.value) else "" for one in found]
+        cells = [f"{cell(one.met)}: {one.short}" if np.isfinite(one.value) else "" for one in found]
         if any(cells):
             lines.append([line["title"], *cells])
     return ["rule", *spec["columns"]], lines
@@ -219,7 +209,7 @@ def _compared(row: Row, case: pd.DataFrame, rules: Rules) -> Table:
     for key, quantity, unit, *cells, note in row.tables["comparison"]:
         found = pd.to_numeric(pd.Series(cells, COLUMNS), errors="coerce")
         off = 100 * (found[1:] / found["theory"] - 1)
-        percent = ["" if np.isnan(value) else f"{value:+.3f}" for value in off]
+        percent = [cell(value, "+.3f") for value in off]
         own = found["modal"] if np.isnan(found["yade"]) else found["yade"]
         stated, apart = _stated(key, own, case, rules)
         apart = apart.removesuffix(" %") if np.isfinite(own) else ""

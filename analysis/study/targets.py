@@ -17,7 +17,7 @@ import pandas as pd
 from analysis.frame import missing, numbers, powers, runs, select, spreads
 from analysis.rows import of_one_producer
 from analysis.study.description import Study, following
-from analysis.table import Table, number
+from analysis.table import Table, cell, number
 from modal.tools.errors import InputError
 
 Spec = Mapping[str, Any]
@@ -36,13 +36,7 @@ class Finding:
 
     def cells(self) -> list[str]:
         """Value and error as text; empty where they are not known."""
-        each = ((self.value, 6), (self.error, 2))
-        return [f"{value:.{digits}g}" if np.isfinite(value) else "" for value, digits in each]
-
-    @property
-    def word(self) -> str:
-        """`met` in a word."""
-        return "yes" if self.met else "no"
+        return [cell(self.value, ".6g"), cell(self.error, ".2g")]
 
 
 @dataclass(frozen=True)
@@ -239,7 +233,7 @@ def targets(found: list[Answer]) -> Table:
     """The table of targets."""
     header = ["id", "value", "error", "target", "rule", "met", "why"]
     cells = [
-        [spec["id"], *one.cells(), spec["stated"], spec["rule"], one.word, one.why]
+        [spec["id"], *one.cells(), spec["stated"], spec["rule"], cell(one.met), one.why]
         for spec, one, _ in found
     ]
     return Table("Targets", header, cells, "targets")
@@ -251,6 +245,6 @@ def second_verdicts(found: list[Answer]) -> Table:
     cells = []
     for spec, first, two in found:
         if two is not None:
-            told = spec["id"], spec["stated"], first.word, spec["second"]["rule"]
-            cells.append([*told, *two.cells(), two.word, two.why])
+            told = spec["id"], spec["stated"], cell(first.met), spec["second"]["rule"]
+            cells.append([*told, *two.cells(), cell(two.met), two.why])
     return Table("Targets by a second rule", header, cells, "second_verdicts")

@@ -101,11 +101,11 @@ def test_noise_scatters_in_proportion_but_does_not_bias(noise):
 
 def test_first_peaks_follow_the_first_of_two_arrivals():
     record = two_arrivals(0.5)
-    seen, error = travelled(record, 0.0, LENGTH)
+    seen, error = travelled(record, (0.0, LENGTH))
     assert seen == pytest.approx(CHAIN.velocity, rel=1e-4) and error < 1e-4 * seen
     # A second arrival over twice as high is taken for the first: the rule's limit.
     record = two_arrivals(2.5)
-    assert travelled(record, 0.0, LENGTH)[0] > 1.2 * CHAIN.velocity
+    assert travelled(record, (0.0, LENGTH))[0] > 1.2 * CHAIN.velocity
 
 
 def test_damped_transform_sees_the_dispersion_of_the_time_step():
@@ -126,8 +126,8 @@ def test_modes_give_the_dispersion():
 
 
 def test_the_papers_rules_are_biased_by_about_a_percent():
-    peak = travelled(RECORD, 0.0, LENGTH)[0] / CHAIN.velocity - 1
-    arrival = travelled(RECORD, 0.0, LENGTH, arrival_times)[0] / CHAIN.velocity - 1
+    peak = travelled(RECORD, (0.0, LENGTH))[0] / CHAIN.velocity - 1
+    arrival = travelled(RECORD, (0.0, LENGTH), arrival_times)[0] / CHAIN.velocity - 1
     assert -0.013 < peak < -0.007
     assert 0.013 < arrival < 0.018
 
@@ -146,8 +146,8 @@ def test_velocities_do_not_depend_on_where_the_wall_is_nor_which_way_it_moves():
     assert waves[2] == pytest.approx(waves[0], rel=1e-9)
     for other, wall, rel in ((moved, -0.3, 1e-9), (turned, 0.0, 1e-12)):
         for rule in (first_peak_times, arrival_times):
-            found = travelled(other, wall, LENGTH, rule)
-            assert found == pytest.approx(travelled(RECORD, 0.0, LENGTH, rule), rel=rel)
+            found = travelled(other, (wall, wall + LENGTH), rule)
+            assert found == pytest.approx(travelled(RECORD, (0.0, LENGTH), rule), rel=rel)
 
 
 @pytest.mark.parametrize("points", [60, 120])

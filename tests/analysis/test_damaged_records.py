@@ -83,8 +83,8 @@ def test_first_peaks_bear_less_noise_than_the_damped_transform():
     """The paper's rules: 0.1 % of noise is harmless; at 2 % the 5 % arrival is lost altogether."""
     for share, bearable in ((1e-3, True), (2e-2, False)):
         damaged = noisy(FULL, share, np.random.default_rng(0))
-        peak = travelled(damaged, 0.0, LENGTH)[0] / CHAIN.velocity - 1
-        arrival = travelled(damaged, 0.0, LENGTH, arrival_times)[0] / CHAIN.velocity - 1
+        peak = travelled(damaged, (0.0, LENGTH))[0] / CHAIN.velocity - 1
+        arrival = travelled(damaged, (0.0, LENGTH), arrival_times)[0] / CHAIN.velocity - 1
         assert abs(peak) < 0.015
         assert (abs(arrival) < 0.02) == bearable
 
@@ -112,7 +112,7 @@ def sent_by(motion) -> Signals:
 @pytest.mark.parametrize("rule", [first_peak_times, arrival_times])
 def test_times_of_arrival_give_the_velocity_or_none(rule, found):
     """The known bias of both rules on this wave is 2 % at most."""
-    value, error = travelled(found, 0.0, LENGTH, rule)
+    value, error = travelled(found, (0.0, LENGTH), rule)
     assert np.isnan([value, error]).all() or value == pytest.approx(CHAIN.velocity, rel=0.025)
 
 

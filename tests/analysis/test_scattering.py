@@ -83,7 +83,8 @@ def test_maxima_of_the_crystals_gain_are_modes_of_a_free_source():
     curvature, a thousandth of f_1 (the grid of the gain is 0.1 f_1).
     """
     m = Measuring(fcc(cells=(1, 1, 100)))
-    free = m.lattice.eigenmodes(source_held=False)[0] / (2 * np.pi)
+    # In symmetric modes of a crystal twice as long the bond in the middle bears nothing.
+    free = Measuring(fcc(cells=(1, 1, 200))).lattice.eigenmodes()[0][::2] / (2 * np.pi)
     found = gain.gain_of(m).gain_maxima()
     assert len(found) > 11
     assert abs(found[:12] - free[:12]).max() < 2e-3 * gain.first_resonance(m)
