@@ -117,9 +117,8 @@ def measure(
     waves = [r if isinstance(r, Signals) else read_signals(r) for r in records]
     m = Measuring(network, waves, source, case, keep, sample, amplitudes)
     usual = [q.name for q in QUANTITIES.values() if not q.asked]
-    names = list(quantities or (AMPLITUDE if len(amplitudes) else usual))
-    if isinstance(quantities, str):
-        names = [quantities]
+    asked = [quantities] if isinstance(quantities, str) else quantities
+    names = list(asked or (AMPLITUDE if len(amplitudes) else usual))
     for name in names:
         refuse_unknown("quantity", name, QUANTITIES)
     state = tuple(str(network.study.get(key)) for key in SAME_STATE)
@@ -145,9 +144,8 @@ def measure_files(
         found[path] = measure(case, *records, **how)
         for note in case.notes:
             say(note)
-    if len(found) < 2:
-        return found, None
-    return found, mean_of(list(found.values()), same=one_state(found))
+    mean = mean_of(list(found.values()), same=one_state(found)) if len(found) > 1 else None
+    return found, mean
 
 
 def one_state(found: Mapping[str, Measurement]) -> bool:

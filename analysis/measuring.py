@@ -324,18 +324,17 @@ class Measuring:
     @cached_property
     def wave(self) -> Signals:
         """The P-wave to be measured: as a record has it, or that of the springs."""
-        self.require_walls()
         return self._of_pulse(self.shown)
 
     @cached_property
     def shear_wave(self) -> Signals:
         """The same of a wall that slides, along x where it is not recorded."""
-        self.require_walls()
         slid = next((record for record in self.records if record.direction != "z"), None)
         return self._of_pulse(self.linear_wave("x") if slid is None else slid)
 
     def _of_pulse(self, record: Signals) -> Signals:
         """A record as it would be of a pulse, which rules on amplitudes are made for."""
+        self.require_walls()
         motion = recorded_motion(record)
         if isinstance(motion, Pulse) and motion.cycles == 1:
             return record

@@ -78,10 +78,8 @@ class Value:
         """value, error, unit, caveats; where they are, `at`, Hz, and `scatter`."""
         told: dict[str, Any] = {"value": plain(self.value), "error": plain(self.error)}
         told |= {"unit": self.unit, "caveats": list(self.caveats)}
-        for name in ("at", "scatter"):
-            if getattr(self, name) is not None:
-                told[name] = plain(getattr(self, name))
-        return told
+        more = {"at": self.at, "scatter": self.scatter}
+        return told | {name: plain(own) for name, own in more.items() if own is not None}
 
     def text(self) -> str:
         """For people: the number, its error and its unit; of an array its range and frequencies."""

@@ -65,10 +65,8 @@ def coherent_wave(
     z, u = signals.chain_position, signals.chain_displacement
     if signals.layer_displacement is not None:
         z, u = signals.layer_position, signals.layer_displacement
-    order = np.argsort(z)
-    z, u = z[order], u[:, order]
-    depth = (z - z[0]) / length
-    part = np.flatnonzero((depth >= STRETCH[0]) & (depth <= STRETCH[1]))
+    order, depth = np.argsort(z), (z - z.min()) / length
+    part = order[((depth >= STRETCH[0]) & (depth <= STRETCH[1]))[order]]
     nan = np.full(points, np.nan)
     highest = highest or 2 * signals.input_frequency
     frequency = np.linspace(highest / points, highest, points)
@@ -79,8 +77,7 @@ def coherent_wave(
     reflected = PASSAGES * length / speed if speed > 0 else np.inf
     kept = signals.time - signals.time[0] <= reflected
     time, u = signals.time[kept], u[kept]
-    duration = time[-1] - time[0]
-    eta = decay / duration
+    eta = decay / (time[-1] - time[0])
     kernel = np.exp((2j * np.pi * frequency[:, None] - eta) * time)
     field = kernel @ u
     before, after = field[:, :-1], field[:, 1:]

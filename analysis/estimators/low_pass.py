@@ -147,8 +147,7 @@ class Passband:
     crystal: bool
 
     def __post_init__(self) -> None:
-        self.diameter = 2 * float(self.network.radius.mean())
-        self.highest = REACH[self.crystal] * self.velocity / self.diameter
+        self.highest = REACH[self.crystal] * self.velocity / float(2 * self.network.radius.mean())
         self.stretch = STRETCH[self.crystal]
         self._bearing = force_bearing(self.network)
         self._maps: dict[tuple, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
@@ -203,8 +202,7 @@ class Passband:
         distance, frequency, amplitude = self.map(record, whose, passages)
         curves = threshold_curves(frequency, amplitude, reference)
         found = [at_stretch(distance, row, self.network.length, self.stretch) for row in curves]
-        source = record.source_displacement[:, None]
-        at, sent = self._spectra(record, source, passages)
+        at, sent = self._spectra(record, record.source_displacement[:, None], passages)
         ends = [last_crossing(at, sent, SENT * t * sent.max())[0] for t in THRESHOLDS]
         return [
             unknown("Hz", f"above {end / 1e3:.3g} kHz the source sends too little")

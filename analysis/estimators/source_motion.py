@@ -107,5 +107,4 @@ def as_of_pulse(record: Signals, pulse: Pulse) -> Signals:
         back = np.fft.irfft((ratio * transform(values).T).T, count, axis=0)[: len(time)]
         return (back.T / fade).T
 
-    told = {"amplitude": pulse.amplitude, "input_frequency": pulse.frequency}
-    return with_motions(record, answer, **told)
+    return with_motions(record, answer, amplitude=pulse.amplitude, input_frequency=pulse.frequency)

@@ -25,12 +25,7 @@ PADDING = 4
 
 
 def chain_wavenumber(
-    record: Signals,
-    frequency: float,
-    length: float,
-    *,
-    velocity: float,
-    part: Bools | None = None,
+    record: Signals, frequency: float, length: float, *, velocity: float, part: Bools | None = None
 ) -> float:
     """kappa, 1/m, at `frequency` (Hz) of a record; NaN where there is no ridge.
 

@@ -165,12 +165,10 @@ def _gain(row: Row, letter: str) -> Panel:
     panel.xlim, panel.ylim = (0, top / 1e3), (0, 1.4 * float(height[keep].max()))
     panel.line(f[keep] / 1e3, height[keep], "gain", color="k")
     f_r = f_r[f_r < top] / 1e3
-    held: dict[str, Any] = {"color": BLUE, "ls": ":", "lw": 1}
-    free: dict[str, Any] = {"color": ORANGE, "ls": "--", "lw": 0.8}
     if len(f_r):
-        panel.vlines(f_r, "resonances $f_r$, both walls held", **held)
+        panel.vlines(f_r, "resonances $f_r$, both walls held", color=BLUE, ls=":", lw=1)
         middle = 0.5 * (np.append(0, f_r[:-1]) + f_r)
-        panel.vlines(middle, "half way, source free of stress", **free)
+        panel.vlines(middle, "half way, source free of stress", color=ORANGE, ls="--", lw=0.8)
     return panel
 
 

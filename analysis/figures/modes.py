@@ -28,9 +28,8 @@ def natural_frequencies(m: Measuring) -> Picture:
     if m.crystal and modes is not None and len(modes.frequency) == dof:
         _spectrum(left, right, modes.frequency, m.label, color="k", lw=0.9)
         if only is not None:
-            look = {"color": "0.55", "ls": ":"}
             text = f"{m.label}, translations only"
-            _spectrum(left, right, only.frequency, text, **look)
+            _spectrum(left, right, only.frequency, text, color="0.55", ls=":")
     elif m.case.has("density"):
         f, per_hertz, below = density(m)
         loose = m.mu_comp > 0.2
@@ -52,8 +51,7 @@ def _spectrum(left: Panel, right: Panel, frequency: np.ndarray, label: str, **lo
     f = np.sort(frequency) / 1e3
     every = np.unique(np.linspace(0, len(f) - 1, 400).astype(int))
     left.line((every + 1) / len(f), f[every], label, **look)
-    share, edges = np.histogram(f, np.linspace(0, 1.02 * f[-1], BINS))
-    share = share / (len(f) * np.diff(edges))
+    share, edges = np.histogram(f, np.linspace(0, 1.02 * f[-1], BINS), density=True)
     right.line(np.repeat(edges, 2)[1:-1], np.repeat(share, 2), **look)
 
 

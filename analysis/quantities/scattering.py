@@ -105,9 +105,8 @@ def ioffe_regel(m: Measuring) -> Value:
         why = "of no standing wave that could be read is the mean free path so short"
         return unknown("Hz", why)
     near = np.sort(abs(found.frequency - found.limit))[:2].sum()
-    caveats = m.of_one_sample
-    if found.velocity / found.limit > m.width * m.diameter:
-        caveats = of_frequency(m, found.limit)
+    wide = found.velocity / found.limit > m.width * m.diameter
+    caveats = of_frequency(m, found.limit) if wide else m.of_one_sample
     return Value(found.limit, "Hz", {"resolution": near / 2}, caveats)
 
 

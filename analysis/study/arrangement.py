@@ -44,7 +44,7 @@ def arrange(
     """
     from analysis.figures.render import save  # Matplotlib, which to measure a case does not need
 
-    pictures, stems, captions, absent = [], [], [], []
+    pictures, captions, absent = {}, {}, []
     words = Words(cases)
     for spec in specs:
         caption = words(spec["caption"])
@@ -62,12 +62,11 @@ def arrange(
             except InputError as error:
                 absent.append(f"{spec['name']}: {error}")
                 continue
-        pictures.append(picture)
-        stems.append(output / spec["name"])
-        captions.append(caption)
+        stem = output / spec["name"]
+        pictures[stem], captions[stem] = picture, caption
     with ProcessPoolExecutor(min(MOST, os.cpu_count() or 1)) as processes:
-        pngs = [png for png, *_ in processes.map(save, pictures, stems)]
-    return list(zip(pngs, captions, strict=True)), absent
+        pngs = [png for png, *_ in processes.map(save, pictures.values(), pictures)]
+    return list(zip(pngs, captions.values(), strict=True)), absent
 
 
 def _plot(spec: Spec, cases: pd.DataFrame) -> Picture:

@@ -226,7 +226,6 @@ def part_of_name(factor: str, value: Any) -> str:
 
 def _listed(values: Any) -> list[Any]:
     """The values of a factor: a list, or the numbers of a text as `1 to 8`."""
-    ends = re.fullmatch(r"(\d+) to (\d+)", str(values))
-    if ends:
+    if ends := re.fullmatch(r"(\d+) to (\d+)", str(values)):
         return list(range(int(ends[1]), int(ends[2]) + 1))
     return values if isinstance(values, list) else [values]

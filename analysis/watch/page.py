@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.exchange.picture import VISIBLE, contact_lines, moving, sphere_stress
+from modal.exchange.picture import VISIBLE, moving, sphere_stress
 from modal.exchange.registry import read
 from modal.formats.hdf5 import write_whole
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
@@ -119,13 +119,11 @@ def _of_cell(network: Network) -> dict[str, list[float]]:
 
 def _of_contacts(network: Network, force: np.ndarray) -> dict[str, Any]:
     """Contacts as lines from sphere to sphere, or to the wall (-1), and their normal forces."""
-    ends, _ = contact_lines(network)
-    across = ends[:, 1] - ends[:, 0]
-    step = float(abs(across).max(initial=0.0)) / STEPS or 1.0
+    step = float(abs(network.branch).max(initial=0.0)) / STEPS or 1.0
     return {
         "first": coded(network.particle_i, "<i4"),
         "second": coded(np.maximum(network.particle_j, -1), "<i4"),
-        "across": coded(np.round(across / step), "<i2"),
+        "across": coded(np.round(network.branch / step), "<i2"),
         "step": step,
         "force": _from_zero(force)[0],
     }
