@@ -17,9 +17,7 @@ it falls to half a wavelength, l = lambda / 2 (pi times the width is then the fr
 wave is no longer one: the limit of Ioffe and Regel, a low-pass that needs no threshold.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -28,23 +26,19 @@ import numpy as np
 from analysis.estimators.fits import PowerLaw, power_law, summit
 from modal.formats.product import product_of, stored
 from modal.formats.provenance import Provenance
-from modal.modes.density import FULL_WIDTH
+from modal.modes.density import FULL_WIDTH, block_width, moments_of
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
-from modal.solvers.chebyshev import chebyshev, jackson
+from modal.solvers.chebyshev import jackson
 from modal.system.linear_system import LinearSystem
-from modal.system.operator import ContactOperator
-from modal.tools.arrays import Floats
 from modal.tools.errors import InputError, refuse_unknown
-from modal.tools.progress import progress
 
 SCHEMA = "granular-structure-factor"
 VERSION = 1
-POLARISATIONS = ("L", "T")
+POLARISATIONS = {"L": 2, "T": 4}
+"""Patterns of one plane wave: cosine and sine, of transverse ones along both directions across."""
 AROUND = 0.7, 1.3
 """Part of a frequency between which the width's power of the frequency is fitted."""
-BLOCK = 8
-"""Patterns that are made at once: bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -215,13 +209,17 @@ def structure_factor(
     if not 0 < resolution < np.inf or len(orders) == 0 or (orders.ndim == 1 and orders.min() < 1):
         raise InputError("resolution must be a positive number of Hz, the orders 1 or more")
     if orders.ndim == 1:
-        blocks = [orders[first : first + BLOCK] for first in range(0, len(orders), BLOCK)]
-        waves: Callable[[Floats], Floats] = partial(standing_waves, network)
+        of, columns = orders, 1
         wavenumber = np.pi * orders / network.length
     else:
-        blocks = list(wave_vectors(network, orders))
-        waves = partial(plane_waves, network, polarisation=polarisation)
-        wavenumber = np.linalg.norm(blocks, axis=1)
+        of, columns = wave_vectors(network, orders), POLARISATIONS[polarisation]
+        wavenumber = np.linalg.norm(of, axis=1)
+
+    def waves(some: np.ndarray) -> np.ndarray:
+        if orders.ndim == 1:
+            return standing_waves(network, some)
+        return np.column_stack([plane_waves(network, each, polarisation) for each in some])
+
     system = LinearSystem.of(network)
     operator, top = system.renumbered, system.top
     if top <= 0:
@@ -229,9 +227,13 @@ def structure_factor(
     f_top = float(np.sqrt(top) / (2 * np.pi))
     # A line's standard deviation in omega / omega_max is pi over the orders, odd ones included.
     count = max(2, int(np.ceil(np.pi * FULL_WIDTH * f_top / resolution / 2)))
+    some = max(1, block_width(system.size) // columns)
     moments = [
-        _moments(operator, waves(block), top, count, f"structure {k + 1}/{len(blocks)}")
-        for k, block in enumerate(blocks)
+        moments_of(
+            *(operator, waves(of[first : first + some]), top, count),
+            f"structure {first + 1}/{len(of)}",
+        ).sum(axis=1)
+        for first in range(0, len(of), some)
     ]
     frequency = np.arange(resolution / 5, min(highest or f_top, 0.999 * f_top), resolution / 5)
     angle = np.arccos(frequency / f_top)
@@ -240,25 +242,6 @@ def structure_factor(
     power = np.concatenate(moments) @ (wave * (2 / (np.pi * f_top * np.sin(angle)))[:, None]).T
     power = power.reshape(len(orders), -1, len(frequency)).sum(axis=1)
     return StructureFactor(frequency, orders, wavenumber, power, resolution)
-
-
-def _moments(
-    operator: ContactOperator, start: np.ndarray, top: float, count: int, label: str
-) -> np.ndarray:
-    """Shape (R, count): <e|T_k(X)|e>; T_2k = 2 T_k T_k - 1 halves the products.
-
-    One pattern after the other, whose sums the products make on their way.
-    """
-    found, sums = np.empty((start.shape[1], count + 2)), np.empty((2, 6))
-    for own, column in zip(found, start.T, strict=True):
-        states = chebyshev(operator, operator.inward(column.copy()), 2 / top, -1.0, sums)
-        for _ in range(2):
-            next(states)
-        for k in progress((count + 1) // 2, label):
-            next(states)
-            both = sums.sum(axis=1)
-            own[2 * k : 2 * k + 2] = both if k == 0 else 2 * both - own[:2]
-    return found[:, :count]
 
 
 def write_structure(

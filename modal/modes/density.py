@@ -55,6 +55,8 @@ FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
 """Full width at half height of a Gaussian over its standard deviation."""
 CHUNK = 256
 """Frequencies evaluated at a time, to bound the memory."""
+TOGETHER, NUMBERS = 8, 2**24
+"""Vectors that are multiplied together, one of the `WIDTHS`, and numbers of theirs, at most."""
 DENSE_PAYS = 4
 """Degrees of freedom to a random vector below which the whole spectrum costs less than they do."""
 LARGEST_DENSE = 3000
@@ -272,7 +274,9 @@ def _density(
     count = max(2, int(np.ceil(np.pi * FULL_WIDTH * highest / resolution / 2)))
     vectors = max(FEWEST, int(np.ceil(min(1 / (2 * tolerance**2 * size), 1e18))))
     exact = size <= LARGEST_DENSE and size <= DENSE_PAYS * vectors
-    numbers = size * (count + 4 * size) if exact else 6 * vectors * count + 4 * size
+    width = min(vectors, block_width(size))
+    random = 6 * (vectors + width) * count + (2 + 3 * width) * size
+    numbers = size * (count + 4 * size) if exact else random
     refuse_endless(
         f"a density with resolution {resolution:g} Hz and tolerance {tolerance:g}",
         operator,
@@ -293,12 +297,13 @@ def _density(
     at_zero = np.asarray(zero.multiply(zero).sum(axis=1)).reshape(-1, 6).sum(axis=0)
     signs = np.random.default_rng(seed)
     moments = np.empty((vectors, 6, count))
-    # One vector after the other: a cache holds two of its states and the contacts, but not of six.
-    for k in range(vectors):
-        start = 2.0 * signs.integers(0, 2, size, np.int8) - 1
+    for first in range(0, vectors, width):
+        some = slice(first, min(first + width, vectors))
+        start = np.empty((size, some.stop - first))
+        for column in start.T:
+            column[:] = 2.0 * signs.integers(0, 2, size, np.int8) - 1
         start -= zero @ (zero.T @ start)
-        start = operator.inward(start)
-        moments[k] = _moments(operator, start, top, count, f"density {k + 1}/{vectors}")
+        moments[some] = moments_of(operator, start, top, count, f"density {some.stop}/{vectors}")
     products += vectors * (1 + count // 2)
     return DensityOfStates(moments, highest, at_zero, resolution, products, floppy.counted)
 
@@ -313,30 +318,36 @@ def _exact_moments(system: LinearSystem, top: float, count: int) -> tuple[Floats
     return moments[None], share[:, zero].sum(axis=1)
 
 
-def _moments(
+def block_width(size: int) -> int:
+    """How many vectors (size,) are multiplied together."""
+    return max(1, min(TOGETHER, NUMBERS // size))
+
+
+def moments_of(
     operator: ContactOperator, start: Floats, top: float, count: int, label: str
 ) -> Floats:
-    """Shape (6, count): <r| P_c T_k(X) |r> for a start vector r (6n,).
+    """Shape (k, 6, count): <r| P_c T_j(X) |r> for start vectors r (6n, k), components c.
 
+    The block is worked on.
     One product gives two moments: tr P_c T_j T_k = tr T_j P_c T_k, and
     2 T_j T_k = T_(j+k) + T_|j-k|. InputError where the spectrum is not within 0 to `top`.
     """
-    moments, sums = np.empty((6, count + 2)), np.empty((2, 6))
-    orders = chebyshev(operator, start, 2 / top, -1.0, sums)
+    moments, sums = np.empty((start.shape[1], 6, count + 2)), np.empty((2, 6, start.shape[1]))
+    orders = chebyshev(operator, operator.inward(start), 2 / top, -1.0, sums)
     before, now = next(orders), next(orders)
     for k in progress(count // 2, label):
         # Here now = T_(k+1) r; the sums are those of T_k r, with itself and with it.
         before, now = now, next(orders)
         if k == 0:
-            moments[:, :2] = sums.T
+            moments[:, :, :2] = sums.T
         else:
-            moments[:, 2 * k : 2 * k + 2] = 2 * sums.T - moments[:, :2]
+            moments[:, :, 2 * k : 2 * k + 2] = 2 * sums.T - moments[:, :, :2]
     last = 2 * (count // 2)
-    moments[:, last] = 2 * component_sums(before, now)[0] - moments[:, 0]
-    first, largest = moments[:, 0].sum(), moments[:, last].sum()
-    if not abs(largest) <= largest_growth(operator, last) * first:
+    moments[:, :, last] = 2 * component_sums(before, now)[0].T - moments[:, :, 0]
+    first, largest = moments[:, :, 0].sum(axis=1), moments[:, :, last].sum(axis=1)
+    if not (abs(largest) <= largest_growth(operator, last) * first).all():
         raise InputError("the top of the spectrum was not found; ask with another seed")
-    return moments[:, :count]
+    return moments[:, :, :count]
 
 
 def write_density(

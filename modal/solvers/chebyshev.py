@@ -11,6 +11,10 @@ import numpy as np
 
 from modal.tools.arrays import Array, Floats
 
+WIDTHS = (6, 8, 16, 24, 32, 48)
+"""Columns of a block with which a product costs least: it is compiled for each of them when it is
+first met. Each column then takes 0.4 to 0.5 of the time that a vector alone takes; 0.65 of 12."""
+
 
 class ScaledOperator(Protocol):
     """What is needed of A: `modal.system.operator.ContactOperator` with `mass_scaled`."""
@@ -36,7 +40,7 @@ class ScaledOperator(Protocol):
     ) -> Array:
         """out = alpha A u + beta u + gamma out, (size,) or (size, k), in that numbering.
 
-        Into `sums` come those of out out and of out u, by component, `out` as it came.
+        Into `sums` (2, 6, k) come those of out out and of out u, by component, `out` as it came.
         """
 
 

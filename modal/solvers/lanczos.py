@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import LinAlgError, cholesky, eigh, qr, solve_triangular
 
+from modal.solvers.chebyshev import WIDTHS
 from modal.solvers.low_end import LowEnd
 from modal.tools.arrays import Bools, Floats
 from modal.tools.blas import blas_threads
@@ -35,10 +36,10 @@ then converge without a restart, which combines the whole basis anew."""
 BASIS_LIFTED = 1.8
 """The same for modes that `modal.solvers.low_end` lifts. Of packings 1.5 are used; the rest is for
 worse spectra."""
-STEPS, WIDTH_LIFTED = 45, 48
-"""Modes for each column of a block of these, and columns at most. A product of the whole basis with
-a block waits for memory: of 3,000 vectors it runs at 14, 23 and 33 GFlop/s for 12, 24 and 48
-columns. Blocks that are wider in proportion take more vectors: of 496 modes 1.48 each for 12
+STEPS = 45
+"""Modes for each column of a block of these, of `WIDTHS` from the second on. A product of the whole
+basis with a block waits for memory: of 3,000 vectors it runs at 14, 23 and 33 GFlop/s for 12, 24
+and 48 columns. Blocks that are wider in proportion take more vectors: of 496 modes 1.48 each for 12
 columns, 1.74 for 24."""
 LOOKS, LOOKS_LIFTED = (2.0, 1.5), (1.45, 1.0)
 """When the basis is looked at: vectors for each mode before the first look; from then on for each
@@ -199,7 +200,7 @@ def modes_below(low_end: LowEnd, count: int, held: Held) -> Nearest:
         low_end.apply,
         count,
         held,
-        width=min(max(BLOCK, min(count // STEPS, WIDTH_LIFTED)), max(1, held.free // 8)),
+        width=min(max(w for w in WIDTHS if w <= max(16, count // STEPS)), max(1, held.free // 8)),
         limit=int(BASIS_LIFTED * count) + BLOCKS * BLOCK,
         most=5 * count + 40 * BLOCK,
         rank=np.positive,

@@ -5,6 +5,8 @@ What a recurrence adds to them, multiples of both vectors, is made for each sphe
 first contact: every vector goes through memory once.
 """
 
+import numpy as np
+
 from modal.tools.loops import (
     compiled,
     compiled_part,
@@ -26,6 +28,11 @@ def _times(factor, a):
 @inlined
 def _three(x, i, first, v):
     return x[i, first, v], x[i, first + 1, v], x[i, first + 2, v]
+
+
+@inlined
+def _column(of, first, count):
+    return of[first], of[first + count], of[first + 2 * count]
 
 
 @inlined
@@ -93,6 +100,42 @@ def _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, roll
                     _add(y, j, 3, v, rj, moment)
 
 
+def _springs_of_block(first, last, x, y, columns, factor, rows, ends, scale):
+    """Springs as `_springs`, of several columns, in loops of which the compiler makes vectors.
+
+    So no array is both read and written in one loop, and all distances in an array are known.
+    """
+    count = len(columns)
+    part, size = 3 * count, 6 * count
+    motion, load, force = x.reshape(-1), y.reshape(-1), np.empty(size)
+    for c in range(first, last):
+        i, j = ends[c, 0], ends[c, 1]
+        n = rows[c, 0], rows[c, 1], rows[c, 2]
+        difference, kt = factor * rows[c, 3], factor * rows[c, 4]
+        ti, ri = scale[i, 0], scale[i, 1]
+        # In the place of a wall, which does not move, stands the sphere itself, times zero.
+        other, tj, rj = (j, scale[j, 0], scale[j, 1]) if j >= 0 else (i, 0.0, 0.0)
+        arm_i, arm_j = rows[c, 5] * ri, rows[c, 6] * rj
+        of_i, of_j = motion[i * size : (i + 1) * size], motion[other * size : (other + 1) * size]
+        on_i, on_j = load[i * size : (i + 1) * size], load[other * size : (other + 1) * size]
+        for v in range(x.shape[2]):
+            w = plus(_times(-ti, _column(of_i, v, count)), tj, _column(of_j, v, count))
+            turn = _times(arm_i, _column(of_i, part + v, count))
+            turn = plus(turn, arm_j, _column(of_j, part + v, count))
+            d = plus(w, -1.0, cross(turn, n))
+            spring = plus(_times(kt, d), difference * dot(n, d), n)
+            torque = cross(n, spring)
+            force[v], force[count + v], force[2 * count + v] = spring
+            force[part + v], force[part + count + v], force[part + 2 * count + v] = torque
+        for k in range(part):
+            on_i[k] -= ti * force[k]
+            on_i[part + k] -= arm_i * force[part + k]
+        if j >= 0:
+            for k in range(part):
+                on_j[k] += tj * force[k]
+                on_j[part + k] -= arm_j * force[part + k]
+
+
 def _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale):
     rotating = x.shape[1] == 6
     width = x.shape[2] if single is None else 1
@@ -135,8 +178,8 @@ def _mix(first, last, x, y, single, own, kept, fresh, sums, slab):
         for d in range(x.shape[1]):
             for v in range(width):
                 if sums is not None:
-                    sums[slab, 0, d] += y[i, d, v] * y[i, d, v]
-                    sums[slab, 1, d] += y[i, d, v] * x[i, d, v]
+                    sums[slab, 0, d, v] += y[i, d, v] * y[i, d, v]
+                    sums[slab, 1, d, v] += y[i, d, v] * x[i, d, v]
                 # A `kept` of 0 also clears a NaN.
                 y[i, d, v] = own * x[i, d, v] + (kept * y[i, d, v] if kept != 0 else 0.0)
 
@@ -154,15 +197,17 @@ def _at_rest(first, last, x, fresh):
 
 
 def _combine_by_slabs(
-    x, y, single, factor, own, kept, rows, ends, slabs, pieces, fresh, lateral, aside, rolling,
-    shear, scale, sums, threads,
+    x, y, single, columns, factor, own, kept, rows, ends, slabs, pieces, fresh, lateral, aside,
+    rolling, shear, scale, sums, threads,
 ):  # fmt: skip
     """y = factor S K S x + own x + kept y for x and y of shape (n, dof, k).
 
-    `single` is not None where k is 1. S is diagonal: `scale` (n, 2) holds its value for the
-    translations of a particle and that for its rotations. The contacts as in `PackedContacts`.
-    `sums` (s + 1, 2, dof), where it is not None: to each slab's row are added, by component, the
-    sums of y y and of y x over its fresh spheres, y as it came. `threads` share the slabs.
+    `single` is not None where k is 1, and `columns` a tuple of k numbers where contacts are springs
+    alone and k is to be known when this is compiled. S is diagonal: `scale` (n, 2) holds its value
+    for the translations of a particle and that for its rotations. The contacts as in
+    `PackedContacts`. `sums` (s + 1, 2, dof, k), where it is not None: to each slab's row are added,
+    by component and column, the sums of y y and of y x over its fresh spheres, y as it came.
+    `threads` share the slabs.
     """
     mixing = own != 0 or kept != 1 or sums is not None
     count = len(slabs) - 1
@@ -181,6 +226,9 @@ def _combine_by_slabs(
                         _mix(here, there, x, y, single, own, kept, fresh, sums, slab)
                     if still:
                         continue
+                    if columns is not None:
+                        _springs_of_block(first, last, x, y, columns, factor, rows, ends, scale)
+                        continue
                     more = rows, ends, lateral, aside, rolling, scale
                     _springs(first, last, x, y, single, factor, *more)
                     if shear is not None:
@@ -192,6 +240,7 @@ def _combine_by_slabs(
 if numba is not None:
     _OF = fingerprint()
     _springs = compiled_part(_springs, _OF, fastmath=True)
+    _springs_of_block = compiled_part(_springs_of_block, _OF, fastmath=True)
     _turning_shear = compiled_part(_turning_shear, _OF, fastmath=True)
     # Without fastmath, which would lose the NaN that a `kept` of 0 clears, or take one for rest.
     _mix = compiled_part(_mix, _OF)

@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator
 
 from modal.packing.network import Network
+from modal.solvers.chebyshev import WIDTHS
 from modal.system.assembly import stiffness_matrix
 from modal.system.packed import PackedContacts
 from modal.system.root_mass import RootMass
@@ -124,9 +125,8 @@ class ContactOperator(LinearOperator):
     ) -> Array:
         """out = alpha K u + beta u + gamma out in place; u and out of shape (6n,) or (6n, k).
 
-        Arrays in C order need no copies. Into `sums` (2, 6) are
-        written, for each component, the sums over the particles of out out and of out u, `out` as
-        it came: single real vectors (6n,) alone.
+        Arrays in C order need no copies. Into `sums` (2, 6, k) are written, for each component and
+        column, the sums over the particles of out out and of out u, `out` as it came.
         """
         if u.shape != out.shape or len(u) != self.shape[0]:
             raise ValueError(f"u and out have shapes {u.shape}, {out.shape}; take {self.shape[0]}")
@@ -167,16 +167,19 @@ class ContactOperator(LinearOperator):
 
         width = u.size // self.shape[0]
         on, shape = self._contacts, (-1, self.dof, width)
-        of_slabs = None if sums is None else np.zeros((len(on.slabs), 2, self.dof))
+        more = on.lateral, on.aside, on.rolling, on.shear
+        known = width in WIDTHS and self.dof == 6 and all(column is None for column in more)
+        of_slabs = None if sums is None else np.zeros((len(on.slabs), 2, self.dof, width))
         combine_by_slabs(
             *(u.reshape(shape), out.reshape(shape), True if width == 1 else None),
+            (0,) * width if known else None,
             *map(float, factors),
             *(on.rows, on.ends, on.slabs, on.pieces, on.fresh),
-            *(on.lateral, on.aside, on.rolling, on.shear),
+            *more,
             *(self._scale, of_slabs, threads_for(len(self._scale))),
         )
         if sums is not None and of_slabs is not None:
-            sums[:] = of_slabs.sum(axis=0)
+            sums[:] = of_slabs.sum(axis=0).reshape(sums.shape)
 
     def apply(self, u: Array) -> Array:
         """K u for u of shape (6n,) or (6n, k)."""
@@ -186,6 +189,6 @@ class ContactOperator(LinearOperator):
 
 
 def component_sums(a: Floats, b: Floats, dof: int = 6) -> Floats:
-    """Shape (2, dof): sums over the particles of a a, and of a b, for motions a, b (dof n,)."""
-    first, second = a.reshape(-1, dof), b.reshape(-1, dof)
-    return np.stack([np.einsum("nc,nc->c", first, of) for of in (first, second)])
+    """Shape (2, dof, k): sums over the particles of a a and a b, of motions a, b (dof n, k)."""
+    first, second = (motion.reshape(len(a) // dof, dof, -1) for motion in (a, b))
+    return np.stack([np.einsum("ncv,ncv->cv", first, of) for of in (first, second)])

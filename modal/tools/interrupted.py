@@ -25,6 +25,6 @@ def _end(number: int, frame: FrameType | None) -> None:
         with suppress(OSError):
             path.unlink(missing_ok=True)
     with suppress(OSError):
-        wiped = b"\r\033[K" if os.isatty(2) else b""  # a line of progress
+        wiped = b"\r\033[K" if os.isatty(2) else b""  # a bar of progress
         os.write(2, wiped + b"interrupted; files are whole or absent\n")
     os._exit(130)

@@ -1,6 +1,6 @@
-"""How far a long loop has come: one line, which a terminal replaces, and a log has every minute.
+"""How far a long loop has come: a bar on a terminal, a line a minute in a log.
 
-It goes to standard error, so that results can be read from standard output.
+Both go to standard error, so that results can be read from standard output.
 """
 
 import math
@@ -10,8 +10,10 @@ from collections.abc import Generator
 
 from modal.tools.display import duration
 
-TERMINAL_INTERVAL, LOG_INTERVAL = 0.2, 60.0
-"""Seconds between two such lines."""
+WIDTH = 32
+"""Characters of the bar."""
+BAR_INTERVAL, LOG_INTERVAL = 0.2, 60.0
+"""Seconds between two drawings of the bar, and between two lines of a log."""
 
 
 class Minute:
@@ -55,7 +57,7 @@ def progress(count: int, label: str) -> Generator[int, None, None]:
     """
     terminal = sys.stderr.isatty()
     before, after = ("\r\033[K", "") if terminal else ("", "\n")
-    interval = TERMINAL_INTERVAL if terminal else LOG_INTERVAL
+    interval = BAR_INTERVAL if terminal else LOG_INTERVAL
     start, minute = time.monotonic(), Minute()
     try:
         for k in range(count):
@@ -63,7 +65,9 @@ def progress(count: int, label: str) -> Generator[int, None, None]:
             if minute.passed(interval):
                 part = (k + 1) / count
                 left = duration((time.monotonic() - start) * (1 / part - 1))
-                told = f"{label}: step {k + 1} of {count}, {100 * part:3.0f} %, {left} left"
-                print(before, told, sep="", end=after, file=sys.stderr, flush=True)
+                bar = f" [{'#' * int(WIDTH * part):<{WIDTH}}]"
+                told = bar if terminal else f": step {k + 1} of {count},"
+                told = f"{before}{label}{told} {100 * part:3.0f} %, {left} left"
+                print(told, end=after, file=sys.stderr, flush=True)
     finally:
         print(before, end="", file=sys.stderr, flush=True)

@@ -52,8 +52,9 @@ def test_blocks_of_the_bodies_without_the_matrix(pre_stress, seed):
 @pytest.mark.parametrize("mass_scaled", [False, True])
 @pytest.mark.parametrize("pre_stress", PRE_STRESS)
 @settings(max_examples=10, deadline=None)
-@given(seed=st.integers(0, 10**6), width=st.sampled_from([None, 1, 3]))
+@given(seed=st.integers(0, 10**6), width=st.sampled_from([None, 1, 3, 8]))
 @example(seed=351, width=3)
+@example(seed=1, width=8)
 def test_equal_to_the_matrix(dof, mass_scaled, pre_stress, seed, width):
     network = random_springs(seed)
     K, mass = stiffness_matrix(network, dof, pre_stress), mass_diagonal(network, dof)
@@ -85,8 +86,9 @@ def test_accumulate_and_out():
 
 
 @pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("width", [1, 8])
 @pytest.mark.parametrize(("own", "kept"), [(-2.0, -1.0), (0.0, 1.0), (3.0, 0.0), (0.0, 0.0)])
-def test_sums_by_component_are_those_of_the_vectors_as_they_came(own, kept, compiled, monkeypatch):
+def test_sums_by_component_are_those_as_they_came(own, kept, width, compiled, monkeypatch):
     """Beside the product they cost no pass; some spheres without contacts, in pieces of seven."""
     monkeypatch.setattr(packed_contacts, "PIECE", 7)
     if not compiled:
@@ -95,14 +97,14 @@ def test_sums_by_component_are_those_of_the_vectors_as_they_came(own, kept, comp
     assert len(np.unique(network.particle_i)) < 40
     applied = ContactOperator(network)
     rng = np.random.default_rng(8)
-    u, out = rng.standard_normal((2, applied.shape[0]))
-    a, b = out.reshape(-1, 6).copy(), u.reshape(-1, 6)
+    u, out = rng.standard_normal((2, applied.shape[0], width))
+    a, b = out.reshape(-1, 6, width).copy(), u.reshape(-1, 6, width)
     plain = applied.combine(u, out.copy(), 2.0, own, kept)
-    sums = np.full((2, 6), np.nan)
+    sums = np.full((2, 6, width), np.nan)
     combined = applied.combine(u, out, 2.0, own, kept, sums=sums)
     assert np.array_equal(combined, plain)
     K = stiffness_matrix(network)
-    bound = 2 * round_off(network, "none", u[:, None])[:, 0] + EPS * (3 * abs(u) + abs(plain))
-    wanted = 2 * (K @ u) + own * u + kept * a.ravel()
+    bound = 2 * round_off(network, "none", u) + EPS * (3 * abs(u) + abs(plain))
+    wanted = 2 * (K @ u) + own * u + kept * a.reshape(u.shape)
     assert (abs(combined - wanted) <= 3 * bound).all()
     assert sums == pytest.approx(np.stack([(a * a).sum(axis=0), (a * b).sum(axis=0)]), rel=1e-13)
