@@ -31,9 +31,6 @@ OTHER_RUNS = {
 }
 """Further runs of the same sample that split the difference."""
 
-OTHER_PROGRAMS = {"nonlinear": "non-linear wave"}
-"""Producers of signals other than YADE, as the causes name them."""
-
 SAME = 1e-3
 """Largest difference of two motions of the source that are one but for their size."""
 
@@ -176,7 +173,8 @@ def split_by_cause(pair: Agreement, **others: Signals) -> list[Difference]:
             return {key: 0.5 * one[key] + 0.5 * two[key] for key in one if key in two}
         return pair.measured(runs[name])
 
-    by, known = OTHER_PROGRAMS.get(pair.run.producer, "YADE"), {*runs, *waves, *odd}
+    by = "non-linear wave" if pair.run.producer == "nonlinear" else "YADE"
+    known = {*runs, *waves, *odd}
     return [
         compare(cause.format(by=by), motion(found), motion(reference))
         for cause, found, reference in CAUSES

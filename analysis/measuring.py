@@ -239,6 +239,8 @@ class Measuring:
     def _checked(self, record: Signals, path: Path | str) -> Signals:
         if (np.array(record.chain_displacement.shape) < FEWEST).any():
             raise InputError(f"{path}: fewer than 50 times or 10 particles; record more")
+        if not np.isfinite(record.chain_displacement).all():
+            raise InputError(f"{path}: displacements that are no numbers; record it again")
         books = record.balance
         if books is not None and not books.kept:
             self.case.notes.append(

@@ -49,7 +49,6 @@ def kept_file(m: Measuring, kind: str) -> Any:
         return case.read(kind)
     if folder is None or (kind != "response" and m.crystal):
         return None
-    folder.mkdir(parents=True, exist_ok=True)
     if case.files == {}:
         name = m.network.fingerprint[:16]
         packing = folder / f"{name}.network.h5"

@@ -53,10 +53,9 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
         return subprocess.run([*snakemake, f"--{only}", *settings]).returncode and 2
     if local and subprocess.run(["./setup.sh", "--is-yade-there"], capture_output=True).returncode:
         plan = output([*snakemake, "--dry-run", *settings])
-        if any(line.split()[:1] in ([rule] for rule in OF_YADE) for line in plan.splitlines()):
-            done = subprocess.run(["./setup.sh", "--extra", "workflow"]).returncode
-            if done:
-                return done
+        yade = any(line.split()[:1] in ([rule] for rule in OF_YADE) for line in plan.splitlines())
+        if yade and (done := subprocess.run(["./setup.sh", "--extra", "workflow"]).returncode):
+            return done
     failed = folder / ".failed"
     failed.unlink(missing_ok=True)
     absent = Path(jobs.results, "absent.csv")
@@ -68,8 +67,7 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
     if jobs.stage == "result" and not jobs.seed:
         there = [case for case in jobs.cases if Path(jobs.results, f"{case}.json").exists()]
         table = f"analysis study {study} --results {jobs.results} --case"
-        in_turn = [PYTHON, "-m", "workflow.in_turn"]
-        subprocess.run([*in_turn, *(f"{table} {case}" for case in there)])
+        subprocess.run([PYTHON, "-m", "workflow.in_turn", *(f"{table} {case}" for case in there)])
     elif jobs.stage == "page" and not done:
         print(f"{folder}/study/study.html")
         report = str(folder / "study/workflow.html")
@@ -92,10 +90,8 @@ def page_without(jobs: Jobs, study: str, reasons: list[str]) -> int:
         made = [name for name in names if re.search(rf" {re.escape(name)}\b", job)]
         name = max(made, key=len, default=job)
         lines += [[case, why] for case in jobs.walks.get(name, [name])]
-    results = Path(jobs.results)
-    results.mkdir(parents=True, exist_ok=True)
-    Table("", ["case", "why"], lines).write_csv(results / "absent.csv")
-    command = [PYTHON, "-m", "analysis", "study", study, "--results", str(results)]
+    Table("", ["case", "why"], lines).write_csv(Path(jobs.results, "absent.csv"))
+    command = [PYTHON, "-m", "analysis", "study", study, "--results", jobs.results]
     return subprocess.run([*command, "-o", f"{jobs.folder}/study"]).returncode
 
 

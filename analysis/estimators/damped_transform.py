@@ -56,8 +56,9 @@ class Dispersion:
 
     @property
     def velocity(self) -> float:
-        """Long-wave velocity, m/s: the slope at omega -> 0."""
-        return float(self.distance * self.scale / np.sqrt(2 * self.coefficients[0]))
+        """Long-wave velocity, m/s: the slope at omega -> 0; NaN where noise has it fall."""
+        with np.errstate(invalid="ignore"):
+            return float(self.distance * self.scale / np.sqrt(2 * self.coefficients[0]))
 
     @property
     def low_pass_frequency(self) -> float:

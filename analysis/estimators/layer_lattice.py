@@ -35,13 +35,11 @@ def is_fcc(network: Network) -> bool:
     if layers < 3 or len(z) % layers or np.ptp(network.radius) > 1e-9 * radius:
         return False
     rows = z.reshape(layers, -1)
-    distance = np.diff(rows.mean(axis=1))
-    flat = np.ptp(rows, axis=1).max() < FLAT * radius
-    even = np.ptp(distance) < FLAT * radius
+    uneven = max(np.ptp(rows, axis=1).max(), np.ptp(np.diff(rows.mean(axis=1))))
     between = (network.particle_j >= 0) & (abs(network.normal[:, 2]) > 0.1)
     bonds = 4 * rows.shape[1] * (layers - 1)
     slanted = abs(network.normal[between, 2] ** 2 - 0.5) < UPRIGHT
-    return bool(flat and even and between.sum() == bonds and slanted.all())
+    return bool(uneven < FLAT * radius and between.sum() == bonds and slanted.all())
 
 
 @dataclass(frozen=True)

@@ -44,16 +44,12 @@ def samples(m: Measuring) -> Picture:
     return Picture([panel], shape=(11, 2.0))
 
 
-LINES = {1e5: "-", 2e5: "--"}
-"""Of the study's pulses, by their frequency, Hz."""
-
-
 def source(m: Measuring) -> Picture:
     """Fig. 2: displacement of the source wall, a pulse, and its spectrum."""
     left = Panel("time (µs)", "source wall $u$ (nm)", xlim=(0, 20))
     right = Panel("frequency (kHz)", "amplitude over its maximum", xlim=(0, 500))
     pulse = Pulse(m.motion.amplitude, m.motion.frequency)
-    style, label = LINES.get(pulse.frequency, ":"), f"{pulse.frequency / 1e3:g} kHz"
+    style, label = {1e5: "-", 2e5: "--"}.get(pulse.frequency, ":"), f"{pulse.frequency / 1e3:g} kHz"
     time, frequency = np.linspace(0, 2e-5, 401), np.linspace(0, 5e5, 501)
     fine = np.linspace(0, 1 / pulse.frequency, 2001)
     spectrum = abs(np.exp(-2j * np.pi * frequency[:, None] * fine) @ pulse.displacement(fine))

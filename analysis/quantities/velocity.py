@@ -17,6 +17,7 @@ from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity
 from analysis.value import Value, hertz, unknown
 from modal.elasticity.slab import static_velocity
+from modal.tools.errors import InputError
 
 ORDERS = {"z": (2, 3), "x": (5, 6), "y": (5, 6)}
 """Orders of a crystal's neighbour ratio, of the value and of what its error is told by. Layers turn
@@ -35,13 +36,18 @@ by 1 to 3 and 0 %."""
 LOW_ORDER = 10
 """Low frequency means that of the standing wave r = 10, wavelength L / 5."""
 LOST = "no coherent wave goes through enough of the packing to be read"
+TOO_FAST = 1.1
+"""Of a crystal's V_P: what is as fast is noise, as of a pulse far off the band, in kHz for Hz."""
 
 
 @once
 def chain(m: Measuring, key: str, order: int = 0) -> Dispersion:
     """The dispersion of a crystal's chain, to an order of its neighbour ratio."""
     record = m.record(key)
-    return chain_dispersion(record, order=order or ORDERS[record.direction][0])
+    found = chain_dispersion(record, order=order or ORDERS[record.direction][0])
+    if not found.velocity < TOO_FAST * m.lattice.velocity:
+        raise InputError(LOST)
+    return found
 
 
 @once

@@ -104,8 +104,7 @@ def test_first_peaks_follow_the_first_of_two_arrivals():
     seen, error = travelled(record, (0.0, LENGTH))
     assert seen == pytest.approx(CHAIN.velocity, rel=1e-4) and error < 1e-4 * seen
     # A second arrival over twice as high is taken for the first: the rule's limit.
-    record = two_arrivals(2.5)
-    assert travelled(record, (0.0, LENGTH))[0] > 1.2 * CHAIN.velocity
+    assert travelled(two_arrivals(2.5), (0.0, LENGTH))[0] > 1.2 * CHAIN.velocity
 
 
 def test_damped_transform_sees_the_dispersion_of_the_time_step():
