@@ -23,7 +23,7 @@ from modal.formats.provenance import Provenance
 from modal.modes.collective import every_floppy
 from modal.modes.counts import count_below
 from modal.packing.network import Network
-from modal.solvers.chebyshev import chebyshev, jackson
+from modal.solvers.chebyshev import WIDTHS, chebyshev, jackson
 from modal.solvers.spectrum import largest_growth
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator, component_sums
@@ -55,8 +55,8 @@ FULL_WIDTH = 2 * np.sqrt(2 * np.log(2))
 """Full width at half height of a Gaussian over its standard deviation."""
 CHUNK = 256
 """Frequencies evaluated at a time, to bound the memory."""
-TOGETHER, NUMBERS = 8, 2**24
-"""Vectors that are multiplied together, one of the `WIDTHS`, and numbers of theirs, at most."""
+NUMBERS = 2**24
+"""Numbers of vectors that are multiplied together, at most."""
 DENSE_PAYS = 4
 """Degrees of freedom to a random vector below which the whole spectrum costs less than they do."""
 LARGEST_DENSE = 3000
@@ -274,13 +274,14 @@ def _density(
     count = max(2, int(np.ceil(np.pi * FULL_WIDTH * highest / resolution / 2)))
     vectors = max(FEWEST, int(np.ceil(min(1 / (2 * tolerance**2 * size), 1e18))))
     exact = size <= LARGEST_DENSE and size <= DENSE_PAYS * vectors
-    width = min(vectors, block_width(size))
+    width = block_width(size)
+    multiplied = width * int(np.ceil(vectors / width))
     random = 6 * (vectors + width) * count + (2 + 3 * width) * size
     numbers = size * (count + 4 * size) if exact else random
     refuse_endless(
         f"a density with resolution {resolution:g} Hz and tolerance {tolerance:g}",
         operator,
-        products=products if exact else vectors * count / 2,
+        products=products if exact else multiplied * count / 2,
         bytes_needed=8 * numbers,
         remedy="take a coarser one",
     )
@@ -299,12 +300,14 @@ def _density(
     moments = np.empty((vectors, 6, count))
     for first in range(0, vectors, width):
         some = slice(first, min(first + width, vectors))
-        start = np.empty((size, some.stop - first))
-        for column in start.T:
+        # Columns of zeros where there are fewer: less than a product of another width.
+        start = np.zeros((size, width))
+        for column in start.T[: some.stop - first]:
             column[:] = 2.0 * signs.integers(0, 2, size, np.int8) - 1
         start -= zero @ (zero.T @ start)
-        moments[some] = moments_of(operator, start, top, count, f"density {some.stop}/{vectors}")
-    products += vectors * (1 + count // 2)
+        label = f"density {some.stop}/{vectors}"
+        moments[some] = moments_of(operator, start, top, count, label)[: some.stop - first]
+    products += multiplied * (1 + count // 2)
     return DensityOfStates(moments, highest, at_zero, resolution, products, floppy.counted)
 
 
@@ -320,7 +323,7 @@ def _exact_moments(system: LinearSystem, top: float, count: int) -> tuple[Floats
 
 def block_width(size: int) -> int:
     """How many vectors (size,) are multiplied together."""
-    return max(1, min(TOGETHER, NUMBERS // size))
+    return max(1, min(WIDTHS[0], NUMBERS // size))
 
 
 def moments_of(

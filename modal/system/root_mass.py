@@ -6,6 +6,7 @@ a clump, has a tensor: M is then diagonal but for its block of rotations.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,7 +51,7 @@ class RootMass:
     def _scaled(self, u: Array, diagonal: Floats, turning: Floats | None) -> Array:
         out = u * diagonal.reshape(-1, *[1] * (u.ndim - 1))
         if turning is not None:
-            by_body = (len(turning), 6, -1)
+            by_body = (len(turning), 6, math.prod(u.shape[1:]))
             out.reshape(by_body)[:, 3:] = turning @ u.reshape(by_body)[:, 3:]
         return out
 

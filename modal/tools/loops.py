@@ -4,13 +4,18 @@ import os
 import sys
 import zlib
 from collections.abc import Callable, Mapping
-from functools import cache
+from contextlib import ExitStack, suppress
+from functools import cache, partial
 from pathlib import Path
 from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any
 
 from modal.tools import slabs
 
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None  # type: ignore[assignment]
 try:
     import numba
 except ImportError:
@@ -63,6 +68,27 @@ def fingerprint(*modules: ModuleType) -> str:
     return f"{zlib.crc32(b''.join(Path(file).read_bytes() for file in files)):08x}"
 
 
+def kept(function: Loop, **options: Any) -> Loop:
+    """A compiled function, which numba keeps in files that programs read and write in turn.
+
+    Of two programs that each save the function for other kinds of arguments at once, numba (0.68)
+    may let the index of one name the file of the other; all later calls would then run wrong code.
+    """
+    loop: Loop = numba.njit(cache=True, **options)(function)
+    files = getattr(getattr(loop, "_cache", None), "_cache_file", None)
+    if files is not None and fcntl is not None:
+        for act in ("load", "save"):
+            setattr(files, act, partial(_in_turn, f"{files._index_path}.lock", getattr(files, act)))
+    return loop
+
+
+def _in_turn(path: str, act: Loop, *given: Any) -> Any:
+    with ExitStack() as stack:
+        with suppress(OSError):  # a folder of another user, or one without locks
+            fcntl.flock(stack.enter_context(open(path, "w")), fcntl.LOCK_EX)
+        return act(*given)
+
+
 def compiled(
     function: Loop,
     place: int,
@@ -78,9 +104,9 @@ def compiled(
     always take the loop for threads, be it with one of them: another compilation might round
     otherwise.
     """
-    given: dict[str, Any] = {"cache": True, "fastmath": fastmath}
-    few = numba.njit(**given)(_renamed(function, of, own))
-    many = numba.njit(**given, parallel=True)(_renamed(function, f"{of}_by_threads", own))
+    by_threads = _renamed(function, f"{of}_by_threads", own)
+    few = kept(_renamed(function, of, own), fastmath=fastmath)
+    many = kept(by_threads, fastmath=fastmath, parallel=True)
 
     def loop(*given: Any) -> Any:
         spheres = len(given[place])
@@ -110,7 +136,7 @@ def compiled_part(
     `fastmath` may name what is allowed, as {"contract"}: a product and a sum rounded together where
     the processor has them in one.
     """
-    return numba.njit(cache=True, fastmath=fastmath)(_renamed(function, of, own))
+    return kept(_renamed(function, of, own), fastmath=fastmath)
 
 
 def by_parts(some: Loop, by_arrays: Loop) -> Loop:

@@ -7,15 +7,13 @@ from pathlib import Path
 import numpy as np
 import packings
 import pytest
-from places import PACKINGS, ROOT
+from places import ROOT
 from program_files import Given, misfit
 
 import modal
 from modal.exchange.registry import import_packing
 from modal.packing.network import SOURCE_WALL, Network, read_network
 from modal.system.contacts import TANGENTS
-
-CUBIC = PACKINGS / "mercury_CubicPacking.restart"
 
 
 def test_mercury_gives_the_frequencies_of_its_chains(cubic):

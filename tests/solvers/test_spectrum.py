@@ -150,8 +150,7 @@ def test_work_and_memory_are_as_large_as_said(task, monkeypatch):
     monkeypatch.setattr(module, "refuse_endless", lambda *_, **what: said.update(what))
     # What compiling takes is no part of a task, nor the count of zero modes, which is made once.
     every_floppy(LinearSystem.of(compute.args[0]))
-    motion = np.zeros(6 * CRYSTAL.n_particles)
-    for sums in (None, np.zeros((2, 6, 1))):
+    for motion, sums in (np.zeros((2400, 1)), None), (np.zeros((2400, 8)), np.zeros((2, 6, 8))):
         ContactOperator(CRYSTAL, mass_scaled=True).combine(motion, motion.copy(), 1.0, sums=sums)
     calls, combine = [], ContactOperator.combine
 

@@ -1,5 +1,7 @@
 """Products by any number of threads and in any numbering: the same bits, and those of K."""
 
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -115,3 +117,14 @@ def in_slabs(ends: np.ndarray, n: int) -> np.ndarray:
         return slabs_along_z.slabs_of(ends, n)
     finally:
         slabs_along_z.ENOUGH = enough
+
+
+def test_programs_that_keep_a_loop_at_once_keep_each_its_own(tmp_path, monkeypatch):
+    """Each takes its time between reading the index and writing it, as programs that wait do."""
+    monkeypatch.setattr(pytest.importorskip("numba").config, "CACHE_DIR", str(tmp_path))
+    files = [loops.kept(crystal)._cache._cache_file for _ in range(2)]
+    kind, write = type(files[0]), type(files[0])._save_index
+    monkeypatch.setattr(kind, "_save_index", lambda *given: time.sleep(0.1) or write(*given))
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(lambda file, of: file.save(of, of), files, "ab"))
+    assert files[0].load("a") + files[1].load("b") == "ab"

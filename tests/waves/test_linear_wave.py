@@ -7,7 +7,6 @@ import pytest
 from changes import scaled, stiffer
 from oracles import stepped, wall_pattern
 from places import SHEARED
-from scipy.fft import dct
 
 from modal.packing import crystal as gallery
 from modal.packing.network import SOURCE_WALL, Network
@@ -18,7 +17,6 @@ from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools.errors import InputError
-from modal.waves.chebyshev import cosines
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
 from modal.waves.source import Pulse, SampledMotion
@@ -47,12 +45,6 @@ def test_products_are_those_of_the_orders_and_an_interval_too_small_is_refused(m
     ):
         with pytest.raises(GrowthError):
             ask()
-
-
-def test_cosines_are_those_of_a_library():
-    """Of numbers near 1 both are exact to the round-off of log2 N sums of theirs."""
-    values = np.random.default_rng(5).standard_normal((448, 300))
-    assert np.allclose(cosines(values), dct(values, axis=0), rtol=0, atol=1e-12)
 
 
 def squeezed(times: float) -> Network:
