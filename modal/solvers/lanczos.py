@@ -305,7 +305,7 @@ def _found(
     found = square(value[chosen])
     order = np.argsort(found)
     _combine(basis[:, :dimension], vector[:, chosen[order]])
-    basis.resize((size, count), refcheck=False)  # gives the rest back without a copy
+    basis.resize((size, len(chosen)), refcheck=False)  # gives the rest back without a copy
     return Nearest(found[order], basis, converged[order], spent)
 
 
