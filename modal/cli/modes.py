@@ -22,6 +22,7 @@ WHICH = (
     flag("--all", "all modes; for small packings"),
 )
 ADVANCED = (
+    flag("--no-shapes", "a small file, sooner: all but the shapes"),
     flag("--uncertified", "--highest without its inertia count: faster"),
     Option("--solver", "", "factorisation (default: the fastest)", kind=SOLVERS),
 )
@@ -47,7 +48,8 @@ def run(options: Given) -> Result:
     if options.uncertified and options.highest is None:
         raise InputError("--uncertified is for --highest; other lists cost hardly less without")
     asked = chosen_for(eigenmodes, options)
-    modes = eigenmodes(network, **asked, shapes=bool(output), certify=not options.uncertified)
+    shapes = bool(output) and not options.no_shapes
+    modes = eigenmodes(network, **asked, shapes=shapes, certify=not options.uncertified)
     if output:
         write_modes(output, modes, options.made)
     reason = modes.attributes.get("uncertified_because", "")
