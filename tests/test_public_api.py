@@ -206,7 +206,7 @@ WRONG = [
     (modal.fcc, {"cells": (1, 1, np.inf)}, "three whole numbers"),
     (modal.fcc, {"cells": (1, 1, 10**9)}, "1000000000 spheres takes 2.2 TB of memory"),
     (modal.fcc, {"stress": -1.0}, "stress -1 Pa"),
-    (measure, {"packing": 3}, ANOTHER_KIND),
+    (measure, {"packing": COLUMN, "quantities": iter(["v_p"])}, "not a text or a list or None"),
     (modal.random_packing, {"sizes": "two"}, "sizes is 'two', not a list"),
     (modal.random_packing, {"spheres": 10**9, "friction": 0.3}, "1000000000 spheres takes .* mem"),
     (modal.propagate, {"duration": 1e-5, "source": Point(1.5)}, "sphere 1.5"),

@@ -1,7 +1,7 @@
 """Arguments of public functions: one of a wrong kind is refused in one line that names it."""
 
 import types
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, wraps
 from inspect import signature
@@ -106,7 +106,7 @@ def _fits(value: object, kind: Any) -> bool:
     if get_origin(kind) in (tuple, Sequence):
         each = float if get_origin(kind) is tuple else get_args(kind)[0]
         text = isinstance(value, str | bytes)
-        return isinstance(value, Iterable) and not text and all(_fits(x, each) for x in value)
+        return isinstance(value, Collection) and not text and all(_fits(x, each) for x in value)
     with suppress(TypeError):  # what is no class, or none that can be asked, allows everything
         return isinstance(value, kind)
     return True
