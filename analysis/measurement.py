@@ -156,32 +156,32 @@ def one_state(found: Mapping[str, Measurement]) -> bool:
 def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
     """Mean of each quantity over packings, its standard error and their scatter.
 
-    Of arrays at the frequencies of the first, NaN outside of their own. `same` says that they are
-    samples of one state.
+    Of arrays at the frequencies of the first, NaN outside of their own. What one packing alone has
+    keeps its error. `same` says that they are samples of one state.
     """
     values = {}
     for name, first in measurements[0].items():
         each = [m[name] for m in measurements if m[name].known]
-        if first.at is not None:
-            each = [value for value in each if value.at is not None]
-        if not each or (each[0].at is None and np.ndim(each[0].value)):
+        if not each:
             values[name] = first
             continue
-        if (at := each[0].at) is None:
-            rows = np.array([v.value for v in each], float)
-        else:
-            rows = np.array([np.interp(at, v.at, v.value, np.nan, np.nan) for v in each])
-        scatter = rows.std(axis=0, ddof=1) if len(rows) > 1 else np.full(rows[0].shape, np.nan)
+        at, shape = each[0].at, np.shape(each[0].value)
+        # A list without frequencies has the first, second ... of each packing.
+        places = [np.arange(np.size(v.value)) if v.at is None else v.at for v in each]
+        own = zip(places, [np.atleast_1d(v.value) for v in each], strict=True)
+        rows = np.array([np.interp(places[0], x, y, np.nan, np.nan) for x, y in own])
+        rows = rows.reshape(len(each), *shape)
+        scatter = rows.std(axis=0, ddof=1) if len(rows) > 1 else np.nan * rows[0]
         caveats = [c for v in each for c in v.caveats if not c.startswith("one sample")]
         caveats.append(f"mean of {len(each)} of {len(measurements)} packings")
         if not same:
             caveats.append("the packings differ in friction or stress: not samples of one state")
-        mean, told = rows.mean(axis=0), {"samples": scatter / np.sqrt(len(rows))}
+        told = {"samples": scatter / np.sqrt(len(rows))} if len(rows) > 1 else dict(each[0].parts)
         # That they are short is common to all: no mean makes it less.
         if common := [v.parts["length"] for v in each if "length" in v.parts]:
             told["length"] = max(common)
-        if at is None:
-            mean, scatter = float(mean), float(scatter)
-        value = Value(mean, first.unit, told, (), at, scatter)
+        value = Value(rows.mean(axis=0), first.unit, told, (), at, scatter)
+        if not value.known:
+            caveats.append("at no frequency of the first are all of them known")
         values[name] = value.with_caveats(*caveats)
     return Measurement(values)

@@ -190,14 +190,15 @@ class Product:
         if version == 1:
             return
         known = {column.dataset for column in self.columns.values()}
-        for folder in {name.rpartition("/")[0] for name in known}:
-            for name in sorted(file.get(folder, ()) if folder else file):
-                full = f"{folder}/{name}" if folder else name
-                if full not in known and isinstance(file[full], h5py.Dataset):
-                    raise InputError(
-                        f"{full} is unknown to this program and may change the answer; update the "
-                        "program, or leave it out"
-                    )
+
+        def refuse(name: str, node: h5py.Group | h5py.Dataset) -> None:
+            if name not in known and isinstance(node, h5py.Dataset):
+                raise InputError(
+                    f"{name} is unknown to this program and may change the answer; update the "
+                    "program, or leave it out"
+                )
+
+        file.visititems(refuse)
 
 
 def stored(folder: str, kind: str, *shape: int | str, name: str = "", **more: Any) -> Column:

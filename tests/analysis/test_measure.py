@@ -11,7 +11,7 @@ import analysis
 import modal
 from analysis.__main__ import main
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
-from analysis.measurement import mean_of
+from analysis.measurement import Measurement, mean_of
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.registry import quantity
@@ -141,9 +141,8 @@ def test_files_on_the_command_line(tmp_path, capsys, printed, one_line):
     assert set(several) == {*paths, "mean"} and several[paths[0]] == alone
     values = [several[path]["v_p"]["value"] for path in paths]
     mean = several["mean"]["v_p"]
-    assert mean["value"] == pytest.approx(np.mean(values))
-    assert mean["scatter"] == pytest.approx(np.std(values, ddof=1))
-    assert mean["error"] == pytest.approx(mean["scatter"] / np.sqrt(3))
+    wanted = np.mean(values), np.std(values, ddof=1), np.std(values, ddof=1) / np.sqrt(3)
+    assert [mean[key] for key in ("value", "scatter", "error")] == pytest.approx(wanted)
     assert not any("one sample" in caveat for caveat in mean["caveats"])
     assert main(["measure", paths[0], "--quantities", "coordination", "excess_peak"]) == 3
     told = capsys.readouterr()
@@ -154,6 +153,13 @@ def test_files_on_the_command_line(tmp_path, capsys, printed, one_line):
     assert json.loads((tmp_path / "a.json").read_text()) == told
     assert len(told["gain"]["at"]) == len(told["gain"]["value"])
     assert "list not complete: 40 of 3000 modes" in " ".join(told["chi_z"]["caveats"])
+
+
+def test_mean_of_lists_and_of_what_one_packing_alone_has():
+    told = [Value(np.array(f), "Hz", {"fit": 5.0}) for f in ([1.0, 2], [3.0, 6, 9], [np.nan])]
+    for each, value, error in ((told[:2], [2, 4], [1, 2]), (told[::2], [1, 2], [5, 5])):
+        mean = mean_of([Measurement({"f": one}) for one in each], same=True)["f"]
+        assert [*mean.value, *mean.error] == pytest.approx([*value, *error])
 
 
 def test_a_quantity_is_one_function(random, monkeypatch):
@@ -292,13 +298,9 @@ def test_error_of_the_unbiased_low_pass_is_how_far_seeds_scatter():
 
     Packings without an answer, which say so, are no draws: here two of seven.
     """
-    found = [
-        analysis.measure(
-            modal.random_packing(spheres=1000, aspect=12, seed=seed),
-            quantities=["low_pass_unbiased"],
-        )["low_pass_unbiased"]
-        for seed in range(1, 8)
-    ]
+    name = "low_pass_unbiased"
+    draws = [modal.random_packing(spheres=1000, aspect=12, seed=seed) for seed in range(1, 8)]
+    found = [analysis.measure(draw, quantities=name)[name] for draw in draws]
     found = [one for one in found if one.known]
     assert len(found) >= 5
     error = np.sqrt(np.mean([one.error**2 for one in found]))

@@ -73,7 +73,7 @@ def test_a_column_of_a_later_version_says_so(file):
         ("spheres/index", [1.5, 2.0], "spheres/index is no array of whole numbers"),
         ("spheres/index", [1, 2, 3], r"spheres/answer has shape .3, 2, 2., expected .3, 3, 2."),
         ("spheres/twist", [1.0], "spheres/twist has shape"),
-        ("spheres/cohesion", [1.0, 1.0], "spheres/cohesion is unknown .* may change the answer"),
+        ("bonds/cohesion", [1.0, 1.0], "bonds/cohesion is unknown .* may change the answer"),
         ("height", None, "height.*incomplete, make it again"),
     ],
 )
