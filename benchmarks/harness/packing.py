@@ -120,7 +120,7 @@ def bytes_of(product: ContactOperator | csr_matrix) -> float:
     if operator and product._matrix is None:
         on = product._contacts
         held = [on.rows, on.ends, on.slabs, on.pieces, on.fresh, product._scale]
-        held += [on.lateral, on.aside, on.shear]
+        held += [on.lateral, on.aside]
         return sum(array.nbytes for array in held if array is not None) + 24.0 * product.shape[0]
     matrix = product._matrix if operator else product
     held = (matrix.data, matrix.indices, matrix.indptr)

@@ -163,13 +163,7 @@ class LinearSystem:
     @property
     def end(self) -> tuple[float, int]:
         """An upper bound of omega^2, or of its real part, by some 4 %, and its products."""
-
-        def bound() -> tuple[float, int]:
-            operator, beyond = self.renumbered.symmetric_part()
-            top, products = bound_of_spectrum(operator)
-            return top + beyond, products
-
-        return self.cached("end", bound)
+        return self.cached("end", lambda: bound_of_spectrum(self.renumbered.symmetric_part()))
 
     @property
     def top(self) -> float:

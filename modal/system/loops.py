@@ -1,4 +1,4 @@
-"""The loops over contacts that multiply by K: springs, and what pre-stress adds to them.
+"""The loops over contacts that multiply by K: springs, and what a normal pre-stress adds to them.
 
 Each contact gathers the motion of its two bodies, stretches its springs and scatters the forces.
 What a recurrence adds to them, multiples of both vectors, is made for each sphere just before its
@@ -136,41 +136,6 @@ def _springs_of_block(first, last, x, y, columns, factor, rows, ends, scale):
                 on_j[part + k] -= arm_j * force[part + k]
 
 
-def _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale):
-    rotating = x.shape[1] == 6
-    width = x.shape[2] if single is None else 1
-    for c in range(first, last):
-        i, j = ends[c, 0], ends[c, 1]
-        n = rows[c, 0], rows[c, 1], rows[c, 2]
-        s, per_distance = (shear[c, 0], shear[c, 1], shear[c, 2]), shear[c, 3]
-        m = cross(n, s)
-        ti, ri = scale[i, 0], scale[i, 1]
-        tj, rj = (scale[j, 0], scale[j, 1]) if j >= 0 else (0.0, 0.0)
-        for v in range(width):
-            w = _times(-factor * ti, _three(x, i, 0, v))
-            twist = 0.0
-            if rotating:
-                twist = factor * ri * dot(n, _three(x, i, 3, v)) / 2
-            if j >= 0:
-                w = plus(w, factor * tj, _three(x, j, 0, v))
-                if rotating:
-                    twist += factor * rj * dot(n, _three(x, j, 3, v)) / 2
-            along = dot(n, w)
-            d = _times(per_distance, plus(w, -along, n))
-            # The factor is in the motion already; what follows only distributes the forces.
-            force = plus(_times(dot(s, d), n), -twist, m)
-            _add(y, i, 0, v, -ti, force)
-            if j >= 0:
-                _add(y, j, 0, v, tj, force)
-            if rotating:
-                turn = plus(cross(s, d), twist, s)
-                torque = plus(_times(rows[c, 5], turn), -along / 2, m)
-                _add(y, i, 3, v, -ri, torque)
-                if j >= 0:
-                    torque = plus(torque, rows[c, 6] - rows[c, 5], turn)
-                    _add(y, j, 3, v, -rj, torque)
-
-
 def _mix(first, last, x, y, single, own, kept, fresh, sums, slab):
     width = x.shape[2] if single is None else 1
     for at in range(first, last):
@@ -198,7 +163,7 @@ def _at_rest(first, last, x, fresh):
 
 def _combine_by_slabs(
     x, y, single, columns, factor, own, kept, rows, ends, slabs, pieces, fresh, lateral, aside,
-    rolling, shear, scale, sums, threads,
+    rolling, scale, sums, threads,
 ):  # fmt: skip
     """y = factor S K S x + own x + kept y for x and y of shape (n, dof, k).
 
@@ -231,8 +196,6 @@ def _combine_by_slabs(
                         continue
                     more = rows, ends, lateral, aside, rolling, scale
                     _springs(first, last, x, y, single, factor, *more)
-                    if shear is not None:
-                        _turning_shear(first, last, x, y, single, factor, rows, ends, shear, scale)
     if mixing:
         _mix(pieces[-1, 1], len(fresh), x, y, single, own, kept, fresh, sums, count)
 
@@ -241,7 +204,6 @@ if numba is not None:
     _OF = fingerprint()
     _springs = compiled_part(_springs, _OF, fastmath=True)
     _springs_of_block = compiled_part(_springs_of_block, _OF, fastmath=True)
-    _turning_shear = compiled_part(_turning_shear, _OF, fastmath=True)
     # Without fastmath, which would lose the NaN that a `kept` of 0 clears, or take one for rest.
     _mix = compiled_part(_mix, _OF)
     _at_rest = compiled_part(_at_rest, _OF)

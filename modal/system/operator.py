@@ -1,13 +1,12 @@
 """K u without a matrix: one loop over the contacts, compiled by numba where it is installed.
 
 It reads 64 bytes a contact where the sparse matrix holds 72 numbers, and all cores share it.
-Without numba the assembled matrix does the same.
+Without numba, and with pre-stress that makes K unsymmetric, the assembled matrix does the same.
 """
 
 from __future__ import annotations
 
 import copy
-from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,9 +15,14 @@ from scipy.sparse.linalg import LinearOperator
 from modal.packing.network import Network
 from modal.solvers.chebyshev import WIDTHS
 from modal.system.assembly import stiffness_matrix
+from modal.system.contacts import SYMMETRIC
 from modal.system.packed import PackedContacts
 from modal.system.root_mass import RootMass
 from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.workload import refuse_above_memory
+
+CONTACT_BYTES = 5000.0
+"""Memory for each contact while its matrix is assembled, measured."""
 
 
 class ContactOperator(LinearOperator):
@@ -26,8 +30,8 @@ class ContactOperator(LinearOperator):
 
     Six entries a particle, u (m) then theta; three with a `dof` of 3. `mass_scaled` gives the
     operator whose eigenvalues are omega^2; `pre_stress` as in `modal.system.contacts`.
-    Equal to the matrix of `modal.system.assembly` up to round-off, and symmetric unless
-    `pre_stress` is "full" or "law"; of the latter, another program's, it is that matrix.
+    Equal to the matrix of `modal.system.assembly` up to round-off; with "full" and "law", which are
+    not symmetric, it is that matrix.
     """
 
     def __init__(
@@ -45,7 +49,10 @@ class ContactOperator(LinearOperator):
         super().__init__(np.dtype(float), 2 * (dof * network.n_particles,))
         self._matrix: sp.csr_matrix | None = None
         self._unturning: Floats | None = None
-        if numba is None or pre_stress == "law":
+        if numba is None or pre_stress not in SYMMETRIC:
+            task = f"the matrix of {network.n_contacts} contacts"
+            remedy = "take fewer; with pre-stress none or normal, and numba, there is no matrix"
+            refuse_above_memory(CONTACT_BYTES * network.n_contacts, task, remedy)
             matrix = stiffness_matrix(network, dof, pre_stress)
             self._matrix = RootMass.of(network, dof).around(matrix) if mass_scaled else matrix
             return
@@ -72,31 +79,13 @@ class ContactOperator(LinearOperator):
             other._unturning = self._unturning[other.order]
         return other
 
-    def symmetric_part(self) -> tuple[ContactOperator, float]:
-        """A symmetric operator B, and by how much (A + A^T) / 2 may exceed its top.
-
-        The real part of no eigenvalue of A lies above the top of (A + A^T) / 2. Of the loops B is A
-        without the shear forces t: with l the distance of the centres and p the motion over M^1/2,
-        of spheres l |theta|, their work is at most |t| / l times the square of the sum of all four
-        lengths of p in a contact, thus 4 |t| / l times the sum of their squares.
-        """
+    def symmetric_part(self) -> ContactOperator:
+        """(A + A^T) / 2: the real part of no eigenvalue of A lies above its top."""
+        if self._matrix is None:
+            return self
         other = copy.copy(self)
-        if self._matrix is not None:
-            other._matrix = ((self._matrix + self._matrix.T) / 2).tocsr()
-            return other, 0.0
-        on = self._contacts
-        if on.shear is None:
-            return self, 0.0
-        other._contacts = replace(on, shear=None)
-        length = on.rows[:, 5:].sum(axis=1)
-        work = 4 * np.linalg.norm(on.shear[:, :3], axis=1)
-        each = np.zeros(len(self._scale))
-        for end in on.ends.T:
-            pair = end >= 0
-            moves, turns = self._scale[end[pair]].T ** 2
-            share = work[pair] * np.maximum(moves / length[pair], turns * length[pair])
-            each += np.bincount(end[pair], share, len(each))
-        return other, float(each.max())
+        other._matrix = ((self._matrix + self._matrix.T) / 2).tocsr()
+        return other
 
     def inward(self, u: Array) -> Array:
         """Motions (dof n,) or (dof n, k) of the particles, numbered as by the operator."""
@@ -167,7 +156,7 @@ class ContactOperator(LinearOperator):
 
         width = u.size // self.shape[0]
         on, shape = self._contacts, (-1, self.dof, width)
-        more = on.lateral, on.aside, on.rolling, on.shear
+        more = on.lateral, on.aside, on.rolling
         known = width in WIDTHS and self.dof == 6 and all(column is None for column in more)
         of_slabs = None if sums is None else np.zeros((len(on.slabs), 2, self.dof, width))
         combine_by_slabs(

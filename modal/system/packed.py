@@ -32,8 +32,7 @@ class PackedContacts:
     rows (m, 7): normal, kn - kt, kt, and how far the two levers reach along the normal, the second
     one backwards; ends (m, 2) int32, walls negative. lateral (m,): -N / l of a pre-stress, else
     None. aside (m, 6): the parts of both levers across the normal, None where all levers lie along
-    it. rolling (m, 2): kr and kw - kr, N m/rad, None where nothing resists rolling. shear (m, 4):
-    the tangential force on j, N, and 1 / l, for the full tangent, else None.
+    it. rolling (m, 2): kr and kw - kr, N m/rad, None where nothing resists rolling.
 
     slabs (s + 1,): the piece with which each begins, and their number p. pieces (p + 1, 2): the
     first contact of each, and its first sphere in `fresh` (n,) int32, the spheres by the piece that
@@ -48,19 +47,16 @@ class PackedContacts:
     lateral: Floats | None
     aside: Floats | None
     rolling: Floats | None
-    shear: Floats | None
 
     @classmethod
     def of(cls, network: Network, pre_stress: str) -> PackedContacts:
-        """The contacts of a network; `pre_stress` as in `modal.system.contacts`."""
+        """The contacts of a network; `pre_stress` none or normal."""
         order, slabs = _order_along_z(network)
         ends, rows = np.empty((len(order), 2), np.int32), np.empty((len(order), 7))
         lateral = None
-        known = carried(network, terms_of(pre_stress))
-        pressed, sheared = known.get("force_normal"), known.get("force_tangential")
+        pressed = carried(network, terms_of(pre_stress)).get("force_normal")
         if pressed is not None:
-            per_distance = 1 / centre_distance(network)[order]
-            lateral = -pressed[order] * per_distance
+            lateral = -pressed[order] / centre_distance(network)[order]
         levers = (network.lever_i, 1.0), (network.lever_j, -1.0)
         longest, furthest_off = np.zeros(2), np.zeros(2)
         # A part at a time: what is in between takes little memory.
@@ -80,14 +76,12 @@ class PackedContacts:
         if (furthest_off > CENTRAL * longest).any():
             across = [_along_and_off(lever, network.normal)[1][order] for lever, _ in levers]
             aside = np.hstack(across)
-        rolling = shear = None
+        rolling = None
         kr, kw = network.stiffness_rolling, network.stiffness_twisting
         if kr is not None and kw is not None:
             rolling = np.column_stack([kr, kw - kr])[order]
-        if sheared is not None:
-            shear = np.column_stack([-sheared[order], per_distance])
         in_pieces = _pieces(ends, slabs, network.n_particles)
-        return cls(rows, ends, *in_pieces, lateral, aside, rolling, shear)
+        return cls(rows, ends, *in_pieces, lateral, aside, rolling)
 
     def renumbered(self) -> tuple[PackedContacts, Ints]:
         """The same with the spheres numbered as the loops meet them, and their former numbers (n,).

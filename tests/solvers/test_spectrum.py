@@ -70,25 +70,11 @@ def test_bound_holds_for_a_mode_that_the_start_hardly_contains(name, beyond, mon
 @pytest.mark.parametrize("pre_stress", PRE_STRESS)
 @pytest.mark.parametrize("make", [sheared, lambda: random_springs(3)])
 def test_bound_of_a_packing_is_above_the_real_parts(make, pre_stress):
-    """And above the symmetric part; by the margin and what shear forces may add, a tenth here."""
+    """And above the symmetric part, by the margin, a tenth here."""
     system = LinearSystem(make(), pre_stress=pre_stress)
     A = system.scaled.toarray()
-    symmetric, (part, more) = (A + A.T) / 2, system.operator.symmetric_part()
-    left = np.linalg.eigvalsh(symmetric - part @ np.eye(system.size))[-1]
-    top = np.linalg.eigvalsh(symmetric)[-1]
-    assert left <= more + 1e-12 * top
+    top = np.linalg.eigvalsh((A + A.T) / 2)[-1]
     assert np.linalg.eigvals(A).real.max() <= top * (1 + 1e-12) < system.top < 1.15 * top
-
-
-@pytest.mark.parametrize(("inertia", "times"), [(1e-8, 16), (1e8, 4)])
-def test_how_far_above_one_contact_the_bound_of_shear_forces_lies(inertia, times):
-    """They reach |t| l / (4 I) where spheres hardly move, |t| / (l m) where they hardly turn."""
-    pytest.importorskip("numba")  # of the loops: a matrix has its symmetric part itself
-    one = sheared().with_contacts(np.flatnonzero(~sheared().with_wall)[:1])
-    system = LinearSystem(one.unchecked(inertia=inertia * one.inertia), pre_stress="full")
-    part, more = system.operator.symmetric_part()
-    left = system.scaled.toarray() - part @ np.eye(system.size)
-    assert more == pytest.approx(times * np.linalg.eigvalsh((left + left.T) / 2)[-1], rel=1e-6)
 
 
 @pytest.mark.parametrize(

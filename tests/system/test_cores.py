@@ -104,7 +104,7 @@ def test_wide_packings_are_worked_through_in_columns(monkeypatch):
     # What springs between spheres do not need takes neither memory nor time: levers are along the
     # normals but for round-off.
     plain = PackedContacts.of(sheared(), "none")
-    assert [plain.lateral, plain.aside, plain.rolling, plain.shear] == 4 * [None]
+    assert [plain.lateral, plain.aside, plain.rolling] == 3 * [None]
     x = np.random.default_rng(4).standard_normal(6 * network.n_particles)
     K = stiffness_matrix(network)
     assert ContactOperator(network) @ x == pytest.approx(K @ x, abs=1e-12 * abs(K @ x).max())
