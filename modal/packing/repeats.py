@@ -15,7 +15,7 @@ import numpy as np
 from modal.packing.columns import OF_BONDS, RECEIVER_WALL, SOURCE_WALL
 from modal.packing.neighbours import canonical
 from modal.packing.network import Network
-from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.arrays import Array, Ints
 
 SAME = 1e-9
 """Largest `difference` that round-off explains. Of the crystals of the study it is
@@ -117,30 +117,23 @@ def _parted(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> 
     if _common(network) % prime:
         return None
     at_wall = np.unique(network.particle_i[network.particle_j == SOURCE_WALL])
-    if len(at_wall) and _rows_of_images(network, at_wall, axis, prime) is None:
+    if _images(network, at_wall, axis, prime) is None:
         return None
-    rows = _rows_of_images(network, np.arange(network.n_particles), axis, prime)
-    if rows is None:
-        return None
-    image, member = np.empty((2, network.n_particles), np.int64)
-    image[rows] = np.roll(rows, -1, axis=1)
-    member[rows] = np.arange(len(rows))[:, None]
-    compared = _compared(network, image, columns)
-    if compared is None:
+    image = _images(network, np.arange(network.n_particles), axis, prime)
+    compared = None if image is None else _compared(network, image, columns)
+    if image is None or compared is None:
         return None
     contact, difference = compared
     # Any part is at most half the way round from any other.
     difference *= prime // 2
     if not difference <= SAME:
         return None
-    # Of a contact and its images the one with the lowest number stays.
-    here: Ints = np.arange(len(contact))
-    lowest = here
-    for _ in range(prime - 1):
-        here = contact[here]
-        lowest = np.minimum(lowest, here)
-    kept = network.some(lowest == np.arange(len(lowest)))
-    first, size = rows[:, 0], kept.cell_size.copy()
+    # Of a sphere, or a contact, and its images the one with the lowest number stays.
+    own, their = _lowest(image, prime), _lowest(contact, prime)
+    first = np.flatnonzero(own == np.arange(len(own)))
+    member = np.searchsorted(first, own)
+    kept = network.some(their == np.arange(len(their)))
+    size = kept.cell_size.copy()
     size[axis] /= prime
     part = kept.unchecked(
         **{name: data[first] for name, data in kept.bodies().items()},
@@ -158,38 +151,32 @@ def _parted(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> 
     )
 
 
-def _rows_of_images(network: Network, spheres: Ints, axis: int, parts: int) -> Ints | None:
-    """Shape (k / parts, parts): the `spheres` (k,), each row images of each other along the axis.
+def _lowest(image: Ints, times: int) -> Ints:
+    """Shape (k,): the lowest number that `image` (k,) leads each to, applied so many `times`."""
+    lowest: Ints = np.arange(len(image))
+    here = lowest
+    for _ in range(times - 1):
+        here = image[here]
+        lowest = np.minimum(lowest, here)
+    return lowest
 
-    From one to the next it is the cell's width over `parts`. None where that is not so of them all.
+
+def _images(network: Network, spheres: Ints, axis: int, parts: int) -> Ints | None:
+    """Shape (k,): on which of the `spheres` (k,) each one falls, or None where one falls on none.
+
+    They are moved along the axis by the cell's width over `parts`.
     """
-    if len(spheres) % parts:
-        return None
+    from scipy.spatial import KDTree  # not at import: most packings have no parts
+
+    axes, period = network.cell_periodic, np.where(network.cell_periodic, network.cell_size, 0.0)
+    place, moved = np.repeat(network.position[None, spheres], 2, axis=0)
+    moved[:, axis] += period[axis] / parts
+    for at in (place, moved):
+        at[:, axes] %= period[axes]
+        at[at == period] = 0.0  # what lay a rounding below zero
     near = NEAR * float(network.radius.min())
-    place, width = network.position[spheres], float(network.cell_size[axis]) / parts
-    ranks = []
-    for other in range(3):
-        period = float(network.cell_size[other]) if network.cell_periodic[other] else None
-        ranks.append(_ranks(place[:, other], width if other == axis else period, near))
-    along = place[:, axis] % network.cell_size[axis]
-    rows = np.lexsort((along, *ranks)).reshape(-1, parts)
-    alike = all((rank[rows] == rank[rows[:, :1]]).all() for rank in ranks)
-    if not (alike and (abs(np.diff(along[rows], axis=1) - width) <= near).all()):
-        return None
-    return spheres[rows]
-
-
-def _ranks(values: Floats, period: float | None, near: float) -> Ints:
-    """Shape (k,): ascending numbers of the values (k,), equal for those that are `near`."""
-    if period is not None:
-        values = values % period
-    order = np.argsort(values)
-    ascending = values[order]
-    rank = np.empty(len(values), np.int64)
-    rank[order] = np.concatenate([[0], np.cumsum(np.diff(ascending) > near)])
-    if period is not None and ascending[0] + period - ascending[-1] <= near:
-        rank[rank == rank[order[-1]]] = 0
-    return rank
+    _, image = KDTree(place, boxsize=period).query(moved, distance_upper_bound=near)
+    return image if np.array_equal(np.sort(image), np.arange(len(spheres))) else None
 
 
 def _compared(network: Network, image: Ints, columns: tuple[str, ...]) -> tuple[Ints, float] | None:
