@@ -16,6 +16,7 @@ from modal.exchange.registry import read_remarked
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample
 from modal.tools.arguments import checked
+from modal.tools.arrays import Array, Floats
 from modal.tools.display import table
 from modal.tools.errors import InputError, refuse_unknown
 from modal.waves.signals import Signals, read_signals
@@ -168,15 +169,17 @@ def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
         at, shape = each[0].at, np.shape(each[0].value)
         # A list without frequencies has the first, second ... of each packing.
         places = [np.arange(np.size(v.value)) if v.at is None else v.at for v in each]
-        own = zip(places, [np.atleast_1d(v.value) for v in each], strict=True)
-        rows = np.array([np.interp(places[0], x, y, np.nan, np.nan) for x, y in own])
-        rows = rows.reshape(len(each), *shape)
+        rows = _at_first(places, [v.value for v in each]).reshape(len(each), *shape)
         scatter = rows.std(axis=0, ddof=1) if len(rows) > 1 else np.nan * rows[0]
-        caveats = [c for v in each for c in v.caveats if not c.startswith("one sample")]
+        one = len(each) == 1
+        caveats = [c for v in each for c in v.caveats if one or not c.startswith("one sample")]
         caveats.append(f"mean of {len(each)} of {len(measurements)} packings")
         if not same:
             caveats.append("the packings differ in friction or stress: not samples of one state")
-        told = {"samples": scatter / np.sqrt(len(rows))} if len(rows) > 1 else dict(each[0].parts)
+        # Samples may agree by chance: the mean is not surer than what each of them is known to.
+        own = _at_first(places, [v.error**2 - v.parts.get("length", 0.0) ** 2 for v in each])
+        told = {"fit": np.sqrt(own.sum(axis=0)).reshape(shape) / len(rows)}
+        told["samples"] = scatter / np.sqrt(len(rows))
         # That they are short is common to all: no mean makes it less.
         if common := [v.parts["length"] for v in each if "length" in v.parts]:
             told["length"] = max(common)
@@ -185,3 +188,9 @@ def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
             caveats.append("at no frequency of the first are all of them known")
         values[name] = value.with_caveats(*caveats)
     return Measurement(values)
+
+
+def _at_first(places: Sequence[Array], numbers: Sequence[Any]) -> Floats:
+    """Shape (k, n): those of k packings at the places (n,) of the first, NaN outside of theirs."""
+    own = zip(places, map(np.atleast_1d, numbers), strict=True)
+    return np.array([np.interp(places[0], x, y, np.nan, np.nan) for x, y in own])

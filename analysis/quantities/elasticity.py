@@ -49,8 +49,10 @@ def of_moduli(unit: str, number: Callable[[ElasticModuli], float]) -> Callable[[
         value = float(number(m.moduli))
         if unit == "m/s" and not value > SOFT * m.moduli.velocities(ALONG_Z)[0]:
             return unknown(unit, "nothing resists this motion: do spheres slide along the walls?")
-        caveats = (*m.moduli.remarks(), *m.of_one_sample)
-        return Value(value, unit, {"fit": POWER[unit] * abs(value) * m.moduli.error}, caveats)
+        caveats, size = (*m.moduli.remarks(), *m.of_one_sample), POWER[unit] * abs(value)
+        # Of slabs cut from repeated cells twice the asymmetry is what their stiffness was off by.
+        parts = {"fit": size * m.moduli.error, "length": 2 * size * m.moduli.asymmetry}
+        return Value(value, unit, parts, caveats)
 
     return measured
 

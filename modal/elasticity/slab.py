@@ -86,6 +86,12 @@ class Bulk:
         line = np.polyfit(layers.position, layers.means(motion), 1, w=np.sqrt(weight))
         return float(line[0])
 
+    def growth(self, layers: Layers, motion: Floats) -> float:
+        """The same as the mean over its length: another number where the bulk is not even."""
+        start, rise = layers.position[:-1], np.diff(layers.position)
+        share = self.share(start, rise)
+        return float(share @ np.diff(layers.means(motion)) / (share @ rise))
+
 
 def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, Floats] | None:
     """Shape (6, 6), Pa, twice: stress over strain of the bulk, not quite symmetric, and affine.
@@ -119,12 +125,14 @@ def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, 
     return stress @ np.linalg.inv(strain), affine
 
 
-def static_velocity(network: Network) -> tuple[float, float]:
+def static_velocity(network: Network) -> tuple[float, float, float]:
     """P-wave velocity, m/s, and P-wave modulus, Pa, of the bulk in the limit of long waves.
 
-    The source wall is pushed; nothing moves sideways in the mean, so that one load in place of six
-    tells the modulus: the stress over the strain of the bulk. The velocity is sqrt(modulus /
-    density). InputError where the packing is too short or carries no force from wall to wall.
+    And the velocity's error: how far the strain as a mean and as a slope are apart, which they are
+    where the bulk is not even. The source wall is pushed; nothing moves sideways in the mean, so
+    that one load in place of six tells the modulus: the stress over the strain of the bulk. The
+    velocity is sqrt(modulus / density). InputError where the packing is too short or carries no
+    force from wall to wall.
     """
     system, bulk = LinearSystem.of(network), Bulk.of(network)
     if bulk is None:
@@ -134,8 +142,10 @@ def static_velocity(network: Network) -> tuple[float, float]:
     found, _ = steady_motion(system, wall, lambda work: TOLERANCE**2 * work, "gradients")
     motion = found.motion[:, 0]
     stress = float((beyond.pull.T @ motion)[0]) / network.area
-    strain = -bulk.slope(Layers(network), motion[2::6])
+    layers, along = Layers(network), motion[2::6]
+    strain = -bulk.slope(layers, along)
     if not (stress > 0 and strain > 0):
         raise InputError("no force goes from wall to wall; such a packing carries no wave")
-    modulus = stress / strain
-    return float(np.sqrt(modulus / bulk.density(network))), modulus
+    modulus, uneven = stress / strain, abs(bulk.growth(layers, along) / -strain - 1)
+    velocity = float(np.sqrt(modulus / bulk.density(network)))
+    return velocity, modulus, velocity * uneven / 2

@@ -64,13 +64,13 @@ def test_bulk_of_a_disordered_slab_is_that_of_the_endless_disorder():
     found = elastic_moduli(slab)
     scale = endless.stiffness.max()
     assert abs(endless.affine - endless.stiffness).max() > 0.08 * scale
-    assert found.stiffness == pytest.approx(endless.stiffness, abs=1e-3 * scale)
-    assert found.asymmetry < 1e-3
+    off = np.linalg.norm(found.stiffness - endless.stiffness) / np.linalg.norm(endless.stiffness)
+    assert off < 2 * found.asymmetry < 1e-3
     # Nothing moves beyond the strain: only the ends are left, and both sums know no balance.
     assert found.affine == pytest.approx(endless.affine, abs=1e-4 * scale)
     assert found.affine == pytest.approx(found.affine.T, abs=1e-12 * scale)
     # The same slope by another program: a wall pushes, one direction at a time.
-    velocity, modulus = static_velocity(slab)
+    velocity, modulus, _ = static_velocity(slab)
     assert found.stiffness[2, 2] == pytest.approx(modulus, rel=1e-3)
     # The fastest wave of so few random springs moves a little sideways, too.
     assert found.velocities((0, 0, 1))[0] == pytest.approx(velocity, rel=3e-3)
@@ -93,10 +93,17 @@ def test_walls_that_slide_cannot_shear_the_bulk(solver):
         slides.debye_level  # noqa: B018
 
 
-def test_short_slabs_say_that_their_walls_count():
+def test_slabs_that_are_short_or_uneven_say_so():
+    """Of springs that grow fourfold the harmonic mean, soft ends by half, is in the error."""
     found = elastic_moduli(gallery.fcc(cells=(2, 2, 6)))
-    assert found.region == "slab with walls"
-    assert any("walls together" in remark for remark in found.remarks())
+    assert found.region == "slab with walls" and "walls together" in found.remarks()[0]
+    assert "not symmetric by 2.0%" in replace(found, asymmetry=0.02).remarks()[-1]
+    slab = gallery.fcc(cells=(2, 2, 80))
+    factor = 1 + 3 * slab.position[slab.particle_i, 2] / slab.length
+    (even, *_), (graded, _, error) = map(static_velocity, (slab, stiffer(slab, factor, factor)))
+    end = 7 * 2 * slab.radius[0] / slab.length
+    mean = np.log((4 - 3 * end) / (1 + 3 * end)) / (3 * (1 - 2 * end))
+    assert abs(graded - even / np.sqrt(mean)) < error < 0.02 * graded
 
 
 def long_waves(network: Network, wavevector: np.ndarray, pre_stress: str) -> np.ndarray:
