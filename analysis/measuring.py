@@ -335,12 +335,16 @@ class Measuring:
         return self._of_pulse(self.linear_wave("x") if slid is None else slid)
 
     def _of_pulse(self, record: Signals) -> Signals:
-        """A record as it would be of a pulse, which rules on amplitudes are made for."""
+        """A record as it would be of a pulse, which rules on amplitudes are made for.
+
+        As long as the own wave: what was not yet seen when a record ends grows towards its end.
+        """
         self.require_walls()
         motion = recorded_motion(record)
         if isinstance(motion, Pulse) and motion.cycles == 1:
             return record
-        return as_of_pulse(record, self.pulse)
+        longest = RECORD * self.affine_passage / (1.0 if record.direction == "z" else SLOWER)
+        return cut(as_of_pulse(record, self.pulse), longest)
 
     @property
     def shown(self) -> Signals:

@@ -30,7 +30,7 @@ USED_FOR = {
 
 def parser(called: str = "") -> argparse.ArgumentParser:
     """The parser of all commands, with the options of the one that is `called`."""
-    about = "Any packing measured, and the study of many; COMMAND --help has options, an example."
+    about = "Your packing: measure, figure, watch, agreement. The study: study. See COMMAND --help."
     whole = Parser(prog="python -m analysis", description=about)
     commands = whole.add_subparsers(
         dest="command", required=True, parser_class=Parser, metavar="COMMAND", title="commands"

@@ -80,13 +80,12 @@ def test_other_units_and_materials_are_the_same_dimensionless_answers(random, le
 
 
 def test_records_take_the_place_of_the_own_wave(random, tmp_path, printed):
-    """Of another motion of the wall, in memory and from a file: the same within the errors."""
+    """Of a hammer's blow, far longer than needed, in memory and from a file: within the error."""
     own = analysis.measure(random, quantities=["v_p"])["v_p"]
-    duration = 3 * random.length / own.value
-    motion = chirp(1e-9, 1e3, 6e4, duration / 3)
-    wave = propagate(random, duration, motion=motion, interval=2e-6).signals
+    blow = SampledMotion(2e-5 * np.array([0, 1, 2, 6, 15]), 1e-9 * np.array([0, 1, 1.2, 0.4, 0]))
+    wave = propagate(random, 9 * random.length / own.value, motion=blow, interval=2e-6).signals
     given = analysis.measure(random, wave, quantities=["v_p"])["v_p"]
-    assert abs(given.value - own.value) < 3 * np.hypot(own.error, given.error)
+    assert abs(given.value - own.value) < own.error
     write_network(tmp_path / "a.network.h5", random)
     write_signals(tmp_path / "w.signals.h5", wave)
     files = [str(tmp_path / "a.network.h5"), str(tmp_path / "w.signals.h5")]
