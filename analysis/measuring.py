@@ -25,7 +25,7 @@ from modal.elasticity.moduli import ElasticModuli, elastic_moduli
 from modal.exchange.registry import read_remarked
 from modal.packing import state
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.plausibility import BALANCED, CRYSTALLINE
+from modal.packing.plausibility import BALANCED, CRYSTALLINE, differing_thirds
 from modal.packing.sample import Sample
 from modal.packing.summary import crystalline_shares
 from modal.preparation.protocol import SETTLED
@@ -220,6 +220,7 @@ class Measuring:
         share = own.get("crystalline_share_of_bulk", own.get("crystalline_share", 0.0))
         if share > CRYSTALLINE:
             caveats.append(f"crystalline: {100 * share:.0f} % of the bulk; no random packing")
+        caveats += [text for unusual, text in differing_thirds(self.network) if unusual]
         return tuple(caveats)
 
     @cached_property

@@ -23,12 +23,16 @@ FLAT = 1e-3
 UPRIGHT = 1e-2
 """How far nz^2 of a contact between two layers may be from FCC's 1/2."""
 
+ALIKE = 0.01
+"""Relative standard deviation up to which masses, or springs, count as one."""
+
 
 def is_fcc(network: Network) -> bool:
     """Whether the packing is an FCC crystal whose layers (001) are parallel to the walls.
 
     Equal flat layers at equal distances, and four contacts from each sphere to the next layer, at
-    45 degrees. What its case is called does not matter.
+    45 degrees; masses and springs alike, as theory has them. What its case is called does not
+    matter.
     """
     z, radius = np.sort(network.position[:, 2]), float(network.radius.mean())
     layers = 1 + int((np.diff(z) > 0.5 * radius).sum())
@@ -39,7 +43,9 @@ def is_fcc(network: Network) -> bool:
     between = (network.particle_j >= 0) & (abs(network.normal[:, 2]) > 0.1)
     bonds = 4 * rows.shape[1] * (layers - 1)
     slanted = abs(network.normal[between, 2] ** 2 - 0.5) < UPRIGHT
-    return bool(uneven < FLAT * radius and between.sum() == bonds and slanted.all())
+    flat = uneven < FLAT * radius and between.sum() == bonds and slanted.all()
+    springs = network.stiffness_normal[between], network.stiffness_tangential[between]
+    return bool(flat and all(x.std() <= ALIKE * x.mean() for x in (network.mass, *springs)))
 
 
 @dataclass(frozen=True)

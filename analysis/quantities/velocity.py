@@ -135,13 +135,12 @@ def _quoted(m: Measuring, key: str, places: slice) -> Value:
         # Of 30 velocities in slabs 45 to 90 D long, cut from repeats of cells whose moduli tell V,
         # the fit's own errors were a third of what these were off, with this part 1.1 of it.
         less, more = (longest_waves(coherent(m, key, decay))[0] for decay in OTHERS)
-        moved = DECAY * abs(more - less) / (OTHERS[1] - OTHERS[0])
-        found = replace(found, parts={**found.parts, "chain": moved})
-        if length >= SHORT:
-            return found
-        text = f"short: {length:.1f} D long; below {SHORT:g} D it may be {TOO_HIGH:.0%} too high"
-        parts = {**found.parts, "length": TOO_HIGH * found.value}
-        return replace(found, parts=parts).with_caveats(text)
+        parts = {**found.parts, "chain": DECAY * abs(more - less) / (OTHERS[1] - OTHERS[0])}
+        if length < SHORT:
+            parts["length"] = TOO_HIGH * found.value
+            text = f"{length:.1f} D long; below {SHORT:g} D it may be {TOO_HIGH:.0%} too high"
+            found = found.with_caveats(f"short: {text}")
+        return replace(found, parts=parts)
     value = float(m.moduli.velocities((0, 0, 1))[places].mean())
     why = "by the elastic moduli: there are no walls"
     return Value(value, "m/s", {"fit": 0.5 * value * m.moduli.error}, (why, *m.of_waves))

@@ -233,6 +233,25 @@ def affine_stiffness(network: Network) -> Floats:
     return (kn * nz2**2 + kt * (nz2 - nz2**2)) * (branch**2).sum(axis=1)
 
 
+def unevenness(network: Network) -> float:
+    """By which part P-waves are faster in one third of the length than in another.
+
+    By the mean contact's stiffness times squared branch over the mean sphere's mass: as V^2 goes.
+    """
+    pair, branch, start = ~network.with_wall, network.branch, network.position[:, 2]
+    middle = start[network.particle_i] + branch[:, 2] / 2
+    stiffness = network.stiffness_normal * (branch**2).sum(axis=1)
+
+    def means(height: Floats, values: Floats) -> Floats:
+        part = (height - network.wall_position[0]) / network.length % 1
+        third = (3 * part).astype(int)
+        return np.bincount(third, values, 3) / np.maximum(np.bincount(third, minlength=3), 1)
+
+    mass = means(start, network.mass)
+    square = means(middle[pair], stiffness[pair]) / np.where(mass > 0, mass, np.inf)
+    return float(np.sqrt(square.max() / square.min()) - 1) if square.min() > 0 else np.inf
+
+
 def affine_velocity(network: Network) -> float:
     """P-wave velocity, m/s, of all contacts over the mass of all spheres, rattlers included.
 

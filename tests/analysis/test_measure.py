@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from changes import in_units
+from changes import in_units, stiffer
 
 import analysis
 import modal
@@ -115,6 +115,10 @@ def test_caveats_have_their_numbers(random, found):
     pushed = replace(random, force_normal=often * random.force_normal)
     said = " ".join(analysis.measure(pushed, quantities=["v_p"])["v_p"].caveats)
     assert "not in equilibrium: residual" in said
+    crystal = modal.fcc(cells=(1, 1, 60))
+    stiff = np.where(crystal.position[crystal.particle_i, 2] > crystal.length / 2, 4, 1)
+    (value,) = analysis.measure(stiffer(crystal, stiff, stiff), quantities="v_p_static").values()
+    assert "uneven: P-waves are 100% faster" in " ".join(value.caveats)
 
 
 def test_a_cell_without_walls_has_velocities_and_says_how(printed):
