@@ -54,13 +54,13 @@ class Value:
         """Standard error, in the unit of the value; 0 where the value is exact for its packing.
 
         The root of the squares of `fit`, `chain`, `resolution` and `length`; where samples scatter
-        by more, they have the rest in them, and that scatter. NaN where the value is not known.
+        by more, they have the rest in them, and that scatter.
 
         >>> Value(1.0, "m/s", {"fit": 3.0, "chain": 4.0, "samples": 6.0}).error
         6.0
         """
         squares = [np.square(part) for name, part in self.parts.items() if name != "samples"]
-        error = np.sqrt(sum(squares, 0 * np.asarray(self.value, float)))
+        error = np.sqrt(sum(squares, np.zeros(np.shape(self.value))))
         if "samples" in self.parts:
             error = np.fmax(error, self.parts["samples"])
         return error if np.ndim(error) else float(error)
