@@ -343,7 +343,7 @@ def _without_floppy(system: LinearSystem, motion: Floats) -> Floats:
 
 def write_moduli(path: str | Path, moduli: ElasticModuli, made: Provenance | None = None) -> None:
     """Write the moduli atomically, and the non-affine motions if there are any."""
-    values, beyond = vars(moduli), moduli.non_affine
+    values, beyond = dict(vars(moduli)), moduli.non_affine
     if beyond is not None:
         values |= {"displacement": beyond[:, :, :3], "rotation": beyond[:, :, 3:]}
     FORMAT.write(path, values, made)
