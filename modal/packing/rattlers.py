@@ -3,7 +3,7 @@
 import numpy as np
 
 from modal.packing.network import Network
-from modal.tools.arrays import Bools
+from modal.tools.arrays import Bools, Ints
 
 HELD = 0.05
 """Largest contact force, over the mean one, from which a particle counts as firmly held."""
@@ -33,9 +33,38 @@ def _keeping(network: Network, least: int) -> Bools:
 def force_bearing(network: Network) -> Bools:
     """Shape (n,) bool: particles that keep two or more contacts once those with fewer are removed.
 
-    A particle with a single contact cannot be in balance under a force; it is a rattler.
+    A particle with a single contact cannot be in balance under a force; it is a rattler. So are all
+    of a cluster that touches nothing else: neither a wall nor, through a period, itself, and not
+    the largest.
     """
-    return keeping_contacts(network, 2)
+    return network.cached("force-bearing", lambda: _bearing(network))
+
+
+def _bearing(network: Network) -> Bools:
+    kept, i, j = keeping_contacts(network, 2), network.particle_i, network.partner
+    pair, wall = kept[i] & kept[j] & ~network.with_wall, network.with_wall
+    cluster = _clusters(len(kept), i[pair], j[pair])
+    size = np.bincount(cluster, kept)
+    held = size == size.max(initial=0)
+    held[cluster[i[wall | (pair & network.periods.any(axis=1))]]] = True
+    return kept & held[cluster]
+
+
+def _clusters(n: int, i: Ints, j: Ints) -> Ints:
+    """Shape (n,): the lowest particle of each one's cluster; i and j (m,) touch.
+
+    Each round the lowest of a cluster falls to the lowest that its members touch, and so do they.
+    """
+    lowest = np.arange(n)
+    while True:
+        own, other = lowest[i], lowest[j]
+        below = lowest.copy()
+        np.minimum.at(below, own, other)
+        np.minimum.at(below, other, own)
+        below = below[below]
+        if np.array_equal(below, lowest):
+            return lowest
+        lowest = below
 
 
 def firmly_held(network: Network) -> Bools:

@@ -68,7 +68,6 @@ def test_bulk_of_a_disordered_slab_is_that_of_the_endless_disorder():
     assert off < 2 * found.asymmetry < 1e-3
     # Nothing moves beyond the strain: only the ends are left, and both sums know no balance.
     assert found.affine == pytest.approx(endless.affine, abs=1e-4 * scale)
-    assert found.affine == pytest.approx(found.affine.T, abs=1e-12 * scale)
     # The same slope by another program: a wall pushes, one direction at a time.
     velocity, modulus, _ = static_velocity(slab)
     assert found.stiffness[2, 2] == pytest.approx(modulus, rel=1e-3)

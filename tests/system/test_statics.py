@@ -12,6 +12,7 @@ from modal.elasticity import steady
 from modal.elasticity.slab import static_velocity
 from modal.elasticity.steady import steady_motion
 from modal.packing import crystal as gallery
+from modal.packing.columns import CONTACTS
 from modal.packing.network import SOURCE_WALL
 from modal.system.imposed import WallMoves
 from modal.system.linear_system import LinearSystem
@@ -58,12 +59,19 @@ def heavy_and_loose_ends(network):
     return network.with_contacts(~loose[network.particle_i] & ((j < 0) | ~loose[j]))
 
 
-def more_that_touch_nothing(network):
-    """A third more spheres in every layer: no wave moves them."""
-    count = network.n_particles // 3
-    loose = np.random.default_rng(2).choice(network.n_particles, count, replace=False)
-    bodies = network.bodies().items()
-    return replace(network, **{name: np.concatenate([x, x[loose]]) for name, x in bodies})
+def more_that_touch_nothing_else(network):
+    """A third more spheres in every layer, with their contacts: no wave moves them."""
+    n = network.n_particles
+    loose = np.random.default_rng(2).choice(n, n // 3, replace=False)
+    own = {name: np.concatenate([x, x[loose]]) for name, x in network.bodies().items()}
+    place = np.full(n + 1, -1)
+    place[loose] = n + np.arange(n // 3)
+    ends = place[[network.particle_i, network.particle_j]]
+    among = (ends >= 0).all(axis=0) & ~network.with_wall & ~network.periods.any(axis=1)
+    known = [(name, x) for name in CONTACTS if (x := getattr(network, name)) is not None]
+    own |= {name: np.concatenate([x, x[among]]) for name, x in known}
+    own["particle_i"][-among.sum() :], own["particle_j"][-among.sum() :] = ends[:, among]
+    return replace(network, **own)
 
 
 def lighter_layers(network):
@@ -75,7 +83,7 @@ def lighter_layers(network):
     ("change", "density", "near"),
     [
         (heavy_and_loose_ends, 1, 1e-4),
-        (more_that_touch_nothing, 1, 1e-9),  # both stop at an error in energy of 1e-12
+        (more_that_touch_nothing_else, 1, 1e-9),  # both stop at an error in energy of 1e-12
         (lighter_layers, 0.75, 1e-3),  # as many of the one kind as of the other, but for the ends
     ],
 )
