@@ -5,14 +5,13 @@ from modal.cli.reading import packing_of, remark_on_ends, springs
 from modal.modes.collective import summary_at_zero
 from modal.modes.counts import counts_below
 from modal.solvers.factor import SOLVERS
-from modal.system.contacts import SYMMETRIC
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import frequencies
 
 EXAMPLE = "count mine.network.h5 --at 1000 5000"
 FACTORISES = "what factorises (default: the fastest)"
 OPTIONS = (
-    *springs(SYMMETRIC),
+    *springs(),
     Option("--at", "HZ ...", "one or several frequencies", kind=str, more=REQUIRED),
     Group("advanced", [Option("--solver", "", FACTORISES, kind=SOLVERS)]),
 )

@@ -5,14 +5,13 @@ import numpy as np
 from modal.cli.options import Given, Option, Result, chosen_for
 from modal.cli.reading import packing_of, remark_on_ends, springs
 from modal.modes.density import density_of_states, write_density
-from modal.system.contacts import SYMMETRIC
 from modal.tools.arguments import frequencies
 
 COMPONENTS = ("u_x", "u_y", "u_z", "theta_x", "theta_y", "theta_z", "all")
 QUARTILES = (0.25, 0.5, 0.75)
 EXAMPLE = "density mine.network.h5 --resolution 2000 -o mine.density.h5"
 OPTIONS = (
-    *springs(SYMMETRIC, "*.density.h5"),
+    *springs("*.density.h5"),
     Option("--resolution", "HZ", "width of a peak", 2e3),
     Option("--tolerance", "T", "error of counts over all modes", 1e-3),
     Option("--at", "HZ ...", "print how many modes lie below", [], str),

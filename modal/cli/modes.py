@@ -8,7 +8,6 @@ from modal.modes.mode_set import read_modes, write_modes
 from modal.modes.observables import PLANAR
 from modal.modes.zero_modes import by_structure
 from modal.solvers.factor import SOLVERS
-from modal.system.contacts import TANGENTS
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 
@@ -27,7 +26,7 @@ ADVANCED = (
     Option("--solver", "", "factorisation (default: the fastest)", kind=SOLVERS),
 )
 OPTIONS = (
-    *springs(TANGENTS, "*.modes.h5"),
+    *springs("*.modes.h5"),
     Group("", WHICH),
     Option("--hours", "H", "refuse what is estimated to take longer", 1.0),
     flag("--translations-only", "hold rotations at zero"),

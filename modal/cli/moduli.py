@@ -5,14 +5,13 @@ from modal.cli.reading import packing_of, springs
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli, read_moduli, write_moduli
 from modal.elasticity.plane_waves import unit_vector
 from modal.elasticity.steady import SOLVERS
-from modal.system.contacts import TANGENTS
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 ALONG = "of waves, besides x, y and z; may be repeated"
 SOLVES = "what solves (default: the likely faster)"
 EXAMPLE = "moduli mine.network.h5 --direction 1 1 0"
 OPTIONS = (
-    *springs(TANGENTS, "*.moduli.h5"),
+    *springs("*.moduli.h5"),
     Option("--direction", ("X", "Y", "Z"), ALONG, [], more={"action": "append"}),
     Option("--tolerance", "T", "relative error", TOLERANCE),
     Group("advanced", [Option("--solver", "", SOLVES, kind=SOLVERS)]),

@@ -1,11 +1,9 @@
 """Commands about a packing: their file, what its contacts do (springs, forces), frequencies."""
 
-from collections.abc import Iterable
-
 from modal.cli.options import SKIP, Given, Option, output
 from modal.exchange.registry import read_remarked
 from modal.packing.network import Network
-from modal.system.contacts import SLIDING
+from modal.system.contacts import SLIDING, TANGENTS
 from modal.tools.display import quantity
 
 NETWORK = Option("network", "", "*.network.h5, or *.sample.h5", kind=str)
@@ -16,12 +14,12 @@ CARRIED = (
 SLIPPING = "contacts at the friction limit: elastic, or slip, without tangential stiffness"
 
 
-def springs(known: Iterable[str], product: str = "") -> tuple[Option, ...]:
-    """A packing's file and the springs of its contacts, with the `known` terms of their forces.
+def springs(product: str = "") -> tuple[Option, ...]:
+    """A packing's file and the springs of its contacts, with the terms of their forces.
 
     Of a command that writes, how the names of its files end: the option -o, and --skip-current.
     """
-    pre_stress = Option("--pre-stress", "", CARRIED, "none", tuple(known))
+    pre_stress = Option("--pre-stress", "", CARRIED, "none", tuple(TANGENTS))
     sliding = Option("--sliding", "", SLIPPING, "elastic", SLIDING)
     written = (output(f"write {product}"), SKIP) if product else ()
     return NETWORK, pre_stress, sliding, *written

@@ -3,12 +3,11 @@
 from modal.cli.options import Given, Option, Result, chosen_for
 from modal.cli.reading import packing_of, springs
 from modal.cli.wave import OF_SOURCE, source_of
-from modal.system.contacts import TANGENTS
 from modal.waves.response import frequency_response, write_response
 
 EXAMPLE = "response mine.network.h5 --highest 20000 -o mine.response.h5"
 OPTIONS = (
-    *springs(TANGENTS, "*.response.h5"),
+    *springs("*.response.h5"),
     Option("--highest", "HZ", "up to here (default: the whole spectrum)"),
     Option("--resolution", "HZ", "width of a peak", 1e3),
     *OF_SOURCE,

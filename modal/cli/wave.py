@@ -8,7 +8,6 @@ from modal.cli.options import Given, Group, Option, Result, chosen, chosen_for, 
 from modal.cli.reading import packing_of, springs
 from modal.exchange.programs.own import is_sample
 from modal.packing.sample import read_sample
-from modal.system.contacts import TANGENTS
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
 from modal.waves.nonlinear import ACCURACY, NonlinearWave
@@ -56,7 +55,7 @@ ERROR = f"relative error; of --nonlinear that of the time step (default {TOLERAN
 HOLDS = "of --nonlinear: in place of the sample's own; 10 holds all contacts"
 WHOLE = "compute all of a packing of equal parts side by side, as a crystal, not one of them"
 OPTIONS = (
-    *springs(TANGENTS, "*.signals.h5"),
+    *springs("*.signals.h5"),
     Option("--duration", "S", "of the record", 5e-4),
     *OF_MOTION,
     Group("", WHICH_MOTION),
