@@ -82,7 +82,11 @@ class Value:
         return told | {name: plain(own) for name, own in more.items() if own is not None}
 
     def text(self) -> str:
-        """For people: the number, its error and its unit; of an array its range and frequencies."""
+        """For people: the number, its error and its unit; of an array its range and frequencies.
+
+        >>> Value(776.4, "m/s", {"fit": float("nan")}).text()
+        '776.4 m/s, error not known'
+        """
         value, error = np.asarray(self.value), np.asarray(self.error)
         if not self.known:
             return "not known"
@@ -105,11 +109,12 @@ class Value:
         share = abs(value) / error if error > 0 and value else 100
         digits = int(np.clip(np.floor(np.log10(share)) + 2, 2, 6))
         told = error > 1e-6 * abs(value)
+        unsure = ", error not known" if np.isnan(error) else ""
         if not unit and not told:
-            return f"{float(value):.{digits}g}"
+            return f"{float(value):.{digits}g}{unsure}"
         numbers = [float(value), float(error)] if told else [float(value)]
         texts, unit = scaled(numbers, unit, digits, prefixed=unit in ("Hz", "Pa"))
-        return f"{' ± '.join(texts)} {unit}".strip()
+        return f"{' ± '.join(texts)} {unit}".strip() + unsure
 
 
 def unknown(unit: str, *caveats: str) -> Value:
