@@ -43,61 +43,44 @@ def _add(y, i, first, v, factor, a):
 
 
 def _springs(first, last, x, y, single, factor, rows, ends, lateral, aside, rolling, scale):
-    rotating = x.shape[1] == 6
     width = x.shape[2] if single is None else 1
     for c in range(first, last):
         i, j = ends[c, 0], ends[c, 1]
         n = rows[c, 0], rows[c, 1], rows[c, 2]
         difference, kt = factor * rows[c, 3], factor * rows[c, 4]
         ti, ri = scale[i, 0], scale[i, 1]
-        # A wall does not move; its index is negative.
-        tj, rj = (scale[j, 0], scale[j, 1]) if j >= 0 else (0.0, 0.0)
+        # In the place of a wall, which does not move, stands the sphere itself, times zero.
+        j, tj, rj = (j, scale[j, 0], scale[j, 1]) if j >= 0 else (i, 0.0, 0.0)
         arm_i, arm_j = rows[c, 5] * ri, rows[c, 6] * rj
         if aside is not None:
             off_i = aside[c, 0], aside[c, 1], aside[c, 2]
             off_j = aside[c, 3], aside[c, 4], aside[c, 5]
         for v in range(width):
-            w = _times(-ti, _three(x, i, 0, v))
-            if j >= 0:
-                w = plus(w, tj, _three(x, j, 0, v))
-            d = w
-            if rotating:
-                turn = _times(arm_i, _three(x, i, 3, v))
-                if j >= 0:
-                    turn = plus(turn, arm_j, _three(x, j, 3, v))
-                d = plus(w, -1.0, cross(turn, n))
-                if aside is not None:
-                    d = plus(d, -ri, cross(_three(x, i, 3, v), off_i))
-                    if j >= 0:
-                        d = plus(d, rj, cross(_three(x, j, 3, v), off_j))
+            w = plus(_times(-ti, _three(x, i, 0, v)), tj, _three(x, j, 0, v))
+            turn_i, turn_j = _three(x, i, 3, v), _three(x, j, 3, v)
+            d = plus(w, -1.0, cross(plus(_times(arm_i, turn_i), arm_j, turn_j), n))
+            if aside is not None:
+                d = plus(plus(d, -ri, cross(turn_i, off_i)), rj, cross(turn_j, off_j))
             spring = plus(_times(kt, d), difference * dot(n, d), n)
-            force = spring
+            force, torque = spring, cross(n, spring)
             if lateral is not None:
                 # The normal pre-stress pushes the centres apart sideways and has no torque.
                 push = factor * lateral[c]
                 force = plus(plus(spring, push, w), -push * dot(n, w), n)
             _add(y, i, 0, v, -ti, force)
-            if rotating:
-                torque = cross(n, spring)
-                _add(y, i, 3, v, -arm_i, torque)
-                if aside is not None:
-                    _add(y, i, 3, v, -ri, cross(off_i, spring))
-            if j >= 0:
-                _add(y, j, 0, v, tj, force)
-                if rotating:
-                    _add(y, j, 3, v, -arm_j, torque)
-                    if aside is not None:
-                        _add(y, j, 3, v, rj, cross(off_j, spring))
-            if rolling is not None and rotating:
+            _add(y, j, 0, v, tj, force)
+            _add(y, i, 3, v, -arm_i, torque)
+            _add(y, j, 3, v, -arm_j, torque)
+            if aside is not None:
+                _add(y, i, 3, v, -ri, cross(off_i, spring))
+                _add(y, j, 3, v, rj, cross(off_j, spring))
+            if rolling is not None:
                 # Turning against each other, of which rolling and twisting each resist a part.
-                p = _times(-ri, _three(x, i, 3, v))
-                if j >= 0:
-                    p = plus(p, rj, _three(x, j, 3, v))
+                p = plus(_times(-ri, turn_i), rj, turn_j)
                 twists = factor * rolling[c, 1] * dot(n, p)
                 moment = plus(_times(factor * rolling[c, 0], p), twists, n)
                 _add(y, i, 3, v, -ri, moment)
-                if j >= 0:
-                    _add(y, j, 3, v, rj, moment)
+                _add(y, j, 3, v, rj, moment)
 
 
 def _springs_of_block(first, last, x, y, columns, factor, rows, ends, scale):
@@ -165,12 +148,12 @@ def _combine_by_slabs(
     x, y, single, columns, factor, own, kept, rows, ends, slabs, pieces, fresh, lateral, aside,
     rolling, scale, sums, threads,
 ):  # fmt: skip
-    """y = factor S K S x + own x + kept y for x and y of shape (n, dof, k).
+    """y = factor S K S x + own x + kept y for x and y of shape (n, 6, k).
 
     `single` is not None where k is 1, and `columns` a tuple of k numbers where contacts are springs
     alone and k is to be known when this is compiled. S is diagonal: `scale` (n, 2) holds its value
     for the translations of a particle and that for its rotations. The contacts as in
-    `PackedContacts`. `sums` (s + 1, 2, dof, k), where it is not None: to each slab's row are added,
+    `PackedContacts`. `sums` (s + 1, 2, 6, k), where it is not None: to each slab's row are added,
     by component and column, the sums of y y and of y x over its fresh spheres, y as it came.
     `threads` share the slabs.
     """

@@ -1,7 +1,8 @@
 """K u without a matrix: one loop over the contacts, compiled by numba where it is installed.
 
 It reads 64 bytes a contact where the sparse matrix holds 72 numbers, and all cores share it.
-Without numba, and with pre-stress that makes K unsymmetric, the assembled matrix does the same.
+Without numba, of translations alone, and with pre-stress that makes K unsymmetric, the assembled
+matrix does the same.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ class ContactOperator(LinearOperator):
 
     Six entries a particle, u (m) then theta; three with a `dof` of 3. `mass_scaled` gives the
     operator whose eigenvalues are omega^2; `pre_stress` as in `modal.system.contacts`.
-    Equal to the matrix of `modal.system.assembly` up to round-off; with "full" and "law", which are
-    not symmetric, it is that matrix.
+    Equal to the matrix of `modal.system.assembly` up to round-off; of three entries, and with
+    "full" and "law", which are not symmetric, it is that matrix.
     """
 
     def __init__(
@@ -49,9 +50,11 @@ class ContactOperator(LinearOperator):
         super().__init__(np.dtype(float), 2 * (dof * network.n_particles,))
         self._matrix: sp.csr_matrix | None = None
         self._unturning: Floats | None = None
-        if numba is None or pre_stress not in SYMMETRIC:
+        if numba is None or dof == 3 or pre_stress not in SYMMETRIC:
             task = f"the matrix of {network.n_contacts} contacts"
-            remedy = "take fewer; with pre-stress none or normal, and numba, there is no matrix"
+            remedy = (
+                "take fewer; all motions with pre-stress none or normal take no matrix by numba"
+            )
             refuse_above_memory(CONTACT_BYTES * network.n_contacts, task, remedy)
             matrix = stiffness_matrix(network, dof, pre_stress)
             self._matrix = RootMass.of(network, dof).around(matrix) if mass_scaled else matrix
@@ -60,7 +63,7 @@ class ContactOperator(LinearOperator):
         self._scale = np.ones((network.n_particles, 2))
         if mass_scaled:
             self._scale = 1 / np.sqrt(np.column_stack([network.mass, network.inertia]))
-            self._unturning = RootMass.of(network, dof).unturning
+            self._unturning = RootMass.of(network).unturning
         if self._unturning is not None:
             self._scale[:, 1] = 1
 
@@ -157,7 +160,7 @@ class ContactOperator(LinearOperator):
         width = u.size // self.shape[0]
         on, shape = self._contacts, (-1, self.dof, width)
         more = on.lateral, on.aside, on.rolling
-        known = width in WIDTHS and self.dof == 6 and all(column is None for column in more)
+        known = width in WIDTHS and all(column is None for column in more)
         of_slabs = None if sums is None else np.zeros((len(on.slabs), 2, self.dof, width))
         combine_by_slabs(
             *(u.reshape(shape), out.reshape(shape), True if width == 1 else None),
