@@ -160,11 +160,11 @@ def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
     Of arrays at the frequencies of the first, NaN outside of their own. What one packing alone has
     keeps its error. `same` says that they are samples of one state.
     """
-    values = {}
+    values = dict(measurements[0])
+    unlike = "the packings differ in friction or stress: not samples of one state"
     for name, first in measurements[0].items():
         each = [m[name] for m in measurements if m[name].known]
         if not each:
-            values[name] = first
             continue
         at, shape = each[0].at, np.shape(each[0].value)
         # A list without frequencies has the first, second ... of each packing.
@@ -173,9 +173,8 @@ def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
         scatter = rows.std(axis=0, ddof=1) if len(rows) > 1 else np.nan * rows[0]
         one = len(each) == 1
         caveats = [c for v in each for c in v.caveats if one or not c.startswith("one sample")]
-        caveats.append(f"mean of {len(each)} of {len(measurements)} packings")
-        if not same:
-            caveats.append("the packings differ in friction or stress: not samples of one state")
+        caveats += [f"mean of {len(each)} of {len(measurements)} packings", *[unlike] * (not same)]
+        caveats += ["known where all of the packings have it"] * bool(shape)
         # Samples may agree by chance: the mean is not surer than what each of them is known to.
         own = _at_first(places, [v.error**2 - v.parts.get("length", 0.0) ** 2 for v in each])
         told = {"fit": np.sqrt(own.sum(axis=0)).reshape(shape) / len(rows)}
@@ -183,10 +182,8 @@ def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
         # That they are short is common to all: no mean makes it less.
         if common := [v.parts["length"] for v in each if "length" in v.parts]:
             told["length"] = max(common)
-        value = Value(rows.mean(axis=0), first.unit, told, (), at, scatter)
-        if not value.known:
-            caveats.append("at no frequency of the first are all of them known")
-        values[name] = value.with_caveats(*caveats)
+        mean = Value(rows.mean(axis=0), first.unit, told, (), at, scatter)
+        values[name] = mean.with_caveats(*caveats)
     return Measurement(values)
 
 
