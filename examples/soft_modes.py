@@ -105,14 +105,15 @@ print(rows.T.to_string(header=False, float_format="%.4g"))
 # **The figure.** Over f*, the line on which the peak of D(f) / f^2 lies.
 
 figure, axes = plt.subplots(1, 3, figsize=(7, 2.6), layout="constrained")
-shades = dict(zip(rows["friction"].unique(), ("0.1", "0.45", "0.75"), strict=True))
-for (_, row), (_, some), mark in zip(rows.iterrows(), groups, "os^D", strict=True):
+looks = dict(zip(rows["friction"].unique(), ("0.1 o", "0.45 s", "0.75 ^"), strict=True))
+for (_, row), (_, some) in zip(rows.iterrows(), groups, strict=True):
     mine, small = modes[modes["packing"].isin(some.index)], row["spheres"] < 1500
     edges = np.geomspace(0.1, row["first_wave_over_f_star"], 12)
     parts = [part for _, part in mine.groupby(pd.cut(mine["x"], edges), observed=False)]
     middle, count = np.sqrt(edges[1:] * edges[:-1]), np.array([len(part) for part in parts])
     per = np.diff(edges) * some["spheres"].sum()
-    style = {"color": shades[row["friction"]] if small else "w", "mec": "k", "mew": 0.4, "ms": 3.5}
+    shade, mark = looks[row["friction"]].split()
+    style = {"color": shade if small else "w", "mec": "k", "mew": 0.4, "ms": 3.5}
     style |= {"fmt": mark, "elinewidth": 0.5}
     style["label"] = f"{row['z']:.2f}" + ("" if small else ", 2,000 spheres")
     x, y, bars = (each[count > 0] for each in (middle, count / per, np.sqrt(count) / per))
