@@ -106,6 +106,6 @@ if __name__ == "__main__":
     for task in (moving, springs):
         slabs.ENOUGH = usual
         found[task.__name__] = task()
-    found |= {f"products, {name}": products(name) for name in ("none", "full")}
+    found |= {f"products, {name}": products(name) for name in ("none", "normal")}
     found |= {task.__name__: task() for task in (linear, blas, nonlinear, descent)}
     print(json.dumps({"threads": loops.threads_for(1000), "found": found}))
