@@ -139,7 +139,7 @@ plt.show()
 
 if __name__ == "__main__" and len(sys.argv) > 1:
     folder = Path(sys.argv[1])
-    write(folder, {"soft_modes": figure}, {"powers": rows}, float_format="%.4g", na_rep="nan")
+    write(folder, {"soft_modes": figure}, {"powers": rows}, float_format="%.7g", na_rep="nan")
     page = {"z": "{z:.2f}", "friction": "{friction:g}", "packings": "{packings}"}
     page |= {"spheres": "{spheres:,}", "f*, kHz": "{f_star_khz:.1f}"}
     for low, high in RANGES:
