@@ -34,8 +34,8 @@ def force_bearing(network: Network) -> Bools:
     """Shape (n,) bool: particles that keep two or more contacts once those with fewer are removed.
 
     A particle with a single contact cannot be in balance under a force; it is a rattler. So are all
-    of a cluster that touches nothing else: neither a wall nor, through a period, itself, and not
-    the largest.
+    of a cluster that touches nothing else: no wall, and not the largest. One that lies across the
+    end of a period is taken for one that touches itself through it.
     """
     return network.cached("force-bearing", lambda: _bearing(network))
 

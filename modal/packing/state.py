@@ -244,7 +244,7 @@ def unevenness(network: Network) -> float:
 
     def means(height: Floats, values: Floats) -> Floats:
         part = (height - network.wall_position[0]) / network.length % 1
-        third = (3 * part).astype(int)
+        third = (3 * part).astype(int) % 3  # of a rounding below zero the part is 1
         return np.bincount(third, values, 3) / np.maximum(np.bincount(third, minlength=3), 1)
 
     mass = means(start, network.mass)
