@@ -102,8 +102,7 @@ def ioffe_regel(m: Measuring) -> Value:
         return unknown("Hz", "a crystal does not scatter its waves")
     found = scattering(m)
     if not np.isfinite(found.limit):
-        why = "of no standing wave that could be read is the mean free path so short"
-        return unknown("Hz", why)
+        return unknown("Hz", "no standing wave that could be read has so short a mean free path")
     near = np.sort(abs(found.frequency - found.limit))[:2].sum()
     wide = found.velocity / found.limit > m.width * m.diameter
     caveats = of_frequency(m, found.limit) if wide else m.of_one_sample
@@ -182,8 +181,7 @@ def scattering(m: Measuring) -> Scattering:
     def ridge(orders: Floats) -> Scattering:
         whole = np.unique(orders.round()).astype(int)
         along = whole if m.walls else whole[:, None] * np.array([0, 0, 1])
-        found = structure_factor(m.network, along, line, highest)
-        return found.scattering(velocity, m.diameter)
+        return structure_factor(m.network, along, line, highest).scattering(velocity, m.diameter)
 
     most = max(1.0, 0.5 * fit * m.network.length / m.diameter)
     first = ridge(np.geomspace(max(1.0, most / 20), most, 8))
