@@ -3,11 +3,13 @@ The width of the cell
 =====================
 
 Which frequencies are the cell's, which the packing's? Packings without friction at 100 kPa in cells
-of four widths W: where further waves set in, how far modes are pure P-waves, and the low-pass.
+of four widths W: where further waves set in, how far modes are pure P-waves, the low-pass, and how
+fast plane waves scatter.
 
-`python examples/width.py FOLDER` writes the figure and two tables into a folder. It reads
+`python examples/width.py FOLDER` writes the figure and three tables into a folder. It reads
 `results/width/width*.json`, results of `studies/width.yaml`, and `long/*.json` there: cells of this
-study that are 72 D long, measured one by one, as the low-pass frequency needs 50 D.
+study that are 72 D long, measured one by one, as the low-pass frequency needs 50 D. Lines of plane
+waves along cells of 35,201 spheres without walls are in `plane_waves.csv`.
 """
 
 import sys
@@ -15,9 +17,10 @@ import sys
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from _committed import results, write
+from _committed import RESULTS, results, write
 
 DIAMETER = 2.54e-3  # m
+LONG, NEAR = (10.5, 18.2), (16, 18.2)  # kHz, below V_S / W of cells 7 D wide
 PURE, MIXED = 0.9, 0.45  # chi_z of P-waves, and of modes that have hardly a direction
 STEP = (0.85, 1.0), (1.0, 1.15)  # of V_S / W, where modes are counted below and above it
 
@@ -69,18 +72,32 @@ for of, found in cells("long/*.json"):
         row |= {f"attenuation_{f}_khz": alpha[k] if seen else np.nan}
         row |= {f"attenuation_{f}_khz_error": error[k] if seen else np.nan}
     long.append(row)
-rows, long = pd.DataFrame(rows), pd.DataFrame(long)
-for table in (rows, long):
+
+# %%
+# **Scattering**: the width of the lines of plane waves as a power of the frequency, for waves of 11
+# to 20 D, and its mean about 17 kHz, with the standard errors that its scatter makes.
+
+lines, powers = pd.read_csv(RESULTS / "width/plane_waves.csv").dropna(), []
+lines["khz"] = lines["frequency_hz"] / 1e3
+some = lines[lines["khz"].between(*LONG)]
+for width, own in (*some.groupby("width"), ("wider", some[some["width"] > some["width"].min()])):
+    fit, spread = np.polyfit(np.log(own["khz"]), np.log(own["line_hz"]), 1, cov=True)
+    row = {"width": str(width), "waves": len(own), "power": fit[0], "error": spread[0, 0] ** 0.5}
+    near = own["line_hz"][own["khz"].between(*NEAR)] / 1e3
+    powers.append(row | {"line_17_khz": near.mean(), "line_17_khz_error": near.sem()})
+rows, long, powers = (pd.DataFrame(each) for each in (rows, long, powers))
+for table in (rows, long, powers):
     print(table.to_string(index=False, float_format="%.4g"))
 
 # %%
-# **The figure.** Left: all modes below a frequency over V_S / W; right: the largest chi_z of all
-# modes from a frequency on, and the first cut-on of each width.
+# **The figure.** Left: all modes below a frequency over V_S / W; middle: the largest chi_z of all
+# modes from a frequency on; right: width of the lines over their frequency. Ticks: V_S / W.
 
-figure, axes = plt.subplots(1, 2, figsize=(7, 2.8), layout="constrained")
+figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.6), layout="constrained")
 modes = pd.DataFrame(modes)
 widths = modes.groupby("nominal")
-for (nominal, these), style in zip(widths, ((0, (1, 1)), "-.", "--", "-"), strict=True):
+styles = zip(widths, ((0, (1, 1)), "-.", "--", "-"), "os^D", strict=True)
+for (nominal, these), style, mark in styles:
     one = these.iloc[0]
     ratio = np.sort(one["f"]) / one["unit"]
     shade = f"{0.7 * (1 - nominal / modes['nominal'].max()):.2f}"
@@ -92,7 +109,12 @@ for (nominal, these), style in zip(widths, ((0, (1, 1)), "-.", "--", "-"), stric
     to_end = np.maximum.accumulate(chi[order][::-1])[::-1]
     shown = at[order] < min(f[-1] for f in these["f"]) - 1e3
     axes[1].step(at[order][shown] / 1e3, to_end[shown], where="pre", **look)
-    axes[1].plot([these["unit"].mean() / 1e3] * 2, [0.93, 1.0], **look)
+    cut_on = [these["unit"].mean() / 1e3] * 2
+    axes[1].plot(cut_on, [0.93, 1.0], **look)
+    axes[2].plot(cut_on, [0.5, 1.0], **look)
+    own = lines[lines["width"] == nominal]
+    share = own["line_hz"] / own["frequency_hz"]
+    axes[2].plot(own["khz"], share, mark, ms=3, mew=0.3, mec="w", color=shade, label=label)
 waves = ((1, 1.3, "$V_S/W$"), (2**0.5, 2.2, "$\\sqrt{2}\\,V_S/W$"), (1.51, 1.3, "$V_P/W$"))
 for ratio, height, text in waves:
     axes[0].axvline(ratio, color="k", lw=0.5, ls=":")
@@ -102,8 +124,12 @@ axes[0].legend(title="W", frameon=False, fontsize=6.5, title_fontsize=7, loc="up
 for level in (PURE, MIXED):
     axes[1].axhline(level, color="k", lw=0.5, ls=":")
 axes[1].set(xlabel="f, kHz", ylabel=r"largest $\chi_z$ from f on", xlim=(0, 24), ylim=(0.3, 1.02))
+axes[2].axhline(1 / np.pi, color="k", lw=0.5, ls=":")
+axes[2].text(1, 0.33, "Ioffe-Regel limit", fontsize=6.5)
+axes[2].legend(frameon=False, fontsize=6.5, loc="lower right")
+axes[2].set(xlabel="f, kHz", ylabel="width of the line / frequency", yscale="log", xlim=(0, 40))
 plt.show()
 
 if __name__ == "__main__" and len(sys.argv) == 2:
-    tables = {"cut_ons": rows, "long": long}
+    tables = {"cut_ons": rows, "long": long, "powers": powers}
     write(sys.argv[1], {"width": figure}, tables, float_format="%.4g", na_rep="nan")
