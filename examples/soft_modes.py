@@ -2,7 +2,7 @@
 Modes that are no waves
 =======================
 
-Natural frequencies of 500 periodic packings below their first wave: how many there are, how many
+Natural frequencies of 900 periodic packings below their first wave: how many there are, how many
 spheres move in each, and how much they turn. Three frictions give three numbers of contacts z.
 
 `python examples/soft_modes.py FOLDER` writes the figure and the powers into a folder. It reads
