@@ -138,4 +138,4 @@ def test_modes_lie_below_the_first_wave_of_their_packing(modes):
     f, moving, rotation = (modes[name] for name in ("frequency_hz", "spheres_moving", "rotation"))
     assert (f <= 1.0001 * modes["first_wave_hz"]).all() and (f > 10).all()
     assert (moving > 0.99).all() and (moving <= modes["spheres"]).all()
-    assert ((rotation > 0) & (rotation < 1)).all()
+    assert ((rotation > 0) & (rotation <= 1)).all()  # of two digits: 0.996 is 1
