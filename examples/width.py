@@ -74,8 +74,8 @@ for of, found in cells("long/*.json"):
     long.append(row)
 
 # %%
-# **Scattering**: the width of the lines of plane waves as a power of the frequency, for waves of 11
-# to 20 D, and its mean about 16 kHz, with the standard errors that its scatter makes.
+# **Scattering**: the width of the lines of plane waves as a power of the frequency, for waves of 12
+# to 19 D, and its mean about 16 kHz, with the standard errors that its scatter makes.
 
 lines, powers = pd.read_csv(RESULTS / "width/plane_waves.csv").dropna(), []
 lines["khz"] = lines["frequency_hz"] / 1e3
