@@ -9,6 +9,12 @@ class InputError(ValueError):
 
     The command line prints it and ends with status 2.
 
+    Attributes
+    ----------
+    code : str
+        What is wrong, for programs and tests, which must not depend on the message; "input" where
+        the error has no code of its own.
+
     Examples
     --------
     >>> import modal
@@ -18,6 +24,10 @@ class InputError(ValueError):
     ...     print(error)
     cells (2, 2, 0): give three whole numbers, along x and y, and layers
     """
+
+    def __init__(self, message: str = "", *, code: str = "input") -> None:
+        super().__init__(message)
+        self.code = code
 
 
 SHOWN = 12
@@ -38,4 +48,4 @@ def refuse_unknown(what: str, word: object, known: Iterable[str]) -> None:
     near = get_close_matches(str(word).lower(), words) if len(words) > SHOWN else []
     all_of_them = ", ".join(words[:SHOWN] + ["..."] * (len(words) > SHOWN))
     do = f"did you mean {' or '.join(near)}?" if near else f"choose from {all_of_them}"
-    raise InputError(f"{what} {word!r}: unknown; {do}".lstrip())
+    raise InputError(f"{what} {word!r}: unknown; {do}".lstrip(), code="unknown_word")
