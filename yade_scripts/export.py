@@ -12,6 +12,7 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rigid_bodies import Bodies, joined
 from modal.packing.state import void_ratio
 from modal.tools.errors import InputError
+from yade_scripts.held import refuse_held
 from yade_scripts.scene import wall_faces
 from yade_scripts.state import canonical_contacts, inside
 
@@ -140,7 +141,7 @@ def _clumps(ids):
 
 
 def _spheres():
-    """The scene's spheres; other bodies may be walls, nothing else."""
+    """Return the scene's spheres, which move freely; other bodies may be walls, nothing else."""
     bodies = []
     for body in O.bodies:
         if body is None or body.shape is None:
@@ -149,9 +150,13 @@ def _spheres():
         if kind == "Sphere":
             bodies.append(body)
         elif kind not in ("Clump", *WALLS):
-            raise InputError(f"body {body.id} is a {kind}; known are Sphere, {', '.join(WALLS)}")
+            raise InputError(
+                f"body {body.id} is a {kind}; known are Sphere, {', '.join(WALLS)}",
+                code="unknown_body",
+            )
     if not bodies:
-        raise InputError("the scene has no spheres")
+        raise InputError("the scene has no spheres", code="no_spheres")
+    refuse_held(bodies)
     return bodies
 
 

@@ -17,7 +17,8 @@ Wall, Facet and Box bodies become the two flat walls at low and high z. A networ
 the middle of the overlap, as YADE's torques do; for the motion of a sphere on a Wall it takes the
 Wall's plane, and by default a "ratcheting" variant, which differ by overlap / radius. Other
 cohesion and rolling resistance, walls that stand in the way along x or y, and cells at angles are
-refused, in one line.
+refused, in one line; so are spheres that do not move freely (`fixed`, `blockedDOFs`, moved by an
+engine).
 """
 
 import sys
@@ -28,18 +29,29 @@ if __name__ == "__main__":
     # Inside YADE __file__ is YADE itself; the script is its first argument.
     sys.path.insert(0, str(Path(sys.argv[0]).resolve().parents[1]))
 
-from yade import O, config
+from yade import O, config, runtime
 
 from modal.formats.hdf5 import named
 from modal.formats.provenance import Provenance, versions
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
 from yade_scripts.export import network_of_scene
-from yade_scripts.scene import find_contacts, finish
+from yade_scripts.scene import find_contacts, finish, refused_in_one_line
 
 
 def export_scene(path):
-    """Write the network of the present scene; InputError for what a network does not know."""
+    """Write the network of the present scene, or refuse what a network does not know.
+
+    That is an InputError; where YADE ends with the script (-x), one line and exit status 2.
+    """
+    if runtime.opts.exitAfter:
+        refused_in_one_line(lambda: _write_scene(path))
+    else:
+        _write_scene(path)
+
+
+def _write_scene(path):
+    """Write the network of the present scene and print what is in it."""
     with named(path):
         network = network_of_scene()
     made = Provenance("yade_scripts/export_scene.py", versions=versions(yade=config.version))

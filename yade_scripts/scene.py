@@ -169,18 +169,28 @@ def cell_side():
 def finish(main):
     """Run `main` and end the process with its status: 2 and one line for a user's mistake.
 
-    Anything else that went wrong is told with its place, status 1. YADE's own exit would turn every
-    status into 0.
+    Anything else that went wrong is told with its place, status 1.
     """
     try:
-        main()
+        refused_in_one_line(main)
         status = 0
-    except (InputError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        status = 2
     except Exception:
         traceback.print_exc()
         status = 1
+    _end(status)
+
+
+def refused_in_one_line(work):
+    """Do `work`; end the process with one line and status 2 for a user's mistake."""
+    try:
+        work()
+    except (InputError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        _end(2)
+
+
+def _end(status):
+    """End the process with a status, which YADE's own exit would turn into 0."""
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(status)

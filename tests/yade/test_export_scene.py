@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from in_yade import measured_tangent, script
+from in_yade import forked, measured_tangent, script
 from places import ROOT
 
 from modal.packing.network import read_network
@@ -101,3 +102,26 @@ def test_saved_scene_gives_the_same_network(tmp_path, yade):
     for name in ("stiffness_normal", "stiffness_tangential", "force_normal", "overlap"):
         one, two = (getattr(each, name)[rows] for each, rows in zip((a, b), order, strict=True))
         np.testing.assert_allclose(two, one, rtol=1e-9)
+
+
+HELD = ROOT / "tests" / "yade" / "held_spheres.py"
+FREE = {"free_clump_of_a_fixed_sphere", "moved_no_more", "on_a_wall"}
+
+
+def test_spheres_that_do_not_move_freely_are_refused(tmp_path, yade):
+    """Held as a whole or in one motion, moved by an engine, or left out of the integration."""
+    out = tmp_path / "codes.json"
+    script(HELD, ROOT, out, folder=tmp_path)
+    codes = json.loads(out.read_text())
+    assert set(codes) > FREE
+    for scene, code in codes.items():
+        assert code == ("" if scene in FREE else "held_bodies"), scene
+
+
+def test_a_refusal_ends_a_users_script_with_one_line(tmp_path, yade):
+    out = tmp_path / "a.network.h5"
+    status, log = forked(tmp_path, [HELD, ROOT, out], {})
+    assert status == 2
+    assert len([line for line in log.splitlines() if line.startswith("error: ")]) == 1
+    assert "Traceback" not in log
+    assert not out.exists()
