@@ -1,6 +1,7 @@
 """What `import modal` offers: the same digits as the command line, pictures, examples that run."""
 
 import doctest
+import hashlib
 import re
 import sys
 import time
@@ -137,11 +138,74 @@ def test_products_of_another_packing_are_refused(packing, tmp_path):
     write_modes(path, modes)
     for found in (modes, read_modes(path)):
         for wrong in (other, modal.fcc(cells=(1, 1, 8))):
-            with pytest.raises(modal.InputError, match="another packing"):
-                found.participation(wrong)
-            with pytest.raises(modal.InputError, match="another packing"):
-                decay_rates(found, wrong, ContactDamping(0.1, 0.1))
+            refuse_modes(found, wrong)
         assert found.participation(replace(network)).shape == (3,)
+
+
+def refuse_modes(modes, network):
+    """What needs the network of a list of modes refuses this one."""
+    with pytest.raises(modal.InputError) as refused:
+        modes.participation(network)
+    assert refused.value.code == "modes_of_another_network"
+    with pytest.raises(modal.InputError) as refused:
+        decay_rates(modes, network, ContactDamping(0.1, 0.1))
+    assert refused.value.code == "modes_of_another_network"
+
+
+CHANGED = {
+    "stiffness_normal": lambda network: network.stiffness_normal * 1.001,
+    "stiffness_tangential": lambda network: network.stiffness_tangential * 0.5,
+    "force_normal": lambda network: network.force_normal * 1.001,
+    "sliding": lambda network: np.arange(network.n_contacts) == 7,
+    "cell_size": lambda network: network.cell_size * (1 + 1e-9),
+    "cell_shift": lambda network: None,
+    "stiffness_rolling and twisting": None,
+    "contacts": None,
+}
+"""What a network of the same spheres may have otherwise."""
+
+
+@pytest.mark.parametrize("what", CHANGED)
+def test_modes_of_the_same_spheres_with_other_contacts_are_refused(packing, what):
+    """Their shapes are other ones, although no sphere has moved."""
+    network = packing[0]
+    if what == "contacts":
+        other = network.with_contacts(slice(1, None))
+    elif what == "stiffness_rolling and twisting":
+        none = np.zeros(network.n_contacts)
+        other = replace(network, stiffness_rolling=none, stiffness_twisting=none)
+    else:
+        other = replace(network, **{what: CHANGED[what](network)})
+    assert other.fingerprint != network.fingerprint
+    refuse_modes(modal.eigenmodes(network, lowest=3), other)
+
+
+def test_modes_of_a_network_are_known_whatever_its_file_and_notes(packing, tmp_path):
+    """Written and read, copied, with other notes, and where contacts slide: the same network."""
+    network = packing[0]
+    write_network(tmp_path / "a.network.h5", network)
+    sliding = replace(network, sliding=np.arange(network.n_contacts) % 5 == 0)
+    modes = modal.eigenmodes(network, lowest=3)
+    for same in (
+        modal.read(tmp_path / "a.network.h5"),
+        deepcopy(network),
+        replace(network, study={"seed": 7}),
+        replace(network, particle_i=network.particle_i.astype("i4")),
+    ):
+        assert modes.participation(same).shape == (3,)
+    of_sliding = modal.eigenmodes(sliding, lowest=3, sliding="slip")
+    assert of_sliding.participation(sliding).shape == (3,)
+    refuse_modes(of_sliding, network)
+
+
+def test_modes_of_earlier_files_know_their_packing_by_its_spheres(packing):
+    """Files of version 0.1.0 hold the digest of position, radius, mass and inertia by rows."""
+    network = packing[0]
+    rows = np.column_stack([network.position, network.radius, network.mass, network.inertia])
+    modes = modal.eigenmodes(network, lowest=3)
+    modes.attributes["packing"] = hashlib.sha256(rows.tobytes()).hexdigest()
+    assert modes.participation(network).shape == (3,)
+    refuse_modes(modes, modal.random_packing(spheres=100, seed=4))
 
 
 def test_pictures_show_the_numbers_and_draw_where_they_are_told(packing):

@@ -158,7 +158,7 @@ def _listed(system: LinearSystem, kind: str, value: Any, certify: bool) -> ModeS
         of = system.size - (every_floppy(system).held if kind == "lowest" else 0)
         count = min(FEW, of) if value is None else value
         modes = _counted_off(system, Choice(kind, 0 if kind == "all" else count), of, certify)
-    modes.attributes |= {"packing": system.network.fingerprint, "pre_stress": system.pre_stress}
+    modes.attributes |= {"packing": system.packing.fingerprint, "pre_stress": system.pre_stress}
     for data in vars(modes).values():
         if isinstance(data, np.ndarray):
             data.flags.writeable = False

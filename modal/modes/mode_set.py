@@ -174,14 +174,19 @@ class ModeSet(Drawn):
     def shapes(self, network: Network | None = None) -> Floats:
         """Shape (k, n, 6): the mode shapes; InputError where they were not kept.
 
-        With a `network` also where its spheres are not those of the modes.
+        With a `network` also where the modes are of another one.
         """
         if self.mode_shape is None:
             raise InputError("no mode shapes were kept; ask for fewer modes, or with -o")
         if network is not None:
-            own = self.attributes.get("packing", network.fingerprint)
-            if own != network.fingerprint or self.mode_shape.shape[1] != network.n_particles:
-                raise InputError("the modes are of another packing; take those of this one")
+            noted = self.attributes.get("packing")
+            known = noted is None or network.matches(noted)
+            if not known or self.mode_shape.shape[1] != network.n_particles:
+                raise InputError(
+                    "the modes are of another network, of other spheres, contacts, stiffnesses or "
+                    "forces; take those of this one",
+                    code="modes_of_another_network",
+                )
         return self.mode_shape
 
     def participation(self, network: Network) -> Floats:

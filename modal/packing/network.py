@@ -6,6 +6,7 @@ This module is the one definition of the format "granular-contact-network". The 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -92,7 +93,25 @@ class Network(Columns):
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of its spheres: by this a product in memory knows its packing."""
+        """SHA-256 of every column: by this a result in memory or in a file knows its network.
+
+        It holds all that an answer can depend on, to the last bit: spheres or bodies, contacts with
+        their levers, stiffnesses, forces, overlaps and which of them slide, cell, periods and
+        walls. The free notes in `study` and `provenance` are not in it, nor how wide its integers
+        are, so a network that was written and read again has the same.
+        """
+        return self.cached("fingerprint", lambda: _digest(self._known(list(COLUMNS))))
+
+    def matches(self, fingerprint: str) -> bool:
+        """Return whether the fingerprint that a result holds is that of this network.
+
+        Files of version 0.1.0 hold a digest of the spheres alone, which is known as well.
+        """
+        return fingerprint in (self.fingerprint, self._digest_of_spheres)
+
+    @property
+    def _digest_of_spheres(self) -> str:
+        """SHA-256 of position, radius, mass and inertia, row by row."""
         spheres = (self.position, self.radius, self.mass, self.inertia)
         return sha256(np.column_stack(spheres).tobytes()).hexdigest()
 
@@ -138,6 +157,17 @@ class Network(Columns):
                 "a contact is selected twice; list each once, with its whole stiffness"
             )
         return self.some(rows)
+
+
+def _digest(columns: Mapping[str, Array]) -> str:
+    """Return the SHA-256 of columns: their names, shapes and numbers, whatever their widths."""
+    digest = sha256()
+    for name, data in sorted(columns.items()):
+        width = np.float64 if data.dtype.kind == "f" else np.int64
+        numbers = np.ascontiguousarray(data, width) + width(0)  # no zero keeps a sign
+        digest.update(f"{name} {data.dtype.kind} {data.shape}".encode())
+        digest.update(numbers)
+    return digest.hexdigest()
 
 
 def write_network(path: str | Path, network: Network) -> None:

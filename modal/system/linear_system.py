@@ -69,7 +69,8 @@ class LinearSystem:
     translations only; `solver` names the factorisation (`modal.solvers.factor.SOLVERS`), None the
     fastest; `shapes` says whether lists of modes keep their mode shapes; a search whose estimated
     time exceeds `hours` is refused; `limits` as in `Limits`. `damping` of the contacts is known to
-    waves and responses alone.
+    waves and responses alone. `asked_of` is the network that was asked about, where `network` has
+    other springs in the place of contacts that slide.
     """
 
     network: Network
@@ -80,6 +81,7 @@ class LinearSystem:
     hours: float = LONGEST / 3600
     limits: Limits = Limits()
     damping: ContactDamping | None = None
+    asked_of: Network | None = None
 
     def __post_init__(self) -> None:
         if self.solver is not None:
@@ -100,7 +102,12 @@ class LinearSystem:
         `sliding` as of `modal.system.contacts.with_sliding`. InputError for unknown choices.
         """
         dof = 3 if translations_only else 6
-        return cls(with_sliding(network, sliding), dof=dof, **options)
+        return cls(with_sliding(network, sliding), dof=dof, asked_of=network, **options)
+
+    @property
+    def packing(self) -> Network:
+        """The network that was asked about, to which results belong."""
+        return self.asked_of or self.network
 
     def cached(self, name: str, make: Callable[[], Made], bytes: float = 0.0) -> Made:
         """What does not depend on the solver, made once for all systems of a network.
