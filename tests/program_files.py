@@ -11,12 +11,15 @@ from pathlib import Path
 
 import numpy as np
 import packings
+import pytest
 
 import modal
 from modal.__main__ import main
+from modal.exchange.registry import import_packing
 from modal.packing.network import Network, read_network
 from modal.system.assembly import assembled
 from modal.system.contacts import contact_tangent
+from modal.tools.errors import InputError
 
 PAIR = "granular hertz/material 6e10 0 0.2 tangential mindlin/force NULL 0 0.3"
 """Young's modulus and Poisson's ratio of `packings.polydisperse`."""
@@ -131,6 +134,14 @@ class Given:
         status, out, err = self._import(more)
         assert status == 0, err
         return json.loads(out)
+
+    def code(self, **more: object) -> str:
+        """Return the code of the error with which the file is refused."""
+        options = self.options | more
+        with pytest.raises(InputError) as refused:
+            import_packing(self.spheres, **options)
+        assert "\n" not in str(refused.value)
+        return refused.value.code
 
     def refused(self, said: str, **more: object) -> None:
         """`import` refuses in one line, which says so, and writes nothing."""

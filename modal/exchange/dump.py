@@ -16,7 +16,7 @@ import numpy as np
 from modal.exchange.input_script import WIDTHS, Script, columns_of_liggghts
 from modal.exchange.law import SI, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import WALLS, Cell, Packing, ends_of
-from modal.exchange.text import Rows, Words, fault, last_step, shown, significant_digits, text_lines
+from modal.exchange.text import Rows, Words, fault, last_step, shown, text_lines, written_digits
 from modal.tools.arrays import Array, Bools, Floats, Ints
 
 UNITS = {"si": SI, "cgs": Units(1e-2, 1e-3, 1.0), "micro": Units(1e-6, 1e-15, 1e-6)}
@@ -25,9 +25,11 @@ ITEMS = {"ATOMS": "spheres (dump custom)", "ENTRIES": "contacts (dump local)"}
 """What the rows behind these are."""
 SEVERAL = 5
 """Steps that a message lists."""
-ROUNDED = (6, 7)
-"""Significant digits of bounds that a program has rounded: by %g, or in single precision. Fewer
-stand there when somebody chose them, more when all were written."""
+DIGITS_OF_G = 6
+"""Significant digits that the format %g leaves, in which LIGGGHTS writes the bounds. Fewer stand
+there when somebody chose them, more when all were written."""
+ROUNDED = (DIGITS_OF_G, 7)
+"""Significant digits of radii that a program has rounded: by %g, or in single precision."""
 SHAPED = ("shapex", "quatw", "quat1", "blockiness1", "length", "corner1x")
 """Columns of LAMMPS and LIGGGHTS for ellipsoids, superquadrics, rods and polygons."""
 COLUMNS = (
@@ -78,16 +80,16 @@ Walls = Mapping[int, Wall]
 class Frame:
     """One time of a dump: its step, box low and high (3,), periodic (3,), and its rows.
 
-    `rounding` is the unit of the last digit of bounds that a program seems to have rounded, as
-    LIGGGHTS does; contacts through the periods are known no better. `units` are those that the dump
-    names (`dump_modify ... units yes`), if it does.
+    `rounding` (3,) is the unit of the last digit of bounds that the program has rounded, as
+    LIGGGHTS does, else 0; contacts through the periods are known no better. `units` are those that
+    the dump names (`dump_modify ... units yes`), if it does.
     """
 
     step: int
     low: Floats
     high: Floats
     periodic: Bools
-    rounding: float
+    rounding: Floats
     units: str
     rows: Rows
 
@@ -151,8 +153,9 @@ def _head(
         what = "the cell is triclinic (its periods are at angles)"
         fault(path, what, "only rectangular cells are known; compress without shear", line)
     periodic = np.array([word.startswith("p") for word in title[-3:]])
-    digits = significant_digits([word for row in bounds for word in row[:2]])
-    rounding = last_step(box, digits) if periodic.any() and digits in ROUNDED else 0.0
+    rounding = np.zeros(3)
+    if written_digits(word for row in bounds for word in row[:2]) == DIGITS_OF_G:
+        rounding = np.array([last_step(axis, DIGITS_OF_G) for axis in box])
     units = " ".join(*said.get("UNITS", [[], []])[1:])
     own = {"periodic": periodic, "rounding": rounding, "units": units}
     return count, {"step": step, "low": box[:, 0], "high": box[:, 1], **own}
@@ -245,22 +248,26 @@ def packing_of(
     radius, mass = table[:, 4] * (0.5 if size == "diameter" else 1.0), table[:, 5]
     if heavy == "density":
         mass = mass * 4 / 3 * np.pi * radius**3
-    # Radii count in overlaps as positions do; those that few digits hold are exact.
-    rounded = rows.digits(size) in ROUNDED
     step = last_step(position, digits)
     if "xs" in places:
-        step *= float((frame.high - frame.low).max())
-        position = frame.low + position * (frame.high - frame.low)
-    coarse = max(frame.rounding, last_step(radius, rows.digits(size)) * rounded)
-    if coarse > step:
-        step, digits = coarse, min(digits, ROUNDED[0])
+        extent = frame.high - frame.low
+        # Rounded bounds stretch all distances, of which one diameter counts in an overlap.
+        stretch = float((frame.rounding / extent).max()) * 2 * float(radius.max(initial=0.0))
+        step = max(step * float(extent.max()), stretch)
+        position = frame.low + position * extent
+    # Radii count in overlaps as positions do; those that few digits hold are exact.
+    radius_digits = rows.digits(size)
+    if radius_digits in ROUNDED and last_step(radius, radius_digits) > step:
+        step = last_step(radius, radius_digits)
+        digits = min(digits, radius_digits)
     columns: dict[str, Array] = {"position": position, "radius": radius, "mass": mass}
     columns["number"] = table[:, 0]
     for k, (name, column) in enumerate(further.items(), 6):
         columns[name] = rows.whole(table[:, k], column)
     source, receiver = (walls.get(code, np.nan) for code in WALLS)
     low, high = units.length * frame.low, units.length * frame.high
-    cell = Cell(low, high, frame.periodic, (source, receiver))
+    rounding = units.length * frame.rounding
+    cell = Cell(low, high, frame.periodic, (source, receiver), rounding)
     return Packing.of(rows, cell, units, columns, digits, step)
 
 

@@ -64,7 +64,7 @@ def network_of(
     touch, found = listed.some(kept), ContactList(*(x[kept] for x in vars(found).values()))
     overlap, normal = found.overlap, found.normal
     reach, effective = packing.reach(touch.i, touch.j)
-    error = packing.step / np.sqrt(6)  # root mean square of a distance whose ends are rounded
+    error = float(packing.distance_error(found.cell_shift).max())
     how, force = "positions", touch.force
     columns: dict[str, Any] = dict(touch.columns)
     kinds, which = list[ProgramLaw](), np.zeros(len(overlap), int)
@@ -72,14 +72,14 @@ def network_of(
     if law_of is None:
         if abs(overlap).max() >= EXACT * error:
             what = "median distance of spheres that touch"
-            _refuse_few_digits(packing, error / BLUNT, reach - overlap, what, "")
+            _refuse_few_digits(packing, error, BLUNT, reach - overlap, what, "")
     else:
         kinds, which = _kinds(touch, packing, law_of)
         law = ProgramLaw.of_contacts(kinds, which)
         by_law = law.force(overlap, effective)
         if force is None:
             do = ", or give the contacts with their forces"
-            _refuse_few_digits(packing, error / DROWNED, overlap, "median overlap", do)
+            _refuse_few_digits(packing, error, DROWNED, overlap, "median overlap", do)
             force = by_law
         else:
             force = np.where(np.isnan(force), by_law, force)
@@ -162,15 +162,22 @@ def _kept(listed: Contacts, packing: Packing, overlap: Floats) -> Bools:
     return kept
 
 
-def _refuse_few_digits(packing: Packing, least: float, size: Floats, what: str, do: str) -> None:
-    """InputError where the median `size`, m, is below the `least` that positions tell."""
+def _refuse_few_digits(
+    packing: Packing, error: float, share: float, size: Floats, what: str, do: str
+) -> None:
+    """Raise InputError where the `error` of distances, m, exceeds a share of the median `size`."""
     median = float(np.median(size))
-    if least > median:
-        needed = np.log10(abs(packing.position).max() * least / packing.step / median)
-        what = f"{packing.step:.0e} m, where the {what} is {median:.1e} m"
-        what = f"positions have {packing.digits} digits, or the cell's bounds, steps of {what}"
-        do = f"write {int(np.ceil(needed)) + 1} digits or more (17 are all){do}"
-        fault(packing.name, what, do)
+    if error <= share * median:
+        return
+    step = packing.step
+    whose = f"positions have {packing.digits} digits"
+    if step / np.sqrt(6) <= share * median:
+        step = error * np.sqrt(6)
+        whose = "bounds of the cell, through which spheres touch, are rounded"
+    largest = float(abs(packing.position).max())
+    needed = int(np.ceil(np.log10(largest * error / (step * share * median)))) + 1
+    what = f"{whose}, steps of {step:.0e} m, where the {what} is {median:.1e} m"
+    fault(packing.name, what, f"write {needed} digits or more (17 are all){do}", code="few_digits")
 
 
 def _refuse_other_units(pushed: Floats, overlap: Floats, name: str) -> None:

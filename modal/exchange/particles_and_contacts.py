@@ -21,12 +21,17 @@ WALLS = (SOURCE_WALL, RECEIVER_WALL)
 
 @dataclass(frozen=True)
 class Cell:
-    """low, high (3,), m, periodic (3,); walls: z of the source and the receiver wall, or NaN."""
+    """low, high (3,), m, periodic (3,); walls: z of the source and the receiver wall, or NaN.
+
+    `rounding` (3,), m, is the unit of the last digit of bounds that the program has rounded, 0
+    where it wrote them as they are.
+    """
 
     low: Floats
     high: Floats
     periodic: Bools
     walls: tuple[float, float] = (np.nan, np.nan)
+    rounding: Floats = field(default_factory=lambda: np.zeros(3))
 
     @property
     def periods(self) -> Floats:
@@ -44,9 +49,9 @@ class Cell:
 class Packing:
     """n spheres in a cell: numbers (n,) of the program, position (n, 3), radius, mass (n,).
 
-    `name` of their file, for messages; `digits` of the positions as they were written, and `step`
-    the unit of the last of them, m; `kind` (n,) is the type that chooses the law. Spheres of the
-    same number in `body` (n,) are one rigid body; below 1 a sphere is its own.
+    `name` of their file, for messages; `digits` of the positions and radii as they were written,
+    and `step` the unit of the last of them, m; `kind` (n,) is the type that chooses the law.
+    Spheres of the same number in `body` (n,) are one rigid body; below 1 a sphere is its own.
     """
 
     name: str
@@ -130,6 +135,14 @@ class Packing:
         ends = i, j, np.where(pair, shift, 0).astype(np.int32)
         with np.errstate(invalid="ignore"):  # two in one place are refused later
             return between(ends, self.position, cell.periods, np.array(cell.planes), self.radius)
+
+    def distance_error(self, shift: Ints) -> Floats:
+        """Return the error (m,), m, of the distances of contacts over these periods (m, 3).
+
+        Root mean square, by the digits of both positions and, through a period, of its two bounds.
+        """
+        by_bounds = np.where(shift == 0, 0.0, self.cell.rounding).max(axis=1, initial=0.0)
+        return np.hypot(self.step, by_bounds) / np.sqrt(6)
 
     def pushes(self, i: Ints, j: Ints, force: Floats) -> tuple[Floats, Floats]:
         """Of forces (m, 3), N, on i: the part along the normal, compression positive, the rest."""

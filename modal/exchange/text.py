@@ -18,14 +18,21 @@ from modal.tools.errors import InputError
 
 SHOWN = 60
 """Characters of a file that a message quotes."""
+SHORT_MANTISSA_BITS = 16
+"""Numbers that need no more bits are exact: of those rounded to the 24 bits of single precision
+one in 2^8 needs as few."""
 LOOKED_AT = 500
 """Rows whose texts are looked at for the number of digits that a program has written."""
 
 
-def fault(path: str | Path, what: str, do: str, line: int = 0, column: str = "") -> NoReturn:
+def fault(
+    path: str | Path, what: str, do: str, line: int = 0, column: str = "", *, code: str = "input"
+) -> NoReturn:
     """InputError in one line: file, line (from 1) and column where known, fault, remedy."""
-    where = f", line {line}" * bool(line) + f", column {column}" * bool(column)
-    raise InputError(f"{path}{where}: {what}; {do}")
+    where = f", line {line}" if line else ""
+    if column:
+        where += f", column {column}"
+    raise InputError(f"{path}{where}: {what}; {do}", code=code)
 
 
 def shown(text: str) -> str:
@@ -161,23 +168,41 @@ class Rows:
 
 
 def significant_digits(texts: Sequence[str]) -> int:
-    """Most significant digits among numbers as they are written; a float32 counts as 7.
+    """Return the most significant digits among numbers as they are written; 7 for rounded float32.
 
     >>> significant_digits(["0.01200", "1.25e-3", "7"]), significant_digits(["0.10000000149011612"])
     (4, 7)
+    >>> significant_digits(["5.0000000000000000e-01"])  # half is a float32, but none was rounded
+    17
     """
-    most, numbers = 1, []
+    most, numbers = written_digits(texts), []
     for text in texts:
-        mantissa = text.strip().lower().partition("e")[0].lstrip("+-").replace(".", "")
-        most = max(most, len(mantissa.lstrip("0")))
         try:
             numbers.append(float(text))
         except ValueError:
             continue
     values = np.array([value for value in numbers if abs(value) < 1e38])
-    if most > 8 and len(values) and (values.astype(np.float32) == values).all():
+    if most > 8 and len(values) and _rounded_to_float32(values):
         return 7
     return most
+
+
+def written_digits(texts: Iterable[str]) -> int:
+    """Return the most digits that stand in a number, leading zeros left out."""
+    mantissas = (text.strip().lower().partition("e")[0].lstrip("+-") for text in texts)
+    return max((len(each.replace(".", "").lstrip("0")) for each in mantissas), default=1) or 1
+
+
+def _rounded_to_float32(values: Floats) -> bool:
+    """Whether numbers (n,) were rounded to single precision: all fit in it, some need its end.
+
+    Numbers such as 8 or 0.375 fit in any precision, so they tell nothing.
+    """
+    if (values.astype(np.float32) != values).any():
+        return False
+    mantissa, _ = np.frexp(values)
+    scaled = mantissa * 2.0**SHORT_MANTISSA_BITS
+    return bool((scaled != np.round(scaled)).any())
 
 
 def last_step(values: Floats, digits: int) -> float:

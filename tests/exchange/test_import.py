@@ -64,6 +64,7 @@ def test_six_digits_without_forces_are_refused_with_them_hardly_missed(tmp_path,
         assert told["overlaps_from"] == ("positions" if digits == 17 else "forces")
         frequencies[digits] = modal.eigenmodes(read_network(files.out), all=True).frequency
     files.refused(r"positions have 6 digits, .* write 8 digits or more", contacts=None)
+    assert files.code(contacts=None) == "few_digits"
     program_files.written(capsys, tmp_path, "lammps", made, 8).imported(contacts=None)
     firm = frequencies[17] > 1e3  # floppy modes are zero up to round-off
     np.testing.assert_allclose(frequencies[6][firm], frequencies[17][firm], rtol=1e-5)

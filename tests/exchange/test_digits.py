@@ -1,0 +1,118 @@
+"""Which digits of a dump tell how well positions are known: those of positions and radii alone.
+
+Three spheres between two walls, springs of 1e5 and 8e4 N/m: closed forms below.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import modal
+from modal.exchange.registry import import_packing
+from modal.exchange.text import significant_digits
+from modal.tools.errors import InputError
+
+PAIR = "granular hooke 1e5 0 tangential linear_history 8e4 0 0.5"
+TOP = 2.99994
+"""z of the upper wall, m: overlaps of 1e-5 m there and 2e-5 m between spheres of diameter 1 m."""
+MASS = 1.3
+
+
+def column(
+    folder: Path,
+    *,
+    bounds: tuple[str, str, str] = ("0 8", "0 8", "0 16"),
+    x: float = 4.123,
+    layout: str = ".16e",
+    flags: str = "pp pp ff",
+) -> Path:
+    """Write three spheres above each other, one of two that touch through x if x is near 0."""
+    rows = ""
+    for k in range(3):
+        height = 0.49999 + 0.99998 * k
+        numbers = " ".join(format(number, layout) for number in (x, 4.123, height, 0.5, MASS))
+        rows += f"{k + 1} 1 {numbers}\n"
+    path = folder / "x.dump"
+    path.write_text(
+        f"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n3\nITEM: BOX BOUNDS {flags}\n"
+        + "\n".join(bounds)
+        + f"\nITEM: ATOMS id type x y z radius mass\n{rows}"
+    )
+    return path
+
+
+def imported(path: Path) -> modal.Network:
+    return import_packing(path, pair=PAIR, wall=f"{PAIR} zplane 0 {TOP}").network
+
+
+ROUND = {
+    "binary": ("0.0000000000000000e+00 8.0000000000000000e+00",) * 2
+    + ("0.0000000000000000e+00 1.6000000000000000e+01",),
+    "short": ("0 8.1", "-1.25 7", "0 16"),
+    "fractions": ("-3.7500000000000000e-01 8.1250000000000000e+00",) * 2
+    + ("0.0000000000000000e+00 1.6000000000000000e+01",),
+    "six digits": ("0 8.12345", "0 8.12346", "0 16.1234"),
+    "single": ("0.10000000149011612 8.1000003814697266",) * 2 + ("0 16.100000381469727",),
+}
+"""Bounds that are exact, chosen, or rounded, where no contact goes through a period."""
+
+
+@pytest.mark.parametrize("bounds", ROUND)
+def test_bounds_are_no_sign_of_how_positions_were_written(tmp_path, bounds):
+    """Motions along z of a chain of three masses between walls, f = sqrt(k/m) sin(...) / pi.
+
+    A chain of n masses with both ends held by the same springs: 2 sqrt(k/m) sin(j pi / (2n + 2)).
+    """
+    network = imported(column(tmp_path, bounds=ROUND[bounds]))
+    assert network.n_contacts == 4
+    frequency = modal.eigenmodes(network, all=True).frequency
+    angle = np.arange(1, 4) * np.pi / 8
+    chain = np.sqrt(network.stiffness_normal[0] / MASS) * np.sin(angle) / np.pi
+    for each in chain:
+        # Digits of eigenvalues that differ by a factor of 12 among 18.
+        assert abs(frequency / each - 1).min() < 1e-12
+
+
+@pytest.mark.parametrize(("layout", "digits"), [(".6g", 6), (".9g", 9)])
+def test_positions_count_by_their_own_digits(tmp_path, layout, digits):
+    path = column(tmp_path, bounds=ROUND["binary"], x=4.12312345678912345, layout=layout)
+    if digits == 6:
+        with pytest.raises(InputError) as refused:
+            imported(path)
+        assert refused.value.code == "few_digits"
+    else:
+        told = import_packing(path, pair=PAIR, wall=f"{PAIR} zplane 0 {TOP}").told
+        # The median overlap, 1.5e-5 m of 1e-5 and 2e-5, over steps of 1e-8 m, divided by sqrt(6).
+        assert told["overlap_over_error_of_digits"] == pytest.approx(1.5e3 * np.sqrt(6), rel=1e-6)
+
+
+def test_bounds_in_six_digits_blur_contacts_through_their_period(tmp_path):
+    """LIGGGHTS writes them so: a period of 2.12345 m is known to 1e-5 m, as are overlaps there."""
+    path = column(tmp_path, bounds=("0 2.12345", "0 8", "0 16"), x=0.25)
+    more = path.read_text().replace("OF ATOMS\n3", "OF ATOMS\n4")
+    crossing = " ".join(f"{number:.16e}" for number in (0.25 - 0.99999 + 2.12345, 4.123, 0.49999))
+    path.write_text(f"{more}4 1 {crossing} 5.0000000000000000e-01 {MASS}\n")
+    with pytest.raises(InputError) as refused:
+        imported(path)
+    assert refused.value.code == "few_digits"
+    # Where the program wrote them in full, these are the contacts with the floor and the neighbour.
+    path.write_text(path.read_text().replace("0 2.12345\n", "0 2.1234500000000001e+00\n"))
+    assert imported(path).n_contacts == 6
+
+
+@pytest.mark.parametrize(
+    ("values", "digits"),
+    [
+        ([0.5, 0.25, 8.0], 17),
+        ([0.1, 0.2, 0.3], 7),
+        ([0.001953125, 1.0], 17),
+        ([1.7], 7),
+    ],
+)
+def test_single_precision_is_told_from_numbers_that_are_exact_in_it(values, digits):
+    """Numbers rounded to single precision, then written with 17 digits."""
+    texts = [f"{float(np.float32(value)):.16e}" for value in values]
+    assert significant_digits(texts) == digits
