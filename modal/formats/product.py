@@ -68,7 +68,7 @@ class Column(NamedTuple):
         """What is `given`, a dataset or like an array, as an array of this column; or InputError.
 
         `of` has the indices of the part that is taken. Lengths with a name are those in `lengths`,
-        or new there. In memory indices may have any width, but a sign: a wall's are negative.
+        or new there. In memory whole numbers may keep 4 bytes: six times a number fits.
         """
         taken, words, made = KINDS[self.kind]
         stored = isinstance(given, h5py.Dataset)
@@ -85,7 +85,9 @@ class Column(NamedTuple):
             raise InputError(f"{name} has shape {given.shape}, expected {wanted}; mend it")
         lengths.update(zip(shape, given.shape, strict=True))
         data: Array = given[of]
-        if stored or not self.kind == data.dtype.kind == "i":
+        if self.kind == "i":
+            data = _whole_numbers(name, data, keep=not stored)
+        else:
             data = data.astype(made, copy=False)
         if self.kind == "c":
             data = data[..., 0] + 1j * data[..., 1]
@@ -234,6 +236,23 @@ def product_of(
     every = {one.name: kinds[one.name] for one in plain} | dict(attributes)
     defaults = {one.name: one.default for one in plain if one.default is not MISSING}
     return Product(schema, columns_of(table) | dict(columns), every, defaults, **more)
+
+
+def _whole_numbers(name: str, given: Array, keep: bool) -> Array:
+    """Return whole numbers with the sign and the width that computing needs, 8 bytes.
+
+    Those of 4 bytes or more in the machine's own order may `keep` their width.
+    """
+    if keep and given.dtype.kind == "i" and given.dtype.itemsize >= 4 and given.dtype.isnative:
+        return given
+    if given.dtype.kind == "u" and given.max(initial=0) > np.iinfo(np.int64).max:
+        row = int(np.argmax(given.reshape(len(given), -1).max(axis=1)))
+        raise InputError(
+            f"{name} is {given[row]} in row {row}, more than 8 bytes with a sign hold (a negative "
+            "number without its sign?); write it with a sign",
+            code="whole_number_too_large",
+        )
+    return given.astype(np.int64, copy=False)
 
 
 def _column(file: h5py.File, column: Column, lengths: dict[int | str, int], of: Any) -> Array:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Self, TypeVar
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -178,19 +179,33 @@ OF_BONDS = tuple(name for name, column in COLUMNS.items() if column.since > 1)
 """What spheres that touch do not have: contacts that roll or twist, bodies of other shapes."""
 
 
+_LOCKED = WeakValueDictionary[int, Array]()
+"""By their id the arrays that were locked here, of which nobody has a view that can be written to.
+
+Of any other array its caller may have such a view, or unlock it again, however it is flagged.
+"""
+
+
 def frozen(**columns: Array) -> dict[str, Any]:
-    """Arrays that nobody else writes to: a network takes them as they are, without a copy."""
+    """Lock new arrays that nobody else has: a network takes them as they are, without a copy."""
     for data in columns.values():
-        data.flags.writeable = False
+        _lock(data)
     return columns
 
 
+def _lock(data: Array) -> None:
+    """Lock a new array for good; a view of one is flagged alone, and copied when it is taken."""
+    data.flags.writeable = False
+    if data.base is None:
+        _LOCKED[id(data)] = data
+
+
 def _own(data: Array) -> Array:
-    """A view of the array, or of a copy of it where someone else could write to its memory."""
-    base: Any = data
-    while isinstance(base, np.ndarray) and not base.flags.writeable:
-        base = base.base
-    if base is not None:
-        data = data.copy("K")
-        data.flags.writeable = False
+    """Return a view of an array that was locked here, or of a copy of any other."""
+    owner = data
+    while isinstance(owner.base, np.ndarray):
+        owner = owner.base
+    if _LOCKED.get(id(owner)) is not owner:
+        data = data.copy("C")
+        _lock(data)
     return data.view()

@@ -166,7 +166,7 @@ def _digest(columns: Mapping[str, Array]) -> str:
         width = np.float64 if data.dtype.kind == "f" else np.int64
         numbers = np.ascontiguousarray(data, width) + width(0)  # no zero keeps a sign
         digest.update(f"{name} {data.dtype.kind} {data.shape}".encode())
-        digest.update(numbers)
+        digest.update(numbers.tobytes())
     return digest.hexdigest()
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Ints = NDArray[np.integer[Any]]
-"""Indices and counts, of any width: files hold 4 bytes, numpy counts with 8."""
+"""Indices and counts, of 4 bytes, as in files, or of 8, with which numpy counts."""
 Bools = NDArray[np.bool_]
 Array = NDArray[Any]
 """Numbers of a kind that is known at run time only, such as a dataset read by its name."""

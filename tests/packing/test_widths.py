@@ -1,0 +1,136 @@
+"""Networks whose arrays come in other widths, orders and layouts give the same numbers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import modal
+from modal.packing.network import Network, read_network, write_network
+from modal.system.operator import ContactOperator
+from modal.tools.errors import InputError
+
+CRYSTAL = modal.fcc(cells=(2, 2, 30))
+"""120 spheres: an index of one byte does not hold six times their number, two bytes would."""
+FREE = CRYSTAL.with_contacts(~CRYSTAL.with_wall)
+"""Without walls, whose numbers are negative."""
+SIGNED = ("i1", "i2", "<i4", ">i2", ">i4", ">i8")
+UNSIGNED = ("u1", "u2", "u4", "u8", ">u2", ">u8")
+
+
+def with_indices(network: Network, width: str) -> Network:
+    """The network with each column of whole numbers that this width can hold in it."""
+    whole = {name: getattr(network, name) for name in ("particle_i", "particle_j", "cell_shift")}
+    info = np.iinfo(width)
+    fits = {
+        name: data.astype(width)
+        for name, data in whole.items()
+        if info.min <= data.min() and data.max() <= info.max
+    }
+    assert {"particle_i", "particle_j"} <= fits.keys()
+    return replace(network, **fits)
+
+
+@pytest.mark.parametrize("width", SIGNED)
+def test_signed_indices_of_any_width_give_the_same_waves_and_moduli(width):
+    narrow = with_indices(CRYSTAL, width)
+    same_numbers(narrow, CRYSTAL)
+    first, second = (modal.propagate(network, 3e-5).signals for network in (CRYSTAL, narrow))
+    for name in ("source_stress", "receiver_stress"):
+        np.testing.assert_array_equal(getattr(second, name), getattr(first, name))
+    few = {"resolution": 5e3, "highest": 5e4}
+    first, second = (modal.frequency_response(network, **few) for network in (CRYSTAL, narrow))
+    np.testing.assert_array_equal(second.gain, first.gain)
+    stiffness = modal.elastic_moduli(narrow).stiffness
+    np.testing.assert_array_equal(stiffness, modal.elastic_moduli(CRYSTAL).stiffness)
+
+
+@pytest.mark.parametrize("width", UNSIGNED)
+def test_indices_without_a_sign_give_the_same_springs(width):
+    same_numbers(with_indices(FREE, width), FREE)
+
+
+def same_numbers(network: Network, other: Network) -> None:
+    """Both have the same columns, fingerprint and K u, to the bit."""
+    assert network.fingerprint == other.fingerprint
+    assert network.particle_i.dtype.isnative and network.particle_i.dtype.itemsize >= 4
+    motion = np.random.default_rng(0).standard_normal(6 * network.n_particles)
+    force = ContactOperator(other).apply(motion)
+    np.testing.assert_array_equal(ContactOperator(network).apply(motion), force)
+
+
+@pytest.mark.parametrize("column", ["particle_i", "particle_j", "cell_shift"])
+def test_a_negative_number_that_has_lost_its_sign_is_refused(column, tmp_path):
+    """-1 as 8 bytes without a sign is 2^64 - 1: no wall, and no sphere."""
+    lost = getattr(CRYSTAL, column).astype(np.uint64)
+    lost[5] = 2**64 - 1
+    with pytest.raises(InputError) as refused:
+        replace(CRYSTAL, **{column: lost})
+    assert refused.value.code == "whole_number_too_large"
+
+
+def test_other_orders_and_layouts_in_memory_are_the_same_network(tmp_path):
+    """Every second of an array, backwards, by columns, in the other order of bytes, as objects."""
+    doubled = np.repeat(CRYSTAL.position, 2, axis=0)[::2]
+    made = replace(
+        CRYSTAL,
+        position=doubled,
+        mass=CRYSTAL.mass[::-1].copy()[::-1],
+        normal=np.asfortranarray(CRYSTAL.normal),
+        lever_i=CRYSTAL.lever_i.astype(">f8"),
+        stiffness_normal=CRYSTAL.stiffness_normal.astype(np.longdouble),
+        particle_i=np.repeat(CRYSTAL.particle_i, 3)[::3],
+        cell_periodic=CRYSTAL.cell_periodic.astype("u1"),
+    )
+    same_numbers(made, CRYSTAL)
+    assert made.position.flags.c_contiguous and made.normal.flags.c_contiguous
+    write_network(tmp_path / "a.network.h5", made)
+    same_numbers(read_network(tmp_path / "a.network.h5"), CRYSTAL)
+
+
+def test_radii_of_two_bytes_are_taken_for_the_numbers_that_they_are():
+    """0.5 m needs no more digits than two bytes have; the mass is then that of such a sphere."""
+    n = CRYSTAL.n_particles
+    scale = 0.5 / CRYSTAL.radius[0]
+    big = replace(
+        CRYSTAL,
+        position=scale * CRYSTAL.position,
+        radius=np.full(n, 0.5),
+        mass=scale**3 * CRYSTAL.mass,
+        inertia=scale**5 * CRYSTAL.inertia,
+        lever_i=scale * CRYSTAL.lever_i,
+        lever_j=scale * CRYSTAL.lever_j,
+        cell_size=scale * CRYSTAL.cell_size,
+        wall_position=scale * CRYSTAL.wall_position,
+        overlap=scale * CRYSTAL.overlap,
+        force_normal=scale * CRYSTAL.force_normal,
+    )
+    same_numbers(replace(big, radius=big.radius.astype(np.float16)), big)
+
+
+@pytest.mark.parametrize("lock", ["whole", "view", "unlocked again", "flagged base"])
+def test_an_array_that_somebody_else_can_write_to_is_copied(lock):
+    """However it is flagged: a view that was taken before, or its owner, may write to it."""
+    mass = np.full(CRYSTAL.n_particles, CRYSTAL.mass[0])
+    early = mass[:]
+    given = mass
+    if lock == "view":
+        given = mass.view()
+        given.flags.writeable = False
+    else:
+        mass.flags.writeable = False
+    if lock == "flagged base":
+        given = mass[:]
+    network = replace(CRYSTAL, mass=given)
+    if lock == "unlocked again":
+        mass.flags.writeable = True
+        mass[0] = 7.0
+    early[1] = 7.0
+    assert (network.mass == CRYSTAL.mass[0]).all()
+
+
+def test_columns_of_a_network_are_shared_with_those_made_from_it():
+    """They cannot be written to, and are not copied."""
+    other = replace(CRYSTAL, study={})
+    assert np.shares_memory(other.position, CRYSTAL.position)
+    assert np.shares_memory(CRYSTAL.some(slice(3, 9)).normal, CRYSTAL.normal)
