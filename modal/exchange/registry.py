@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from modal.exchange import programs
+from modal.exchange.foreign import foreign_file
 from modal.exchange.import_result import ImportResult
 from modal.exchange.text import fault, open_bytes, shown
 from modal.formats.hdf5 import refuse_absent
@@ -52,15 +53,18 @@ def beginning(path: str | Path) -> bytes:
 
 
 def program_of(path: Path) -> ModuleType:
-    """The program whose file it is; InputError where none knows it."""
+    """Return the program whose file it is; InputError names the kind where none knows it."""
     head = beginning(path)
     for asked in all_programs():
         if asked.sniff(path, head):
             return asked
+    kind = foreign_file(path, head)
+    if kind:
+        fault(path, kind.description, kind.remedy, code=kind.code)
     first = head.decode("utf-8", "replace").split("\n", 1)[0]
     what = f"begins with {shown(first)}, which no program known here writes"
     do = "give a network, a sample, a text dump of LAMMPS or LIGGGHTS, a restart file of "
-    fault(path, what, f"{do}MercuryDPM, or *.csv", 1)
+    fault(path, what, f"{do}MercuryDPM, or *.csv", 1, code="unknown_file")
 
 
 def all_options() -> dict[str, Option]:

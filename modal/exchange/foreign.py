@@ -1,0 +1,121 @@
+"""Files that people take for a packing and that cannot be read: what each is, and what to do.
+
+One row of `FOREIGN` for each kind: the code of the error, what the file is, what to write in its
+place, and how it is known by its path and its first bytes. A row is asked only for files that no
+program of `modal.exchange.programs` knows, the first that fits counts.
+"""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+
+class ForeignFile(NamedTuple):
+    """A kind of file that cannot be read: code of its error, what it is, what to do, its sign."""
+
+    code: str
+    description: str
+    remedy: str
+    matches: Callable[[Path, bytes], bool]
+
+
+def begins(*beginnings: bytes) -> Callable[[Path, bytes], bool]:
+    """Return a sign: whether a file begins with one of these bytes, blanks left out."""
+    return lambda path, head: head.lstrip().startswith(beginnings)
+
+
+def contains(*patterns: bytes) -> Callable[[Path, bytes], bool]:
+    """Return a sign: whether all these patterns (regular expressions) stand in the first bytes."""
+    return lambda path, head: all(re.search(pattern, head, re.MULTILINE) for pattern in patterns)
+
+
+DUMP = (
+    "`dump a all custom 1 x.atoms id type x y z radius mass`, "
+    "`dump_modify a format float %.17g`, `run 0`"
+)
+"""The lines of a script of LAMMPS that write spheres as they can be read."""
+IMPORT_DUMP = "import x.atoms with --log log.lammps"
+DUMP_OF_LIGGGHTS = (
+    "dump as examples/packings/liggghts/pack.in does and import x.atoms with --log log.liggghts"
+)
+DUMP_IN_TEXT = f"write a text dump, {DUMP}, and {IMPORT_DUMP}"
+
+FOREIGN: list[ForeignFile] = [
+    ForeignFile(
+        "lammps_data",
+        "a data file of LAMMPS (write_data), without law and walls",
+        f"read_data it in a script with your pair_style and walls, {DUMP}, then {IMPORT_DUMP}",
+        contains(rb"^\s*\d+\s+atoms\b", rb"^\s*\S+\s+\S+\s+xlo\s+xhi\b"),
+    ),
+    ForeignFile(
+        "lammps_restart",
+        "a binary restart file of LAMMPS",
+        "read_restart it in the LAMMPS that wrote it, give pair_style and walls again, "
+        f"{DUMP}, then {IMPORT_DUMP}",
+        begins(b"LammpS RestartT"),
+    ),
+    ForeignFile(
+        "liggghts_restart",
+        "a binary restart file of LIGGGHTS",
+        f"read_restart it in LIGGGHTS, {DUMP_OF_LIGGGHTS}",
+        contains(rb"\A[^\n]*\0[^\n]*LIGGGHTS"),
+    ),
+    ForeignFile(
+        "lammps_binary_dump",
+        "a binary dump of LAMMPS",
+        f"turn it into text with LAMMPS' tool binary2txt, or {DUMP_IN_TEXT}",
+        contains(rb"\A.{,16}DUMP(ATOM|CUSTOM)"),
+    ),
+    ForeignFile(
+        "lammps_log",
+        "a log of LAMMPS or LIGGGHTS, which holds no spheres",
+        "give the dump of the spheres first, and the log with --log",
+        begins(b"LAMMPS (", b"LIGGGHTS ("),
+    ),
+    ForeignFile(
+        "lammps_yaml",
+        "a dump of LAMMPS in YAML",
+        DUMP_IN_TEXT,
+        begins(b"---\ncreator: LAMMPS"),
+    ),
+    ForeignFile(
+        "liggghts_vtk",
+        "a VTK file of LIGGGHTS, whose numbers have six digits and which names no law",
+        DUMP_OF_LIGGGHTS,
+        contains(rb"\A# vtk DataFile", rb"(?i)LIGGGHTS|pizza|lpp"),
+    ),
+    ForeignFile(
+        "vtk",
+        "a VTK file, which holds no contact law",
+        "give the program's own file (text dumps of LAMMPS or LIGGGHTS, restart files of "
+        "MercuryDPM, scenes of YADE by yade_scripts/export_scene.py), or two tables (*.csv)",
+        begins(b"# vtk DataFile", b"<?xml", b"<VTKFile"),
+    ),
+    ForeignFile(
+        "xyz",
+        "an XYZ file, which holds no radii, masses or law",
+        f"of LAMMPS {DUMP_IN_TEXT}; of other programs give two tables (*.csv)",
+        contains(rb"\A\s*\d+\s*\n[^\n]*\n\s*\w+(\s+[-+0-9.eE]+){3}"),
+    ),
+    ForeignFile(
+        "compressed",
+        "compressed",
+        "unpack it, or, if gzip packed it, let its name end in .gz",
+        begins(b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"PK\x03\x04", b"BZh", b"\xfd7zXZ"),
+    ),
+    ForeignFile(
+        "lammps_script",
+        "a script of LAMMPS or LIGGGHTS, which holds no spheres",
+        f"run it, {DUMP}, then {IMPORT_DUMP}",
+        contains(rb"^\s*(units|atom_style|pair_style|read_data|read_restart)\s+[\w/$]+"),
+    ),
+]
+
+
+def foreign_file(path: Path, head: bytes) -> ForeignFile | None:
+    """Return what a file is by its first bytes, or None if no row knows it."""
+    for kind in FOREIGN:
+        if kind.matches(path, head):
+            return kind
+    return None
