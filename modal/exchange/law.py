@@ -5,8 +5,8 @@ R. The tangential stiffness is a constant, or grows with the radius a = sqrt(R* 
 circle of contact. Programs differ further in what a contact keeps of its history: the shear force
 (as this project's YADE runs do), or the shear displacement, by which the force changes when the
 circle grows although nothing shears; and in the lever arms of motion and torque. Some resist
-rolling, by a spring on arcs of the radius R*, and twisting, by one on the angle or, as Marshall's,
-by half the tangential coefficient times a^2.
+rolling, by a spring on arcs of the radius R*, and twisting, by one on the angle, on arcs of R*, or,
+as Marshall's, by half the tangential coefficient times a^2.
 """
 
 from __future__ import annotations
@@ -75,8 +75,9 @@ class ProgramLaw:
     `normal` in N/m, or in Pa with `hertz`; `tangential` in N/m, or in Pa where it grows
     (`grows`); 0 where `friction`, the coefficient, is: the limit of a shear force is 0 then, and
     no spring is left. `keeps` what of the shear is kept; `moves` and `turns` the lever arms of
-    motion and of torque. `rolling` in N/m, of arcs of R*; `twisting` in N m/rad; `marshall`, 1 or
-    m, times `tangential` and a^2 is added to it.
+    motion and of torque. `rolling` and `twisting_arc` in N/m, of arcs of R*; `rolling_share` and
+    `twisting_share` of the tangential stiffness, of such arcs, too; `twisting` in N m/rad;
+    `marshall`, 1 or m, times `tangential` and a^2 is added to it.
     """
 
     normal: float
@@ -90,6 +91,9 @@ class ProgramLaw:
     rolling: float = 0.0
     twisting: float = 0.0
     marshall: float = 0.0
+    twisting_arc: float = 0.0
+    rolling_share: float = 0.0
+    twisting_share: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "tangential", self.tangential * (self.friction != 0))
@@ -97,13 +101,25 @@ class ProgramLaw:
     def __str__(self) -> str:
         along = "Pa (Hertz)" if self.hertz else "N/m"
         across = "Pa times the circle's radius" if self.grows else "N/m"
-        turning = f"; rolling {self.rolling:.6g} N/m, twisting {self.twisting:.6g} N m/rad"
-        turning += f" and {self.marshall:g} of the tangential one times the circle's area / pi"
-        return (
+        text = (
             f"normal {self.normal:.6g} {along}; tangential {self.tangential:.6g} {across}; "
             f"friction {self.friction:g}; keeps the shear {self.keeps}; arms: {self.moves} "
             f"(motion), {self.turns} (torque)"
-        ) + turning * bool(self.rolling or self.twisting or self.marshall)
+        )
+        arcs = "N/m on arcs of R*"
+        share = "of the tangential stiffness on arcs of R*"
+        turning = (
+            ("rolling", self.rolling, arcs),
+            ("rolling", self.rolling_share, share),
+            ("twisting", self.twisting, "N m/rad"),
+            ("twisting", self.twisting_arc, arcs),
+            ("twisting", self.twisting_share, share),
+            ("twisting", self.marshall, "of the tangential one times the circle's area / pi"),
+        )
+        for name, stiffness, unit in turning:
+            if stiffness:
+                text += f"; {name} {stiffness:.6g} {unit}"
+        return text
 
     @classmethod
     def of_contacts(cls, kinds: Sequence[ProgramLaw], which: Ints) -> ProgramLaw:
@@ -140,9 +156,13 @@ class ProgramLaw:
             "motion_shortening": 0.5 * (np.asarray(self.moves) == MIDDLE),
             "torque_shortening": 0.5 * (np.asarray(self.turns) == MIDDLE),
         }
+        across = springs["stiffness_tangential"]
+        rolling_arc = self.rolling + self.rolling_share * across
+        twisting_arc = self.twisting_arc + self.twisting_share * across
+        twisting = self.twisting + self.marshall * self.tangential * area
         turning: dict[str, Floats] = {
-            "stiffness_rolling": self.rolling * effective_radius**2,
-            "stiffness_twisting": self.twisting + self.marshall * self.tangential * area,
+            "stiffness_rolling": rolling_arc * effective_radius**2,
+            "stiffness_twisting": twisting + twisting_arc * effective_radius**2,
         }
         resists = any(stiffness.any() for stiffness in turning.values())
         return springs | turning if resists else springs

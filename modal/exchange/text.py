@@ -232,9 +232,9 @@ class Words:
     def __contains__(self, word: str) -> bool:
         return word in self.left
 
-    def refuse(self, what: str, do: str = "") -> NoReturn:
+    def refuse(self, what: str, do: str = "", *, code: str = "input") -> NoReturn:
         """InputError about this line."""
-        fault(self.where, what, do or self.do)
+        fault(self.where, what, do or self.do, code=code)
 
     def next(self, what: str, known: Iterable[str] = ()) -> str:
         """The next word, which is `what`, one of those that are `known`; it is no longer left."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,9 @@ from program_files import Given, misfit
 import modal
 from modal.exchange.registry import import_packing
 from modal.packing.network import SOURCE_WALL, Network, read_network
+from modal.system.assembly import stiffness_matrix
 from modal.system.contacts import TANGENTS
+from modal.tools.errors import InputError
 
 
 def test_mercury_gives_the_frequencies_of_its_chains(cubic):
@@ -235,3 +238,76 @@ def test_finite_walls_without_listed_contacts_are_refused(cubic):
     cubic.spoil("spheres", "InfiniteWall", "TriangleWall")
     cubic.spoil("spheres", "(?s)Interactions.*", "")
     cubic.refused("wall 0, TriangleWall, do not follow from positions; write")
+
+
+RADIUS, ROLLING, TORSION, SHEAR_MODULUS = 0.5, 3e3, 7e2, 3e4
+LINEAR = (
+    "LinearViscoelasticFrictionSpecies id 0 density 1.9 stiffness 2000 dissipation 0 "
+    "slidingStiffness 500 slidingDissipation 0 slidingFrictionCoefficient 0.3 "
+    f"slidingFrictionCoefficientStatic 0.3 rollingStiffness {ROLLING} rollingDissipation 0 "
+    "rollingFrictionCoefficient 0.1 rollingFrictionCoefficientStatic 0.1 "
+    f"torsionStiffness {TORSION} torsionDissipation 0 "
+    "torsionFrictionCoefficient 0.1 torsionFrictionCoefficientStatic 0.1"
+)
+MINDLIN = (
+    "HertzianViscoelasticMindlinRollingTorsionSpecies id 0 density 1.9 elasticModulus 1e5 "
+    f"dissipation 0 shearModulus {SHEAR_MODULUS} slidingFrictionCoefficient 0.3 "
+    "rollingFrictionCoefficient 0.1 rollingFrictionCoefficientStatic 0.1 "
+    "torsionFrictionCoefficient 0 torsionFrictionCoefficientStatic 0"
+)
+
+
+@pytest.mark.parametrize(("species", "mindlin"), [(LINEAR, False), (MINDLIN, True)])
+def test_rolling_and_torsion_store_the_energy_of_mercurys_springs(
+    tmp_path, capsys, species, mindlin
+):
+    """k |D n x t|^2 / 2 of a difference of turns t, with D = 2 R*; torsion k' (D n . t)^2 / 2.
+
+    Mindlin's k is 8 G a with the circle's radius a. The same without both has the rest.
+    """
+    energies = []
+    random = np.random.default_rng(1)
+    moved = random.standard_normal((2, 6))
+    without = re.sub(r"((rolling|torsion)FrictionCoefficient\S*) \S+", r"\1 0", species)
+    for line in (without, species):
+        file = box(capsys, tmp_path, ENDS)
+        file.spoil("spheres", "LinearViscoelasticSpecies.*", line)
+        network = file.network()
+        energies.append(moved.ravel() @ stiffness_matrix(network) @ moved.ravel() / 2)
+    wanted = 0.0
+    for first, second, effective in ((0, 1, RADIUS / 2), (0, None, RADIUS), (1, None, RADIUS)):
+        turn = moved[first, 3:] - (0 if second is None else moved[second, 3:])
+        overlap = 0.002 if second == 1 else 0.001
+        rolling, torsion = ROLLING, TORSION
+        if mindlin:
+            rolling, torsion = 8 * SHEAR_MODULUS * np.sqrt(effective * overlap), 0.0
+        arcs = 2 * effective * turn
+        wanted += rolling * (arcs[:2] ** 2).sum() / 2 + torsion * arcs[2] ** 2 / 2
+    # Overlaps of 1e-3 are known to 1e-16: to 1e-13 of themselves.
+    assert energies[1] - energies[0] == pytest.approx(wanted, rel=1e-10)
+
+
+def test_spheres_may_lie_outside_of_the_domain(tmp_path, capsys):
+    """A domain lower and narrower than two spheres on a floor; their chain, fixed at one end."""
+    file = box(capsys, tmp_path, "0 0 -1 position 0\n")
+    wanted = file.network()
+    file.spoil("spheres", "xMin 0 xMax 1 yMin 0 yMax 5 zMin 0 zMax 2", DOMAIN)
+    network = file.network()
+    assert network.n_contacts == 2
+    np.testing.assert_array_equal(network.force_normal, wanted.force_normal)
+    low, high = network.wall_position
+    assert low == 0
+    assert high == pytest.approx(1.497 + RADIUS, rel=1e-15)
+    along_z = modal.eigenmodes(network, all=True).frequency[-2:]
+    exact = np.sqrt(2000) / np.pi * np.sin(np.array([1, 3]) * np.pi / 10)
+    np.testing.assert_allclose(along_z, exact, rtol=1e-10)
+
+
+DOMAIN = "xMin 0.7 xMax 0.8 yMin 0 yMax 5 zMin 0 zMax 1.2"
+
+
+def test_fixed_particles_are_refused(cubic):
+    cubic.spoil("spheres", "invMass 1.00000000895498", "invMass 0")
+    with pytest.raises(InputError) as refused:
+        import_packing(cubic.spheres)
+    assert refused.value.code == "held_bodies"

@@ -6,9 +6,9 @@ contacts are listed, these tell it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,12 @@ WHOLE = "write the restart file whole"
 NORMAL = "LinearViscoelastic", "HertzianViscoelastic"
 FRICTION = "", "SlidingFriction", "Friction", "Mindlin", "MindlinRollingTorsion"
 """What the name of a species may be made of: elastic contacts with friction."""
+DIAMETER_SQUARED = 4.0
+"""Of an effective diameter, over that of the effective radius R*."""
+TORSION = (
+    "torsion is resisted by the spring that MercuryDPM's documents describe; its code adds the "
+    "spring to itself at every step, so that its contacts twist at their limit"
+)
 STRAIGHT = 1e-6
 """Largest component of an axis' unit vector along the others."""
 PERIODS = "only periods along x, y, z are known"
@@ -105,7 +111,10 @@ def read(path: Path, scales: Sequence[float] | None = None) -> ImportResult:
             fault(path, f"no species for {a} with {b}", WHOLE)
         return law
 
-    return network_of(packing, contacts, law_of)
+    result = network_of(packing, contacts, law_of)
+    if any(law.twisting_arc or law.twisting_share for law in laws.values()):
+        result.remarks.append(TORSION)
+    return result
 
 
 def read_restart(path: Path, units: Units) -> Restart:
@@ -132,7 +141,9 @@ def read_restart(path: Path, units: Units) -> Restart:
         if line.left[0] not in SPHERES:
             line.refuse(f"{line.left[0]} is no sphere", "only single spheres are known")
         if not line.number("invMass") > 0:
-            line.refuse("a fixed particle (invMass 0)", "make it a wall, or free")
+            what = f"particle {line.number('id'):.0f} is fixed (invMass 0)"
+            do = "a network knows no held spheres yet: put an InfiniteWall in their place"
+            line.refuse(what, do, code="held_bodies")
     return file
 
 
@@ -146,12 +157,6 @@ def _law(line: Words, units: Units) -> tuple[tuple[int, int], ProgramLaw]:
         do = f"{' and '.join(NORMAL)} with {', '.join(FRICTION[1:])} or nothing behind are"
         line.refuse(f"{line.left[0]} is not known", do)
     hertz, mindlin = normal_law == "HertzianViscoelastic", friction_law.startswith("Mindlin")
-    for resisting in ("rolling", "torsion"):
-        # Mindlin's own stiffness resists there, whatever the file says of another one.
-        stiff, limit = f"{resisting}Stiffness", f"{resisting}FrictionCoefficient"
-        if line.first(limit) > 0 and (mindlin or line.first(stiff) > 0):
-            what = f"{resisting} friction is resisted by no spring here"
-            line.refuse(what, f"set its {limit} to 0")
     names = ("effectiveElasticModulus", "elasticModulus") if hertz else ("stiffness",)
     normal = line.first(*names) * (4 / 3 if hertz else 1)
     if not normal > 0:
@@ -171,7 +176,33 @@ def _law(line: Words, units: Units) -> tuple[tuple[int, int], ProgramLaw]:
     normal *= units.pressure if hertz else units.stiffness
     tangential *= units.pressure if mindlin else units.stiffness
     law = ProgramLaw(normal, hertz, tangential, mindlin, friction, DISPLACEMENT)
-    return (int(min(ids)), int(max(ids))), law
+    return (int(min(ids)), int(max(ids))), _with_turning(law, line, units)
+
+
+def _with_turning(law: ProgramLaw, line: Words, units: Units) -> ProgramLaw:
+    """Return the law with the springs of its species against rolling and torsion.
+
+    The torque is D^2 k times the difference of the turns, across (rolling) or along (torsion) the
+    normal, with D = 2 R*; k is the species' own, or with Mindlin 8 G a, 3/2 of the tangential
+    stiffness.
+    """
+    rolls = _resists(line, "rolling")
+    twists = _resists(line, "torsion")
+    if law.grows:
+        share = DIAMETER_SQUARED * 3 / 2
+        return replace(law, rolling_share=share * rolls, twisting_share=share * twists)
+    unit = DIAMETER_SQUARED * units.stiffness
+    return replace(
+        law,
+        rolling=unit * line.first("rollingStiffness") * rolls,
+        twisting_arc=unit * line.first("torsionStiffness") * twists,
+    )
+
+
+def _resists(line: Words, motion: Literal["rolling", "torsion"]) -> bool:
+    """Return whether a species resists a motion below its static limit, with a spring."""
+    limit = f"{motion}FrictionCoefficient"
+    return line.first(limit) > 0 and line.first(f"{limit}Static", limit) > 0
 
 
 def _wall(line: Words, units: Units) -> Wall:
@@ -191,7 +222,11 @@ def _wall(line: Words, units: Units) -> Wall:
 
 
 def _cell(file: Restart, planes: tuple[float, float]) -> Cell:
-    """The cell of the bounds, and of the periods along x, y and z; walls at these `planes`, m."""
+    """Return the cell of the domain and of the periods, with walls at these `planes`, m.
+
+    The domain bounds nothing: where no period is, the cell reaches to the surfaces of spheres that
+    lie outside.
+    """
     bounds, periodic = np.zeros((3, 2)), np.zeros(3, bool)
     for line in file.sections[""]:
         if line.left[0] == "xMin":
@@ -210,8 +245,14 @@ def _cell(file: Restart, planes: tuple[float, float]) -> Cell:
             bounds[axis] = line.number("distanceLeft"), line.number("distanceRight")
         elif "Periodic" in kind or "LeesEdwards" in kind:
             line.refuse(f"{kind}: the period is angled or moves", PERIODS)
-    low, high = file.units.length * bounds.T
-    return Cell(low, high, periodic, planes)
+    position = file.numbers("Particles", "position")
+    radius = file.numbers("Particles", "radius", 1)
+    low, high = bounds.T
+    outside = ~periodic & (position.min(axis=0, initial=np.inf) < low)
+    low = np.where(outside, (position - radius).min(axis=0, initial=np.inf), low)
+    outside = ~periodic & (position.max(axis=0, initial=-np.inf) > high)
+    high = np.where(outside, (position + radius).max(axis=0, initial=-np.inf), high)
+    return Cell(file.units.length * low, file.units.length * high, periodic, planes)
 
 
 def _packing(file: Restart, cell: Cell) -> Packing:
