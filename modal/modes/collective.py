@@ -19,7 +19,7 @@ from modal.modes.effort import factorisation
 from modal.modes.search import AboutShift, Search
 from modal.modes.zero_modes import FloppyModes, by_structure
 from modal.solvers.factor import SingularError
-from modal.solvers.lanczos import BASIS, Held, orthonormal
+from modal.solvers.lanczos import BASIS_VECTORS_PER_MODE, Held, orthonormal
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError
@@ -110,7 +110,9 @@ def _found(
     if count <= 0:
         return sp.csc_matrix((system.size, 0))
     remedy = "take a smaller packing"
-    refuse_above_memory(8 * BASIS * system.size * count, f"finding {count} {what}", remedy)
+    refuse_above_memory(
+        8 * BASIS_VECTORS_PER_MODE * system.size * count, f"finding {count} {what}", remedy
+    )
     missing = None
     while missing is None:
         source = AboutShift(system, sigma, definite=definite)

@@ -1,4 +1,4 @@
-"""Eigenpairs of an operator that is not symmetric, by ARPACK's method of Arnoldi.
+"""Find eigenpairs of an operator that is not symmetric, by ARPACK's method of Arnoldi.
 
 The modes nearest a shift come from the inverse of the operator about it (R. B. Lehoucq, D. C.
 Sorensen, C. Yang, ARPACK Users' Guide, SIAM 1998).
@@ -25,29 +25,62 @@ def eigenpairs(
     tolerance: float = 0.0,
     what: str = "modes",
 ) -> tuple[Array, Array]:
-    """Eigenvalues (k,) and unit vectors (size, k), of which `count` or more are `wanted`, or all.
+    """Return eigenvalues and eigenvectors of which `count` or more are wanted, or all that exist.
 
-    They are nearest to `sigma`, where `inverse` applies (A - sigma)^-1, or else largest in size.
-    `start` (size,) is the first vector, `ask` how many are looked for at first, in a `basis` of so
-    many vectors at least; twice as many follow where too few are wanted. `tolerance`: residual over
-    the eigenvalue, zero for round-off; `what` they are called. InputError where they do not
-    converge.
+    Parameters
+    ----------
+    apply : callable
+        Multiplies a vector (size,) by the operator A.
+    start : ndarray (size,)
+        First vector of the iteration; its type is that of the operator.
+    count : int
+        Number of wanted eigenpairs.
+    wanted : callable
+        Tells which of the eigenvalues (k,) are wanted, as bool (k,).
+    inverse : callable, optional
+        Applies (A - sigma)^-1. The eigenvalues nearest to `sigma` are found with it, those of
+        largest size without it.
+    sigma : complex, optional
+        The shift.
+    ask : int
+        Number of eigenpairs of the first search. It is doubled while too few are wanted.
+    basis : int
+        Least number of vectors in the basis.
+    tolerance : float
+        Residual divided by the eigenvalue; 0 stands for round-off.
+    what : str
+        Name of the eigenpairs in a message.
+
+    Returns
+    -------
+    eigenvalues : ndarray (k,)
+    vectors : ndarray (size, k)
+        Unit vectors.
+
+    Raises
+    ------
+    InputError
+        If the eigenpairs do not converge; code "not_converged".
     """
-    shape = 2 * (len(start),)
+    shape = (len(start), len(start))
     operator = LinearOperator(shape, apply, dtype=start.dtype)
-    given = {} if inverse is None else {"OPinv": LinearOperator(shape, inverse, dtype=start.dtype)}
-    most = len(start) - 2
+    options = {}
+    if inverse is not None:
+        options["OPinv"] = LinearOperator(shape, inverse, dtype=start.dtype)
+    max_eigenpairs = len(start) - 2
     while True:
-        ask = min(ask, most)
-        size = min(len(start), max(basis, 3 * ask + 20))
+        ask = min(ask, max_eigenpairs)
+        basis_size = min(len(start), max(basis, 3 * ask + 20))
         try:
-            value, vector = eigs(
-                operator, ask, sigma=sigma, v0=start, ncv=size, tol=tolerance, **given
+            eigenvalues, vectors = eigs(
+                operator, ask, sigma=sigma, v0=start, ncv=basis_size, tol=tolerance, **options
             )
         except ArpackError as error:
-            # Its subclass for a search without an end has what did converge.
-            done = len(getattr(error, "eigenvalues", ()))
-            raise InputError(f"{done} of {ask} {what} converged; ask for fewer") from error
-        if wanted(value).sum() >= count or ask == most:
-            return value, vector
+            # ArpackNoConvergence holds the eigenvalues that did converge.
+            converged = len(getattr(error, "eigenvalues", ()))
+            raise InputError(
+                f"{converged} of {ask} {what} converged; ask for fewer", code="not_converged"
+            ) from error
+        if wanted(eigenvalues).sum() >= count or ask == max_eigenpairs:
+            return eigenvalues, vectors
         ask *= 2

@@ -1,7 +1,7 @@
-"""The one recurrence of Chebyshev polynomials of an operator: for waves, densities, and filters.
+"""Recur Chebyshev polynomials of an operator, for waves, densities of states, and filters.
 
-T_0 = 1, T_1 = X, T_k = 2 X T_(k-1) - T_(k-2), on a vector or a block of vectors, where X is linear
-in A: between -1 and 1 where the spectrum of A is mapped into that interval.
+T_0 = 1, T_1 = X, T_k = 2 X T_(k-1) - T_(k-2), on a vector or a block of vectors. X is linear in A
+and lies between -1 and 1 where the spectrum of A is mapped into that interval.
 """
 
 from collections.abc import Iterator
@@ -12,21 +12,25 @@ import numpy as np
 from modal.tools.arrays import Array, Floats
 
 WIDTHS = (8, 16, 24, 32, 48)
-"""Columns of a block with which a product costs least: it is compiled for each of them when it is
-first met. Each column then takes 0.4 to 0.5 of the time that a vector alone takes; 0.65 of 12."""
+"""Numbers of columns with which a product of a block costs least. The product is compiled for each
+of them when it is first used. A column of such a block takes 0.4 to 0.5 of the time of a single
+vector; one of 12 columns takes 0.65."""
 
 
 class ScaledOperator(Protocol):
-    """What is needed of A: `modal.system.operator.ContactOperator` with `mass_scaled`."""
+    """The part of `modal.system.operator.ContactOperator`, with `mass_scaled`, that is used here.
+
+    The operator is A = M^-1/2 K M^-1/2, of shape (size, size).
+    """
 
     shape: tuple[int, int]
     pre_stress: str
 
     def inward(self, u: Array) -> Array:
-        """Vectors (size, k) in the operator's own numbering."""
+        """Return vectors (size, k) in the operator's own numbering."""
 
     def outward(self, u: Array) -> Array:
-        """The inverse."""
+        """Return vectors (size, k) from the operator's own numbering."""
 
     def combine(
         self,
@@ -38,9 +42,10 @@ class ScaledOperator(Protocol):
         *,
         sums: Floats | None = None,
     ) -> Array:
-        """out = alpha A u + beta u + gamma out, (size,) or (size, k), in that numbering.
+        """Set out = alpha A u + beta u + gamma out, (size,) or (size, k), in the own numbering.
 
-        Into `sums` (2, 6, k) come those of out out and of out u, by component, `out` as it came.
+        `sums` (2, 6, k) receive, by component, the sums of out out and of out u, with the values of
+        `out` before the call.
         """
 
 
@@ -53,14 +58,15 @@ def chebyshev(
 ) -> Iterator[Floats]:
     """Yield T_k(X) start for k = 0, 1, 2, ..., where X = slope A + offset.
 
-    `start` (size,) or (size, k), in the operator's own numbering and C order, is worked on: each
-    array that is yielded is overwritten two steps later. A product with A is made when the next
-    order is asked for. Into `sums` come at each order k from 2 on the sums of T_(k-2) start, by
-    component, with itself and with T_(k-1) start, as `combine` of the operator gives them.
+    `start` (size,) or (size, k), in the operator's own numbering and in C order, is overwritten,
+    as each array that is yielded is overwritten two steps later. A product with A is made when the
+    next order is asked for. At each order k from 2 on, `sums` receive the sums of T_(k-2) start, by
+    component, with itself and with T_(k-1) start, as `ScaledOperator.combine` gives them.
     """
-    before, now = start, np.empty_like(start)
+    before = start
+    now = np.empty_like(start)
     yield before
-    # These sums mean nothing; without them another kind of loop would have to be compiled.
+    # The sums of this call have no meaning; without them another kind of loop would be compiled.
     operator.combine(before, now, slope, beta=offset, sums=sums)
     while True:
         yield now
@@ -69,12 +75,13 @@ def chebyshev(
 
 
 def jackson(count: int) -> Floats:
-    """Shape (count,): damping of the even orders, which makes a delta a positive near-Gaussian.
+    """Return the damping (count,) of the even orders that turns a delta into a near-Gaussian.
 
-    Jackson's kernel (Weisse et al., Rev. Mod. Phys. 78, 275, 2006), of orders 0, 2, ..., 2 `count`
-    - 2, odd ones left out as they vanish.
+    This is Jackson's kernel (Weisse et al., Rev. Mod. Phys. 78, 275, 2006) of the orders 0, 2, ...,
+    2 `count` - 2; odd orders are left out, as they vanish. The near-Gaussian is positive.
     """
     orders = 2 * count
-    k, step = np.arange(0, orders, 2), np.pi / (orders + 1)
-    turn = np.cos(k * step) * (orders + 1 - k) + np.sin(k * step) / np.tan(step)
-    return turn / (orders + 1)
+    step = np.pi / (orders + 1)
+    k = np.arange(0, orders, 2)
+    numerator = np.cos(k * step) * (orders + 1 - k) + np.sin(k * step) / np.tan(step)
+    return numerator / (orders + 1)

@@ -1,10 +1,10 @@
-"""Preconditioned conjugate gradients for several loads at once, stopped by the error in energy.
+"""Solve for several loads at once by preconditioned conjugate gradients, to an error in energy.
 
-What the solutions give up in energy is what a stiffness or a compliance computed from them is off.
-The steps say how much that is: each lowers the squared error in the energy norm by exactly its
+A stiffness or a compliance that is computed from the solutions is off by what these lack in energy.
+The steps tell how much that is: each lowers the squared error in the energy norm by exactly its
 length times the preconditioned residual (M. R. Hestenes and E. Stiefel, J. Res. Nat. Bur. Standards
-49, 409, 1952, Eq. 6.1), so that the sum over a few more steps is the error before them, from below
-(Z. Strakos and P. Tichy, Electron. Trans. Numer. Anal. 13, 56, 2002).
+49, 409, 1952, Eq. 6.1). The sum over a few more steps is therefore a lower bound of the error
+before them (Z. Strakos and P. Tichy, Electron. Trans. Numer. Anal. 13, 56, 2002).
 """
 
 from collections.abc import Callable
@@ -16,19 +16,28 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.tools.progress import Minute
 
-SHARE = 0.25
-"""Of the steps: where hundreds are needed, some tens may gain little before others gain more."""
-FLAT = 1e-7
-"""Cosine between a step and the force against it, below which the step is a motion without energy
-that round-off has put in. A mixture of modes has 2 / sqrt(ratio of their omega^2) or more."""
+LOOK_BACK_SHARE = 0.25
+"""Share of all steps over which the error is measured: where hundreds of steps are needed, some
+tens of them may gain little before others gain more."""
+MIN_CURVATURE_COSINE = 1e-7
+"""Cosine between a step and the force against it. Below it the step is a motion without energy
+that comes from round-off. A mixture of modes has at least 2 / sqrt(ratio of their omega^2)."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Solutions of A x = b for k loads.
+    """The solutions of A x = b for k loads.
 
-    motion, residual b - A x (size, k); `energy_error` (k,), x^T A x / 2 of what x is off by at
-    most, times 2; `products` with A, each of all loads at once.
+    Attributes
+    ----------
+    motion : ndarray (size, k)
+        x.
+    residual : ndarray (size, k)
+        b - A x.
+    energy_error : ndarray (k,)
+        Squared error in the energy norm, e^T A e, of the error e of x.
+    products : int
+        Number of products with A, each of all loads at once.
     """
 
     motion: Floats
@@ -47,46 +56,75 @@ def conjugate_gradients(
     look_back: int,
     most_products: int,
 ) -> Solution:
-    """Solve A x = b for the columns of `load` (size, k), A symmetric and never negative.
+    """Solve A x = b for the columns of a load, A symmetric and positive semidefinite.
 
-    `apply_stiffness` gives A x, `preconditioner` a symmetric approximation of its inverse, both of
-    (size, k) arrays. `allowed` tells the squared error in the energy norm (k,), (x - x')^T A
-    (x - x'), at which a column is done, from the energy b^T x (k,) that it has come to. The error
-    is measured over the last `look_back` steps, 1 where the preconditioner is nearly the inverse,
-    some tens where it is not, and over the last `SHARE` of all steps where these are more. `noise`
-    (k,): norm of what round-off leaves of a load, below which a column is left alone. A may be
-    singular where the load is in its range: the motions without energy are then those that the
-    preconditioner puts in. InputError where `most_products` do not suffice.
+    A may be singular where the load is in its range; the solutions then contain those motions
+    without energy that the preconditioner puts in.
+
+    Parameters
+    ----------
+    apply_stiffness, preconditioner : callable
+        Apply A, and a symmetric approximation of its inverse, to an array (size, k).
+    load : ndarray (size, k)
+        b.
+    allowed : callable
+        Returns the squared error in the energy norm (k,) at which a column is done, from the
+        energy b^T x (k,) of the present solutions.
+    noise : ndarray (k,)
+        Norm of the residual that is round-off; a column below it is left alone.
+    look_back : int
+        Least number of steps over which the error is measured: 1 if the preconditioner is nearly
+        the inverse, some tens otherwise. `LOOK_BACK_SHARE` of all steps is used where it is more.
+    most_products : int
+        Largest number of products with A.
+
+    Raises
+    ------
+    InputError
+        If `most_products` do not suffice; code "not_converged".
     """
-    motion, rest = np.zeros_like(load), load.copy()
-    eased = preconditioner(rest)
-    step = eased.copy()
-    size = np.einsum("ik,ik->k", rest, eased)
-    gains, energy = np.empty((most_products, load.shape[1])), np.zeros(load.shape[1])
+    motion = np.zeros_like(load)
+    residual = load.copy()
+    preconditioned = preconditioner(residual)
+    direction = preconditioned.copy()
+    size = _column_products(residual, preconditioned)
+    gains = np.empty((most_products, load.shape[1]))
+    energy = np.zeros(load.shape[1])
     minute = Minute()
     for products in range(1, most_products + 1):
-        stretched = apply_stiffness(step)
-        curvature = np.einsum("ik,ik->k", step, stretched)
-        flat = FLAT * np.linalg.norm(step, axis=0) * np.linalg.norm(stretched, axis=0)
-        moving = (curvature > flat) & (np.linalg.norm(rest, axis=0) > noise)
+        force = apply_stiffness(direction)
+        curvature = _column_products(direction, force)
+        round_off = (
+            MIN_CURVATURE_COSINE * np.linalg.norm(direction, axis=0) * np.linalg.norm(force, axis=0)
+        )
+        moving = (curvature > round_off) & (np.linalg.norm(residual, axis=0) > noise)
         length = np.where(moving, size / np.where(moving, curvature, 1), 0.0)
-        motion += length * step
-        rest -= length * stretched
+        motion += length * direction
+        residual -= length * force
         gains[products - 1] = length * size
         energy += gains[products - 1]
-        back = max(look_back, int(SHARE * products))
-        error, bound = gains[max(products - back, 0) : products].sum(axis=0), allowed(energy)
+        back = max(look_back, int(LOOK_BACK_SHARE * products))
+        error = gains[max(products - back, 0) : products].sum(axis=0)
+        bound = allowed(energy)
         if products >= back and (error <= bound).all():
             return Solution(motion, load - apply_stiffness(motion), error, products + 1)
         if minute.passed():
             minute.tell(f"static response: {products} products with K, of at most {most_products}")
-        eased = preconditioner(rest)
-        before, size = size, np.einsum("ik,ik->k", rest, eased)
-        step *= np.where(before > 0, size / np.where(before > 0, before, 1), 0.0)
-        step += eased
+        preconditioned = preconditioner(residual)
+        size_before = size
+        size = _column_products(residual, preconditioned)
+        advanced = size_before > 0
+        direction *= np.where(advanced, size / np.where(advanced, size_before, 1), 0.0)
+        direction += preconditioned
     worst = float((error / bound).max())
     raise InputError(
         f"the springs do not balance the load: after {most_products} products with K the error in "
         f"energy is still {worst:.1e} times what was asked; ask for a larger tolerance, or take "
-        "a packing whose stiffnesses differ less"
+        "a packing whose stiffnesses differ less",
+        code="not_converged",
     )
+
+
+def _column_products(a: Floats, b: Floats) -> Floats:
+    """Return the scalar product (k,) of each pair of columns of two arrays (size, k)."""
+    return np.einsum("ik,ik->k", a, b)

@@ -1,8 +1,8 @@
-"""Sparse factorisations behind one registry: what each can do, what it costs, which one is taken.
+"""Factorise sparse matrices: a registry of ways, what each can do, what it costs, which is taken.
 
-Each module of `modal.solvers.factorisations` holds one as its `FACTORISATION`; a further one needs
-a module there and nothing else. They give solutions, and of a real symmetric matrix its inertia:
-the number of negative eigenvalues, which counts modes (Sylvester's law).
+Each module of `modal.solvers.factorisations` holds one way as its `FACTORISATION`; one more needs a
+module there and nothing else. A factor gives solutions and, for a real symmetric matrix, its
+inertia: the number of negative eigenvalues, which counts modes (Sylvester's law).
 """
 
 from __future__ import annotations
@@ -22,58 +22,81 @@ from modal.tools.errors import InputError, refuse_unknown
 from modal.tools.workload import memory_at_hand, refuse_above_memory
 
 SOLVERS = tuple(sorted(module.name for module in pkgutil.iter_modules(factorisations.__path__)))
-"""Names of all factorisations, whether or not what they need is installed."""
+"""Names of all factorisations, whether or not the packages that they need are installed."""
 BACKWARD = 1e-11
-"""Largest |A x - b| / (|A| |x|) of a factor whose signs are a count: so far, relative to the
-largest one, round-off may have moved the eigenvalues, and so near to a mode no count is exact
-(`COUNTED` of `modal.system.linear_system`). Without pivots near zero it is some 1e-16."""
-SMALL = 3000
-"""Rows up to which scipy's own factorisations are taken: to load another package takes longer."""
-SHARE = 0.5
-"""Of the free memory: a factorisation that takes more is left for one that takes less, as the
-blocks do where the inertia alone is wanted."""
+"""Largest backward error |A x - b| / (|A| |x|) of a factor whose pivot signs are a count. Round-off
+may have moved the eigenvalues so far, relative to the largest one, and no count is exact so near to
+a mode (`COUNTED` of `modal.system.linear_system`). Without pivots near zero it is some 1e-16."""
+SMALL_ROWS = 3000
+"""Rows up to which scipy's own factorisations are taken: loading another package takes longer."""
+MAX_MEMORY_SHARE = 0.5
+"""Share of the free memory above which a factorisation is left for one that takes less. The blocks
+take less if only the inertia is wanted."""
 SMALLER = "take a smaller packing"
-"""What to do where memory does not suffice."""
+"""Remedy where memory does not suffice."""
 
 
 class SingularError(InputError):
-    """A matrix that is singular, or that is not definite as was promised."""
+    """Refuse a matrix that is singular, or not definite although the caller promised it."""
 
     def __init__(self, definite: bool) -> None:
-        super().__init__(
-            "K has a negative direction: the packing is not stable with these springs; ask for the "
-            "modes of an interval or for a count, which allow it"
-            if definite
-            else "K - sigma M is exactly singular at this frequency; ask for a slightly different "
-            "one"
-        )
+        if definite:
+            super().__init__(
+                "K has a negative direction: the packing is not stable with these springs; ask for "
+                "the modes of an interval or for a count, which allow it",
+                code="unstable",
+            )
+        else:
+            super().__init__(
+                "K - sigma M is exactly singular at this frequency; ask for a slightly different "
+                "one",
+                code="singular",
+            )
+
+
+def _release_nothing() -> None:
+    """Free no memory: Python holds all of it."""
 
 
 @dataclass
 class Factor:
     """A factorised matrix A.
 
-    `solve` gives A^-1 b for b of shape (size,) or (size, k). `negative` is the number of negative
-    eigenvalues of A; None where A is not real and symmetric, where a pivot was replaced, where rows
-    were exchanged for a pivot, or where solutions are less accurate than `BACKWARD`: such a factor
-    solves, but its signs are no count. `solver` names the factorisation. `release` frees the memory
-    that it holds outside of Python; `solve` must not be called after it. `bytes`: its memory, by
-    estimate.
+    Attributes
+    ----------
+    solve : callable
+        Returns A^-1 b for b of shape (size,) or (size, k).
+    negative : int or None
+        Number of negative eigenvalues of A. None if it is not certain: A is not real and symmetric,
+        a pivot was replaced, rows were exchanged for a pivot, or the backward error of a solution
+        exceeds `BACKWARD`.
+    release : callable
+        Frees the memory that the factor holds outside of Python; `solve` must not be called after.
+    solver : str
+        Name of the factorisation.
+    bytes : float
+        Estimated memory.
     """
 
     solve: Callable[[Array], Array]
     negative: int | None
-    release: Callable[[], None] = lambda: None
+    release: Callable[[], None] = _release_nothing
     solver: str = ""
     bytes: float = 0.0
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What the cost of a factorisation depends on.
+    """The properties of a matrix that the cost of its factorisation depends on.
 
-    `rows` and `nonzeros` of the matrix, `layer`: rows of one of the layers in which contacts follow
-    each other along the packing, `complex`: whether its numbers are.
+    Attributes
+    ----------
+    rows, nonzeros : float
+        Numbers of rows and of stored entries.
+    layer : float
+        Rows of one of the layers in which contacts follow each other along the packing.
+    complex : bool
+        Whether the entries are complex.
     """
 
     rows: float
@@ -83,16 +106,26 @@ class Shape:
 
     @classmethod
     def of(cls, matrix: sp.csr_matrix, reach: Ints | None = None) -> Shape:
-        """The shape of a matrix, whose layers are the `reach` of the rows of its `band`."""
+        """Measure a matrix; `reach` (size,) is that of the rows in its `band`."""
         size = matrix.shape[0]
-        wide = (band(matrix)[1] if reach is None else reach) - np.arange(size, dtype=float)
-        layer = float(np.sqrt((wide**2).mean())) + 1
+        if reach is None:
+            _, reach = band(matrix)
+        distance = reach - np.arange(size, dtype=float)
+        layer = float(np.sqrt((distance**2).mean())) + 1
         return cls(size, matrix.nnz, layer, np.iscomplexobj(matrix))
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Bytes of a factor, multiplications of factorising and of solving for one column."""
+    """The estimated cost of a factorisation.
+
+    Attributes
+    ----------
+    bytes : float
+        Memory of the factor.
+    operations, each : float
+        Multiplications of factorising, and of solving for one column.
+    """
 
     bytes: float
     operations: float
@@ -101,13 +134,22 @@ class Cost:
 
 @dataclass(frozen=True)
 class Factorisation:
-    """One way to factorise, what it can, and what it costs.
+    """One way to factorise.
 
-    `package`: what must be installed besides scipy. `unsymmetric`: whether it takes such matrices;
-    all take symmetric ones, real or complex, definite or not. `cost` estimates from a `Shape`, and
-    from whether the factor is kept for solutions or only its inertia is wanted. `make` takes the
-    matrix, the order of rows in which it is a narrow band, whether it is positive definite, whether
-    it is symmetric, and again whether it is kept; it raises SingularError.
+    Attributes
+    ----------
+    name : str
+    make : callable
+        Takes the matrix, the order of rows in which it is a narrow band, whether it is positive
+        definite, whether it is symmetric, and whether the factor is kept for solutions. Returns the
+        `Factor`, or raises SingularError.
+    cost : callable
+        Estimates the `Cost` from a `Shape` and from whether the factor is kept for solutions.
+    package : str or None
+        Package that it needs besides scipy.
+    unsymmetric : bool
+        Whether it takes unsymmetric matrices. All take symmetric ones, real or complex, definite or
+        not.
     """
 
     name: str
@@ -118,13 +160,13 @@ class Factorisation:
 
 
 def named(solver: str) -> Factorisation:
-    """The factorisation of a name; InputError where there is none."""
+    """Return the factorisation of a name; raise InputError if it is unknown."""
     refuse_unknown("solver", solver, SOLVERS)
     return importlib.import_module(f"{factorisations.__name__}.{solver}").FACTORISATION
 
 
 def available(solver: str) -> bool:
-    """Whether what the factorisation needs is installed."""
+    """Tell whether the package that a factorisation needs is installed."""
     package = named(solver).package
     return package is None or importlib.util.find_spec(package) is not None
 
@@ -132,31 +174,48 @@ def available(solver: str) -> bool:
 def choose(
     shape: Shape, solver: str | None, *, kept: bool, unsymmetric: bool = False
 ) -> Factorisation:
-    """The factorisation for a matrix: the one that is named, or else the fastest that can do it.
+    """Choose the factorisation of a matrix: the named one, or the fastest that can do it.
 
-    One whose package was installed for it comes first where the matrix is not small, then the one
-    with the fewest operations; one that takes much of the free memory comes last. InputError for a
-    `solver` that is unknown, not installed, or cannot do what is asked for.
+    `kept` tells whether the factor is kept for solutions. InputError if `solver` is unknown, not
+    installed, or cannot factorise an unsymmetric matrix that is one.
     """
     if solver is None:
-        every = [named(name) for name in SOLVERS if available(name)]
-        able = [way for way in every if way.unsymmetric or not unsymmetric]
-        most, small = SHARE * memory_at_hand(), shape.rows <= SMALL
-
-        def rank(way: Factorisation) -> tuple[bool, bool, float]:
-            cost = way.cost(shape, kept)
-            return cost.bytes > most, (way.package is None) is not small, cost.operations
-
-        return min(able, key=rank)
-    way = named(solver)
+        return _fastest(shape, kept, unsymmetric)
+    factorisation = named(solver)
     if not available(solver):
+        others = " or ".join(name for name in SOLVERS if available(name))
         raise InputError(
-            f"solver {solver}: the package {way.package} is not installed; install it or choose "
-            + " or ".join(name for name in SOLVERS if available(name))
+            f"solver {solver}: the package {factorisation.package} is not installed; install it or "
+            f"choose {others}",
+            code="not_installed",
         )
-    if unsymmetric and not way.unsymmetric:
-        raise InputError(f"solver {solver}: it takes no shear forces in K; take another")
-    return way
+    if unsymmetric and not factorisation.unsymmetric:
+        raise InputError(
+            f"solver {solver}: it takes no shear forces in K; take another", code="unsymmetric"
+        )
+    return factorisation
+
+
+def _fastest(shape: Shape, kept: bool, unsymmetric: bool) -> Factorisation:
+    """Return the fastest factorisation that is available.
+
+    One that takes much of the free memory comes last. If the matrix is not small, one from another
+    package comes first, as somebody has installed it for speed; if it is small, one of scipy's.
+    Among these the number of operations decides.
+    """
+    able = []
+    for name in SOLVERS:
+        if available(name) and (named(name).unsymmetric or not unsymmetric):
+            able.append(named(name))
+    max_bytes = MAX_MEMORY_SHARE * memory_at_hand()
+    prefers_package = shape.rows > SMALL_ROWS
+
+    def rank(factorisation: Factorisation) -> tuple[bool, bool, float]:
+        cost = factorisation.cost(shape, kept)
+        from_package = factorisation.package is not None
+        return cost.bytes > max_bytes, from_package != prefers_package, cost.operations
+
+    return min(able, key=rank)
 
 
 def factorise(
@@ -169,42 +228,61 @@ def factorise(
     along: Floats | None = None,
     remedy: str = SMALLER,
 ) -> Factor:
-    """Factorise a matrix, real or complex; `definite` promises that it is positive definite.
+    """Factorise a sparse matrix.
 
-    Where the factor is not `kept`, it gives the inertia and no solutions, which may take less
-    memory. `along` (size,) are places of the rows along the packing, if they are known. InputError
-    for an unsuitable `solver`, a singular matrix, or where the factor would take more than the free
-    memory, with a `remedy`.
+    Parameters
+    ----------
+    matrix : sparse matrix (size, size), real or complex
+    definite : bool
+        Promise that the matrix is positive definite.
+    symmetric : bool
+        Whether the matrix is symmetric.
+    solver : str, optional
+        Name of the factorisation; by default the fastest is chosen.
+    kept : bool
+        Whether the factor is kept for solutions. Without, it gives the inertia alone, which may
+        take less memory.
+    along : ndarray (size,), optional
+        Places of the rows along the packing.
+    remedy : str
+        Advice in the message where memory does not suffice.
+
+    Raises
+    ------
+    InputError
+        If `solver` is unsuitable, the matrix is singular (SingularError), or the factor would take
+        more than the free memory.
     """
     order, reach = band(matrix, along)
     shape = Shape.of(matrix, reach)
-    way = choose(shape, solver, kept=kept, unsymmetric=not symmetric)
-    if way.package is None:
+    factorisation = choose(shape, solver, kept=kept, unsymmetric=not symmetric)
+    if factorisation.package is None and not available("pardiso"):
         remedy += ", or install pypardiso, which needs less"
-    needed = way.cost(shape, kept).bytes
-    refuse_above_memory(needed, f"a factorisation by {way.name}", remedy)
-    factor = way.make(matrix, order, definite, symmetric, kept)
-    return replace(factor, solver=way.name, bytes=needed)
+    needed_bytes = factorisation.cost(shape, kept).bytes
+    refuse_above_memory(needed_bytes, f"a factorisation by {factorisation.name}", remedy)
+    factor = factorisation.make(matrix, order, definite, symmetric, kept)
+    return replace(factor, solver=factorisation.name, bytes=needed_bytes)
 
 
 def band(matrix: sp.csr_matrix, along: Floats | None = None) -> tuple[Ints, Ints]:
-    """Order of a matrix's rows in which it is a narrow band, and how far each row reaches.
+    """Return an order of a matrix's rows in which it is a narrow band, and how far rows reach.
 
-    The reverse Cuthill-McKee order, or that of places `along` the packing: where it is wide, the
-    former starts at a corner and cuts obliquely. The second is the last row, in this order, that a
-    row or one before it shares an entry with.
+    The order is that of reverse Cuthill-McKee or that of the places `along` (size,) the packing,
+    whichever is narrower: in a wide packing the former starts at a corner and cuts obliquely. The
+    second array (size,) is that of `reach_of`.
     """
     orders = [reverse_cuthill_mckee(matrix, symmetric_mode=True)]
     if along is not None:
         orders.append(np.lexsort((np.argsort(orders[0]), along)))
-    ways = [(order, reach_of(matrix, order)) for order in orders]
-    return min(
-        ways, key=lambda way: ((way[1] - np.arange(matrix.shape[0], dtype=float)) ** 2).sum()
-    )
+    rows = np.arange(matrix.shape[0], dtype=float)
+    reaches = [reach_of(matrix, order) for order in orders]
+    widths = [((reach - rows) ** 2).sum() for reach in reaches]
+    narrowest = int(np.argmin(widths))
+    return orders[narrowest], reaches[narrowest]
 
 
 def reach_of(matrix: sp.csr_matrix, order: Ints) -> Ints:
-    """Of rows in this order the last that each, or one before it, shares an entry with."""
+    """Return, for each row in an order, the last row that it or one before it has an entry in."""
     size = matrix.shape[0]
     rank = np.empty(size, np.int64)
     rank[order] = np.arange(size)
@@ -216,8 +294,11 @@ def reach_of(matrix: sp.csr_matrix, order: Ints) -> Ints:
 
 
 def certain(negative: int, solve: Callable[[Array], Array], matrix: sp.csr_matrix) -> int | None:
-    """The number of negative pivots if the factor is accurate, tried on one right-hand side."""
+    """Return the number of negative pivots, or None if a trial solution is not accurate."""
     rhs = np.random.default_rng(matrix.shape[0]).standard_normal(matrix.shape[0])
-    found = solve(rhs)
-    error, size = np.linalg.norm(matrix @ found - rhs), np.linalg.norm(found)
-    return negative if error <= BACKWARD * abs(matrix.data).max() * size else None
+    solution = solve(rhs)
+    error = np.linalg.norm(matrix @ solution - rhs)
+    size = np.linalg.norm(solution)
+    if error <= BACKWARD * abs(matrix.data).max() * size:
+        return negative
+    return None

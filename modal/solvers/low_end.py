@@ -1,9 +1,9 @@
-"""A polynomial of A that lifts the low end of its spectrum: its lowest modes without a factor.
+"""Lift the low end of a spectrum by a polynomial: the lowest modes of A without a factor.
 
 The Chebyshev polynomial T_d stays between -1 and 1 where its argument does, and grows beyond like
 cosh(d arccosh x). With x = (top + edge - 2 omega^2) / (top - edge) the modes between `edge` and
-`top` are left at 1 or less, while those below `edge` are lifted, the lowest ones furthest: a block
-Lanczos finds these first. It takes d products with A where (A - sigma)^-1 takes a solve.
+`top` are left at 1 or less, while those below `edge` are lifted, the lowest ones furthest, so that
+block Lanczos finds these first. T_d takes d products with A; (A - sigma)^-1 takes one solve.
 (Y. Saad, Math. Comp. 42, 567, 1984; H. Fang and Y. Saad, SIAM J. Sci. Comput. 34, A2220, 2012.)
 """
 
@@ -15,16 +15,25 @@ import numpy as np
 from modal.solvers.chebyshev import ScaledOperator, chebyshev
 from modal.tools.arrays import Floats
 
-REACH = 10.0
-"""Logarithm of twice what a mode at zero is lifted to. A larger one takes more products for each
-vector of the basis, and fewer vectors: of 496 modes of a slender packing 1.65, 1.48 and 1.38 for
-each at 7.5, 10 and 12.5. Each vector less also saves its share of keeping them orthogonal. Beyond,
-round-off of what is lifted furthest nears `modal.solvers.lanczos.TOLERANCE` of the last modes."""
+LOG_TWICE_LIFT_AT_ZERO = 10.0
+"""Logarithm of twice the value that a mode at zero is lifted to. A larger one takes more products
+for each vector of the basis, and fewer vectors: 496 modes of a slender packing took 1.65, 1.48 and
+1.38 vectors each at 7.5, 10 and 12.5. Each vector that is saved also saves its orthogonalisation.
+Above 12.5, the round-off of the modes lifted furthest comes near
+`modal.solvers.lanczos.TOLERANCE` of the last modes."""
 
 
 @dataclass(frozen=True)
 class LowEnd:
-    """T_d of A as above; `edge` and `top` in omega^2, 1/s^2, `top` above all omega^2."""
+    """The polynomial T_d of A that lifts the modes below `edge`.
+
+    Attributes
+    ----------
+    operator : ScaledOperator
+        A.
+    edge, top : float
+        omega^2, 1/s^2: the end of the lifted modes, and a value above all omega^2.
+    """
 
     operator: ScaledOperator
     edge: float
@@ -32,27 +41,31 @@ class LowEnd:
 
     @property
     def degree(self) -> int:
-        """Products with A for each vector.
+        """Return the degree d, the number of products with A for each vector.
 
-        Odd: if a mode should lie above `top` after all, it goes far below -1, not above 1.
+        It is odd: if a mode lies above `top` after all, T_d takes it far below -1, not above 1.
         """
         at_zero = np.arccosh((self.top + self.edge) / (self.top - self.edge))
-        return 2 * round((REACH / at_zero - 1) / 2) + 1
+        return 2 * round((LOG_TWICE_LIFT_AT_ZERO / at_zero - 1) / 2) + 1
 
     @property
-    def _argument(self) -> tuple[float, float]:
-        """x = c - a omega^2: c and a."""
+    def _offset_and_slope(self) -> tuple[float, float]:
+        """Return c and a of the argument x = c - a omega^2."""
         width = self.top - self.edge
         return (self.top + self.edge) / width, 2 / width
 
     def apply(self, block: Floats) -> Floats:
-        """T_d(x(A)) of a block (size, k)."""
-        c, a = self._argument
+        """Return T_d(x(A)) applied to a block (size, k)."""
+        offset, slope = self._offset_and_slope
         start = np.array(self.operator.inward(block), order="C")
-        orders = chebyshev(self.operator, start, -a, c)
+        orders = chebyshev(self.operator, start, -slope, offset)
         return self.operator.outward(next(islice(orders, self.degree, None)))
 
     def square(self, lifted: Floats) -> Floats:
-        """The omega^2 (k,) of modes that are lifted to `lifted` (k,); `edge` where that is none."""
-        c, a = self._argument
-        return (c - np.cosh(np.arccosh(np.maximum(lifted, 1.0)) / self.degree)) / a
+        """Return the omega^2 (k,) of modes from their lifted values (k,).
+
+        A value of 1 or less is not lifted; it gives `edge`.
+        """
+        offset, slope = self._offset_and_slope
+        argument = np.cosh(np.arccosh(np.maximum(lifted, 1.0)) / self.degree)
+        return (offset - argument) / slope

@@ -1,8 +1,8 @@
-"""Products of matrices whose bits do not depend on the number of threads.
+"""Multiply matrices so that the bits of the product do not depend on the number of threads.
 
-BLAS cuts a large product among its threads, and rounds at each cut otherwise. OpenBLAS, which the
-wheels of numpy bring, gives a product of up to 2^18 multiplications to one thread; from such blocks
-a product of any size is put together, always in the same order.
+BLAS cuts a large product among its threads, and each cut changes how sums are rounded. OpenBLAS,
+which the wheels of numpy bring, gives a product of up to 2^18 multiplications to one thread. Here a
+product of any size is put together from such blocks, always in the same order.
 """
 
 from math import isqrt
@@ -11,16 +11,18 @@ import numpy as np
 
 from modal.tools.arrays import Array, Floats
 
-ALONE, DEEP = 2**18, 256
-"""Multiplications of a block, and terms of its sums, at most. Of 512 terms a block would be 22
-wide, which fits the kernels of BLAS badly: a third slower."""
+MAX_BLOCK_MULTIPLICATIONS = 2**18
+"""Multiplications up to which OpenBLAS gives a product to one thread."""
+MAX_BLOCK_TERMS = 256
+"""Largest number of terms in the sums of a block. With 512 terms a block would be 22 wide, which
+fits the kernels of BLAS badly and takes a third more time."""
 
 
 def same_bits_product(a: Array, b: Floats, out: Array | None = None) -> Array:
-    """Shape (t, r): a @ b for a (t, k) and b (k, r), to the same bits with any number of threads.
+    """Return a @ b of shape (t, r), for a (t, k) and b (k, r), with bits that threads don't change.
 
-    It is added to `out` where that is given. `a` may be complex: two real products, since those of
-    complex numbers are shared out earlier.
+    The product is added to `out` if that is given. `a` may be complex: it takes two real products,
+    since BLAS cuts complex ones among threads at a smaller size.
 
     >>> import numpy as np
     >>> same_bits_product(np.eye(2), np.array([[1.0, 2.0], [3.0, 4.0]]))
@@ -30,17 +32,18 @@ def same_bits_product(a: Array, b: Floats, out: Array | None = None) -> Array:
     if out is None:
         out = np.zeros((len(a), b.shape[1]), a.dtype)
     if np.iscomplexobj(a):
-        for part, sums in ((a.real, out.real), (a.imag, out.imag)):
-            same_bits_product(np.ascontiguousarray(part), b, sums)
+        same_bits_product(np.ascontiguousarray(a.real), b, out.real)
+        same_bits_product(np.ascontiguousarray(a.imag), b, out.imag)
         return out
-    across = isqrt(ALONE // min(max(len(b), 1), DEEP))
-    for k in range(0, len(b), DEEP):
-        terms = slice(k, k + DEEP)
-        # Copies lie together in memory; rows of `b` are pages apart, and each is met many times.
-        lefts = [a[t : t + across, terms].copy() for t in range(0, len(a), across)]
-        for r in range(0, b.shape[1], across):
-            columns = slice(r, r + across)
-            right = b[terms, columns].copy()
+    terms = min(max(len(b), 1), MAX_BLOCK_TERMS)
+    side = isqrt(MAX_BLOCK_MULTIPLICATIONS // terms)
+    for k in range(0, len(b), MAX_BLOCK_TERMS):
+        inner = slice(k, k + MAX_BLOCK_TERMS)
+        # Copies lie together in memory; rows of `b` are pages apart, and each is read many times.
+        lefts = [a[t : t + side, inner].copy() for t in range(0, len(a), side)]
+        for r in range(0, b.shape[1], side):
+            columns = slice(r, r + side)
+            right = b[inner, columns].copy()
             for n, left in enumerate(lefts):
-                out[n * across : (n + 1) * across, columns] += left @ right
+                out[n * side : (n + 1) * side, columns] += left @ right
     return out

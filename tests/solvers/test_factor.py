@@ -20,7 +20,7 @@ from modal.solvers.factor import (
     named,
     reach_of,
 )
-from modal.solvers.factorisations.blocks import FEWEST
+from modal.solvers.factorisations.blocks import MIN_BLOCK_ROWS
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 
@@ -75,8 +75,9 @@ def test_solutions_of_complex_and_of_unsymmetric_matrices(systems, solver):
     skewed.data *= 1 + 0.1 * random.random(real.nnz)
     for matrix, symmetric, loads in ((damped, True, rhs + 1j * rhs[::-1]), (skewed, False, rhs)):
         if not symmetric and not named(solver).unsymmetric:
-            with pytest.raises(InputError, match=f"solver {solver}: it takes no shear forces"):
+            with pytest.raises(InputError) as refused:
                 factorise(matrix, symmetric=False, solver=solver)
+            assert refused.value.code == "unsymmetric"
             continue
         factor = factorise(matrix, symmetric=symmetric, solver=solver)
         found = factor.solve(loads)
@@ -144,7 +145,7 @@ def test_growth_of_a_block_is_no_exact_count(size, kept):
     n = 500
     chain = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1], format="csr")
     for off, certainly in ((1e-12, False), (1e-4, True)):
-        shift = (2 - 2 * np.cos(51 * np.pi / (FEWEST + 1))) * (1 + off)
+        shift = (2 - 2 * np.cos(51 * np.pi / (MIN_BLOCK_ROWS + 1))) * (1 + off)
         factor = factorise((size * (chain - shift * sp.eye(n))).tocsr(), solver="blocks", kept=kept)
         expected = int((2 - 2 * np.cos(np.arange(1, n + 1) * np.pi / (n + 1)) < shift).sum())
         assert factor.negative == (expected if certainly else None)
@@ -156,8 +157,9 @@ def test_exactly_singular_is_refused_and_not_counted(zero):
     diagonal = np.tile([3.0, -1, 2, -5, 4], 100)
     assert factorise(sp.diags(diagonal, format="csr"), solver="blocks").negative == 200
     diagonal[zero] = 0
-    with pytest.raises(SingularError, match="singular"):
+    with pytest.raises(SingularError) as refused:
         factorise(sp.diags(diagonal, format="csr"), solver="blocks")
+    assert refused.value.code == "singular"
 
 
 def test_spheres_without_contacts_widen_no_block():

@@ -8,16 +8,16 @@ from operators import Known, rotation
 
 from modal.solvers import lanczos as krylov
 from modal.solvers.lanczos import (
-    BASIS,
+    BASIS_VECTORS_PER_MODE,
     BLOCK,
-    BLOCKS,
+    EXTRA_BLOCKS,
     TOLERANCE,
     Held,
     modes_below,
     modes_from_top,
     modes_nearest,
 )
-from modal.solvers.low_end import REACH, LowEnd
+from modal.solvers.low_end import LOG_TWICE_LIFT_AT_ZERO, LowEnd
 
 pytestmark = pytest.mark.two_ways
 
@@ -43,7 +43,9 @@ def nothing(size: int) -> Held:
 @pytest.mark.parametrize("count", [1, 30])
 def test_nearest_of_a_known_spectrum(sigma, count, monkeypatch):
     """Those nearest the shift on both sides but the held ones, as true eigenpairs."""
-    monkeypatch.setattr(krylov, "ROWS", 64)  # several pieces, the last one shorter
+    monkeypatch.setattr(
+        krylov, "ROWS_COMBINED_TOGETHER", 64
+    )  # several pieces, the last one shorter
     square, vector = np.concatenate([np.zeros(5), np.linspace(1, 100, 295)]), rotation(300, 1)
     place = np.argsort(abs(square - sigma))
     found = place[~np.isin(place, np.arange(5))][:4]
@@ -85,7 +87,7 @@ def test_many_modes_without_a_restart():
     wanted = np.sort(square[np.argsort(abs(square - 5.001))[:count]])
     assert near.converged.all() and near.square == pytest.approx(wanted, rel=1e-12)
     # The basis has room for so many: it has never been combined anew on the way.
-    assert near.products < BASIS * count + BLOCKS * BLOCK
+    assert near.products < BASIS_VECTORS_PER_MODE * count + EXTRA_BLOCKS * BLOCK
 
 
 def test_few_directions_are_searched_whole():
@@ -106,7 +108,7 @@ def test_few_directions_are_searched_whole():
 @pytest.mark.parametrize("spectrum", ["even", "negative", "edge"])
 def test_highest_of_a_known_spectrum(spectrum, count, monkeypatch):
     """The largest but the held ones, as true eigenpairs, with many restarts of a small basis."""
-    monkeypatch.setattr(krylov, "ROWS", 64)
+    monkeypatch.setattr(krylov, "ROWS_COMBINED_TOGETHER", 64)
     square = {
         "even": np.linspace(0, 100, 300),
         "negative": np.linspace(-300, -1, 300),
@@ -135,7 +137,7 @@ def test_products_from_the_top_end_where_they_shall():
     """Too few products: some of the modes, marked; the count of products kept within a block."""
     theta = np.concatenate([np.linspace(1, 2, 1485), np.linspace(3, 9, 15)])
     near = modes_from_top(lambda block: theta[:, None] * block, 30, nothing(1500), 400)
-    assert 400 <= near.products < 400 + krylov.WIDTH_ABOVE
+    assert 400 <= near.products < 400 + krylov.MAX_TOP_WIDTH
     residual = np.linalg.norm((theta[:, None] - near.square) * near.vector, axis=0)
     assert ((residual < TOLERANCE * near.square) == near.converged).all()
     assert 10 <= near.converged.sum() < 30
@@ -144,7 +146,7 @@ def test_products_from_the_top_end_where_they_shall():
 
 @pytest.mark.parametrize("edge", [0.02, 1.0, 20.0])
 def test_the_polynomial_is_that_of_chebyshev(edge):
-    """Against numpy's, in the eigenvectors; a mode at zero is lifted to e^REACH / 2."""
+    """Against numpy's, in the eigenvectors; a mode at zero is lifted to half of e^10."""
     known = Known(np.linspace(0, 90, 40), rotation(40, 1))
     low_end = LowEnd(known, edge, 100.0)
     x = (100 + edge - 2 * known.square) / (100 - edge)
@@ -155,7 +157,9 @@ def test_the_polynomial_is_that_of_chebyshev(edge):
     assert found == pytest.approx(np.diag(lifted), abs=10 * error)
     # The degree is whole and odd: off by one at most.
     off = np.arccosh((100 + edge) / (100 - edge))
-    assert abs(np.log(2 * lifted[0]) - REACH) < off + 2 * np.exp(-2 * REACH)
+    assert abs(np.log(2 * lifted[0]) - LOG_TWICE_LIFT_AT_ZERO) < off + 2 * np.exp(
+        -2 * LOG_TWICE_LIFT_AT_ZERO
+    )
     assert known.products == 40 * low_end.degree
 
 
@@ -192,7 +196,7 @@ def test_lowest_of_a_known_spectrum(count):
     # Wrong by the square of the residual, and by round-off of what a mode at zero is lifted to.
     assert found.square == pytest.approx(square[wanted], rel=1e-11)
     # A residual over the least distance of a lifted mode from one that is not: 1 and more.
-    lifted = np.cosh(REACH)
+    lifted = np.cosh(LOG_TWICE_LIFT_AT_ZERO)
     assert abs(abs(found.vector.T @ known.vector[:, wanted]) - np.eye(count)).max() < (
         400 * TOLERANCE * lifted
     )

@@ -159,7 +159,7 @@ def test_value_vector_and_products(steps, monkeypatch):
 
     Also after 300 steps where 80 would do: the copies that round-off brings back do no harm.
     """
-    monkeypatch.setattr("modal.solvers.spectrum.LOOK", steps)
+    monkeypatch.setattr("modal.solvers.spectrum.STEPS_BETWEEN_CHECKS", steps)
     system = LinearSystem.of(disordered())
     matrix = system.scaled.toarray()
     square, vector = eigh(matrix, subset_by_index=[system.size - 2, system.size - 1])

@@ -1,1 +1,1 @@
-"""One factorisation a module, each found by `modal.solvers.factor` as its `FACTORISATION`."""
+"""Hold one factorisation a module; `modal.solvers.factor` finds each by its `FACTORISATION`."""

@@ -1,19 +1,20 @@
-"""L D L^T of a symmetric matrix by a front of dense rows that moves along the packing.
+"""Factorise a symmetric matrix, L D L^T, by a front of dense rows that moves along the packing.
 
-In a suitable order of its rows a packing's matrix is a band. Block after block of rows is
+The matrix of a packing is a band in a suitable order of its rows. Block after block of rows is
 eliminated,
 
     X_k = S_kk^-1 S_k,    S_ij -= S_ki^T X_kj    for i, j behind k and within its reach,
 
 where S_k are the entries right of the block's own S_kk as the blocks before have changed them. The
 inertia of A is the sum of those of all S_kk. Each is factorised by LAPACK: by Cholesky where it is
-definite, as nearly all are below the lowest modes, else with symmetric pivots. For solutions the
-factors of S_kk and the X_k are kept; for the inertia alone no more than the front.
+definite, as nearly all are below the lowest modes, and otherwise with symmetric pivots. Solutions
+need the factors of all S_kk and X_k; the inertia alone needs no more than the front.
 """
 
 from collections import deque
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,121 +33,137 @@ from modal.solvers.factor import (
 from modal.tools.arrays import Array, Ints
 from modal.tools.progress import progress
 
-GROWTH = BACKWARD / np.finfo(float).eps
-"""Growth of a block's entries up to which its signs count: round-off has then moved the eigenvalues
-by `BACKWARD` of the largest one."""
-FEWEST, MOST, SHARE = 128, 256, 8
-"""Rows of a block: between these, and else this part of the band. Smaller ones waste time in calls,
-larger ones work on zeros beside the band."""
+MAX_GROWTH = BACKWARD / np.finfo(float).eps
+"""Growth of a block's entries up to which its pivot signs count: round-off has then moved the
+eigenvalues by `BACKWARD` of the largest one."""
+MIN_BLOCK_ROWS, MAX_BLOCK_ROWS = 128, 256
+"""Rows of a block. Smaller ones lose time in calls, larger ones work on zeros beside the band."""
+BAND_SHARE = 8
+"""A block has the rows of the band divided by this, between the two limits."""
 Solve = Callable[[Array], Array]
 
 
-def _width(layer: float) -> int:
-    """Rows of a block in a band whose rows reach over so many others."""
-    return int(np.clip(layer / SHARE, FEWEST, MOST))
+class _Elimination(NamedTuple):
+    """The elimination of one block.
+
+    solve: applies S_kk^-1. negative: number of negative eigenvalues of S_kk. solved (r, c): X_k.
+    """
+
+    solve: Solve
+    negative: int
+    solved: Array
+
+
+def _block_rows(layer: float) -> int:
+    """Return the rows of a block in a band whose rows reach over `layer` others."""
+    return int(np.clip(layer / BAND_SHARE, MIN_BLOCK_ROWS, MAX_BLOCK_ROWS))
 
 
 def _cost(shape: Shape, kept: bool) -> Cost:
+    """Estimate the cost: the whole factor if it is kept, else the front alone."""
     numbers = 1 + shape.complex
-    front = shape.layer + _width(shape.layer)
-    own = shape.rows * front
-    held = own if kept else front**2
-    return Cost(8 * numbers * held, numbers**2 * own * front / 2, 2 * own)
+    front = shape.layer + _block_rows(shape.layer)
+    entries = shape.rows * front
+    stored = entries if kept else front**2
+    return Cost(8 * numbers * stored, numbers**2 * entries * front / 2, 2 * entries)
 
 
 def _factorise(
     matrix: sp.csr_matrix, order: Ints, definite: bool, symmetric: bool, kept: bool
 ) -> Factor:
+    """Factorise a symmetric matrix; the front holds the rows that are not yet eliminated."""
     size = matrix.shape[0]
     reach = reach_of(matrix, order)
-    inner = matrix[order][:, order].tocsr()
-    (gemm,) = get_blas_funcs(("gemm",), (inner.data,))
-    width = _width(float(np.sqrt(((reach - np.arange(size)) ** 2).mean())))
+    ordered = matrix[order][:, order].tocsr()
+    (gemm,) = get_blas_funcs(("gemm",), (ordered.data,))
+    width = _block_rows(float(np.sqrt(((reach - np.arange(size)) ** 2).mean())))
     starts = np.arange(0, size, width)
-    # Behind the last column of each block of rows, which is that of a block.
+    # The end of the block that holds the last column of each block of rows.
     ends = np.minimum(width * (np.maximum.reduceat(reach, starts) // width + 1), size)
     solves: list[Solve] = []
-    beside: list[Array] = []
-    negative, grown, largest = 0, False, abs(inner.data).max(initial=0.0)
+    solved_columns: list[Array] = []
+    negative = 0
+    grown = False
+    largest = abs(ordered.data).max(initial=0.0)
     front: deque[Array] = deque()
     opened = 0
     for k in progress(len(starts), "block factor"):
-        start, end = starts[k], ends[k]
+        start = starts[k]
+        end = ends[k]
         for first, last in zip(starts[opened:], ends[opened:], strict=True):
             if first >= end:
                 break
-            front.append(inner[first : first + width, first:last].toarray(order="F"))
+            front.append(ordered[first : first + width, first:last].toarray(order="F"))
             opened += 1
         rows = front.popleft()
         # Cholesky factors do not grow.
-        grown |= not (definite or abs(rows).max() <= GROWTH * largest)
-        solve, below, solved = _eliminated(rows[:, : len(rows)], rows[:, len(rows) :], definite)
-        negative += below
+        grown |= not (definite or abs(rows).max() <= MAX_GROWTH * largest)
+        block = _eliminate(rows[:, : len(rows)], rows[:, len(rows) :], definite)
+        negative += block.negative
         for i, later in enumerate(front, 1):
-            a, b = i * width, min((i + 1) * width, size - start)
-            # Whole columns of an array in Fortran's order: gemm writes where it is told to.
+            a = i * width
+            b = min((i + 1) * width, size - start)
+            # Whole columns of an array in Fortran order: gemm writes into it.
             changed = later[:, : end - start - a]
             gemm(
                 -1.0,
                 rows[:, a:b],
-                solved[:, a - width :],
+                block.solved[:, a - width :],
                 beta=1.0,
                 c=changed,
                 trans_a=True,
                 overwrite_c=True,
             )
         if kept:
-            solves.append(solve)
-            beside.append(solved)
+            solves.append(block.solve)
+            solved_columns.append(block.solved)
 
-    def solution(rhs: Array) -> Array:
-        x = rhs[order].astype(np.result_type(rhs, inner))
-        for start, end, right in zip(starts, ends, beside, strict=True):
+    def solve(rhs: Array) -> Array:
+        x = rhs[order].astype(np.result_type(rhs, ordered))
+        for start, end, right in zip(starts, ends, solved_columns, strict=True):
             x[start + width : end] -= right.T @ x[start : start + width]
         for k in range(len(starts) - 1, -1, -1):
             own = slice(starts[k], starts[k] + width)
-            x[own] = solves[k](x[own]) - beside[k] @ x[own.stop : ends[k]]
+            x[own] = solves[k](x[own]) - solved_columns[k] @ x[own.stop : ends[k]]
         result = np.empty_like(x)
         result[order] = x
         return result
 
-    count = None if grown or np.iscomplexobj(matrix) else negative
-    if kept and not definite and count is not None:
-        count = certain(count, solution, matrix)
-    return Factor(solution, count)
+    if grown or np.iscomplexobj(matrix):
+        return Factor(solve, None)
+    if kept and not definite:
+        return Factor(solve, certain(negative, solve, matrix))
+    return Factor(solve, negative)
 
 
-def _eliminated(own: Array, right: Array, definite: bool) -> tuple[Solve, int, Array]:
-    """Solutions with a block, how many of its eigenvalues are negative, and those of its `right`.
+def _eliminate(diagonal: Array, right: Array, definite: bool) -> _Elimination:
+    """Factorise a diagonal block (r, r), and solve for the columns (r, c) right of it.
 
-    Shapes (r, r) and (r, c). SingularError for a singular block, and where it is not `definite` as
-    was promised.
+    SingularError if the block is singular, or not definite although `definite` promises it.
     """
     names = ("posv", "potrs", "sysv", "sysv_lwork", "sytrs")
-    posv, potrs, sysv, sysv_lwork, sytrs = get_lapack_funcs(names, (own,))
+    posv, potrs, sysv, sysv_lwork, sytrs = get_lapack_funcs(names, (diagonal,))
     # LAPACK takes no matrix without columns.
-    columns = right if right.shape[1] else np.ones((len(own), 1))
-    if not np.iscomplexobj(own):
-        factor, solved, info = posv(own, columns, lower=1)
+    columns = right if right.shape[1] else np.ones((len(diagonal), 1))
+    if not np.iscomplexobj(diagonal):
+        factor, solved, info = posv(diagonal, columns, lower=1)
         if info == 0:
-            return partial(_solved, potrs, (factor,)), 0, solved[:, : right.shape[1]]
+            return _Elimination(partial(_solve, potrs, (factor,)), 0, solved[:, : right.shape[1]])
     if definite:
         raise SingularError(definite)
-    lwork = int(sysv_lwork(len(own), lower=1)[0].real)
-    factor, pivots, solved, info = sysv(own, columns, lwork=lwork, lower=1)
+    lwork = int(sysv_lwork(len(diagonal), lower=1)[0].real)
+    factor, pivots, solved, info = sysv(diagonal, columns, lwork=lwork, lower=1)
     if info:
         raise SingularError(definite)
     # A 2 x 2 pivot, marked by two equal negative numbers, has one eigenvalue of each sign.
     double = pivots < 0
     negative = int((factor.diagonal()[~double].real < 0).sum() + double.sum() // 2)
-    solve = partial(_solved, sytrs, (factor, pivots))
-    return solve, negative, solved[:, : right.shape[1]]
+    solve = partial(_solve, sytrs, (factor, pivots))
+    return _Elimination(solve, negative, solved[:, : right.shape[1]])
 
 
-def _solved(
-    routine: Callable[..., tuple[Array, int]], factor: tuple[Array, ...], b: Array
-) -> Array:
-    """The solution by a routine of LAPACK, in the shape of b."""
+def _solve(routine: Callable[..., tuple[Array, int]], factor: tuple[Array, ...], b: Array) -> Array:
+    """Solve by a routine of LAPACK; the solution has the shape of b."""
     return routine(*factor, b, lower=1)[0].reshape(b.shape)
 
 

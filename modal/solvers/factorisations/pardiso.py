@@ -1,7 +1,7 @@
-"""MKL's PARDISO, where pypardiso is installed: fast, by nested dissection, on several cores.
+"""Factorise by MKL's PARDISO, if pypardiso is installed: nested dissection on several cores.
 
-As it is had here it knows real matrices alone. Of a complex symmetric W + i T it takes
-[[W, -T], [-T, -W]], symmetric and of twice the size, whose solution holds both parts.
+pypardiso takes real matrices alone. A complex symmetric W + i T is given as [[W, -T], [-T, -W]],
+symmetric and of twice the size, whose solution holds both parts.
 """
 
 import os
@@ -16,94 +16,118 @@ from modal.solvers.factor import Cost, Factor, Factorisation, Shape, SingularErr
 from modal.tools.arrays import Array, Complex, Ints
 from modal.tools.errors import InputError
 
-FILL = 0.5
-"""Entries of the factor for each nonzero, over the root of a layer's rows: 1.5e8 of 35,201
-spheres."""
+ENTRIES_PER_NONZERO = 0.5
+"""Entries of the factor for each nonzero, divided by the root of the rows of a layer: 1.5e8 entries
+for 35,201 spheres."""
 SYMMETRIC = {1: 1, 2: 2, 8: 0, 10: 8, 21: 1, 24: 1, 37: -100}
-"""What is asked of PARDISO in place of its defaults: order by nested dissection, pivots of size
-1 and 2, a factorisation for two cores, no refinement of solutions unless a pivot was perturbed, and
-rows of equal pattern, those of a sphere, ordered as one (iparm 37: variable blocks).
-By default every solution is refined twice, which takes three times as long: from a residual of
-4e-12, which Lanczos does not notice, to 1e-13. Row by row the analysis of 35,201 spheres takes
-1.1 s instead of 0.3 and holds 240 MB instead of 60."""
+"""Parameters (iparm) other than the defaults: order by nested dissection, pivots of size 1 and 2, a
+factorisation for two cores, no refinement of solutions unless a pivot was perturbed, and rows
+of equal pattern, those of a sphere, ordered together (iparm 37: variable blocks).
+By default each solution is refined twice, which takes three times as long and lowers the residual
+from 4e-12, which Lanczos does not notice, to 1e-13. If rows are ordered one by one, the analysis of
+35,201 spheres takes 1.1 s instead of 0.3 s and holds 240 MB instead of 60 MB."""
 UNSYMMETRIC = {1: 1, 2: 2, 8: 2, 10: 13, 11: 1, 13: 1}
-"""Where rows must be exchanged: scaled and matched, with solutions refined."""
-WITHOUT_MEMORY = -2
-"""PARDISO's error code where it found too little memory."""
+"""Parameters for matrices whose rows must be exchanged: scaled, matched, solutions refined."""
+OUT_OF_MEMORY = -2
+"""PARDISO's error code for too little memory."""
+PERTURBED_PIVOTS, POSITIVE_PIVOTS, NEGATIVE_PIVOTS = 14, 22, 23
+"""Parameters in which PARDISO returns numbers of pivots."""
+POSITIVE_DEFINITE, INDEFINITE, GENERAL = 2, -2, 11
+"""PARDISO's types of real matrices (mtype)."""
 
 
 def _cost(shape: Shape, kept: bool) -> Cost:
+    """Estimate the cost; a complex matrix costs as much as its real form."""
     if shape.complex:
         return _cost(Shape(2 * shape.rows, 4 * shape.nonzeros, 2 * shape.layer), kept)
-    entries = FILL * shape.nonzeros * np.sqrt(shape.layer)
+    entries = ENTRIES_PER_NONZERO * shape.nonzeros * np.sqrt(shape.layer)
     return Cost(10 * entries + 40 * shape.nonzeros, entries**2 / shape.rows, 2 * entries)
 
 
 def _factorise(
     matrix: sp.csr_matrix, order: Ints, definite: bool, symmetric: bool, kept: bool
 ) -> Factor:
-    # Else the package, as it is loaded, and each solver search the disk for MKL: 0.4 s and more.
-    for place in Path(sys.prefix, "lib").glob("libmkl_rt.*"):
-        os.environ.setdefault("PYPARDISO_MKL_RT", str(place))
+    """Factorise; PARDISO finds its own order of rows."""
+    # Without this, the package and each solver search the disk for MKL: 0.4 s and more.
+    for path in Path(sys.prefix, "lib").glob("libmkl_rt.*"):
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(path))
     from pypardiso import PyPardisoSolver
     from pypardiso.pardiso_wrapper import PyPardisoError
 
     if np.iscomplexobj(matrix):
-        return _complex(matrix, order, symmetric)
-    given = _with_diagonal(matrix, symmetric)
-    solver = PyPardisoSolver(mtype=(2 if definite else -2) if symmetric else 11)
-    for parameter, value in (SYMMETRIC if symmetric else UNSYMMETRIC).items():
+        return _factorise_complex(matrix, order, symmetric)
+    stored = _with_diagonal(matrix, symmetric)
+    matrix_type, parameters = GENERAL, UNSYMMETRIC
+    if symmetric:
+        matrix_type = POSITIVE_DEFINITE if definite else INDEFINITE
+        parameters = SYMMETRIC
+    solver = PyPardisoSolver(mtype=matrix_type)
+    for parameter, value in parameters.items():
         solver.set_iparm(parameter, value)
     os.environ.setdefault("PYPARDISO_MKL_RT", solver.libmkl._name)
 
     def solve(rhs: Array) -> Array:
-        return solver.solve(given, np.asfortranarray(rhs))
+        return solver.solve(stored, np.asfortranarray(rhs))
 
     def release() -> None:
         solver.free_memory(everything=True)
 
     try:
-        solver.factorize(given)
+        solver.factorize(stored)
     except PyPardisoError as error:
-        if error.value == WITHOUT_MEMORY:
-            raise InputError("PARDISO found too little memory; take a smaller packing") from error
+        if error.value == OUT_OF_MEMORY:
+            raise InputError(
+                "PARDISO found too little memory; take a smaller packing", code="memory"
+            ) from error
         raise SingularError(definite) from error
-    # With two levels a negative pivot may pass unnoticed: its root is NaN, and so are solutions.
+    # With two-level factorisation a negative pivot may pass unnoticed: its root, and solutions with
+    # it, are NaN.
     if definite and not np.isfinite(solve(np.ones(matrix.shape[0]))).all():
         release()
         raise SingularError(definite)
-    if definite or not symmetric:
-        return Factor(solve, 0 if definite else None, release)
-    # Pivots that were replaced, and those of either sign.
-    perturbed, positive, negative = (int(solver.get_iparm(k)) for k in (14, 22, 23))
-    whole = perturbed == 0 and positive + negative == matrix.shape[0]
-    return Factor(solve, certain(negative, solve, matrix) if whole else None, release)
+    if not symmetric:
+        return Factor(solve, None, release)
+    if definite:
+        return Factor(solve, 0, release)
+    positive = int(solver.get_iparm(POSITIVE_PIVOTS))
+    negative = int(solver.get_iparm(NEGATIVE_PIVOTS))
+    perturbed = int(solver.get_iparm(PERTURBED_PIVOTS))
+    if perturbed or positive + negative != matrix.shape[0]:
+        return Factor(solve, None, release)
+    return Factor(solve, certain(negative, solve, matrix), release)
 
 
-def _complex(matrix: sp.csr_matrix, order: Ints, symmetric: bool) -> Factor:
-    """Factor of a complex matrix, by its real form, which is symmetric where the matrix is."""
-    size, W, T = matrix.shape[0], matrix.real, matrix.imag
-    way = -1 if symmetric else 1
-    both_parts = sp.bmat([[W, -T], [way * T, way * W]], format="csr")
+def _factorise_complex(matrix: sp.csr_matrix, order: Ints, symmetric: bool) -> Factor:
+    """Factorise a complex matrix by its real form, which is symmetric if the matrix is."""
+    size = matrix.shape[0]
+    W = matrix.real
+    T = matrix.imag
+    sign = -1 if symmetric else 1
+    both_parts = sp.bmat([[W, -T], [sign * T, sign * W]], format="csr")
     factor = _factorise(both_parts, order, False, symmetric, True)
 
     def solve(rhs: Array) -> Complex:
-        both = factor.solve(np.concatenate([rhs.real, way * rhs.imag]))
+        both = factor.solve(np.concatenate([rhs.real, sign * rhs.imag]))
         return both[:size] + 1j * both[size:]
 
     return replace(factor, solve=solve, negative=None)
 
 
 def _with_diagonal(matrix: sp.csr_matrix, upper: bool) -> sp.csr_matrix:
-    """The matrix, or its upper triangle, with a stored diagonal: PARDISO takes no empty row."""
-    given = sp.triu(matrix, format="csr") if upper else matrix.tocsr()
-    if not np.diff(given.indptr).all():
-        apart, rows = (given - sp.diags(given.diagonal())).tocoo(), np.arange(matrix.shape[0])
-        values = np.concatenate([apart.data, matrix.diagonal()])
-        places = np.concatenate([apart.row, rows]), np.concatenate([apart.col, rows])
-        given = sp.coo_matrix((values, places), shape=matrix.shape).tocsr()
-    given.sort_indices()
-    return given
+    """Return the matrix, or its upper triangle, without empty rows, which PARDISO does not take.
+
+    If a row is empty, the whole diagonal is stored, zeros included.
+    """
+    stored = sp.triu(matrix, format="csr") if upper else matrix.tocsr()
+    if not np.diff(stored.indptr).all():
+        beside_diagonal = (stored - sp.diags(stored.diagonal())).tocoo()
+        rows = np.arange(matrix.shape[0])
+        values = np.concatenate([beside_diagonal.data, matrix.diagonal()])
+        row = np.concatenate([beside_diagonal.row, rows])
+        column = np.concatenate([beside_diagonal.col, rows])
+        stored = sp.coo_matrix((values, (row, column)), shape=matrix.shape).tocsr()
+    stored.sort_indices()
+    return stored
 
 
 FACTORISATION = Factorisation("pardiso", _factorise, _cost, package="pypardiso")

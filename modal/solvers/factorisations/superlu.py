@@ -1,7 +1,7 @@
-"""SuperLU, which scipy brings: any matrix, in much memory.
+"""Factorise by SuperLU, which scipy brings: any matrix, in much memory.
 
-A symmetric one is factorised in symmetric mode with diagonal pivots. Where the row permutation
-equals the column permutation, U's diagonal holds the D of an L D L^T and its signs are the inertia.
+A symmetric matrix is factorised in symmetric mode with diagonal pivots. If the permutation of rows
+equals that of columns, the diagonal of U is the D of an L D L^T, and its signs are the inertia.
 """
 
 import numpy as np
@@ -11,25 +11,30 @@ from scipy.sparse.linalg import splu
 from modal.solvers.factor import Cost, Factor, Factorisation, Shape, SingularError, certain
 from modal.tools.arrays import Ints
 
-FILL = 0.04
-"""Entries of L for each nonzero, over a layer's rows, with minimum degrees: 12 GB of L and U of
-35,201 spheres."""
-SLOW = 8
-"""In a solve each entry is met alone, which takes as long as so many multiplications of a block."""
+ENTRIES_PER_NONZERO_AND_LAYER_ROW = 0.04
+"""Entries of L for each nonzero, divided by the rows of a layer, with minimum degrees: 12 GB
+for L and U of 35,201 spheres."""
+MULTIPLICATIONS_PER_ENTRY = 8
+"""A solve reads each entry alone, which takes as long as this many multiplications of a block."""
 
 
 def _cost(shape: Shape, _: bool) -> Cost:
-    entries, numbers = FILL * shape.nonzeros * shape.layer, 1 + shape.complex
+    """Estimate the cost; L and U are kept in any case."""
+    entries = ENTRIES_PER_NONZERO_AND_LAYER_ROW * shape.nonzeros * shape.layer
+    numbers = 1 + shape.complex
     # L and U, each entry with its row.
     operations = 2 * numbers**2 * entries**2 / shape.rows
-    return Cost((8 + 16 * numbers) * entries, operations, 2 * SLOW * entries)
+    solving = 2 * MULTIPLICATIONS_PER_ENTRY * entries
+    return Cost((8 + 16 * numbers) * entries, operations, solving)
 
 
 def _factorise(
     matrix: sp.csr_matrix, order: Ints, definite: bool, symmetric: bool, kept: bool
 ) -> Factor:
+    """Factorise, in symmetric mode if the matrix is real and symmetric."""
+    symmetric_mode = symmetric and not np.iscomplexobj(matrix)
     options = {}
-    if symmetric and not np.iscomplexobj(matrix):
+    if symmetric_mode:
         options = {
             "permc_spec": "MMD_AT_PLUS_A",
             "diag_pivot_thresh": 0.0,
@@ -39,7 +44,7 @@ def _factorise(
         lu = splu(matrix.tocsc(), **options)
     except RuntimeError as error:
         raise SingularError(definite) from error
-    if not options or not np.array_equal(lu.perm_r, lu.perm_c):
+    if not symmetric_mode or not np.array_equal(lu.perm_r, lu.perm_c):
         return Factor(lu.solve, None)
     negative = int((lu.U.diagonal() < 0).sum())
     if definite and negative:
