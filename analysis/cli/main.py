@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from modal.cli.options import Parser, add_command, parsed, refused
 from modal.tools.errors import InputError
+from modal.tools.workload import out_of_memory
 
 COMMANDS = {
     "measure": "start here: velocities, low-pass, moduli ... of your packing, with errors",
@@ -59,6 +60,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         package, use = USED_FOR[error.name]
         return refused(InputError(f"{package} is absent, which {use}; pip install {package}"))
+    except MemoryError as error:
+        return refused(out_of_memory(error))
     except InputError as error:
         return refused(error)
     return status or 0

@@ -14,8 +14,9 @@ from modal.cli.options import SHORT, Parser, add_command, flag, parsed, refused,
 from modal.cli.terminal import json_text, page, put
 from modal.formats.provenance import is_current, made_by
 from modal.tools.errors import InputError
+from modal.tools.memory import peak_memory
 from modal.tools.progress import Minute
-from modal.tools.workload import peak_memory
+from modal.tools.workload import out_of_memory
 
 COMMANDS = (
     *("pack", "relax", "info", "modes", "count", "density", "moduli", "wave", "response"),
@@ -87,6 +88,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         result["seconds"] = time.perf_counter() - start
         result["peak_memory_bytes"] = peak_memory()
         put(json_text(result) if options.json else page(result, options.groups))
+    except MemoryError as error:
+        return refused(out_of_memory(error))
     except InputError as error:
         return refused(error)
     return SHORT if result.get("missing") or not result.get("at_rest", True) else 0

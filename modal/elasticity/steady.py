@@ -18,7 +18,7 @@ from modal.system.imposed import Coupling
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
 from modal.tools.errors import refuse_unknown
-from modal.tools.workload import memory_at_hand
+from modal.tools.memory import memory_at_hand
 
 SOLVERS = ("pardiso", "gradients")
 """With a factor of K, or with the own blocks of the spheres."""

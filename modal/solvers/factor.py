@@ -19,7 +19,8 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from modal.solvers import factorisations
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError, refuse_unknown
-from modal.tools.workload import memory_at_hand, refuse_above_memory
+from modal.tools.memory import memory_at_hand
+from modal.tools.workload import refuse_above_memory
 
 SOLVERS = tuple(sorted(module.name for module in pkgutil.iter_modules(factorisations.__path__)))
 """Names of all factorisations, whether or not the packages that they need are installed."""

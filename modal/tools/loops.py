@@ -4,20 +4,26 @@ import os
 import sys
 import zlib
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack, suppress
-from functools import cache, partial
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any
 
 from modal.tools import slabs
+from modal.tools.errors import InputError
 
-try:
-    import fcntl
-except ImportError:  # not on Windows
-    fcntl = None  # type: ignore[assignment]
+_THREADS = os.environ.get("NUMBA_NUM_THREADS", "1")
+if _THREADS.strip().lstrip("+-").isdecimal() and int(_THREADS) < 1:
+    raise InputError(
+        f"the environment has NUMBA_NUM_THREADS={_THREADS}, of which numba can make no thread; "
+        "set it to 1 or more, or unset it",
+        code="thread_count",
+    )
 try:
     import numba
+
+    from modal.tools.loop_cache import kept as kept
 except ImportError:
     numba = None
 prange = numba.prange if numba else range
@@ -29,23 +35,48 @@ if numba and "NUMBA_THREADING_LAYER_PRIORITY" not in os.environ:
 Loop = Callable[..., Any]
 
 
+_PARENT_HAD_THREADS = False
+"""Whether this process was forked from one whose threads for loops ran: here they do not."""
+
+
+def _after_fork() -> None:
+    """Note in a forked process whether numba had started its threads before."""
+    global _PARENT_HAD_THREADS
+    with suppress(ValueError):  # they were not started
+        numba.threading_layer()
+        _PARENT_HAD_THREADS = True
+
+
+if numba and hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
+
+
 def threads_for(spheres: int) -> int:
     """How many threads a loop over so many spheres takes; results are the same to the bit.
 
-    One where more are not worth their start. OMP_NUM_THREADS bounds them as NUMBA_NUM_THREADS does.
+    One where more are not worth their start, and in a process that was forked from one with
+    threads. OMP_NUM_THREADS bounds them as NUMBA_NUM_THREADS does.
     """
-    if spheres < slabs.ENOUGH:
+    if spheres < slabs.ENOUGH or _PARENT_HAD_THREADS:
         return 1
-    _bound_threads()
+    _start_threads()
     return int(numba.get_num_threads())
 
 
 @cache
-def _bound_threads() -> None:
-    """Once, when the program first needs threads."""
-    asked = os.environ.get("OMP_NUM_THREADS", "")
-    if asked.isdigit() and int(asked) > 0:
-        numba.set_num_threads(min(numba.get_num_threads(), int(asked)))
+def _start_threads() -> None:
+    """Start numba's threads, as many as the environment allows; InputError where there are none."""
+    try:
+        most = numba.get_num_threads()
+    except ValueError as error:
+        raise InputError(
+            f"numba cannot start its threads: {error}; unset NUMBA_THREADING_LAYER and "
+            "NUMBA_THREADING_LAYER_PRIORITY".replace("\n", " "),
+            code="threading_layer",
+        ) from None
+    asked = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]  # of nested loops the first
+    if asked.isdecimal() and int(asked) > 0:
+        numba.set_num_threads(min(most, int(asked)))
 
 
 def elementwise(function: Loop) -> Loop:
@@ -68,27 +99,6 @@ def fingerprint(*modules: ModuleType) -> str:
     return f"{zlib.crc32(b''.join(Path(file).read_bytes() for file in files)):08x}"
 
 
-def kept(function: Loop, **options: Any) -> Loop:
-    """A compiled function, which numba keeps in files that programs read and write in turn.
-
-    Of two programs that each save the function for other kinds of arguments at once, numba (0.68)
-    may let the index of one name the file of the other; all later calls would then run wrong code.
-    """
-    loop: Loop = numba.njit(cache=True, **options)(function)
-    files = getattr(getattr(loop, "_cache", None), "_cache_file", None)
-    if files is not None and fcntl is not None:
-        for act in ("load", "save"):
-            setattr(files, act, partial(_in_turn, f"{files._index_path}.lock", getattr(files, act)))
-    return loop
-
-
-def _in_turn(path: str, act: Loop, *given: Any) -> Any:
-    with ExitStack() as stack:
-        with suppress(OSError):  # a folder of another user, or one without locks
-            fcntl.flock(stack.enter_context(open(path, "w")), fcntl.LOCK_EX)
-        return act(*given)
-
-
 def compiled(
     function: Loop,
     place: int,
@@ -102,7 +112,8 @@ def compiled(
     Argument `place` has the spheres; `of` is the `fingerprint` of what it calls, `own` what stands
     in place of its module's functions, by their names. Many spheres
     always take the loop for threads, be it with one of them: another compilation might round
-    otherwise.
+    otherwise. Only in a process that was forked from one with threads they cannot: numba's OpenMP
+    ends it.
     """
     by_threads = _renamed(function, f"{of}_by_threads", own)
     few = kept(_renamed(function, of, own), fastmath=fastmath)
@@ -110,7 +121,7 @@ def compiled(
 
     def loop(*given: Any) -> Any:
         spheres = len(given[place])
-        if spheres < slabs.ENOUGH:
+        if spheres < slabs.ENOUGH or _PARENT_HAD_THREADS:
             return few(*given)
         threads_for(spheres)
         return many(*given)

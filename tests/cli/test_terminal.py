@@ -21,8 +21,8 @@ import modal
 from modal.cli.main import COMMANDS, main, parser
 from modal.cli.terminal import label_and_unit
 from modal.packing.network import write_network
+from modal.tools import memory
 from modal.tools import progress as module
-from modal.tools import workload
 from modal.tools.display import PREFIXES, duration, scaled
 
 POWER = {prefix: power for power, prefix in PREFIXES.items()}
@@ -114,26 +114,14 @@ def test_a_log_has_a_line_a_minute_with_step_and_time_to_go(monkeypatch):
         assert line.endswith(f"{100 * step / 40:3.0f} %, {duration(left)} left")
 
 
-def test_memory_of_a_system_without_proc(monkeypatch):
-    """As on macOS, which tells its physical memory alone: at least what Linux says is free."""
-    free, peak = workload.memory_at_hand(), workload.peak_memory()
-
-    def refuse(path, *_):
-        raise FileNotFoundError(path)
-
-    monkeypatch.setattr(workload, "open", refuse, raising=False)
-    assert free <= workload.memory_at_hand() < 1e15
-    assert workload.peak_memory() >= 0.9 * peak
-
-
 def test_peak_memory_is_that_of_the_process_alone():
     """Not of the process that started it, which Linux hands on."""
     if not Path("/proc/self/status").exists():
         pytest.skip("only Linux tells a process's own peak")
     held = np.ones(60_000_000)  # 480 MB
-    code = "from modal.tools.workload import peak_memory; print(peak_memory())"
+    code = "from modal.tools.memory import peak_memory; print(peak_memory())"
     # Forked, as a shell does it: the child's first pages are those of its parent.
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, preexec_fn=lambda: None
     )
-    assert 1e7 < int(done.stdout) < held.nbytes <= workload.peak_memory()
+    assert 1e7 < int(done.stdout) < held.nbytes <= memory.peak_memory()
