@@ -71,6 +71,40 @@ def lammps(network: Network, folder: Path, digits: int = 17) -> tuple[Path, Path
     return atoms, contacts, log
 
 
+COLUMN_PAIR = "granular hooke 1e5 0 tangential linear_history 8e4 0 0.5"
+"""Springs of the column, N/m."""
+COLUMN_WALL = f"{COLUMN_PAIR} zplane 0 2.99994"
+"""The walls of the column: overlaps of 1e-5 m there and 2e-5 m between spheres."""
+
+
+def column(
+    folder: Path,
+    *,
+    bounds: tuple[str, str, str] = ("0 8", "0 8", "0 16"),
+    x: float = 4.123,
+    layout: str = ".16e",
+    flags: str = "pp pp ff",
+    step: int = 0,
+    types: tuple[int, ...] = (1, 1, 1),
+) -> Path:
+    """Write a dump of three spheres of diameter 1 m and 1.3 kg above each other, without types if
+    there are none."""
+    rows = ""
+    for k in range(3):
+        height = 0.49999 + 0.99998 * k
+        numbers = " ".join(format(number, layout) for number in (x, 4.123, height, 0.5, 1.3))
+        kind = f"{types[k]} " if types else ""
+        rows += f"{k + 1} {kind}{numbers}\n"
+    path = folder / "x.dump"
+    named = "type " if types else ""
+    path.write_text(
+        f"ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n3\nITEM: BOX BOUNDS {flags}\n"
+        + "\n".join(bounds)
+        + f"\nITEM: ATOMS id {named}x y z radius mass\n{rows}"
+    )
+    return path
+
+
 def of_law() -> Network:
     """60 spheres of radii 1:3 between walls, shear forces, law mindlin of LAMMPS."""
     with tempfile.TemporaryDirectory() as folder:

@@ -37,6 +37,8 @@ COLUMNS = (
     [("radius", "diameter"), ("mass", "rmass", "density")],
 )
 """Of spheres, in one of these words each: places, then size and what tells their mass."""
+ONLY_TYPE = 1
+"""The type of spheres of a dump without types."""
 TYPED = "--wall"
 """The name of walls that are typed on the command line."""
 OTHER_WALLS = ("xplane", "yplane", "zcylinder")
@@ -228,8 +230,8 @@ def packing_of(
 ) -> Packing:
     """The spheres of a dump, in the order of their numbers, in the cell of its box.
 
-    `walls` have their z, m, by their codes; `typed` if the law asks for types; `body` is the column
-    with the numbers of rigid bodies, if there are any.
+    `walls` have their z, m, by their codes; `typed` if the law asks for types, else spheres without
+    a type are of one; `body` is the column with the numbers of rigid bodies, if there are any.
     """
     rows = frame.rows
     for name in filter(rows.has, SHAPED):
@@ -262,6 +264,8 @@ def packing_of(
         digits = min(digits, radius_digits)
     columns: dict[str, Array] = {"position": position, "radius": radius, "mass": mass}
     columns["number"] = table[:, 0]
+    if "kind" not in further:
+        columns["kind"] = np.full(len(table), ONLY_TYPE)
     for k, (name, column) in enumerate(further.items(), 6):
         columns[name] = rows.whole(table[:, k], column)
     source, receiver = (walls.get(code, np.nan) for code in WALLS)

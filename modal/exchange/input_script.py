@@ -6,10 +6,11 @@ as in a script that never ran, the value is not known.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from modal.exchange.held import ACCELERATED, HOLDING, INTEGRATING, Fix, Run
 from modal.exchange.text import Words, fault, text_lines
 from modal.tools.errors import InputError
 
@@ -21,7 +22,7 @@ REFUSED_FIXES = {
     "multisphere": "clumps of LIGGGHTS are not known; pack single spheres",
     "bond": "bonds are no contacts that this project knows",
     "wall": "walls of this kind are not known; only wall/gran with zplane is",
-    "freeze": "frozen spheres; a network knows free ones alone: make them a wall",
+    "indent": "walls of this kind are not known; only wall/gran with zplane is",
 }
 LOCAL = ("property/local", "pair/local", "pair/gran/local")
 """Computes whose columns a dump local may have; the last is of LIGGGHTS."""
@@ -30,10 +31,14 @@ WIDTHS |= {"torque": 3, "history": 3, "contactArea": 1, "delta": 1}
 """What that one writes, in this order, and how many columns each takes."""
 UNASKED = ("pos", "vel", "id", "force", "torque", "history", "contactArea")
 """Of these, what it writes when none is named."""
-STYLES = ("wall/gran", "property/global", "rigid", *LOCAL, *REFUSED_FIXES)
+STYLES = ("wall/gran", "property/global", "rigid", *LOCAL, *REFUSED_FIXES, *HOLDING)
 """Of the fixes and computes that count, with those that go on after a slash (`rigid/nve/small`)."""
 INSERTING = ("pour", "deposit", "insert")
 """Fixes that add atoms, of which there may be fewer on the way than at the end of a run."""
+INSERTED = 0
+"""The number of atoms that may be there where some are inserted, as none may be yet."""
+PROGRAMS = ("LAMMPS", "LIGGGHTS")
+"""First words of a log."""
 PROPERTIES = ("youngsModulus", "poissonsRatio", "coefficientFriction")
 """Of a material of LIGGGHTS, those that its law has."""
 
@@ -45,9 +50,11 @@ class Script:
     `said` tells in a message whose words they are. `bodies` has the words of each fix rigid behind
     its style; `refused` says why of each fix that a network has nothing for, `groups` whom the
     walls and bodies of these IDs are made of; `properties` are those of LIGGGHTS' materials.
-    `steps` and numbers of `atoms` that were printed, and how many more `tables` of steps than runs
-    are over; `changed` is the last step before the law or a wall changed; `remarks` are what is
-    taken where nothing tells it.
+    `fixes` are all that act, `dumps` the IDs of those that write; `runs` are what was run with
+    which fixes; `history` are the lines that tell who is in which group. Numbers of `atoms` that
+    were printed, `created` of them in all; `whole` is False of a part of a log, where a run ends
+    whose table is not there. `changed` is the last step before the law or a wall changed;
+    `remarks` are what is taken where nothing tells it.
     """
 
     said: str = "--pair"
@@ -60,9 +67,13 @@ class Script:
     refused: dict[str, str] = field(default_factory=dict)
     groups: dict[str, str] = field(default_factory=dict)
     properties: dict[str, list[float]] = field(default_factory=dict)
-    steps: list[int] = field(default_factory=list)
+    fixes: dict[str, Fix] = field(default_factory=dict)
+    dumps: set[str] = field(default_factory=set)
+    runs: list[Run] = field(default_factory=list)
+    history: list[list[str]] = field(default_factory=list)
     atoms: list[int] = field(default_factory=list)
-    tables: int = 0
+    created: int = 0
+    whole: bool = True
     changed: int = 0
     remarks: list[str] = field(default_factory=list)
 
@@ -74,12 +85,29 @@ class Script:
 
     def refuse_other_run(self, path: str | Path, step: int, atoms: int) -> None:
         """InputError where a dump has a step or a number of atoms that no run of the log had."""
-        steps = self.steps if self.tables >= 0 else []
-        for what, has, told in (("step", step, steps), ("atoms", atoms, self.atoms)):
-            if told and not min(told) <= has <= max(told):
-                said = f"{what} {has}, the runs of {self.said} {min(told)} to {max(told)}"
+        # A job that was killed in its last run went on, nobody knows how far.
+        killed = bool(self.steps) and not self.runs[-1].over
+        steps = self.steps if self.whole else []
+        numbers = [] if set(self.atoms) == {INSERTED} else self.atoms
+        open_ends = {"step": killed, "atoms": killed and INSERTED in numbers}
+        for what, has, known in (("step", step, steps), ("atoms", atoms, numbers)):
+            if not known or min(known) <= has <= max(known):
+                continue
+            if has < min(known) or not open_ends[what]:
+                said = f"{what} {has}, the runs of {self.said} {min(known)} to {max(known)}"
                 do = "give the log of this dump, several parts of one in one file"
-                fault(path, f"{said}: the log of another run", do)
+                fault(path, f"{said}: the log of another run", do, code="other_log")
+
+    @property
+    def steps(self) -> list[int]:
+        """Steps that were printed."""
+        return [step for run in self.runs for step in run.steps]
+
+    def begin_run(self, length: int = 0) -> None:
+        """Note a run of so many steps with the fixes of now; the one before is over."""
+        if self.runs:
+            self.runs[-1].over = True
+        self.runs.append(Run(dict(self.fixes), bool(self.dumps), length))
 
 
 def read_log(path: str | Path | None, units: str) -> Script:
@@ -89,21 +117,52 @@ def read_log(path: str | Path | None, units: str) -> Script:
     """
     if path is None:
         return Script()
-    script, printed = Script(str(path), units), False
+    script = Script(str(path), units)
+    columns: list[str] = []
     for number, words in _lines(path):
-        printed = words[0] == "Step" or (printed and words[0] != "Loop")
-        if printed and words[0].isdigit():
-            script.steps.append(int(words[0]))
-        script.tables += (words[0] == "Step") - (words[:2] == ["Loop", "time"])
+        if words[0] == "Step":
+            columns = words
+            if not script.runs or script.runs[-1].steps:
+                script.begin_run()
+        elif words[0] == "Loop":
+            columns = []
+        elif words[0] in PROGRAMS and words[1:2] and words[1].startswith("("):
+            # Another job begins, without the fixes of the one before.
+            columns = []
+            script.fixes.clear()
+            script.dumps.clear()
+        elif columns and _is_row(words, columns):
+            _read_row(script, dict(zip(columns, words, strict=True)))
+            continue
         if words == ["clear"]:
             script = Script(str(path), units)
         law = len(script.pair), script.style, script.walls.copy()
         _command(script, words, f"{path}, line {number}")
         if law != (len(script.pair), script.style, script.walls):
             script.changed = [0, *script.steps][-1]
+    if not script.runs:
+        script.begin_run()
     for why in script.refused.values():
         raise InputError(why)
     return script
+
+
+def _is_row(words: Sequence[str], columns: Sequence[str]) -> bool:
+    """Whether words are a row of a table of steps."""
+    if len(words) != len(columns) or not words[0].isdigit():
+        return False
+    try:
+        list(map(float, words))
+    except ValueError:
+        return False
+    return True
+
+
+def _read_row(script: Script, row: Mapping[str, str]) -> None:
+    """Note the step of a row, and the number of atoms where it has one."""
+    script.runs[-1].steps.append(int(row["Step"]))
+    if row.get("Atoms", "").isdigit():
+        script.atoms.append(int(row["Atoms"]))
 
 
 def _is(style: str, kind: str) -> bool:
@@ -112,16 +171,12 @@ def _is(style: str, kind: str) -> bool:
 
 
 def _command(script: Script, words: list[str], where: str) -> None:
-    """What one command changes."""
+    """Note what one line changes."""
+    _note_motion(script, words, where)
+    _note_atoms(script, words)
     match words:
         case ["units", name]:
             script.units = name
-        case (
-            ["Loop", "time", *_, number, "atoms"] | ["Created", number, "atoms"] | [number, "atoms"]
-        ):
-            script.atoms += [int(number)] if number.isdigit() else []
-        case ["fix", _, _, style, *_] if style.split("/")[0] in INSERTING:
-            script.atoms.append(0)
         case ["dimension", "2"]:
             fault(where, "dimension 2", "a network has spheres that move in space")
         case ["bond_style", style, *_] if style not in ("none", "zero"):
@@ -141,15 +196,64 @@ def _command(script: Script, words: list[str], where: str) -> None:
             script.walls[name], script.groups[name] = tuple(rest), group
         case ["fix", name, group, style, *rest] if _is(style, "rigid"):
             script.bodies[name], script.groups[name] = tuple(rest), group
-        case ["unfix", name]:
-            for kept in (script.walls, script.bodies, script.groups, script.refused):
-                kept.pop(name, None)
         case ["compute", name, _, style, *rest] if style in LOCAL:
             script.computes[name] = columns_of_liggghts(rest) if "gran" in style else rest
         case ["fix", name, _, style, *_]:
             for kind, why in REFUSED_FIXES.items():
                 if _is(style, kind):
                     script.refused[name] = f"{where}: fix {style}: {why}"
+
+
+def _note_motion(script: Script, words: list[str], where: str) -> None:
+    """Note fixes, dumps and runs: who moves, and when."""
+    match words:
+        case ["fix", name, group, style, *rest]:
+            script.fixes[name] = Fix(group, ACCELERATED.sub("", style), tuple(rest), where)
+            if style.split("/")[0] in INSERTING:
+                script.history.append(words)
+        case ["unfix", name]:
+            script.history.append(words)
+            for kept in (script.fixes, script.walls, script.bodies, script.groups, script.refused):
+                kept.pop(name, None)
+        case ["dump", name, *_]:
+            script.dumps.add(name)
+        case ["undump", name]:
+            script.dumps.discard(name)
+        case ["run", length, *_] if length.isdigit():
+            script.begin_run(int(length))
+        case ["minimize" | "rerun", *_]:
+            script.begin_run()
+        case ["write_dump", *_] if script.steps:
+            now = script.steps[-1]
+            script.runs.append(Run(dict(script.fixes), True, 0, [now], over=True))
+        case ["Loop", "time", *_]:
+            if script.runs and script.runs[-1].steps:
+                script.runs[-1].over = True
+            else:
+                script.whole = False
+
+
+def _note_atoms(script: Script, words: list[str]) -> None:
+    """Note numbers of atoms, and who is in which group."""
+    match words:
+        case ["group", _, _, *_] | [_, "atoms", "in", "group", _]:
+            script.history.append(words)
+        case ["read_data" | "read_restart" | "create_atoms" | "read_dump", *_]:
+            script.history.append(words)
+        case ["replicate", *_]:
+            script.created = 0  # what it prints are all
+        case ["Created", number, "atoms"] | [number, "atoms"] if number.isdigit():
+            script.history.append(words)
+            script.created += int(number)
+            script.atoms.append(script.created)
+        case ["Deleted", _, "atoms,", "new", "total", "=", number] if number.isdigit():
+            script.created = int(number)
+            script.atoms.append(script.created)
+        case ["Loop", "time", *rest] if "with" in rest:
+            behind = rest[rest.index("with") + 1 :]
+            script.atoms += [int(word) for word in behind[:1] if word.isdigit()]
+        case ["fix", _, _, style, *_] if style.split("/")[0] in INSERTING:
+            script.atoms.append(INSERTED)
 
 
 def columns_of_liggghts(asked: Sequence[str] = ()) -> list[str]:
@@ -197,5 +301,7 @@ def _counts(words: list[str]) -> bool:
     """Whether a line with variables may be one that counts."""
     command, style = words[0], (words[3:4] or [""])[0]
     if command in ("fix", "compute"):
+        if command == "fix" and INTEGRATING.fullmatch(style):
+            return "$" in "".join(words[1:3])
         return "$" in style or any(_is(style, each) for each in STYLES)
     return command in COMMANDS or VARIABLE.fullmatch(command) is not None

@@ -88,7 +88,7 @@ class Rows:
         for name in names:
             if name not in columns:
                 what = f"no column {name} among {shown(by.join(columns))}"
-                fault(self.path, what, do, self.line - 1, name)
+                fault(self.path, what, do, self.line - 1, name, code="no_column")
 
     def refuse(
         self, wrong: Bools, what: str | Callable[[int], str], do: str, column: str = ""

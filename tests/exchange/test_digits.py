@@ -9,43 +9,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from program_files import COLUMN_PAIR, COLUMN_WALL, column
 
 import modal
 from modal.exchange.registry import import_packing
 from modal.exchange.text import significant_digits
 from modal.tools.errors import InputError
 
-PAIR = "granular hooke 1e5 0 tangential linear_history 8e4 0 0.5"
-TOP = 2.99994
-"""z of the upper wall, m: overlaps of 1e-5 m there and 2e-5 m between spheres of diameter 1 m."""
 MASS = 1.3
 
 
-def column(
-    folder: Path,
-    *,
-    bounds: tuple[str, str, str] = ("0 8", "0 8", "0 16"),
-    x: float = 4.123,
-    layout: str = ".16e",
-    flags: str = "pp pp ff",
-) -> Path:
-    """Write three spheres above each other, one of two that touch through x if x is near 0."""
-    rows = ""
-    for k in range(3):
-        height = 0.49999 + 0.99998 * k
-        numbers = " ".join(format(number, layout) for number in (x, 4.123, height, 0.5, MASS))
-        rows += f"{k + 1} 1 {numbers}\n"
-    path = folder / "x.dump"
-    path.write_text(
-        f"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n3\nITEM: BOX BOUNDS {flags}\n"
-        + "\n".join(bounds)
-        + f"\nITEM: ATOMS id type x y z radius mass\n{rows}"
-    )
-    return path
-
-
 def imported(path: Path) -> modal.Network:
-    return import_packing(path, pair=PAIR, wall=f"{PAIR} zplane 0 {TOP}").network
+    return import_packing(path, pair=COLUMN_PAIR, wall=COLUMN_WALL).network
 
 
 ROUND = {
@@ -84,7 +59,7 @@ def test_positions_count_by_their_own_digits(tmp_path, layout, digits):
             imported(path)
         assert refused.value.code == "few_digits"
     else:
-        told = import_packing(path, pair=PAIR, wall=f"{PAIR} zplane 0 {TOP}").told
+        told = import_packing(path, pair=COLUMN_PAIR, wall=COLUMN_WALL).told
         # The median overlap, 1.5e-5 m of 1e-5 and 2e-5, over steps of 1e-8 m, divided by sqrt(6).
         assert told["overlap_over_error_of_digits"] == pytest.approx(1.5e3 * np.sqrt(6), rel=1e-6)
 

@@ -14,11 +14,14 @@ from typing import Any
 import numpy as np
 
 from modal.exchange import dump, lammps, liggghts
+from modal.exchange.groups import COLUMNS
+from modal.exchange.held import Motion, motion_of
 from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.input_script import Script, read_log
 from modal.exchange.law import ProgramLaw, Units
 from modal.exchange.registry import Option, beginning
 from modal.exchange.text import Words, fault, text_lines
+from modal.packing.network import Network
 from modal.packing.rigid_bodies import Bodies
 
 NAME = "LAMMPS or LIGGGHTS"
@@ -50,6 +53,8 @@ def read(path: Path, **given: Any) -> ImportResult:
     program = liggghts if of_liggghts else lammps
     script, frame = read_log(log, program.UNITS), dump.frame_of(path, "ATOMS", given.get("step"))
     script.refuse_other_run(path, frame.step, len(frame.rows.texts))
+    motion = motion_of_spheres(script, frame)
+    motion.refuse(turning_counts=False)
     fixes = tuple(script.walls)
     if pair:
         script.said, script.style, script.pair = "--pair", words, [("*", "*", *words[1:])]
@@ -95,8 +100,28 @@ def read(path: Path, **given: Any) -> ImportResult:
             touching = touching.with_walls(*program.at_walls(frame, packing, units, walls, fixes))
     bodies = read_bodies(told_bodies, units) if told_bodies else None
     found = network_of(packing, touching, law_of, bodies)
+    motion.refuse(turning_counts=resists_turning(found.network))
     found.remarks += script.remarks
     return found
+
+
+def motion_of_spheres(script: Script, frame: dump.Frame) -> Motion:
+    """Return how the spheres of a dump move, as the log says."""
+    rows = frame.rows
+    columns = {
+        name: rows.whole(rows.read(name)[:, 0], name) for name in COLUMNS.values() if rows.has(name)
+    }
+    return motion_of(script.runs, script.history, frame.step, columns, len(rows.texts))
+
+
+def resists_turning(network: Network) -> bool:
+    """Whether some contact of a network resists that a sphere turns."""
+    columns = (
+        network.stiffness_tangential,
+        network.stiffness_rolling,
+        network.stiffness_twisting,
+    )
+    return any(stiffness is not None and bool(stiffness.any()) for stiffness in columns)
 
 
 def column_of_bodies(script: Script, told: bool) -> str:

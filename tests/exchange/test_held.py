@@ -1,0 +1,283 @@
+"""Spheres that a script of LAMMPS or LIGGGHTS does not let move freely are refused by name.
+
+A column of three spheres (types 1, 2, 1) between two walls. Expected are the manuals' meanings of
+the commands; `test_lammps_moves_whom_we_say` asks LAMMPS itself.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from program_files import COLUMN_PAIR, COLUMN_WALL, column
+
+from modal.exchange.groups import Groups
+from modal.exchange.registry import import_packing
+from modal.tools.errors import InputError
+
+LAMMPS = shutil.which("lmp") or shutil.which("lmp", path=Path(sys.executable).parent)
+SPHERE = "fix n all nve/sphere"
+MOBILE = "group mobile id 2\n1 atoms in group mobile\n"
+ENDS = "group ends id 1 3\n2 atoms in group ends\n"
+TABLE = "   Step          Temp\n         0   0\n"
+RUN = f"run 0\n{TABLE}Loop time of 0.1 on 1 procs for 0 steps with 3 atoms\n"
+
+
+def log_of(script: str, law: str = COLUMN_PAIR) -> str:
+    """Return a log of these commands, each `RUN` with the table that it prints."""
+    style, coefficients = law.split(" ", 1)
+    head = f"LAMMPS (22 Jul 2025)\nunits si\npair_style {style}\npair_coeff * * {coefficients}\n"
+    return f"{head}fix w all wall/gran {COLUMN_WALL}\n{script}"
+
+
+def code_of(folder: Path, script: str, **options: object) -> str:
+    """Return the code of the refusal of the column with this script, or nothing."""
+    dump = column(folder, types=(1, 2, 1))
+    log = folder / "log.lammps"
+    log.write_text(log_of(script))
+    try:
+        network = import_packing(dump, log=log, **options).network
+    except InputError as error:
+        assert "\n" not in str(error)
+        return error.code
+    assert network.n_contacts == 4
+    return ""
+
+
+HELD = {
+    "a part is integrated": f"{MOBILE}fix n mobile nve/sphere\n{RUN}",
+    "a part by type": f"{MOBILE.replace('id 2', 'type 2')}fix n mobile nve/sphere\n{RUN}",
+    "a part by a number that is compared": f"group mobile id > 1\nfix n mobile nve/sphere\n{RUN}",
+    "a part, to a thermostat": f"{MOBILE}fix n mobile npt/sphere temp 1 1 1 iso 0 0 1\n{RUN}",
+    "a part, accelerated": f"{MOBILE}fix n mobile nve/sphere/omp\n{RUN}",
+    "a region": "region slab block 0 8 0 8 1 2\ngroup mobile region slab\n1 atoms in group mobile\n"
+    f"fix n mobile nve/sphere\n{RUN}",
+    "a region whose number is not printed": "group mobile region slab\n"
+    f"fix n mobile nve/sphere\n{RUN}",
+    "a group that no line defines": f"fix n mobile nve/sphere\n{RUN}",
+    "all but one": f"{MOBILE}group rest subtract all mobile\nfix n rest nve/sphere\n{RUN}",
+    "what two groups share": "group low id 1 2\ngroup high id 2 3\n"
+    f"group both intersect low high\nfix n both nve/sphere\n{RUN}",
+    "a group that changes": f"group mobile dynamic all region slab\nfix n mobile nve/sphere\n{RUN}",
+    "a part in the last stage": f"{SPHERE}\n{RUN}unfix n\n{MOBILE}fix n mobile nve/sphere\n{RUN}",
+    "a part, then nobody": f"{MOBILE}fix n mobile nve/sphere\n{RUN}unfix n\n{RUN}",
+    "a moving wall of spheres": f"{MOBILE}{ENDS}fix n mobile nve/sphere\n"
+    f"fix e ends nve/noforce\n{RUN}",
+    "setforce": f"{ENDS}{SPHERE}\nfix s ends setforce 0 0 0\n{RUN}",
+    "setforce of one component": f"{ENDS}{SPHERE}\nfix s ends setforce NULL NULL 0.0\n{RUN}",
+    "setforce of a variable": f"{ENDS}{SPHERE}\nfix s ends setforce v_push NULL NULL\n{RUN}",
+    "move": f"{ENDS}{SPHERE}\nfix m ends move linear 0 0 0\n{RUN}",
+    "freeze": f"{ENDS}{SPHERE}\nfix f ends freeze\n{RUN}",
+    "springs to places": f"{ENDS}{SPHERE}\nfix t ends spring/self 10.0\n{RUN}",
+    "a plane": f"{SPHERE}\nfix p all enforce2d\n{RUN}",
+    "a line": f"{ENDS}{SPHERE}\nfix p ends lineforce 0 0 1\n{RUN}",
+    "discs": f"{SPHERE} disc\n{RUN}",
+    "no rotation": f"fix n all nve\n{RUN}",
+    "no rotation, thermostat": f"fix n all nvt temp 1 1 1\n{RUN}",
+    "no rotation, limited": f"fix n all nve/limit 0.1\n{RUN}",
+    "no rotation of a part": f"{MOBILE}{ENDS}fix n mobile nve/sphere\nfix e ends nve\n{RUN}",
+    "a script that never ran": f"{ENDS}{SPHERE}\nfix f ends freeze\nrun 100\n",
+    "a log without a run": f"{MOBILE}fix n mobile nve/sphere\n",
+    "a group in a variable": "variable who string mobile\nfix n ${who} nve/sphere\n"
+    f"fix n mobile nve/sphere\n{RUN}",
+}
+FREE = {
+    "all": f"{SPHERE}\n{RUN}",
+    "nobody is integrated": RUN,
+    "read and dumped": f"read_restart x.restart\n  3 atoms\n{RUN}",
+    "all, then nobody": f"{SPHERE}\n{RUN}unfix n\n{RUN}",
+    "all, then at given velocities": f"{SPHERE}\n{RUN}unfix n\nfix m all nve/noforce\n{RUN}",
+    "only minimized": f"minimize 0 0 9 9\n{RUN.removeprefix('run 0')}",
+    "halves": f"{MOBILE}{ENDS}fix n mobile nve/sphere\nfix e ends nve/sphere\n{RUN}",
+    "a region and the rest": "group low region slab\n1 atoms in group low\n"
+    "group rest subtract all low\nfix a low nve/sphere\nfix b rest nvt/sphere temp 1 1 1\n" + RUN,
+    "three regions and the rest": "group a region ra\ngroup b region rb\ngroup c union a b\n"
+    "group d subtract all c\ngroup e region re\ngroup f union c d\nfix f f nve/sphere\n" + RUN,
+    "a region that has all": "group grains region whole\n3 atoms in group grains\n"
+    f"fix n grains nve/sphere\n{RUN}",
+    "all types": f"group grains type 1 2\nfix n grains nve/sphere\n{RUN}",
+    "a range of types": f"group grains type <= 5\nfix n grains nve/sphere\n{RUN}",
+    "all numbers": f"group grains id 1:3\nfix n grains nve/sphere\n{RUN}",
+    "held, then let go": f"{ENDS}{SPHERE}\nfix f ends freeze\n{RUN}unfix f\n{RUN}",
+    "setforce of nothing": f"{ENDS}{SPHERE}\nfix s ends setforce NULL NULL NULL\n{RUN}",
+    "nobody is held": f"group none type 7\n0 atoms in group none\n{SPHERE}\n"
+    f"fix f none freeze\n{RUN}",
+    "nobody is in the region": f"group none region far\n0 atoms in group none\n{SPHERE}\n"
+    f"fix f none freeze\n{RUN}",
+    "forces that only push": f"{SPHERE}\nfix g all gravity 9.81 vector 0 0 -1\n"
+    f"fix v all viscous 1\nfix a all addforce 0 0 1\n{RUN}",
+    "another velocity": f"{ENDS}{SPHERE}\nvelocity ends set 0 0 0\n{RUN}",
+    "a mesh that moves": f"{SPHERE}\nfix m all move/mesh mesh plate linear 0 0 1\n{RUN}",
+    "many groups that hold nobody": "".join(f"group g{k} region r{k}\n" for k in range(40))
+    + f"{SPHERE}\n{RUN}",
+    "a group made again and again": "group g region r\ngroup g delete\n" * 40 + f"{SPHERE}\n{RUN}",
+}
+
+
+@pytest.mark.parametrize("script", HELD.values(), ids=HELD)
+def test_spheres_that_do_not_move_freely_are_refused(tmp_path, script):
+    assert code_of(tmp_path, script) == "held_bodies"
+
+
+@pytest.mark.parametrize("script", FREE.values(), ids=FREE)
+def test_spheres_that_move_freely_are_taken(tmp_path, script):
+    assert code_of(tmp_path, script) == ""
+
+
+def test_without_friction_rotations_do_not_matter(tmp_path):
+    """No contact resists that a sphere turns, so that fix nve moves all that moves."""
+    log = tmp_path / "log.lammps"
+    smooth = "granular hooke 1e5 0 tangential linear_nohistory 0 0"
+    script = log_of(f"fix n all nve\n{RUN}", smooth)
+    log.write_text(script.replace(COLUMN_WALL, f"{smooth} zplane 0 2.99994"))
+    assert import_packing(column(tmp_path), log=log).network.n_contacts == 4
+    log.write_text(script)  # walls with friction
+    with pytest.raises(InputError) as refused:
+        import_packing(column(tmp_path), log=log)
+    assert refused.value.code == "held_bodies"
+
+
+def rows(*steps: int) -> str:
+    return "Step Temp\n" + "".join(f"{step} 0\n" for step in steps)
+
+
+def over(steps: int) -> str:
+    return f"Loop time of 1 on 1 procs for {steps} steps with 3 atoms\n"
+
+
+@pytest.mark.parametrize(
+    ("step", "code"), [(50, "held_bodies"), (100, "held_bodies"), (150, ""), (200, "")]
+)
+def test_the_run_that_wrote_the_dump_counts(tmp_path, step, code):
+    """Ends are frozen for 100 steps, then let go; step 100 was dumped at the end of the first."""
+    script = f"{ENDS}{SPHERE}\nfix f ends freeze\ndump d all custom 50 x.dump id\nrun 100\n"
+    script += rows(0, 100) + over(100) + "unfix f\nrun 100\n" + rows(100, 200) + over(100)
+    dump = column(tmp_path, step=step, types=(1, 2, 1))
+    log = tmp_path / "log.lammps"
+    log.write_text(log_of(script))
+    if code:
+        with pytest.raises(InputError) as refused:
+            import_packing(dump, log=log)
+        assert refused.value.code == code
+    else:
+        assert import_packing(dump, log=log).network.n_contacts == 4
+
+
+@pytest.mark.parametrize(
+    ("write", "code"),
+    [
+        ("dump d all custom 1 x.dump id\nrun 0\n" + rows(100) + over(0), ""),
+        ("write_dump all custom x.dump id\n", ""),
+    ],
+)
+def test_a_dump_that_comes_after_the_hold_counts_as_it_is(tmp_path, write, code):
+    """Frozen until step 100, let go, then dumped at step 100; and frozen again later."""
+    script = f"{ENDS}{SPHERE}\nfix f ends freeze\nrun 100\n" + rows(0, 100) + over(100)
+    script += f"unfix f\n{write}undump d\nfix f ends freeze\nrun 100\n" + rows(100, 200) + over(100)
+    dump = column(tmp_path, step=100, types=(1, 2, 1))
+    log = tmp_path / "log.lammps"
+    log.write_text(log_of(script))
+    assert import_packing(dump, log=log).network.n_contacts == 4
+
+
+POURED = "region reg block 0 8 0 8 0 16\ncreate_box 1 reg\n"
+
+
+@pytest.mark.parametrize(
+    ("script", "code"),
+    [
+        ("group grains region reg\n0 atoms in group grains\nfix n grains nve/sphere\n"
+         "fix i grains insert/pack seed 1\n", ""),
+        ("group grains region reg\n0 atoms in group grains\nfix n grains nve/sphere\n"
+         "fix i all insert/pack seed 1\n", "held_bodies"),
+        ("fix n all nve/sphere\nfix i all pour 3 1 1 region reg\n", ""),
+        ("create_atoms 1 single 1 1 1\nCreated 1 atoms\ngroup base region reg\n"
+         "1 atoms in group base\ngroup grains subtract all base\nfix n grains nve/sphere\n"
+         "fix i grains pour 2 1 1 region reg\n", "held_bodies"),
+        ("create_atoms 1 single 1 1 1\nCreated 1 atoms\ngroup base region reg\n"
+         "1 atoms in group base\nfix n all nve/sphere\nfix f base freeze\n"
+         "fix i all pour 2 1 1 region reg\n", "held_bodies"),
+        ("fix i all insert/pack seed 1\nrun 10\nunfix i\ngroup grains type 1 2\n"
+         "3 atoms in group grains\nfix n grains nve/sphere\n", ""),
+    ],
+)  # fmt: skip
+def test_atoms_that_are_inserted_are_in_the_group_of_their_fix(tmp_path, script, code):
+    assert code_of(tmp_path, f"{POURED}{script}{RUN}") == code
+
+
+def test_bodies_that_are_held_are_refused(tmp_path):
+    """Rigid bodies move freely but where their forces or torques are off."""
+    path = column(tmp_path)
+    text = path.read_text().replace("mass\n", "mass mol\n")
+    numbers = iter("110")
+    head, _, spheres = text.partition("mol\n")
+    body = "".join(f"{row} {next(numbers)}\n" for row in spheres.splitlines())
+    path.write_text(f"{head}mol\n{body}")
+    log = tmp_path / "log.lammps"
+    rigid = "group clumps molecule 1\nfix r clumps rigid molecule"
+    rest = "group rest subtract all clumps\nfix n rest nve/sphere\n"
+    log.write_text(log_of(f"{rigid}\n{rest}{RUN}"))
+    assert import_packing(path, log=log).network.n_particles == 2
+    for more in (f"{rigid} torque * off off off\n{rest}", f"{rigid}\nrun 9\n"):
+        log.write_text(log_of(f"{more}{RUN}"))
+        with pytest.raises(InputError) as refused:
+            import_packing(path, log=log)
+        assert refused.value.code == "held_bodies"
+
+
+def test_groups_are_those_of_sets():
+    """A random history of unions, differences and intersections, against sets of numbers."""
+    random = np.random.default_rng(3)
+    n = 8
+    columns = {"id": np.arange(1, n + 1), "type": random.integers(1, 4, n)}
+    for _ in range(30):
+        sets = {"all": set(range(1, n + 1))}
+        history = []
+        for k in range(4):
+            ids = random.choice(n, 3, replace=False) + 1
+            history.append(["group", f"g{k}", "id", *map(str, ids)])
+            sets[f"g{k}"] = {int(number) for number in ids}
+        for k in range(6):
+            style = str(random.choice(["union", "subtract", "intersect"]))
+            parts = [str(name) for name in random.choice([*sets], 2)]
+            a, b = (sets[name] for name in parts)
+            chosen = {"union": a | b, "subtract": a - b, "intersect": a & b}[style]
+            history.append(["group", f"h{k}", style, *parts])
+            sets[f"h{k}"] = chosen
+        groups = Groups.of_history(history, columns, n, sets)
+        for name, members in sets.items():
+            assert groups.inhabited(groups.of(name)) == bool(members)
+            assert groups.inhabited(~groups.of(name)) == (len(members) < n)
+
+
+@pytest.mark.skipif(LAMMPS is None, reason="LAMMPS (lmp) is not installed")
+@pytest.mark.parametrize("case", ["a part is integrated", "setforce", "move", "freeze", "all",
+                                  "halves", "no rotation", "a line"])  # fmt: skip
+def test_lammps_moves_whom_we_say(tmp_path, case):
+    """Spheres beside the balance push and turn each other: who keeps still is held."""
+    commands = (HELD | FREE)[case].replace(RUN, "")
+    lines = "\n".join(line for line in commands.splitlines() if not line[0].isdigit())
+    style, coefficients = COLUMN_PAIR.split(" ", 1)
+    places = [f"{4 + 1e-3 * k**2} {4 + 2e-3 * k**2} {0.4999 + 0.9997 * k}" for k in range(3)]
+    (tmp_path / "in.lmp").write_text(
+        "units si\natom_style sphere\nboundary p p f\nnewton off\ncomm_modify vel yes\n"
+        "atom_modify map array\nregion box block 0 8 0 8 0 16\ncreate_box 2 box\n"
+        + "".join(f"create_atoms {1 + k % 2} single {place}\n" for k, place in enumerate(places))
+        + f"set group all diameter 1.0 density 2.5\npair_style {style}\n"
+        f"pair_coeff * * {coefficients}\nfix w all wall/gran {COLUMN_WALL}\n{lines}\n"
+        "timestep 1e-6\ndump d all custom 1000 x.out id x y z omegax omegay omegaz\n"
+        "dump_modify d sort id format float %.17g\nrun 1000\n"
+    )
+    command = [LAMMPS, "-in", "in.lmp", "-log", "log.lammps", "-screen", "none"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, (tmp_path / "log.lammps").read_text()[-500:]
+    frames = re.split(r"omegaz ?\n", (tmp_path / "x.out").read_text())[1:]
+    first, last = (np.loadtxt(frame.split("ITEM")[0].splitlines())[:, 1:] for frame in frames)
+    moved = abs(last - first) > 0
+    free = moved[:, :3].all() and moved[:, 3:].any(axis=1).all()
+    assert free == (case in FREE)
