@@ -243,7 +243,7 @@ class Measuring:
         if not np.isfinite(record.chain_displacement).all():
             raise InputError(f"{path}: displacements that are no numbers; record it again")
         books = record.balance
-        if books is not None and not books.kept:
+        if books is not None and not books.closes:
             self.case.notes.append(
                 f"{path}: the energy drifts by {books.drift:.1e}, limit "
                 f"{books.limit:.1e}, and {books.gap:.1e} of the source wall's work is not "

@@ -177,7 +177,7 @@ def main():
         f"energy drift {balance.drift:.1e}, limit {balance.limit:.1e}, "
         f"to friction {balance.friction:.1e}, gap to the work of the wall {balance.gap:.1e}"
     )
-    if not (damped or balance.kept):
+    if not (damped or balance.closes):
         print(f"{path}: warning: the energy books do not close; do not trust this run")
     print(f"{path}: {run.watch.report()}")
 

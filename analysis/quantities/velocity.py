@@ -173,8 +173,8 @@ def v_p_static(m: Measuring) -> Value:
     Independent of every rule that reads waves.
     """
     m.require_walls()
-    value, _, error = static_velocity(m.network)
-    return Value(value, "m/s", {"fit": error}, m.of_one_sample)
+    bulk = static_velocity(m.network)
+    return Value(bulk.velocity, "m/s", {"fit": bulk.error}, m.of_one_sample)
 
 
 @quantity("m/s")

@@ -140,7 +140,7 @@ def run(options: Given) -> Result:
 def _by_law(wave: NonlinearWave, remarks: list[str]) -> dict[str, Any]:
     """What contacts that follow their law did, and how exact that is; remarks where it is not."""
     balance = wave.signals.balance
-    if balance and not balance.kept:
+    if balance and not balance.closes:
         remarks.append(
             f"the energy does not add up: gap {balance.gap:.1e}, drift {balance.drift:.1e} of the "
             "wave; take a smaller --tolerance"

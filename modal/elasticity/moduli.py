@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.elasticity.plane_waves import anisotropy, isotropic_mean, plane_waves
-from modal.elasticity.slab import GRIP, Bulk, stiffness_of
+from modal.elasticity.slab import MIN_STRAIN_SHARE, Bulk, stiffness_of
 from modal.elasticity.steady import steady_motion
-from modal.elasticity.strain import STRAINED, STRAINS, has_walls, stressed_stiffness
+from modal.elasticity.strain import STRAINS, UNIT_STRAINS, has_walls, stressed_stiffness
 from modal.formats.product import Column, product_of, stored
 from modal.formats.provenance import Provenance
 from modal.modes.zero_modes import by_structure
@@ -280,7 +280,7 @@ def elastic_moduli(
             "no sphere bears a force from another one: the packing is no solid, which has moduli"
         )
     system = LinearSystem.of(network)
-    coupling = system.put_on(STRAINED)
+    coupling = system.put_on(UNIT_STRAINS)
     load, stored = coupling.push.toarray(), np.diag(coupling.held)
     most = stored.max()
     if not most > 0:
@@ -294,7 +294,7 @@ def elastic_moduli(
     def allowed(work: Floats) -> Floats:
         """Error of the energies (6,), J; what is measured of the motion is off by its root."""
         if bulk:
-            return (tolerance * left(work, GRIP)) ** 2 / most
+            return (tolerance * left(work, MIN_STRAIN_SHARE)) ** 2 / most
         # What is left is a difference, which round-off of the affine energy blurs.
         return np.maximum(tolerance * left(work, SOFT), np.finfo(float).eps * most)
 
@@ -312,7 +312,7 @@ def elastic_moduli(
     if bulk and in_bulk:
         measured, followed = in_bulk
         density, region = bulk.density(network), "bulk"
-        error = np.sqrt(found.energy_error * most) / left(work, GRIP)
+        error = np.sqrt(found.energy_error * most) / left(work, MIN_STRAIN_SHARE)
     beyond, stressed = None, None
     if non_affine or pre_stress != "none":
         beyond = _without_floppy(system, motion)

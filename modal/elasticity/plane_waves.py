@@ -1,4 +1,4 @@
-"""Plane waves of an elastic solid: velocities and polarisations along any direction.
+"""Compute plane waves of an elastic solid: velocities and polarisations along any direction.
 
 The longest waves of a packing are those of its stiffness tensor: along the unit vector n, rho V^2
 are the eigenvalues of Christoffel's matrix G_ik = C_ijkl n_j n_l, the eigenvectors the directions
@@ -12,57 +12,81 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 INDEX = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-"""Of a pair of axes: its place in the order of Voigt."""
+"""Place of each pair of axes in Voigt's order."""
 
 
 def unit_vector(direction: ArrayLike) -> Floats:
-    """Shape (3,): the direction as a unit vector; InputError where it is none."""
+    """Return the unit vector (3,) along a direction; InputError if there is none."""
     try:
         vector = np.asarray(direction, float)
     except (TypeError, ValueError):
         vector = np.zeros(3)
     if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
-        raise InputError(f"direction {direction!r}: give three numbers that are not all zero")
-    vector = vector / abs(vector).max()  # whose squares are numbers, however long it is
+        raise InputError(
+            f"direction {direction!r}: give three numbers that are not all zero", code="direction"
+        )
+    vector = vector / abs(vector).max()  # so that no square overflows or vanishes
     return vector / np.linalg.norm(vector)
 
 
 def plane_waves(stiffness: Floats, density: float, direction: ArrayLike) -> tuple[Floats, Floats]:
-    """Velocities (3,) of the waves along a direction, m/s, the fastest first, and their motions.
+    """Return the velocities and polarisations of the plane waves along a direction.
 
-    The motions (3, 3) are unit vectors in rows. `stiffness`, Pa, in Voigt's order (6, 6), or (3, 3,
-    3, 3), that of a cell which carries forces; `density` in kg/m^3. A stiffness below zero, which
-    is unstable or round-off, gives a negative velocity.
+    Parameters
+    ----------
+    stiffness : ndarray (6, 6) or (3, 3, 3, 3)
+        Pa; in Voigt's order, or that of a cell which carries forces.
+    density : float
+        kg/m^3.
+    direction : array_like (3,)
+
+    Returns
+    -------
+    velocity : ndarray (3,)
+        m/s, the fastest first. A negative eigenvalue, which is unstable or round-off, gives a
+        negative velocity.
+    motion : ndarray (3, 3)
+        Unit vectors in rows.
     """
-    n, symmetric = unit_vector(direction), stiffness.ndim == 2
-    whole = stiffness[INDEX[:, :, None, None], INDEX] if symmetric else stiffness
-    matrix = np.einsum("ijkl,j,l->ik", whole, n, n) / density
-    # Shear forces make it unsymmetric.
-    square, motion = np.linalg.eigh(matrix) if symmetric else np.linalg.eig(matrix)
+    n = unit_vector(direction)
+    symmetric = stiffness.ndim == 2
+    tensor = stiffness
+    if symmetric:
+        tensor = stiffness[INDEX[:, :, None, None], INDEX]
+    christoffel = np.einsum("ijkl,j,l->ik", tensor, n, n) / density
+    if symmetric:
+        square, motion = np.linalg.eigh(christoffel)
+    else:
+        square, motion = np.linalg.eig(christoffel)
     order = np.argsort(square.real)[::-1]
-    square, motion = square.real[order], motion.real.T[order]
+    square = square.real[order]
+    motion = motion.real.T[order]
     return np.sign(square) * np.sqrt(abs(square)), motion
 
 
 def isotropic_mean(stiffness: Floats) -> tuple[float, float]:
-    """Bulk and shear modulus, Pa, of the isotropic tensor nearest to a stiffness (6, 6).
+    """Return bulk and shear modulus, Pa, of the isotropic tensor nearest to a stiffness (6, 6).
 
-    Nearest in the Euclidean norm of tensors; both are Voigt's means over all directions.
+    Nearest means in the Euclidean norm of tensors; both are Voigt's means over all directions.
     """
-    normal, shear = stiffness[:3, :3], np.diag(stiffness)[3:].sum()
-    trace, every = np.trace(normal), normal.sum()
-    return float(every / 9), float((3 * trace - every) / 30 + shear / 5)
+    normal = stiffness[:3, :3]
+    trace = np.trace(normal)
+    total = normal.sum()
+    shear_trace = np.diag(stiffness)[3:].sum()
+    return float(total / 9), float((3 * trace - total) / 30 + shear_trace / 5)
 
 
 def anisotropy(stiffness: Floats) -> float:
-    """Share of a stiffness tensor (6, 6) that its nearest isotropic one leaves, in Euclidean norm.
+    """Return the distance of a stiffness (6, 6) from its nearest isotropic tensor, over its norm.
 
-    0 for an isotropic solid (M. Moakher and A. N. Norris, J. Elasticity 85, 215, 2006).
+    The norm is the Euclidean one of tensors; the result is 0 for an isotropic solid (M. Moakher and
+    A. N. Norris, J. Elasticity 85, 215, 2006).
     """
     bulk, shear = isotropic_mean(stiffness)
-    same = np.diag([2 * shear] * 3 + [shear] * 3)
-    same[:3, :3] += bulk - 2 / 3 * shear
-    # Mandel's weights make the norm of the matrix that of the tensor.
+    isotropic = np.diag([2 * shear] * 3 + [shear] * 3)
+    isotropic[:3, :3] += bulk - 2 / 3 * shear
+    # Mandel's weights turn the norm of the matrix into that of the tensor.
     weight = np.sqrt([1, 1, 1, 2, 2, 2])
-    weight = np.outer(weight, weight)
-    return float(np.linalg.norm(weight * (stiffness - same)) / np.linalg.norm(weight * stiffness))
+    weights = np.outer(weight, weight)
+    difference = np.linalg.norm(weights * (stiffness - isotropic))
+    return float(difference / np.linalg.norm(weights * stiffness))

@@ -1,20 +1,21 @@
-"""A packing between walls: its bulk told apart from the layers that the walls order.
+"""Tell the bulk of a packing between walls apart from the layers that the walls order.
 
 The strains xx, yy and xy are those of the cell everywhere; zz, yz and zx differ from layer to layer
 and are measured in the bulk, as the slopes of the layers' mean motion. The stress in the bulk is
-that of its contacts, each counted with the share of its branch that lies there. Both together, of
-six strains, are the stiffness of the bulk. The bulk ends softly, over some diameters: what lies at
-its edge then hardly matters, not even the layers of a crystal.
+that of its contacts, each counted with the share of its branch that lies there. Stresses and
+strains of six cases give the stiffness of the bulk. The bulk ends softly, over some diameters, so
+that single layers at its edge hardly matter, even in a crystal.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from modal.elasticity.steady import steady_motion
-from modal.elasticity.strain import AXES, STRAINED
+from modal.elasticity.strain import AXES, UNIT_STRAINS
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rattlers import force_bearing
@@ -25,19 +26,19 @@ from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
-FADE = 4.0
-"""Depth over which the bulk begins, mean diameters."""
-GRIP = 1e-3
-"""Least part of a strain between the walls that must reach the bulk."""
-FEWEST_LAYERS = 5
+SOFT_END_DIAMETERS = 4.0
+"""Depth over which the bulk begins and ends, mean diameters."""
+MIN_STRAIN_SHARE = 1e-3
+"""Least share of a strain between the walls that must reach the bulk."""
+MIN_LAYERS = 5
 """Layers of the bulk below which a slope across them says little."""
-TOLERANCE = 1e-6
-"""Of the motion under a wall, relative, in the norm of its energy."""
+MOTION_TOLERANCE = 1e-6
+"""Relative error of the motion under a wall, in the norm of its energy."""
 
 
 @dataclass(frozen=True)
 class Bulk:
-    """Where the bulk of a slab lies: from `low` to `high`, m, with soft ends of `fade`, m."""
+    """The bulk of a slab, from `low` to `high`, m, with soft ends of depth `fade`, m."""
 
     low: float
     high: float
@@ -45,20 +46,21 @@ class Bulk:
 
     @classmethod
     def of(cls, network: Network) -> Bulk | None:
-        """The bulk further than `WALL_ZONE` from both walls; None where there is hardly any."""
+        """Find the bulk further than `WALL_ZONE` from both walls; None if there is hardly any."""
         diameter = 2 * float(network.radius.mean())
-        reach = WALL_ZONE * diameter
-        low, high = network.wall_position + np.array([reach, -reach])
-        bulk = cls(float(low), float(high), FADE * diameter)
-        return bulk if high - low >= max(FEWEST_LAYERS, 2 * FADE) * diameter else None
+        wall_zone = WALL_ZONE * diameter
+        low, high = network.wall_position + np.array([wall_zone, -wall_zone])
+        if high - low < max(MIN_LAYERS, 2 * SOFT_END_DIAMETERS) * diameter:
+            return None
+        return cls(float(low), float(high), SOFT_END_DIAMETERS * diameter)
 
     @property
     def length(self) -> float:
-        """Length of the bulk, m, each soft end counted by half."""
+        """Return the length of the bulk, m, each soft end counted by half."""
         return self.high - self.low - self.fade
 
     def below(self, z: Floats) -> Floats:
-        """Length of the bulk, m, below the heights z, m."""
+        """Return the length of the bulk, m, below the heights z, m."""
         up = np.clip((z - self.low) / self.fade, 0, 1)
         down = np.clip((z - self.high) / self.fade + 1, 0, 1)
         flat = np.clip(z, self.low + self.fade, self.high - self.fade) - self.low - self.fade
@@ -68,84 +70,118 @@ class Bulk:
         return self.fade * (rising + falling) + flat
 
     def share(self, start: Floats, rise: Floats) -> Floats:
-        """Share of straight lines from the heights `start` that lies in the bulk; `rise` in m."""
-        least = 1e-4 * self.fade
-        span = np.where(abs(rise) < least, least, rise)
-        middle = start + (rise - span) / 2
-        return (self.below(middle + span) - self.below(middle)) / span
+        """Return the share of straight lines that lies in the bulk.
+
+        The lines start at the heights `start`, m, and rise by `rise`, m.
+        """
+        min_rise = 1e-4 * self.fade
+        span = np.where(abs(rise) < min_rise, min_rise, rise)
+        low_end = start + (rise - span) / 2
+        return (self.below(low_end + span) - self.below(low_end)) / span
 
     def density(self, network: Network) -> float:
-        """Mass of the force-bearing spheres of the bulk over its volume, kg/m^3."""
-        at = self.share(network.position[:, 2], np.zeros(network.n_particles))
-        mass = float((network.mass * at)[force_bearing(network)].sum())
+        """Return the mass of the force-bearing spheres of the bulk per volume, kg/m^3."""
+        share = self.share(network.position[:, 2], np.zeros(network.n_particles))
+        mass = float((network.mass * share)[force_bearing(network)].sum())
         return mass / (network.area * self.length)
 
     def slope(self, layers: Layers, motion: Floats) -> float:
-        """Growth along z of the layers' mean motion, for motions (n,) of the spheres."""
+        """Return the slope along z of the layers' mean motion, from motions (n,) of the spheres."""
         weight = self.share(layers.position, np.zeros(len(layers.position)))
         line = np.polyfit(layers.position, layers.means(motion), 1, w=np.sqrt(weight))
         return float(line[0])
 
     def growth(self, layers: Layers, motion: Floats) -> float:
-        """The same as the mean over its length: another number where the bulk is not even."""
-        start, rise = layers.position[:-1], np.diff(layers.position)
+        """Return the mean growth along z of the layers' motion.
+
+        It differs from the slope of a straight line where the bulk is not even.
+        """
+        start = layers.position[:-1]
+        rise = np.diff(layers.position)
         share = self.share(start, rise)
         return float(share @ np.diff(layers.means(motion)) / (share @ rise))
 
 
 def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, Floats] | None:
-    """Shape (6, 6), Pa, twice: stress over strain of the bulk, not quite symmetric, and affine.
+    """Return the stiffness of the bulk and its affine stiffness, shape (6, 6) each, Pa.
 
-    None where some strain hardly reaches the bulk: walls that slide, or yield, take it up.
+    The first is stress over strain, not quite symmetric. The affine stiffness is that of spheres
+    that all follow the strain, from its energy: such spheres are not in balance, and the torques on
+    them would make a stress unsymmetric. None if some strain hardly reaches the bulk, because walls
+    that slide or yield take it up.
 
-    `motion` (6n, 6), m and rad per unit strain, is that of the spheres beyond the mean strain. The
-    affine stiffness is that if all spheres followed the strain, by the energy of it: such spheres
-    are not in balance, and the torques on them would make the stress unsymmetric.
+    `motion` (6n, 6), m and rad per unit strain, is that of the spheres beyond the mean strain.
     """
-    tangent, strained = contact_tangent(network), STRAINED.on(network)
-    branch, layers = network.branch, Layers(network)
-    # The share of each contact that lies in the bulk, over its volume, 1/m^3.
+    tangent = contact_tangent(network)
+    affine_motion = UNIT_STRAINS.on(network)
+    branch = network.branch
+    layers = Layers(network)
+    # The share of each contact that lies in the bulk, per volume, 1/m^3.
     share = bulk.share(network.position[network.particle_i, 2], branch[:, 2])
     share /= network.area * bulk.length
-    stress, strain = np.empty((6, 6)), np.eye(6)
-    for case, gradient in enumerate(STRAINED.gradient):
-        free = motion[:, case].reshape(-1, 6)
-        moved = motion_of_contacts(network, free) + strained[case]
-        pull = np.einsum("cab,cb->ca", tangent[:, :3], moved)
+    stress = np.empty((6, 6))
+    strain = np.eye(6)
+    for case, gradient in enumerate(UNIT_STRAINS.gradient):
+        beyond_affine = motion[:, case].reshape(-1, 6)
+        contact_motion = motion_of_contacts(network, beyond_affine) + affine_motion[case]
+        force = np.einsum("cab,cb->ca", tangent[:, :3], contact_motion)
         # Rows zz, yz, zx are what planes across z carry, the same in every layer at rest.
-        carried = (pull * share[:, None]).T @ branch
-        stress[:, case] = [carried[a, b] for a, b in AXES]
+        virial = (force * share[:, None]).T @ branch
+        stress[:, case] = [virial[a, b] for a, b in AXES]
         for row in (2, 3, 4):
             moving = AXES[row][0]
-            strain[row, case] = bulk.slope(layers, free[:, moving]) + gradient[moving, 2]
-    if np.linalg.svd(strain, compute_uv=False)[-1] < GRIP:
+            slope = bulk.slope(layers, beyond_affine[:, moving])
+            strain[row, case] = slope + gradient[moving, 2]
+    if np.linalg.svd(strain, compute_uv=False)[-1] < MIN_STRAIN_SHARE:
         return None
-    resisted = np.einsum("cij,scj->sci", tangent, strained)
-    affine = np.einsum("aci,bci->ab", strained * share[:, None], resisted)
+    affine_force = np.einsum("cij,scj->sci", tangent, affine_motion)
+    affine = np.einsum("aci,bci->ab", affine_motion * share[:, None], affine_force)
     return stress @ np.linalg.inv(strain), affine
 
 
-def static_velocity(network: Network) -> tuple[float, float, float]:
-    """P-wave velocity, m/s, and P-wave modulus, Pa, of the bulk in the limit of long waves.
+class StaticVelocity(NamedTuple):
+    """The P-wave of infinite length in the bulk of a slab.
 
-    And the velocity's error: how far the strain as a mean and as a slope are apart, which they are
-    where the bulk is not even. The source wall is pushed; nothing moves sideways in the mean, so
-    that one load in place of six tells the modulus: the stress over the strain of the bulk. The
-    velocity is sqrt(modulus / density). InputError where the packing is too short or carries no
-    force from wall to wall.
+    velocity, m/s; modulus of P-waves, Pa; error of the velocity, m/s.
     """
-    system, bulk = LinearSystem.of(network), Bulk.of(network)
+
+    velocity: float
+    modulus: float
+    error: float
+
+
+def static_velocity(network: Network) -> StaticVelocity:
+    """Measure velocity and modulus of P-waves in the bulk, in the limit of long waves.
+
+    The source wall is pushed. In the mean nothing moves sideways, so that this one load tells the
+    modulus: the stress over the strain of the bulk. The velocity is sqrt(modulus / density). Its
+    error is half the difference that the mean strain makes in place of the slope; the two differ
+    where the bulk is not even. InputError if the packing is too short or carries no force from wall
+    to wall.
+    """
+    system = LinearSystem.of(network)
+    bulk = Bulk.of(network)
     if bulk is None:
-        raise InputError("the packing is too short for a velocity of its bulk; take a longer one")
-    wall, beyond = (system.put_on(WallMoves(each)) for each in (SOURCE_WALL, RECEIVER_WALL))
+        raise InputError(
+            "the packing is too short for a velocity of its bulk; take a longer one",
+            code="too_short",
+        )
+    source = system.put_on(WallMoves(SOURCE_WALL))
+    receiver = system.put_on(WallMoves(RECEIVER_WALL))
     # A factor takes minutes or gigabytes where some hundred products take a second.
-    found, _ = steady_motion(system, wall, lambda work: TOLERANCE**2 * work, "gradients")
-    motion = found.motion[:, 0]
-    stress = float((beyond.pull.T @ motion)[0]) / network.area
-    layers, along = Layers(network), motion[2::6]
-    strain = -bulk.slope(layers, along)
+    solution, _ = steady_motion(
+        system, source, lambda work: MOTION_TOLERANCE**2 * work, "gradients"
+    )
+    motion = solution.motion[:, 0]
+    stress = float((receiver.pull.T @ motion)[0]) / network.area
+    layers = Layers(network)
+    motion_along_z = motion[2::6]
+    strain = -bulk.slope(layers, motion_along_z)
     if not (stress > 0 and strain > 0):
-        raise InputError("no force goes from wall to wall; such a packing carries no wave")
-    modulus, uneven = stress / strain, abs(bulk.growth(layers, along) / -strain - 1)
+        raise InputError(
+            "no force goes from wall to wall; such a packing carries no wave", code="no_wave"
+        )
+    modulus = stress / strain
     velocity = float(np.sqrt(modulus / bulk.density(network)))
-    return velocity, modulus, velocity * uneven / 2
+    unevenness = abs(bulk.growth(layers, motion_along_z) / -strain - 1)
+    return StaticVelocity(velocity, modulus, velocity * unevenness / 2)

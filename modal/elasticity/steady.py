@@ -1,9 +1,10 @@
-"""The steady motion of all spheres under several loads, at once.
+"""Solve for the static response of all spheres to several loads at once.
 
-Conjugate gradients with one of two preconditioners: a factor of K held by a very small shift, which
-takes a few steps, where PARDISO is installed and the factor costs less than what it saves; else
-each sphere's own block of K, which takes some hundreds. Both work on the mass-scaled matrix A =
-M^-1/2 K M^-1/2, so that parts which nothing holds stay where the load leaves them.
+Conjugate gradients run with one of two preconditioners. A factor of K with a very small shift takes
+a few steps; it is used if PARDISO is installed and the factor costs less than it saves. Otherwise
+the inverse of each sphere's own block of K takes some hundreds of steps. Both work on the
+mass-scaled matrix A = M^-1/2 K M^-1/2, so that parts that nothing holds stay where the load leaves
+them.
 """
 
 from collections.abc import Callable
@@ -21,17 +22,19 @@ from modal.tools.errors import refuse_unknown
 from modal.tools.memory import memory_at_hand
 
 SOLVERS = ("pardiso", "gradients")
-"""With a factor of K, or with the own blocks of the spheres."""
-SHIFT = 1e-8
-"""Of A's largest diagonal entry, held below the factor. The softest elastic motion of 150 layers
-lies at 1e-5 of it, motions without energy at zero."""
-LOOK_BACK = {"pardiso": 1, "gradients": 30}
+"""A factor of K, or the spheres' own blocks, as the preconditioner."""
+SHIFT_SHARE = 1e-8
+"""Shift of the factor below zero, divided by the largest diagonal entry of A. The softest elastic
+motion of 150 layers lies at 1e-5 of that entry, motions without energy at zero."""
+LOOK_BACK_STEPS = {"pardiso": 1, "gradients": 30}
 """Steps over which the error is measured."""
-MOST_PRODUCTS = 20000
-ROUNDED = 10.0
-"""Roundings that may have been made on the way to a load."""
-FACTOR_OPERATIONS = 6e11
-"""Multiplications, of a minute or so: a factor that takes more is left out."""
+MAX_PRODUCTS = 20000
+LOAD_ROUNDINGS = 10.0
+"""Round-off of a load, in units of machine epsilon times the size of its terms."""
+MAX_FACTOR_OPERATIONS = 6e11
+"""Multiplications of a factor, about a minute; a factor that takes more is not used."""
+MAX_FACTOR_MEMORY_SHARE = 0.8
+"""Share of the free memory; a factor that takes more is not used."""
 
 
 def steady_motion(
@@ -40,50 +43,80 @@ def steady_motion(
     allowed: Callable[[Floats], Floats],
     solver: str | None = None,
 ) -> tuple[Solution, str]:
-    """Solve K u = the push of a coupling, (6n, k), to an energy error; and the solver's name.
+    """Solve K u = push of a coupling, to a given error in energy.
 
-    `allowed` gives it (k,), J, from the work push u (k,), J, of the motion so far. The solution's
-    motion is u (6n, k), its residual that of the push. `solver` is one of `SOLVERS`, by default the
-    one that is likely to be faster.
+    Parameters
+    ----------
+    system : LinearSystem
+        The packing of n spheres.
+    coupling : Coupling
+        Its push (6n, k) is the load, N and N m.
+    allowed : callable
+        Returns the error in energy (k,), J, from the work push u (k,), J, of the motion so far.
+    solver : str, optional
+        One of `SOLVERS`, by default the one that is likely to be faster.
+
+    Returns
+    -------
+    solution : Solution
+        `motion` is u (6n, k), m and rad; `residual` is that of the push, N and N m.
+    solver : str
+        Name of the solver that was used.
     """
     if solver is None:
-        cost = factorisation(system, kept=True)
-        fits = cost.bytes < 0.8 * memory_at_hand() and cost.operations < FACTOR_OPERATIONS
-        solver = "pardiso" if fits and available("pardiso") else "gradients"
+        solver = _faster_solver(system)
     refuse_unknown("solver", solver, SOLVERS)
-    root, operator = system.root, system.renumbered
-    inward, outward = operator.inward, operator.outward
+    root = system.root
+    operator = system.renumbered
     if solver == "pardiso":
-        # Spheres that touch but their own images have no stiffness at all: any shift will do.
-        sigma = -SHIFT * system.diagonal.max() or -1.0
+        # Spheres that touch only their own images have no stiffness at all: any shift will do.
+        sigma = -SHIFT_SHARE * system.diagonal.max() or -1.0
         factor = system.factor(sigma, definite=True, solver="pardiso")
     else:
         factor = _own_blocks(system)
-    found = conjugate_gradients(
+    load = root.over(coupling.push.toarray())
+    load_terms = root.over(coupling.terms.toarray())
+    round_off = LOAD_ROUNDINGS * np.finfo(float).eps * np.linalg.norm(load_terms, axis=0)
+
+    def precondition(residual: Floats) -> Floats:
+        return operator.inward(factor.solve(operator.outward(residual)))
+
+    scaled = conjugate_gradients(
         operator.apply,
-        lambda rest: inward(factor.solve(outward(rest))),
-        np.ascontiguousarray(inward(root.over(coupling.push.toarray()))),
+        precondition,
+        np.ascontiguousarray(operator.inward(load)),
         allowed,
-        ROUNDED * np.finfo(float).eps * np.linalg.norm(root.over(coupling.terms.toarray()), axis=0),
-        look_back=LOOK_BACK[solver],
-        most_products=MOST_PRODUCTS,
+        round_off,
+        look_back=LOOK_BACK_STEPS[solver],
+        most_products=MAX_PRODUCTS,
     )
     factor.release()
-    motion, residual = root.over(outward(found.motion)), root.times(outward(found.residual))
-    return replace(found, motion=motion, residual=residual), solver
+    motion = root.over(operator.outward(scaled.motion))
+    residual = root.times(operator.outward(scaled.residual))
+    return replace(scaled, motion=motion, residual=residual), solver
+
+
+def _faster_solver(system: LinearSystem) -> str:
+    """Return the solver that is likely to be faster."""
+    cost = factorisation(system, kept=True)
+    fits = cost.bytes < MAX_FACTOR_MEMORY_SHARE * memory_at_hand()
+    if fits and cost.operations < MAX_FACTOR_OPERATIONS and available("pardiso"):
+        return "pardiso"
+    return "gradients"
 
 
 def _own_blocks(system: LinearSystem) -> Factor:
-    """The inverse of A's diagonal blocks, one for each sphere, all of them held a little.
+    """Return the inverse of A's diagonal blocks, one for each sphere, each shifted a little.
 
-    Rattlers have no stiffness, and smooth spheres have but round-off against turning.
+    Without the shift rattlers would have no stiffness, and smooth spheres only round-off against
+    turning.
     """
     n = system.network.n_particles
 
-    def inverted() -> Floats:
+    def invert() -> Floats:
         blocks = system.own_blocks
-        held = np.einsum("nii->ni", blocks).mean(axis=0).max() or 1.0
-        return np.asarray(np.linalg.inv(blocks + 1e-8 * held * np.eye(6)), float)
+        typical = np.einsum("nii->ni", blocks).mean(axis=0).max() or 1.0
+        return np.asarray(np.linalg.inv(blocks + 1e-8 * typical * np.eye(6)), float)
 
-    inverse = system.cached("inverse of own blocks", inverted, 288.0 * n)
+    inverse = system.cached("inverse of own blocks", invert, 288.0 * n)
     return Factor(lambda b: (inverse @ b.reshape(n, 6, -1)).reshape(b.shape), None)

@@ -1,20 +1,21 @@
-"""Six strains of a cell, and what each does to the contacts while no sphere leaves the mean field.
+"""Define the six strains of a cell, and the stiffness of a packing that carries forces.
 
-A uniform displacement gradient G moves the centre at x by G x, and what is periodic or touches a
-wall with it. The spheres turn with the rotation in G. What the strains do to the contacts is in
-`modal.system.imposed`. Shears with z slide horizontal planes over each other, as walls can; which
-rotation is in G makes no difference to a packing that is free to turn.
+A uniform displacement gradient G moves the centre at x by G x, and periods and walls with it. The
+spheres turn with the rotation in G. `modal.system.imposed` computes the motion of the contacts.
+Shears with z slide horizontal planes over each other, as walls can; which rotation G contains makes
+no difference to a packing that is free to turn.
 
-A packing under stress is no solid of 21 moduli: a rotation turns its forces, so that a wave asks
-for all nine displacement gradients G_kl = du_k / dx_l and the nominal stress P_ij = A_ijkl G_kl;
-along n, rho V^2 are the eigenvalues of A_ijkl n_j n_l (the small on large of elasticity). With the
-springs alone A is the stiffness tensor C. With forces, to first order,
+A packing under stress is not a solid with 21 moduli: a rotation turns its forces, so that a wave
+depends on all nine displacement gradients G_kl = du_k / dx_l, and the nominal stress is
+P_ij = A_ijkl G_kl. Along n, rho V^2 are the eigenvalues of A_ijkl n_j n_l (small motions
+superimposed on large ones). With the springs alone A is the stiffness tensor C. With forces, to
+first order,
 
     V A_ab = sum over contacts of q_a . k q_b
 
-with k the whole tangent and q_a (9) the contact's motion under the springs' own answer to gradient
-a: the spheres follow the gradient, turn with it, and move beyond it. What is left out is of the
-order of the square of stress over modulus.
+with k the whole tangent and q_a (9) the motion of the contact under gradient a, computed with the
+springs alone: the spheres follow the gradient, turn with it, and move beyond it. The terms that are
+left out are of the order of the square of stress divided by modulus.
 """
 
 import numpy as np
@@ -27,49 +28,54 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 STRAINS = ("xx", "yy", "zz", "yz", "zx", "xy")
-"""Names of the strains, in the order of Voigt."""
+"""Names of the strains, in Voigt's order."""
 AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-"""Of each: the direction that moves, and that along which the displacement grows."""
-NINE = Gradients(np.eye(9).reshape(9, 3, 3))
-"""The gradients du_k / dx_l, l the faster."""
-STRAINED = Gradients(NINE.gradient[[3 * moving + along for moving, along in AXES]])
-"""All spheres follow the six unit strains; shear strains are angles."""
+"""For each strain: the axis along which points move, and that along which the motion grows."""
+ALL_GRADIENTS = Gradients(np.eye(9).reshape(9, 3, 3))
+"""The nine gradients du_k / dx_l; l varies faster."""
+UNIT_STRAINS = Gradients(ALL_GRADIENTS.gradient[[3 * moving + along for moving, along in AXES]])
+"""The six unit strains, which all spheres follow; shear strains are angles."""
 
 
 def has_walls(system: LinearSystem) -> bool:
-    """Whether the packing stands between two walls along z, and is periodic sideways.
+    """Tell whether a packing stands between two walls along z; False if it is periodic there.
 
-    False where it is periodic in all directions. InputError where it is neither, since there is no
-    way to strain it, and for a slab that carries forces.
+    InputError for a packing that cannot be strained: it is not periodic along x or y, is neither
+    periodic along z nor touches two walls, or is a slab with pre-stress.
     """
     network = system.network
     for axis in np.flatnonzero(~network.cell_periodic[:2]):
         raise InputError(
             f"no strain {STRAINS[axis]} can be put on this packing: it is not periodic along "
-            f"{'xy'[axis]}; moduli need periods along x and y, and periods or walls along z"
+            f"{'xy'[axis]}; moduli need periods along x and y, and periods or walls along z",
+            code="not_periodic",
         )
     if network.cell_periodic[2]:
         return False
     if not {SOURCE_WALL, RECEIVER_WALL} <= {*np.unique(network.particle_j).tolist()}:
         raise InputError(
             "no strain zz can be put on this packing: it is not periodic along z and does not "
-            "touch two walls there"
+            "touch two walls there",
+            code="no_walls",
         )
     if system.pre_stress != "none":
         raise InputError(
             f"pre-stress {system.pre_stress!r}: in a slab the springs alone are known; take none, "
-            "or a cell periodic in all directions"
+            "or a cell periodic in all directions",
+            code="pre_stress",
         )
     return True
 
 
 def stressed_stiffness(system: LinearSystem, non_affine: Floats) -> Floats:
-    """Shape (3, 3, 3, 3), Pa: A of a cell periodic in all directions; not always symmetric.
+    """Return A, shape (3, 3, 3, 3), Pa, of a cell that is periodic in all directions.
 
-    `non_affine` (6, n, 6): what the springs let each sphere do beyond the six unit strains.
+    A is not always symmetric. `non_affine` (6, n, 6) is the motion of each sphere, on the springs
+    alone, beyond each of the six unit strains.
     """
-    coupling = system.put_on(NINE)
-    u = non_affine[INDEX.ravel()].reshape(9, -1).T
-    resisted = system.root.times(system.operator.apply(system.root.times(u)))
-    energy = coupling.held - u.T @ coupling.push - coupling.pull.T @ u + u.T @ resisted
-    return (energy / (system.network.area * system.network.length)).reshape(3, 3, 3, 3)
+    coupling = system.put_on(ALL_GRADIENTS)
+    motion = non_affine[INDEX.ravel()].reshape(9, -1).T
+    force = system.root.times(system.operator.apply(system.root.times(motion)))
+    energy = coupling.held - motion.T @ coupling.push - coupling.pull.T @ motion + motion.T @ force
+    volume = system.network.area * system.network.length
+    return (energy / volume).reshape(3, 3, 3, 3)

@@ -41,7 +41,7 @@ class Repeats:
     contacts' stiffnesses and of the spheres' masses, relative, and three times that of normals and
     levers, in terms of 1 and of the smallest radius. By this share of itself, at most, the motion
     of a wave differs after 1 / omega_max from that of a network of which all parts are equal
-    (`modal.waves.driven`).
+    (`modal.waves.forced_system`).
     """
 
     part: Network

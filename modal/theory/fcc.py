@@ -1,7 +1,7 @@
-"""Theory of the FCC crystal: planar P-waves (Eqs. 5-10) and the full Bloch dispersion.
+"""Compute the waves of an FCC crystal in closed form: planar P-waves and all Bloch branches.
 
-The waves of the packing of `modal.packing.crystal`. With rotations the Bloch problem has six
-branches.
+The crystal is that of `modal.packing.crystal`; planar P-waves follow Eqs. 5-10 of Otsubo et al.
+2017. With rotations the Bloch problem has six branches.
 """
 
 from dataclasses import dataclass
@@ -15,30 +15,33 @@ from modal.tools.display import Drawn, quantity
 
 
 def dispersion(kappa: Floats, C: float, m: float, distance: float) -> Floats:
-    """omega(kappa) = 2 sqrt(C/m) |sin(l kappa / 2)|, rad/s (Eqs. 5 and 9)."""
+    """Return omega(kappa) = 2 sqrt(C/m) |sin(l kappa / 2)|, rad/s (Eqs. 5 and 9).
+
+    `kappa` in 1/m, C in N/m, m in kg, `distance` l of layers in m.
+    """
     return 2 * np.sqrt(C / m) * np.abs(np.sin(distance * np.asarray(kappa) / 2))
 
 
 @dataclass(frozen=True, repr=False)
 class FccLattice(FccPacking, Drawn):
-    """Waves in an endless face-centred cubic crystal of spheres, in closed form.
+    """An endless face-centred cubic crystal of spheres, whose waves are known in closed form.
 
-    Planar P-waves along z have Eqs. 5-10 of Otsubo et al. 2017, section 3; `bloch` gives all six
-    branches at any wavevector, rotations included.
+    Planar P-waves along z follow Eqs. 5-10 of Otsubo et al. 2017, section 3; `bloch` returns all
+    six branches at any wavevector, rotations included.
 
     Parameters
     ----------
     stress : float, default 1e5
-        Pa, the same in all directions; it sets overlaps and stiffnesses by the contact law.
+        Isotropic stress, Pa; it sets overlaps and stiffnesses by the contact law.
     radius : float, default 1.27e-3
-        Of a sphere, m.
+        Radius of the spheres, m.
     material : Material, default glass
         60 GPa, Poisson's ratio 0.2, 2,230 kg/m^3.
 
     Raises
     ------
     InputError
-        For stresses without a crystal.
+        If no crystal exists under the stress.
 
     Examples
     --------
@@ -67,57 +70,63 @@ class FccLattice(FccPacking, Drawn):
 
     @property
     def C(self) -> float:
-        """Stiffness between layers per sphere, 2 (kN + kT), N/m (Eq. 8)."""
+        """Return the stiffness between layers per sphere, 2 (kN + kT), N/m (Eq. 8)."""
         return 2 * (self.kn + self.kt)
 
     @property
     def low_pass_frequency(self) -> float:
-        """f_low-pass = sqrt(C/m) / pi, Hz (Eq. 10)."""
+        """Return f_low-pass = sqrt(C/m) / pi, Hz (Eq. 10)."""
         return np.sqrt(self.C / self.mass) / np.pi
 
     @property
     def velocity(self) -> float:
-        """Long-wave P velocity along z, l sqrt(C/m), m/s (Eq. 6)."""
+        """Return the velocity of long P-waves along z, l sqrt(C/m), m/s (Eq. 6)."""
         return self.layer_distance * np.sqrt(self.C / self.mass)
 
     @property
     def stiffness(self) -> Floats:
-        """Shape (6, 6), Pa: elastic moduli, order xx yy zz yz zx xy, shear strains as angles.
+        """Return the elastic moduli (6, 6), Pa, in the order xx yy zz yz zx xy, shears as angles.
 
-        Every sphere is a centre of symmetry, so a uniform strain E moves none beyond the mean. Nor
-        does any turn: the torque on a sphere is -kt l^2 sum n x (E n) over its contacts, the
-        antisymmetric part of E times sum n n^T, which for cubic symmetry is 4 times unity. So C =
-        1/V sum over six contacts of d^2 times (kn - kt) n n n n + kt times the symmetrised 1 n n
-        (K. Walton, J. Mech. Phys. Solids 35, 213, 1987), with V = d^3 / sqrt(2). In the axes of
-        the cube C11 = sqrt(2) (kn + kt) / d, C12 = (kn - kt) / (sqrt(2) d), C44 = C11 / 2; here x
-        and y are turned by 45 degrees about z, which is an axis of the cube.
+        Every sphere is a centre of symmetry, so that a uniform strain E moves no sphere beyond the
+        mean. Nor does it turn any: the torque on a sphere is -kt l^2 sum n x (E n) over its
+        contacts, the antisymmetric part of E times sum n n^T, which cubic symmetry makes 4 times
+        unity. Therefore C = 1/V sum over six contacts of d^2 times (kn - kt) n n n n + kt times the
+        symmetrised 1 n n (K. Walton, J. Mech. Phys. Solids 35, 213, 1987), with V = d^3 / sqrt(2).
+        In the axes of the cube C11 = sqrt(2) (kn + kt) / d, C12 = (kn - kt) / (sqrt(2) d), C44 =
+        C11 / 2; here x and y are turned by 45 degrees about z, which is an axis of the cube.
         """
-        more, scale = self.kn - self.kt, np.sqrt(2) / self.spacing
+        difference = self.kn - self.kt
         C = np.diag([2 * self.kt] * 3 + [self.kt] * 3)
-        C[:3, :3] += more * np.array([[1.25, 0.25, 0.5], [0.25, 1.25, 0.5], [0.5, 0.5, 1]])
-        C[3:, 3:] += more * np.diag([0.5, 0.5, 0.25])
-        return scale * C
+        C[:3, :3] += difference * np.array([[1.25, 0.25, 0.5], [0.25, 1.25, 0.5], [0.5, 0.5, 1]])
+        C[3:, 3:] += difference * np.diag([0.5, 0.5, 0.25])
+        return np.sqrt(2) / self.spacing * C
 
     def neighbours(self) -> Floats:
-        """Shape (12, 3): unit vectors towards the neighbours."""
+        """Return the unit vectors (12, 3) towards the neighbours of a sphere."""
         half = NORMALS[: len(STEPS)]
         return np.concatenate([half, -half])
 
     def bloch_matrix(self, wavevector: Floats) -> Complex:
-        """Shape (6, 6), complex Hermitian, 1/s^2: M^-1/2 K(k) M^-1/2 for `wavevector` (3,) 1/m."""
+        """Return M^-1/2 K(k) M^-1/2, shape (6, 6), Hermitian, 1/s^2, for `wavevector` (3,), 1/m."""
         n = self.neighbours()
-        k = (self.kn - self.kt) * n[:, :, None] * n[:, None, :] + self.kt * np.eye(3)
+        stiffness = (self.kn - self.kt) * n[:, :, None] * n[:, None, :] + self.kt * np.eye(3)
         # Matrices that multiply by the lever from the left, column by column.
-        turn = np.cross(self.spacing / 2 * n[:, None], np.eye(3)).transpose(0, 2, 1)
+        lever = self.spacing / 2 * n[:, None]
+        turn = np.cross(lever, np.eye(3)).transpose(0, 2, 1)
         identity = np.broadcast_to(np.eye(3), turn.shape)
-        own, other = (np.concatenate([sign * identity, turn], axis=2) for sign in (-1, 1))
+        sphere = np.concatenate([-identity, turn], axis=2)
+        neighbour = np.concatenate([identity, turn], axis=2)
         phase = np.exp(1j * self.spacing * n @ np.asarray(wavevector, float))
-        matrix = np.einsum("cai,cab,cbj->ij", own, k, own).astype(complex)
-        matrix += np.einsum("cai,cab,cbj,c->ij", own, k, other, phase)
-        scale = 1 / np.sqrt(np.repeat([self.mass, 0.4 * self.mass * self.radius**2], 3))
+        matrix = np.einsum("cai,cab,cbj->ij", sphere, stiffness, sphere).astype(complex)
+        matrix += np.einsum("cai,cab,cbj,c->ij", sphere, stiffness, neighbour, phase)
+        inertia = 0.4 * self.mass * self.radius**2
+        scale = 1 / np.sqrt(np.repeat([self.mass, inertia], 3))
         return matrix * scale[:, None] * scale
 
     def bloch(self, wavevector: Floats) -> tuple[Floats, Complex]:
-        """Branches at one wavevector: frequencies (6,) Hz ascending, vectors (6, 6) in columns."""
+        """Return the branches at a wavevector (3,), 1/m.
+
+        Frequencies (6,), Hz, ascend; the vectors (6, 6) are columns.
+        """
         square, vectors = np.linalg.eigh(self.bloch_matrix(wavevector))
         return np.sqrt(np.maximum(square, 0)) / (2 * np.pi), vectors

@@ -1,17 +1,16 @@
-"""What is recorded of a motion, as a sum over Chebyshev polynomials of A, and its error.
+"""Expand a recorded motion in Chebyshev polynomials of A, with a bound of its error.
 
-A record is the sum over the orders k of weights, one for each time or frequency, times moments:
-what the receivers read of T_k(X) c, X = 2 A / top - 1. As |T_k(X) c| <= |c|, what is left out of a
-record by ending the sum is at most the sum of the further weights, times |c|, times the length of
-the receiver's row. The sum goes on until that is below the tolerance times the largest of the
-record itself, which is known by then.
-The weights of a wave (`Expansion`) and of a response (`Resolvent`) are for omega^2
-from zero to `top`, 1/s^2.
+A record is a sum over the orders k of weights, one for each time or frequency, times moments: the
+readings that the receivers take of T_k(X) c, X = 2 A / top - 1. Since |T_k(X) c| <= |c|, ending the
+sum leaves out at most the sum of the further weights, times |c|, times the length of the receiver's
+row. The sum goes on until that is below the tolerance times the largest value of the record, which
+is known by then. The weights of a wave (`Expansion`) and of a response (`Resolvent`) are for
+omega^2 from zero to `top`, 1/s^2.
 """
 
 import math
 from collections.abc import Callable, Iterator
-from typing import TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,16 +22,31 @@ from modal.system.operator import ContactOperator
 from modal.tools.arrays import Array, Complex, Floats
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
-from modal.waves.driven import Driven
+from modal.waves.forced_system import ForcedSystem
 
-LOOK = 50
-"""Products between two looks at the growth of a recurrence."""
-ROUNDING = np.finfo(float).eps
-"""Of the sum of all weights: what their own round-off leaves uncertain."""
+PRODUCTS_BETWEEN_CHECKS = 50
+"""Products with A between two checks of the growth of a recurrence."""
+ROUND_OFF = np.finfo(float).eps
+"""Round-off of the weights, divided by the sum of all of them."""
+CHUNK = 256
+"""Times or frequencies that are evaluated together, to bound the memory."""
 
 
 AnySeries = TypeVar("AnySeries", "Expansion", "Resolvent")
 """Weights of the orders, one set for each time or frequency."""
+
+
+class Summation(NamedTuple, Generic[AnySeries]):
+    """A series that was summed up.
+
+    series: the weights. record (k, count): the sum. products: products with K. error: a bound,
+    relative to the largest force and the largest motion of the record.
+    """
+
+    series: AnySeries
+    record: Array
+    products: int
+    error: float
 
 
 def readings(
@@ -42,66 +56,74 @@ def readings(
     length: float,
     count: int,
 ) -> Floats:
-    """Shape (count, receivers): what rows read of the next `states`, each T_k(X) c with its order.
+    """Return what `receivers` read of the next `count` states, shape (count, receivers).
 
-    `length` is that of c. GrowthError where they grow, as they do when modes lie outside of the
-    interval.
+    The `states` yield k and T_k(X) c; `length` is that of c. GrowthError if the states grow, as
+    they do when modes lie outside of the interval.
     """
     rows = np.empty((count, receivers.shape[0]))
     for row in progress(count, "wave"):
-        k, now = next(states)
-        rows[row] = receivers @ now
-        looked_at = k % LOOK == LOOK - 1 or row == count - 1
-        if looked_at and not norm(now) <= largest_growth(operator, k) * length:
+        k, state = next(states)
+        rows[row] = receivers @ state
+        checked = k % PRODUCTS_BETWEEN_CHECKS == PRODUCTS_BETWEEN_CHECKS - 1 or row == count - 1
+        if checked and not norm(state) <= largest_growth(operator, k) * length:
             raise GrowthError
     return rows
 
 
 def summed(
-    driven: Driven, series_for: Callable[[float], AnySeries], tolerance: float
-) -> tuple[AnySeries, Array, int, float]:
-    """The series, its record, the number of products with K, and the bound of the record's error.
+    forced: ForcedSystem, series_for: Callable[[float], AnySeries], tolerance: float
+) -> Summation[AnySeries]:
+    """Sum a series up to a relative error of `tolerance`.
 
-    `series_for` gives the series for the `top` of an interval in omega^2, 1/s^2. The error is
-    relative to the largest of each kind in the record (`Driven.largest`); it is above `tolerance`
-    only where round-off leaves more. GrowthError where K has negative directions, InputError where
-    there is no stiffness.
+    `series_for` returns the series for the `top` of an interval in omega^2, 1/s^2. The error is
+    relative to `ForcedSystem.largest` of the record; it exceeds `tolerance` only where round-off
+    leaves more. GrowthError if K has negative directions, InputError if there is no stiffness.
     """
-    operator, (top, products) = driven.springs.operator, driven.system.end
+    operator = forced.springs.operator
+    top, products = forced.system.end
     if top == 0:
-        raise InputError("the network has no stiffness; no wave goes through it")
-    series, done = series_for(top), 0
-    start = driven.springs.push.toarray()[0]
+        raise InputError(
+            "the network has no stiffness; no wave goes through it", code="no_stiffness"
+        )
+    series = series_for(top)
+    start = forced.springs.push.toarray()[0]
     length = norm(start)
     states = enumerate(chebyshev(operator, start, 2 / top, -1.0))
-    most = largest_growth(operator, 0) * length * driven.reach
-    record = driven.blank(series.moved)
-    # No record is larger than all weights together allow: it takes so many orders at least.
+    max_reading = largest_growth(operator, 0) * length * forced.reach
+    record = forced.blank(series.moved)
+    orders_done = 0
+    # No record exceeds what all weights together allow, so that at least this many orders count.
     orders = series.orders(tolerance * series.left(0))
     while True:
-        rows = readings(operator, states, driven.springs.rows, length, orders - done)
-        series.add(record, rows, done)
-        done = orders
-        left, whole = series.left(done) * most, driven.largest(record, apart=series.apart)
+        rows = readings(operator, states, forced.springs.rows, length, orders - orders_done)
+        series.add(record, rows, orders_done)
+        orders_done = orders
+        left = series.left(orders_done) * max_reading
+        largest = forced.largest(record, apart=series.apart)
         with np.errstate(divide="ignore"):
-            error = float(np.divide(left, whole, out=0 * left, where=left > 0).max())
+            relative = np.divide(left, largest, out=0 * left, where=left > 0)
+        error = float(relative.max())
         if error > tolerance:
-            orders = series.orders(series.left(done) * tolerance / error)
-        if error <= tolerance or orders <= done:
-            return series, record, products + max(done - 1, 0), error
-
-
-CHUNK = 256
-"""Times or frequencies evaluated at a time, to bound the memory."""
+            orders = series.orders(series.left(orders_done) * tolerance / error)
+        if error <= tolerance or orders <= orders_done:
+            return Summation(series, record, products + max(orders_done - 1, 0), error)
 
 
 class Expansion:
-    """Chebyshev coefficients of what a motion does to an oscillator, y(top (1 + x) / 2, t).
+    """The Chebyshev coefficients of an oscillator's motion y(top (1 + x) / 2, t).
 
-    Times (nt,), s, at which the source has `moved` by (nt,), m; `response` gives y (nw, nt), m s^2,
-    for omega^2 (nw,), 1/s^2. `coefficient` (count, nt), m s^2: of all orders that round-off does
-    not hide. The error is relative to the larger of both stresses: the wave may not yet have come
-    to the receiver wall.
+    The error is relative to the larger of both stresses, as the wave may not yet have reached the
+    receiver wall.
+
+    Attributes
+    ----------
+    time : ndarray (nt,)
+        s.
+    moved : ndarray (nt,)
+        Displacement of the source, m.
+    coefficient : ndarray (count, nt)
+        m s^2, of all orders that round-off does not hide.
     """
 
     apart = False
@@ -109,89 +131,104 @@ class Expansion:
     def __init__(
         self, response: Callable[[Floats], Floats], time: Floats, moved: Floats, top: float
     ) -> None:
-        order = math.ceil(orders_of(top, float(time[-1])))
+        """Expand `response`, which returns y (nw, nt), m s^2, for omega^2 (nw,), 1/s^2."""
+        min_orders = math.ceil(orders_of(top, float(time[-1])))
         # At most 31 times a power of two, of which the Fourier transform is fast.
-        even = 1 << (order.bit_length() - 5)
-        order = even * math.ceil(order / even)
-        angle = np.pi * (np.arange(order) + 0.5) / order
-        coefficient = cosines(response(top * (1 + np.cos(angle)) / 2)) / order
+        power_of_two = 1 << (min_orders.bit_length() - 5)
+        orders = power_of_two * math.ceil(min_orders / power_of_two)
+        angle = np.pi * (np.arange(orders) + 0.5) / orders
+        coefficient = cosines(response(top * (1 + np.cos(angle)) / 2)) / orders
         coefficient[0] /= 2
         size = abs(coefficient).max(axis=1)
-        count = int(np.append(0, 1 + np.flatnonzero(size > ROUNDING * size.max()))[-1])
-        self.time, self.moved, self.coefficient = time, moved, coefficient[:count]
+        significant = np.flatnonzero(size > ROUND_OFF * size.max())
+        count = int(np.append(0, 1 + significant)[-1])
+        self.time = time
+        self.moved = moved
+        self.coefficient = coefficient[:count]
         left = np.append(size[:count][::-1].cumsum()[::-1], 0.0)
-        self._left = left + ROUNDING * left[0]
+        self._left = left + ROUND_OFF * left[0]
 
     def left(self, orders: int) -> float:
-        """The largest coefficients of further orders, added up; m s^2."""
+        """Return the sum of the largest coefficients of all further orders, m s^2."""
         return float(self._left[orders])
 
     def orders(self, left: float) -> int:
-        """The least number that leaves so much, or round-off."""
+        """Return the smallest number of orders that leaves at most `left`, or round-off."""
         return int(np.argmax(self._left <= max(left, self._left[-1])))
 
     def add(self, record: Floats, rows: Floats, first: int) -> None:
-        """What the orders from `first` on give."""
+        """Add to a record the terms of the orders from `first` on, whose moments are `rows`."""
         same_bits_product(self.coefficient[first : first + len(rows)].T, rows, record)
 
 
 def orders_of(top: float, duration: float) -> float:
-    """Number of Chebyshev orders beyond which the coefficients of a wave are negligible.
+    """Return the number of orders beyond which the coefficients of a wave are negligible.
 
-    `top`: upper end of the interval in omega^2, 1/s^2; `duration` of the wave in s.
+    `top` is the upper end of the interval in omega^2, 1/s^2; `duration` that of the wave, s.
     """
     return 1.1 * float(np.sqrt(top)) * duration / 2 + 60
 
 
 def cosines(values: Floats) -> Floats:
-    """Twice the sum of values (N, nt) times cos(pi k (n + 1/2) / N) over n, for each k < N, even.
+    """Return twice the sum over n of values (N, nt) times cos(pi k (n + 1/2) / N), for each k < N.
 
-    A Fourier transform of the even rows, then the odd ones backwards (J. Makhoul, IEEE Trans.
-    Acoust. Speech Signal Process. 28, 27, 1980). scipy.fft has it, but to load it takes as long as
-    a hundred products with K of 35,201 spheres.
+    N is even. The cosine transform is a Fourier transform of the even rows, followed by the odd
+    ones backwards (J. Makhoul, IEEE Trans. Acoust. Speech Signal Process. 28, 27, 1980). scipy.fft
+    has it, but loading that takes as long as a hundred products with K of 35,201 spheres.
     """
-    count, result = len(values), np.empty_like(values)
-    turn = 2 * np.exp(-0.5j * np.pi * np.arange(count // 2 + 1) / count)[:, None]
+    count = len(values)
+    result = np.empty_like(values)
+    phase = 2 * np.exp(-0.5j * np.pi * np.arange(count // 2 + 1) / count)[:, None]
     for start in range(0, values.shape[1], CHUNK):
-        part = values[:, start : start + CHUNK]
-        half = turn * np.fft.rfft(np.concatenate([part[::2], part[1::2][::-1]]), axis=0)
-        # The transform is of real rows: what stands at N - k is conjugate to k.
+        columns = values[:, start : start + CHUNK]
+        reordered = np.concatenate([columns[::2], columns[1::2][::-1]])
+        half = phase * np.fft.rfft(reordered, axis=0)
+        # The rows are real: the transform at N - k is the conjugate of that at k.
         result[:, start : start + CHUNK] = np.concatenate([half.real, -half.imag[-2:0:-1]])
     return result
 
 
 class Resolvent:
-    """Powers of 1 / w at each `frequency` (nf,), Hz, under the window exp(-gamma t), gamma in 1/s.
+    """The weights of a frequency response under the window exp(-gamma t): powers of 1 / w.
 
-    With s = (omega + i gamma)^2, z = 2 s / top - 1 and w = z + (z^2 - 1)^1/2 outside of the circle.
-    The error is relative to the largest of each kind at any frequency.
+    With s = (omega + i gamma)^2, z = 2 s / top - 1 and w = z + (z^2 - 1)^1/2 outside of the unit
+    circle. The error is relative to the largest value of each kind at any frequency.
+
+    Attributes
+    ----------
+    frequency : ndarray (nf,)
+        Hz.
+    moved : ndarray (nf,)
+        Ones: the response is per unit motion of the source.
     """
 
     apart = True
 
     def __init__(self, frequency: Floats, gamma: float, top: float) -> None:
-        self.frequency, self.moved = frequency, np.ones(len(frequency), complex)
+        """Prepare the weights at frequencies (nf,), Hz, under a window of `gamma`, 1/s."""
+        self.frequency = frequency
+        self.moved = np.ones(len(frequency), complex)
         z = 2 * (2 * np.pi * frequency + 1j * gamma) ** 2 / top - 1
         root = np.sqrt(z * z - 1)
         w = np.where(abs(z + root) > 1, z + root, z - root)
         self._log = np.log(w)
         # A - s = top / 2 (X - z), hence the sign.
         self._scale = -8 / top / (w - 1 / w)
-        # The sum of all further powers of 1 / |w|.
+        # The sum of all powers of 1 / |w|.
         self._sum = abs(self._scale) / (1 - 1 / abs(w))
 
     def left(self, orders: int) -> float:
-        """The weights of further orders, added up; s^2."""
+        """Return the sum of the weights of all further orders, s^2."""
         left = (self._sum * np.exp(-self._log.real * orders)).max()
-        return float(max(left, ROUNDING * self._sum.max()))
+        return float(max(left, ROUND_OFF * self._sum.max()))
 
     def orders(self, left: float) -> int:
-        """The least number that leaves so much, or round-off."""
-        share = np.maximum(left, ROUNDING * self._sum.max()) / self._sum
+        """Return the smallest number of orders that leaves at most `left`, or round-off."""
+        share = np.maximum(left, ROUND_OFF * self._sum.max()) / self._sum
         return int(np.ceil((-np.log(share) / self._log.real).max(initial=0.0)))
 
     def add(self, record: Complex, rows: Floats, first: int) -> None:
-        """What the orders from `first` on give."""
+        """Add to a record the terms of the orders from `first` on, whose moments are `rows`."""
         order = np.arange(first, first + len(rows))
         for start in range(0, len(record), CHUNK):
             part = slice(start, start + CHUNK)

@@ -1,4 +1,4 @@
-"""Whether the energy books of a wave run close: what it has, and what the source wall gave it."""
+"""Balance the energy of a wave run with the work of its source wall."""
 
 from __future__ import annotations
 
@@ -11,28 +11,41 @@ import numpy as np
 
 from modal.packing.network import Network
 
-ROUNDED = 10
-"""Times the work of one rounding of all positions: over whole runs up to 3 times was measured."""
-CLOSED = 1e-3
-"""Largest gap of the books of a run in which contacts slid, over the work of the source wall."""
-
-LATER = {"work", "gap"}
-"""What files of earlier versions do not say."""
+ROUNDINGS = 10
+"""Allowed drift by round-off, in units of the work of one rounding of all positions. Whole runs
+showed up to 3."""
+MAX_GAP = 1e-3
+"""Largest gap of the balance of a run in which contacts slid, divided by the source wall's work."""
+OPTIONAL_FIELDS = {"work", "gap"}
+"""Fields that files of earlier versions lack."""
 
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """What became of the energy of a wave run, from the end of the pulse to the end of the record.
+    """The energy of a wave run, from the end of the pulse to the end of the record.
 
-    `energy`: of the wave after the pulse, J. `drift`: the change since then of kinetic energy plus
-    energy stored in the contacts, over `energy`. `friction`: what sliding has dissipated since
-    then, over `energy`. `contacts`: their number at the start, of which `opened` were seen to open
-    and `slid` to slide. `limit`: the largest drift that the time step explains; NaN where contacts
-    slid, since sliding also releases energy of the state at rest and the drift has no bound then.
-    `work`: of the source wall, J; `gap`: kinetic and elastic energy at the end plus all that
-    sliding has dissipated since the start, less `work`, over `work`. Both are NaN in the files of
-    earlier versions, where `friction` is the law's own count, which misses the slip of contacts
-    that only lose normal force.
+    Attributes
+    ----------
+    energy : float
+        Energy of the wave after the pulse, J.
+    drift : float
+        Change since then of the kinetic energy plus the energy stored in contacts, divided by
+        `energy`.
+    friction : float
+        Energy that sliding has dissipated since then, divided by `energy`.
+    contacts, opened, slid : int
+        Number of contacts at the start, and how many of them were seen to open and to slide.
+    limit : float
+        Largest drift that the time step explains. NaN if contacts slid: sliding also releases
+        energy of the state at rest, so that the drift has no bound.
+    work : float
+        Work of the source wall, J.
+    gap : float
+        Kinetic and elastic energy at the end, plus all energy that sliding has dissipated since the
+        start, minus `work`, divided by `work`.
+
+    `work` and `gap` are NaN in files of earlier versions. There `friction` is the law's own count,
+    which misses the slip of contacts that only lose normal force.
     """
 
     energy: float
@@ -46,37 +59,40 @@ class EnergyBalance:
     gap: float = math.nan
 
     @property
-    def kept(self) -> bool:
-        """Whether drift and gap are within their limits; true where there is none."""
-        bound = CLOSED if math.isnan(self.limit) else max(CLOSED, self.limit)
-        return not (abs(self.drift) > self.limit or abs(self.gap) > bound)
+    def closes(self) -> bool:
+        """Tell whether drift and gap are within their limits; True if neither has a limit."""
+        max_gap = MAX_GAP
+        if not math.isnan(self.limit):
+            max_gap = max(MAX_GAP, self.limit)
+        return not (abs(self.drift) > self.limit or abs(self.gap) > max_gap)
 
     def attributes(self) -> dict[str, Any]:
-        """Attributes of the group `balance` of a signals file."""
-        return vars(self) | {"kept": self.kept}
+        """Return the attributes of the group `balance` of a signals file."""
+        return vars(self) | {"kept": self.closes}
 
     @staticmethod
-    def of_attributes(found: Mapping[str, Any]) -> EnergyBalance | None:
-        """What a file says; None where it says nothing, as the files of earlier versions."""
-        kinds = get_type_hints(EnergyBalance)
-        if not kinds.keys() - LATER <= found.keys():
+    def of_attributes(attributes: Mapping[str, Any]) -> EnergyBalance | None:
+        """Return the balance in a file's attributes; None if an early file has none."""
+        types = get_type_hints(EnergyBalance)
+        if not types.keys() - OPTIONAL_FIELDS <= attributes.keys():
             return None
-        said = kinds.keys() & found.keys()
-        return EnergyBalance(**{name: kinds[name](found[name]) for name in said})
+        present = types.keys() & attributes.keys()
+        return EnergyBalance(**{name: types[name](attributes[name]) for name in present})
 
 
 def drift_limit(network: Network, fraction: float, amplitude: float, energy: float) -> float:
-    """Largest relative change of the energy that the time step and round-off explain.
+    """Return the largest relative change of the energy that time step and round-off explain.
 
-    The leapfrog scheme conserves the sum of elastic energy and the product of the velocities
-    half a step behind and ahead exactly in a linear system. What is left comes from the change of
-    stiffness, a share of 2A over the overlap, and shrinks as (omega dt / 2)^2. `fraction` is the
-    time step over the longest stable one, 2 / omega_max, so omega dt / 2 is at most `fraction`.
-    A position of size L is rounded by eps L; the contact force does work over this distance, of
-    random sign, in each of the contacts.
+    In a linear system the leapfrog scheme exactly conserves the elastic energy plus the product of
+    the velocities half a step behind and ahead. The rest comes from the change of stiffness, a
+    share of 2A divided by the overlap, and shrinks as (omega dt / 2)^2. `fraction` is the time step
+    divided by the longest stable one, 2 / omega_max, so that omega dt / 2 is at most `fraction`. A
+    position of size L is rounded by eps L; the contact force does work over this distance, of
+    random sign, in each of the contacts. `amplitude` A in m, `energy` of the wave in J.
     """
-    overlap = network.require("overlap", "limit of the energy drift")
-    force = float(network.require("force_normal", "limit of the energy drift").mean())
-    bend = min(1.0, 2 * abs(amplitude) / float(overlap.mean()))
+    purpose = "limit of the energy drift"
+    overlap = network.require("overlap", purpose)
+    force = float(network.require("force_normal", purpose).mean())
+    stiffness_change = min(1.0, 2 * abs(amplitude) / float(overlap.mean()))
     rounding = np.finfo(float).eps * network.length * force * math.sqrt(network.n_contacts)
-    return fraction**2 * bend + ROUNDED * rounding / energy
+    return fraction**2 * stiffness_change + ROUNDINGS * rounding / energy

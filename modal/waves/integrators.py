@@ -1,26 +1,26 @@
-"""What carries a wave through a `Driven` system: exactly in time, in a DEM's steps, in long ones.
+"""Integrate a forced system in time: exactly, in a DEM's steps, or in long steps with dashpots.
 
-The source's motion d(t) drives v'' + A v = c d(t). Hence v(t) = y(A, t) c, where y(omega^2, t)
-answers y'' + omega^2 y = d(t) from rest (`modal.waves.oscillator`). As a function of x = 2 omega^2
-/ omega_max^2 - 1 it is expanded in Chebyshev polynomials, whose coefficients fall faster than any
+The motion d(t) of the source drives v'' + A v = c d(t). Hence v(t) = y(A, t) c, where y(omega^2, t)
+solves y'' + omega^2 y = d(t) from rest (`modal.waves.oscillator`). As a function of x = 2 omega^2 /
+omega_max^2 - 1 it is expanded in Chebyshev polynomials, whose coefficients fall faster than any
 power beyond order omega_max t / 2. One pass of T_k(X) c serves all times, and of every T_k(X) c
-only the recorded rows are kept. The expansion holds in the complex plane too, so a tangent that is
-not quite symmetric needs nothing else.
+only the recorded rows are kept. The expansion holds in the complex plane too, so that a tangent
+that is not quite symmetric needs nothing else.
 
-Leapfrog is not needed to obtain a wave but to take one apart: with the DEM's own scheme and step
-the linear wave carries the same time-integration error, and what then remains between the two is
-physics. State k is at time k dt: forces from u_k and from the wall at d(k dt), velocities half a
-step ahead, u_(k+1) = u_k + dt v_(k+1/2). An oscillator of any omega^2 below the limit of the step
-answers so too, by a polynomial in omega^2: the expansion is the same, of another y, and takes as
-many products however short the step.
+Leapfrog is not needed to obtain a wave but to take one apart: with the scheme and the step of a DEM
+the linear wave has the same time-integration error, and the difference that remains is physics.
+State k is at time k dt: forces from u_k and from the wall at d(k dt), velocities half a step ahead,
+u_(k+1) = u_k + dt v_(k+1/2). The response of an oscillator below the stability limit is a
+polynomial in omega^2 then, so that the same expansion serves, and takes as many products however
+short the step.
 
-With dashpots, Taylor series in time: the modes are complex and Chebyshev polynomials of K serve no
-longer. The state y = (u, v) follows y' = L y + g(t), and its Taylor series about the start of a
-step is known without any table: (k + 1) a_(k+1) = L a_k + g_k, where g_k are the coefficients of
-the source's motion in the step. A step is some radians of the highest mode long, and takes as many
-products with K and C as the tolerance asks; what is recorded inside a step are values of
-polynomials. Against schemes of fixed order the work rises with the number of digits, not with a
-power of ten (`docs/attenuation.md`).
+With dashpots the modes are complex, and Chebyshev polynomials of K no longer serve; Taylor series
+in time do. The state y = (u, v) follows y' = L y + g(t), and its Taylor series about the start of a
+step needs no table: (k + 1) a_(k+1) = L a_k + g_k, where g_k are the coefficients of the source's
+motion in the step. A step is some radians of the highest mode long, and takes as many products with
+K and C as the tolerance needs; records inside a step are values of polynomials. In contrast to
+schemes of fixed order, the work rises with the number of digits, not with a power of ten
+(`docs/attenuation.md`).
 """
 
 from dataclasses import dataclass
@@ -29,25 +29,42 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.polynomial.polynomial import polyder, polyval
 
-from modal.tools.arrays import Array, Floats
+from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.chebyshev import Expansion, orders_of, summed
-from modal.waves.driven import Driven
+from modal.waves.forced_system import ForcedSystem
 from modal.waves.oscillator import leapfrog, oscillation, steps
 from modal.waves.signals import record_times
 from modal.waves.source import Motion
 
 EXPANSION_COPIES = 4
 """Arrays of orders times times that `Expansion` holds at once."""
+RADIANS_PER_STEP = 8.0
+"""Length of a step of the series, in radians of the fastest mode. The terms of the series rise to
+exp(8) before they fall, which makes a round-off of 7e-13; longer steps would take fewer products
+and lose more digits."""
+MOTION_RADIANS_PER_STEP = 2.0
+"""Length of a step in radians of the motion, for which a polynomial of `MOTION_DEGREE` stands."""
+MOTION_DEGREE = 14
+MAX_TERMS = 200
 
 
 @dataclass(frozen=True)
-class Seen:
-    """Record (nt, count) at times (nt,), s, of what a `Driven` system's rows read.
+class WaveRecord:
+    """A record of a forced system.
 
-    `products` with K; `error`: a bound, relative to the largest force and the largest motion.
+    Attributes
+    ----------
+    time : ndarray (nt,)
+        s.
+    record : ndarray (nt, count)
+        What the system's rows read.
+    products : int
+        Products with K.
+    error : float
+        A bound, relative to the largest force and the largest motion.
     """
 
     time: Floats
@@ -57,156 +74,217 @@ class Seen:
 
 
 def by_polynomials(
-    driven: Driven,
+    forced: ForcedSystem,
     motion: Motion,
     duration: float,
     interval: float,
     tolerance: float,
     time_step: float | None = None,
-) -> Seen:
-    """Exact in time to the `tolerance`, relative; or, with a `time_step`, s, what leapfrog gives.
+) -> WaveRecord:
+    """Compute a wave by Chebyshev polynomials, exactly in time to the relative `tolerance`.
 
-    Records are an `interval`, s, apart, of a leapfrog a whole number of its steps. GrowthError
-    where K has negative directions, InputError for dashpots, for an endless run, and where the time
-    step exceeds the stability limit 2 / omega_max.
+    With a `time_step`, s, the wave is that of the leapfrog scheme. Records are an `interval`, s,
+    apart, for leapfrog a whole number of steps. GrowthError if K has negative directions,
+    InputError with dashpots, for an endless run, and if the time step exceeds the stability limit 2
+    / omega_max.
     """
-    if driven.dashpots is not None:
+    if forced.dashpots is not None:
         raise InputError(
             "Chebyshev polynomials of K, which give a leapfrog's steps too, know no damping of "
-            "contacts; leave it out, or give no time step"
+            "contacts; leave it out, or give no time step",
+            code="damping",
         )
-    every = 0 if time_step is None else _steps_between_records(interval, time_step)
+    steps_between_records = 0
+    if time_step is not None:
+        steps_between_records = _steps_between_records(interval, time_step)
 
     def series_for(top: float) -> Expansion:
-        if time_step is not None and not time_step < 2 / np.sqrt(top):
-            raise InputError(
-                f"time step {time_step:g} s: the scheme is stable up to 2 / omega_max = "
-                f"{2 / np.sqrt(top):.4g} s; take a smaller one"
-            )
-        orders, times = orders_of(top, duration), duration / interval + 1
-        numbers = (EXPANSION_COPIES * orders + every) * times + (orders + times) * driven.count
-        refuse_endless(
-            f"a wave of {duration:g} s, recorded every {interval:g} s,",
-            driven.springs.operator,
-            products=orders / 1.1,
-            bytes_needed=8 * numbers,
-            remedy="take a shorter duration or a longer interval" + ", or step" * bool(every),
-        )
+        if time_step is not None:
+            _refuse_unstable(time_step, top)
+        _refuse_endless_expansion(forced, top, duration, interval, steps_between_records)
         time = record_times(duration, interval)
 
         def response(square: Floats) -> Floats:
             if time_step is None:
                 return oscillation(motion, square, time)
-            return leapfrog(motion, square, len(time), every, time_step)
+            return leapfrog(motion, square, len(time), steps_between_records, time_step)
 
         return Expansion(response, time, motion.displacement(time), top)
 
-    series, record, products, error = summed(driven, series_for, tolerance)
-    return Seen(series.time, record, products, error)
+    found = summed(forced, series_for, tolerance)
+    return WaveRecord(found.series.time, found.record, found.products, found.error)
+
+
+def _refuse_unstable(time_step: float, top: float) -> None:
+    """Raise InputError if a time step, s, exceeds the stability limit; `top` is omega_max^2."""
+    limit = 2 / np.sqrt(top)
+    if not time_step < limit:
+        raise InputError(
+            f"time step {time_step:g} s: the scheme is stable up to 2 / omega_max = {limit:.4g} s; "
+            "take a smaller one",
+            code="time_step",
+        )
+
+
+def _refuse_endless_expansion(
+    forced: ForcedSystem,
+    top: float,
+    duration: float,
+    interval: float,
+    steps_between_records: int,
+) -> None:
+    """Raise InputError if an expansion takes more than a day or the memory."""
+    orders = orders_of(top, duration)
+    times = duration / interval + 1
+    coefficients = (EXPANSION_COPIES * orders + steps_between_records) * times
+    readings = (orders + times) * forced.count
+    remedy = "take a shorter duration or a longer interval"
+    if steps_between_records:
+        remedy += ", or step"
+    refuse_endless(
+        f"a wave of {duration:g} s, recorded every {interval:g} s,",
+        forced.springs.operator,
+        products=orders / 1.1,
+        bytes_needed=8 * (coefficients + readings),
+        remedy=remedy,
+    )
 
 
 def _steps_between_records(interval: float, time_step: float) -> int:
-    """Steps from record to record; InputError where the interval, s, is no multiple of a step."""
+    """Return the steps from record to record; InputError if an interval, s, is no multiple."""
     if not 0 < time_step < np.inf:
-        raise InputError("the time step must be positive; give it in s")
-    every = max(1, round(interval / time_step))
-    if abs(every * time_step / interval - 1) > 1e-9:
+        raise InputError("the time step must be positive; give it in s", code="time_step")
+    count = max(1, round(interval / time_step))
+    if abs(count * time_step / interval - 1) > 1e-9:
+        fitting_step = interval / np.ceil(interval / time_step)
         raise InputError(
             f"interval {interval:g} s: no multiple of the time step {time_step:g} s; take "
-            f"{every * time_step:g} s, or a step of {interval / np.ceil(interval / time_step):g} s"
+            f"{count * time_step:g} s, or a step of {fitting_step:g} s",
+            code="time_step",
         )
-    return every
-
-
-RADIANS = 8.0
-"""Of the fastest mode in a step. The terms of the series rise to exp(8) before they fall: round-off
-is then 7e-13; longer steps would take fewer products, and lose more digits."""
-SLOW = 2.0
-"""Of the motion in a step, for which the polynomial stands that is its series."""
-DEGREE = 14
-"""Of that polynomial."""
-MOST_TERMS = 200
+    return count
 
 
 def by_series(
-    driven: Driven, motion: Motion, duration: float, interval: float, tolerance: float
-) -> Seen:
-    """Of a system with dashpots: long steps, each a series in time.
+    forced: ForcedSystem, motion: Motion, duration: float, interval: float, tolerance: float
+) -> WaveRecord:
+    """Compute a wave with dashpots in long steps, each a Taylor series in time.
 
     `tolerance` bounds the terms that a step leaves out, relative to the largest state. InputError
-    where a series does not end.
+    if a series does not end.
     """
-    springs, dashpots, walls = driven.springs, driven.dashpots, driven.walls
-    assert dashpots is not None
-    top = _fastest(driven)
+    springs = forced.springs
+    assert forced.dashpots is not None
+    top = _fastest_rate(forced)
     refuse_endless(
         f"a damped wave of {duration:g} s",
         springs.operator,
         products=8 * top * duration,
-        bytes_needed=8.0 * (duration / interval + 1) * driven.count,
+        bytes_needed=8.0 * (duration / interval + 1) * forced.count,
         remedy="take a shorter duration",
     )
     times = record_times(duration, interval)
-    edges = steps(motion, times[[0, -1]], top, RADIANS, SLOW)
-    at = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
-    record = driven.blank(motion.displacement(times))
-    push, drag = (link.push.toarray()[0] for link in (springs, dashpots))
-    state, products = np.zeros((2, springs.operator.shape[0])), 0
-    for k in progress(len(edges) - 1, "wave"):
-        start, length = edges[k], edges[k + 1] - edges[k]
-        source, speed = _polynomial(motion, start, length)
-        inside = np.flatnonzero(at == k)
-        share = (times[inside] - start) / length
-        power = np.ones(len(inside))
-        record[inside, :walls] += polyval(share, speed)[:, None] * dashpots.held
-        following, term = state.copy(), state
-        for order in range(MOST_TERMS):
-            if len(inside):
-                seen = springs.rows @ term[0]
-                seen[:walls] += dashpots.rows @ term[1]
-                record[inside] += power[:, None] * seen
+    ends = steps(motion, times[[0, -1]], top, RADIANS_PER_STEP, MOTION_RADIANS_PER_STEP)
+    step_of_time = np.searchsorted(ends, times, side="right") - 1
+    step_of_time = np.clip(step_of_time, 0, len(ends) - 2)
+    record = forced.blank(motion.displacement(times))
+    series = _TaylorStep(forced, tolerance, top)
+    state = np.zeros((2, springs.operator.shape[0]))
+    for k in progress(len(ends) - 1, "wave"):
+        start = ends[k]
+        length = ends[k + 1] - start
+        rows = np.flatnonzero(step_of_time == k)
+        share = (times[rows] - start) / length
+        state = series.advance(state, motion, start, length, share, record, rows)
+    return WaveRecord(times, record, series.products, tolerance)
+
+
+class _TaylorStep:
+    """Advance the state (2, size) of a system with dashpots, displacement and velocity, by a step.
+
+    `products` counts the products with K so far.
+    """
+
+    def __init__(self, forced: ForcedSystem, tolerance: float, top: float) -> None:
+        assert forced.dashpots is not None
+        self.springs = forced.springs
+        self.dashpots = forced.dashpots
+        self.walls = forced.walls
+        self.tolerance = tolerance
+        self.top = top
+        self.push = forced.springs.push.toarray()[0]
+        self.drag = forced.dashpots.push.toarray()[0]
+        self.products = 0
+
+    def advance(
+        self,
+        state: Floats,
+        motion: Motion,
+        start: float,
+        length: float,
+        share: Floats,
+        record: Floats,
+        rows: Ints,
+    ) -> Floats:
+        """Return the state at the end of a step that starts at `start` and is `length` long, s.
+
+        The records `rows` (k,) lie inside the step, at the `share` (k,) of its length.
+        """
+        displacement, velocity = _motion_polynomials(motion, start, length)
+        record[rows, : self.walls] += polyval(share, velocity)[:, None] * self.dashpots.held
+        power = np.ones(len(rows))
+        following = state.copy()
+        term = state
+        for order in range(MAX_TERMS):
+            if len(rows):
+                reading = self.springs.rows @ term[0]
+                reading[: self.walls] += self.dashpots.rows @ term[1]
+                record[rows] += power[:, None] * reading
                 power = power * share
             ahead = np.empty_like(state)
             ahead[0] = term[1]
-            springs.operator.combine(term[0], ahead[1], -1.0)
-            dashpots.operator.combine(term[1], ahead[1], -1.0, gamma=1.0)
-            if order < len(source):
-                ahead[1] += push * source[order]
-            if order < len(speed):
-                ahead[1] += drag * speed[order]
+            self.springs.operator.combine(term[0], ahead[1], -1.0)
+            self.dashpots.operator.combine(term[1], ahead[1], -1.0, gamma=1.0)
+            if order < len(displacement):
+                ahead[1] += self.push * displacement[order]
+            if order < len(velocity):
+                ahead[1] += self.drag * velocity[order]
             ahead *= length / (order + 1)
-            products += 1
+            self.products += 1
             following += ahead
             term = ahead
-            small = _size(term, top) <= tolerance * 1e-2 * _size(following, top)
-            if small and order >= len(source):
-                break
-        else:
-            raise InputError("the series of the wave did not end; take a larger tolerance")
-        state = following
-    return Seen(times, record, products, tolerance)
+            limit = self.tolerance * 1e-2 * self._size(following)
+            if self._size(term) <= limit and order >= len(displacement):
+                return following
+        raise InputError(
+            "the series of the wave did not end; take a larger tolerance", code="not_converged"
+        )
+
+    def _size(self, state: Floats) -> float:
+        """Return the size of a state in units of velocity."""
+        return float(self.top * np.linalg.norm(state[0]) + np.linalg.norm(state[1]))
 
 
-def _size(state: Floats, top: float) -> float:
-    """The state in units of velocity."""
-    return float(top * np.linalg.norm(state[0]) + np.linalg.norm(state[1]))
-
-
-def _fastest(driven: Driven) -> float:
-    """A bound of the rates of all modes, 1/s: |lambda|^2 <= omega^2 + |lambda| gamma."""
-    stiff, dashpots = driven.system.top, driven.system.dashpots
-    viscous = dashpots.top if dashpots else 0.0
+def _fastest_rate(forced: ForcedSystem) -> float:
+    """Return a bound of the rates lambda, 1/s: |lambda|^2 <= omega^2 + |lambda| gamma."""
+    stiff = forced.system.top
     if stiff <= 0:
-        raise InputError("the network has no stiffness; no wave goes through it")
+        raise InputError(
+            "the network has no stiffness; no wave goes through it", code="no_stiffness"
+        )
+    viscous = 0.0
+    if forced.system.dashpots:
+        viscous = forced.system.dashpots.top
     return float(viscous / 2 + np.sqrt(viscous**2 / 4 + stiff))
 
 
-def _polynomial(motion: Motion, start: float, length: float) -> tuple[Floats, Array]:
-    """Coefficients (q,) of the motion, m, and of its velocity, m/s, in powers of a step's share."""
-    at = chebyshev.chebpts1(DEGREE + 1)
-    values = motion.displacement(start + length * (at + 1) / 2)
+def _motion_polynomials(motion: Motion, start: float, length: float) -> tuple[Floats, Array]:
+    """Return the coefficients (q,) of the motion, m, and its velocity, m/s, over a step's share."""
+    nodes = chebyshev.chebpts1(MOTION_DEGREE + 1)
+    values = motion.displacement(start + length * (nodes + 1) / 2)
     if not values.any():
         return np.zeros(1), np.zeros(1)
-    series = chebyshev.Chebyshev(chebyshev.chebfit(at, values, DEGREE), domain=[0, 1])
-    moved = np.array(series.convert(kind=np.polynomial.Polynomial).coef, float)
-    return moved, polyder(moved) / length
+    fit = chebyshev.chebfit(nodes, values, MOTION_DEGREE)
+    series = chebyshev.Chebyshev(fit, domain=[0, 1])
+    displacement = np.array(series.convert(kind=np.polynomial.Polynomial).coef, float)
+    return displacement, polyder(displacement) / length

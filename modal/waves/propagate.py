@@ -12,7 +12,7 @@ from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
-from modal.waves.driven import Driven
+from modal.waves.forced_system import ForcedSystem
 from modal.waves.integrators import by_polynomials, by_series
 from modal.waves.nonlinear import ACCURACY, NonlinearRuns, NonlinearWave, at_rest
 from modal.waves.receivers import Receivers
@@ -86,8 +86,9 @@ def propagate(
 
     The contacts' springs stay what they are (linear), and there is no time-step error. A packing of
     equal parts side by side, as a crystal, is computed in one of them where that is exact to the
-    `tolerance` too (`modal.waves.driven`). With `nonlinear` contacts follow their law instead:
-    they harden, slide, open and close, and the wave is of any size (`modal.waves.nonlinear`).
+    `tolerance` too (`modal.waves.forced_system`). With `nonlinear` contacts follow their law
+    instead: they harden, slide, open and close, and the wave is of any size
+    (`modal.waves.nonlinear`).
 
     Parameters
     ----------
@@ -177,20 +178,20 @@ def propagate(
     started = clock.perf_counter()
     system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
     receivers = Receivers(system.network, direction, particles=particles)
-    driven = Driven.of(system, source, receivers, duration, error, whole=whole)
-    if driven.dashpots and time_step is None:
-        seen = by_series(driven, motion, duration, interval, error)
+    forced = ForcedSystem.of(system, source, receivers, duration, error, whole=whole)
+    if forced.dashpots and time_step is None:
+        wave = by_series(forced, motion, duration, interval, error)
     else:
-        seen = by_polynomials(driven, motion, duration, interval, error, time_step)
+        wave = by_polynomials(forced, motion, duration, interval, error, time_step)
     signals = receivers.signals(
-        seen.time,
-        seen.record,
+        wave.time,
+        wave.record,
         motion,
         source,
-        driven.stresses,
+        forced.stresses,
         producer="linear",
         time_step=time_step or interval,
         run_time=clock.perf_counter() - started,
     )
-    part = driven.part
-    return LinearWave(signals, seen.products, seen.error + part.difference, part.count)
+    part = forced.part
+    return LinearWave(signals, wave.products, wave.error + part.difference, part.count)

@@ -1,4 +1,4 @@
-"""What is recorded of a motion: the chain, layer means, and if asked every sphere."""
+"""Read a motion: along a chain of spheres, as means over layers, and of every sphere if asked."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,42 +17,66 @@ from modal.waves.sources import Source
 
 
 class Receivers:
-    """What is recorded of motions u (6n,) along a direction: x, y, z, or turns about z ("torsion").
+    """The receivers of motions u (6n,) along a direction: x, y, z, or "torsion", turns about z.
 
-    `rows` (count, 6n) reads it: the chain's displacements, the layers' means, and those of all
-    spheres where `particles` is asked. `chain` is empty where there are no two walls. InputError
-    for another direction.
+    Parameters
+    ----------
+    network : Network
+        n spheres.
+    direction : str
+        InputError if it is none of the four.
+    particles : bool
+        Record every sphere.
+
+    Attributes
+    ----------
+    rows : sparse matrix (count, 6n)
+        Read the displacements of the chain, the means of the layers, and those of all spheres.
+    chain : ndarray (nc,)
+        Spheres from wall to wall; empty if there are no two walls.
+    layers : Layers
     """
 
     def __init__(self, network: Network, direction: str = "z", *, particles: bool = False) -> None:
         if direction not in COMPONENT:
-            raise InputError(f"direction {direction!r}: choose {', '.join(COMPONENT)}")
-        self.direction, self.network, self.particles = direction, network, particles
+            raise InputError(
+                f"direction {direction!r}: choose {', '.join(COMPONENT)}", code="direction"
+            )
+        self.direction = direction
+        self.network = network
+        self.particles = particles
         self.walls = not network.cell_periodic[2]
-        self.chain = wall_to_wall_chain(network) if self.walls else np.empty(0, int)
+        self.chain = np.empty(0, int)
+        if self.walls:
+            self.chain = wall_to_wall_chain(network)
         self.layers = Layers(network)
-        layer, size = self.layers.layer, self.layers.size
-        held, every = np.flatnonzero(layer >= 0), sp.identity(len(layer), format="csr")
-        means = sp.csr_matrix((1 / size[layer[held]], (layer[held], held)), (len(size), len(layer)))
-        read = sp.vstack([every[self.chain], means, *[every] * particles])
-        self.rows = sp.kron(read, np.eye(6)[[COMPONENT[direction]]], format="csr")
+        every_sphere = sp.identity(network.n_particles, format="csr")
+        readings = [every_sphere[self.chain], _layer_means(self.layers)]
+        if particles:
+            readings.append(every_sphere)
+        component = np.eye(6)[[COMPONENT[direction]]]
+        self.rows = sp.kron(sp.vstack(readings), component, format="csr")
 
     def columns(self, record: Array, stresses: Sequence[str]) -> dict[str, Any]:
-        """Fields of a recording (k, count): first forces, N, so named, then what `rows` have read.
+        """Return the fields of a recording from a record (k, count).
 
-        Stresses are those forces over the area of the cell.
+        The record has the forces of the `stresses`, N, first, then the readings of `rows`. Stresses
+        are those forces divided by the area of the cell.
         """
-        forces, seen = np.split(record, [len(stresses)], axis=1)
-        c, nl = len(self.chain), len(self.layers.position)
-        return {
+        forces, readings = np.split(record, [len(stresses)], axis=1)
+        n_chain = len(self.chain)
+        n_layers = len(self.layers.position)
+        fields = {
             **dict(zip(stresses, forces.T / self.network.area, strict=True)),
             "direction": self.direction,
             "chain_particle": self.chain,
-            "chain_displacement": seen[:, :c],
+            "chain_displacement": readings[:, :n_chain],
             "layer_position": self.layers.position,
-            "layer_displacement": seen[:, c : c + nl],
-            **({"particle_displacement": seen[:, c + nl :]} if self.particles else {}),
+            "layer_displacement": readings[:, n_chain : n_chain + n_layers],
         }
+        if self.particles:
+            fields["particle_displacement"] = readings[:, n_chain + n_layers :]
+        return fields
 
     def signals(
         self,
@@ -63,9 +87,9 @@ class Receivers:
         stresses: Sequence[str],
         **settings: Any,
     ) -> Signals:
-        """The signals of a record (nt, count) as of `columns`, at times (nt,) of a source's motion.
+        """Return the signals of a record (nt, count) as in `columns`, at times (nt,), s.
 
-        `settings`: the further fields of `Signals`, producer, time step and so on.
+        `settings` are the further fields of `Signals`: producer, time step and so on.
         """
         return Signals(
             time=time,
@@ -79,3 +103,11 @@ class Receivers:
             **self.columns(record, stresses),
             **settings,
         )
+
+
+def _layer_means(layers: Layers) -> sp.csr_matrix:
+    """Return the matrix (nl, n) that takes the mean of spheres over each layer."""
+    in_layer = np.flatnonzero(layers.layer >= 0)
+    layer = layers.layer[in_layer]
+    weights = 1 / layers.size[layer]
+    return sp.csr_matrix((weights, (layer, in_layer)), (len(layers.size), len(layers.layer)))

@@ -1,7 +1,7 @@
 """Frequency response of a packing to a source, and the gain factor from wall to wall.
 
 At omega, with a damping gamma that sets the resolution, the motion per unit motion of the source
-is (A - s)^-1 c, s = (omega + i gamma)^2, in the notation of `modal.waves.driven`: the
+is (A - s)^-1 c, s = (omega + i gamma)^2, in the notation of `modal.waves.forced_system`: the
 transform of the impulse response under the window exp(-gamma t). With z = 2 s / omega_max^2 - 1 and
 w = z + sqrt(z^2 - 1), |w| > 1, the recurrence that carries a wave carries it too:
 
@@ -37,7 +37,7 @@ from modal.tools.errors import InputError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_above, refuse_endless
 from modal.waves.chebyshev import CHUNK, Resolvent, summed
-from modal.waves.driven import Driven
+from modal.waves.forced_system import ForcedSystem
 from modal.waves.receivers import Receivers
 from modal.waves.signals import VERSION, Recording, along, read_recording, write_recording
 from modal.waves.sources import Source, Wall
@@ -216,17 +216,17 @@ def frequency_response(
     system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
     source, receivers = source or Wall(), Receivers(system.network, direction)
     # The window leaves of a wave what comes within 1 / gamma.
-    driven = Driven.of(system, source, receivers, 1 / (np.pi * resolution), tolerance)
-    record_of = _damped if driven.dashpots else _windowed
-    frequency, record, products = record_of(driven, highest, resolution, tolerance)
+    forced = ForcedSystem.of(system, source, receivers, 1 / (np.pi * resolution), tolerance)
+    record_of = _damped if forced.dashpots else _windowed
+    frequency, record, products = record_of(forced, highest, resolution, tolerance)
     return Response(
         frequency=frequency,
-        **receivers.columns(record, driven.stresses),
-        resolution=0.0 if driven.dashpots else resolution,
+        **receivers.columns(record, forced.stresses),
+        resolution=0.0 if forced.dashpots else resolution,
         products=products,
         source=source.name,
         source_height=source.height_in(network),
-        damping=damping if driven.dashpots else None,
+        damping=damping if forced.dashpots else None,
     )
 
 
@@ -243,7 +243,7 @@ def _end(top: float, highest: float | None, resolution: float) -> float:
 
 
 def _windowed(
-    driven: Driven, highest: float | None, resolution: float, tolerance: float
+    forced: ForcedSystem, highest: float | None, resolution: float, tolerance: float
 ) -> tuple[Floats, Complex, int]:
     """Frequencies (nf,), Hz, what is recorded at them (nf, count), and products with K."""
     # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
@@ -252,17 +252,17 @@ def _windowed(
     def series_for(top: float) -> Resolvent:
         end = _end(top, highest, resolution)
         orders = 1.5 * float(np.sqrt(top)) / (2 * gamma) * float(np.log(1 / tolerance))
-        numbers = (orders + 16 * end / resolution) * driven.count + 4 * CHUNK * orders
+        numbers = (orders + 16 * end / resolution) * forced.count + 4 * CHUNK * orders
         refuse_endless(
             f"a response with a resolution of {resolution:g} Hz",
-            driven.springs.operator,
+            forced.springs.operator,
             products=orders,
             bytes_needed=8 * numbers,
             remedy="take a coarser resolution or a lower highest frequency",
         )
         return Resolvent(np.arange(resolution / 4, end, resolution / 4), gamma, top)
 
-    series, record, products, error = summed(driven, series_for, tolerance)
+    series, record, products, error = summed(forced, series_for, tolerance)
     if error > tolerance:
         raise InputError(
             f"round-off is up to {error:.1g} of a record: so little comes through within the "
@@ -272,26 +272,26 @@ def _windowed(
 
 
 def _damped(
-    driven: Driven, highest: float | None, resolution: float, _: float
+    forced: ForcedSystem, highest: float | None, resolution: float, _: float
 ) -> tuple[Floats, Complex, int]:
     """The same of dashpots, by a factorisation for each frequency, which takes no products.
 
     InputError where these would take more than the memory or more than a day.
     """
-    system, springs, dashpots = driven.system, driven.springs, driven.dashpots
+    system, springs, dashpots = forced.system, forced.springs, forced.dashpots
     assert dashpots and system.dashpots
     end = _end(system.top, highest, resolution)
     count = 4 * end / resolution
 
     def refuse(seconds: float) -> None:
         task = f"a damped response at {count:.2g} frequencies takes"
-        refuse_above(seconds * count, 16.0 * count * driven.count, task, REMEDY)
+        refuse_above(seconds * count, 16.0 * count * forced.count, task, REMEDY)
 
     refuse(0.0)
     frequency = np.arange(resolution / 4, end, resolution / 4)
     A, C = system.assembled(), system.dashpots.assembled()
     identity = sp.identity(system.size, format="csr")
-    record: Complex = driven.blank(np.ones(len(frequency), complex))
+    record: Complex = forced.blank(np.ones(len(frequency), complex))
     started = clock.perf_counter()
     for k in progress(len(frequency), "response"):
         s = -2j * np.pi * frequency[k]
@@ -301,7 +301,7 @@ def _damped(
         v = springs.operator.inward(factor.solve(load))
         factor.release()
         record[k] += springs.rows @ v
-        record[k, : driven.walls] += s * (dashpots.rows @ v + dashpots.held)
+        record[k, : forced.walls] += s * (dashpots.rows @ v + dashpots.held)
         if k == 0:
             refuse(clock.perf_counter() - started)
     if not np.isfinite(record).all():

@@ -23,7 +23,7 @@ from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools import loops
 from modal.waves import integrators as wave
-from modal.waves.chebyshev import LOOK, readings
+from modal.waves.chebyshev import PRODUCTS_BETWEEN_CHECKS, readings
 from modal.waves.propagate import propagate
 
 pytestmark = pytest.mark.two_ways
@@ -102,7 +102,7 @@ def test_growth_is_told_from_round_off_at_every_order(square, orders):
     grows = Known(square)
     with pytest.raises(GrowthError):
         read(grows)
-    assert grows.products == min(orders, LOOK) - 1
+    assert grows.products == min(orders, PRODUCTS_BETWEEN_CHECKS) - 1
     read(Known(np.clip(square, 0, 1 + 1e-15)))
 
 

@@ -89,7 +89,7 @@ def test_column_against_an_ode_solver_and_the_order_of_the_step(column):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.05)
     # Nothing opens or slides: all of the wall's work is in the wave, to second order of the step.
     balance = wave.signals.balance
-    assert balance.kept and abs(balance.gap) < 1e-5 and balance.slid == balance.opened == 0
+    assert balance.closes and abs(balance.gap) < 1e-5 and balance.slid == balance.opened == 0
 
 
 @pytest.fixture(scope="module")
@@ -258,7 +258,7 @@ def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, printed, o
     signals = read_signals(out, of_any_source=True)
     assert signals.direction == "x" and signals.source.startswith("plane")
     assert len(signals.time) == said["times"] == 51
-    assert signals.balance.kept and abs(said["energy_gap"]) < 1e-3
+    assert signals.balance.closes and abs(said["energy_gap"]) < 1e-3
     assert said["time_step_error"] < 1e-3
     # Held by friction nothing slides; what slip takes is over what the source gave in all.
     said_slip = said["contacts_slid"], said["dissipated_share"]

@@ -11,7 +11,7 @@ from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.packing.tiling import repeat
 from modal.system.linear_system import LinearSystem
-from modal.waves.driven import one_part
+from modal.waves.forced_system import one_part
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
 

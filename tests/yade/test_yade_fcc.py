@@ -81,7 +81,7 @@ def test_energy_error_has_order_two(products, tmp_path):
         # The run's own, a trapezoid a step, has only what the bend of the law leaves: the drift's.
         assert books.energy == pytest.approx(books.work, rel=1e-3)
         assert abs(books.gap) < 1e-3
-        assert books.slid == 0 and books.friction == 0 and books.kept
+        assert books.slid == 0 and books.friction == 0 and books.closes
         drift.append(books.drift)
     assert np.log2(drift[0] / drift[1]) == pytest.approx(2, abs=0.3)
 
@@ -170,7 +170,7 @@ def test_waves_follow_the_linear_operator(settings, own, off, products, tmp_path
         elastic = propagate(network, signals.time[-1], **given | {"damping": None}).signals
         assert apart(elastic, "layer_displacement") > 0.2 and signals.balance is None
     else:
-        assert signals.balance.kept
+        assert signals.balance.closes
     wall = own.get("motion", Pulse(2.5e-9)).displacement(signals.time)
     assert signals.source_displacement == pytest.approx(wall, abs=1e-20)
     made = read_provenance(tmp_path / "case02.signals.h5")
