@@ -86,7 +86,8 @@ def printed(capsys):
 def yade():
     """What a test asks for that runs YADE."""
     if shutil.which("yade-batch") is None:
-        pytest.skip("YADE is missing: apt-get install --no-install-recommends yade python3-h5py")
+        packages = "yade python3-h5py python3-scipy"
+        pytest.skip(f"YADE is missing: apt-get install --no-install-recommends {packages}")
 
 
 @pytest.fixture

@@ -5,8 +5,15 @@
 # before, and that the script names no error. YADE is the program that the variable YADE names, or
 # the one in PATH.
 set -euo pipefail
-tried=2023.02
+tried=(2023.02 2025.2) # of Debian 12 and of Debian 13
 table=$1 key=$2 script=$3 folder=$4 log=$5 product=$6
+is_tried() { # a release may have a letter or a third number behind it: 2023.02a, 2025.2.0
+    local version
+    for version in "${tried[@]}"; do
+        [[ "$1" != "$version" && "$1" != "$version"[a-z.]* ]] || return 0
+    done
+    return 1
+}
 fail() { echo "error: $*" >> "$log"; exit 2; }
 mkdir -p "$folder" "$(dirname "$log")"
 : > "$log"
@@ -24,9 +31,9 @@ own=${own//%/$line}
 [ ! -f "$own" ] || { cat "$own" >> "$log"; rm -f "$own"; }
 ! grep -q '^error: ' "$log" || exit 1
 [ -f "$product" ] || {
-    here=$("${batch%-batch}" --version 2> /dev/null | grep -o '20[0-9][0-9][.0-9a-z]*' | head -n 1)
-    [[ "$here" = "$tried"* ]] || fail "no product; this is YADE ${here:-of no known version}, and" \
-        "$tried was tried; install that one, or name it by the variable YADE; see $log"
+    here=$("${batch%-batch}" --version 2> /dev/null | grep -o '20[0-9][0-9][.0-9a-z]*' | head -n 1) || true
+    is_tried "$here" || fail "no product; this is YADE ${here:-of no known version}, and ${tried[*]}" \
+        "were tried; install one of these, or name it by the variable YADE; see $log"
     echo "no product from YADE $here; the lines before this one may say why" >> "$log"
     exit 1
 }
