@@ -204,13 +204,19 @@ def test_front_door_refuses_in_one_line(arguments, said):
         ("2023.02a", "error: it belongs to another study", True, 1, "error: it belongs"),
         ("2023.02a", "killed", False, 1, "killed"),
         ("2023.02a", "written", True, 0, "written"),
-        ("2018.02b", "", False, 2, "this is YADE 2018.02b, and 2023.02"),
+        ("2025.2.0", "killed", False, 1, "killed"),
+        ("2023.02", "killed", False, 1, "killed"),
+        ("2018.02b", "", False, 2, "YADE 2018.02b"),
+        ("2025.20", "", False, 2, "YADE 2025.20"),
+        ("2023.021", "", False, 2, "YADE 2023.021"),
+        ("of today", "", False, 2, "YADE of no known version"),
         ("", "", False, 2, "yade-batch is not in PATH"),
     ],
 )
 def test_a_job_of_yade_fails_with_its_script(version, prints, there, status, said, tmp_path):
     """yade-batch itself returns 0 whatever comes of its job; a product may be there from before."""
-    for name, text in (("yade-batch", prints), ("yade", version)) if version else ():
+    programs = {"yade-batch": prints, "yade": f"YADE {version}"} if version else {}
+    for name, text in programs.items():
         (tmp_path / name).write_text(f"#!/bin/sh\necho '{text}'\n")
         (tmp_path / name).chmod(0o755)
     product = tmp_path / "100000Pa.sample.h5"
@@ -228,6 +234,17 @@ def test_a_job_of_yade_fails_with_its_script(version, prints, there, status, sai
     )
     log = (tmp_path / "walk.log").read_text()
     assert done.returncode == status and said in log, log
+
+
+def test_the_batch_system_pbs_gives_a_job_its_minutes():
+    """The line for PBS in the profile of other clusters, as its users copy it."""
+    profile = (ROOT / "workflow/profiles/generic/config.yaml").read_text()
+    words = re.search(r"walltime=(.+) -j oe", profile)[1]
+    for minutes in (1, 30, 90, 1441):
+        typed = words.replace("{resources.runtime}", str(minutes))
+        walltime = subprocess.run(["bash", "-c", f"echo {typed}"], capture_output=True, text=True)
+        hours, minute, second = map(int, walltime.stdout.split(":"))
+        assert 3600 * hours + 60 * minute + second == 60 * minutes
 
 
 @pytest.mark.parametrize(
