@@ -6,17 +6,27 @@ log names them, what a program's recipe of so many columns has.
 
 import itertools
 import re
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
 from modal.exchange.input_script import WIDTHS, Script, columns_of_liggghts
 from modal.exchange.law import SI, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import WALLS, Cell, Packing, ends_of
-from modal.exchange.text import Rows, Words, fault, last_step, shown, text_lines, written_digits
+from modal.exchange.text import (
+    Rows,
+    Words,
+    fault,
+    kept_lines,
+    last_step,
+    shown,
+    text_lines,
+    written_digits,
+)
 from modal.tools.arrays import Array, Bools, Floats, Ints
 
 UNITS = {"si": SI, "cgs": Units(1e-2, 1e-3, 1.0), "micro": Units(1e-6, 1e-15, 1e-6)}
@@ -97,12 +107,15 @@ class Frame:
 
 
 def frame_of(path: str | Path, kind: str, step: int | None) -> Frame:
-    """The frame of this step, or the only one; `kind` is ATOMS or ENTRIES.
+    """Return the frame of this step, or the only one; `kind` is ATOMS or ENTRIES.
 
     InputError where a dump has several times and `step` chooses none of them. Rows of other times
     are passed over.
     """
-    steps, said, lines = list[int](), dict[str, list[list[str]]](), text_lines(path)
+    steps: list[int] = []
+    said: dict[str, list[list[str]]] = {}
+    chosen: Frame | None = None
+    lines = text_lines(path)
     for number, line in lines:
         item, *title = line.split() or [""]
         if item and (item != "ITEM:" or not title):
@@ -116,21 +129,37 @@ def frame_of(path: str | Path, kind: str, step: int | None) -> Frame:
                 what = f"ITEM: {title[0]} where {ITEMS[kind]} belong"
                 fault(path, what, "give the files in the other order", number)
             count, head = _head(path, said, number)
-            texts = [row for _, row in itertools.islice(lines, count)]
+            texts = kept_lines(path, lines, count)
             steps.append(head["step"])
             if step in (None, steps[-1]):
-                if (there := len(texts)) < count:
+                there = len(texts)
+                if there < count:
                     what = f"{there} rows of {count}: the file ends in the middle"
-                    fault(path, what, "let the program finish writing it", number + 1 + there)
+                    do = "let the program finish writing it"
+                    fault(path, what, do, number + 1 + there, code="cut_off")
                 rows = Rows(Path(path), tuple(title[1:]), texts, number + 1)
-                found = Frame(rows=rows, **head)
+                chosen = Frame(rows=rows, **head)
+    if chosen is None or (step is None and len(steps) > 1):
+        _refuse_times(path, kind, step, steps)
+    return chosen
+
+
+def _refuse_times(path: str | Path, kind: str, step: int | None, steps: Sequence[int]) -> NoReturn:
+    """Raise InputError for a file whose times are not the one that is wanted."""
     if not steps:
         fault(path, f"no ITEM: {kind}", "give a text dump of LAMMPS or LIGGGHTS")
-    if step not in steps if step is not None else len(steps) > 1:
-        some = ", ".join(map(str, steps[:SEVERAL])) + ", ..." * (len(steps) > SEVERAL)
-        what = f"it has {len(steps)} times ({some})" + f", but no step {step}" * (step is not None)
-        fault(path, what, f"dump both files at one step, chosen with --step, such as {steps[-1]}")
-    return found
+    listed = ", ".join(map(str, steps[:SEVERAL]))
+    if len(steps) > SEVERAL:
+        listed += ", ..."
+    what = f"it has {len(steps)} times ({listed})"
+    if step is not None:
+        what += f", but no step {step}"
+    if kind == "ATOMS":
+        command = f"granular-modes import {shlex.quote(str(path))} --step {steps[-1]}"
+        do = f"choose one with --step: {command} --log LOG -o NEW.network.h5"
+    else:
+        do = "dump spheres and contacts at one step"
+    fault(path, what, do, code="several_times" if step is None else "no_such_time")
 
 
 def _head(
@@ -174,7 +203,7 @@ def units_of(path: Path, frame: Frame, given: Mapping[str, Any], script: Script)
         fault(path, what, "give the log of this dump")
     name = dumped or logged or "si"
     if typed is None and name not in UNITS:
-        do = "give those of length, mass and time with --scales M KG S"
+        do = "give those of length, mass and time with import --scales M KG S"
         fault(path if dumped else script.said, f"units {name} have no SI values here", do)
     if typed and not np.allclose(typed, UNITS.get(dumped, typed), rtol=1e-9, atol=0):
         what = f"ITEM: UNITS {dumped}, and --scales {' '.join(f'{one:g}' for one in typed)}"

@@ -185,7 +185,7 @@ def _refuse_other_units(pushed: Floats, overlap: Floats, name: str) -> None:
     if not 1 / UNLIKE < float(pushed.mean() / max(overlap.mean(), 1e-300)) < UNLIKE:
         what = f"told, positions and radii {overlap.mean():.3g} m"
         what = f"the law makes overlaps of {pushed.mean():.3g} m of the forces that are {what}"
-        do = "give stiffnesses, forces and lengths in one system of units (--scales)"
+        do = "give stiffnesses, forces and lengths in one system of units (import --scales)"
         fault(name, what, do)
 
 

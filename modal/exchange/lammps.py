@@ -129,8 +129,8 @@ def coefficients(
 def material_of(young: float, poisson: float, where: str) -> Elasticity:
     """Young's modulus, Pa, and Poisson's ratio; InputError where no material has them."""
     if not YOUNG[0] <= young <= YOUNG[1]:
-        do = f"write it in Pa ({YOUNG[0]:g} to {YOUNG[1]:g}), or give --scales where the units "
-        fault(where, f"Young's modulus {young:g} Pa is that of no material", f"{do}are not SI")
+        do = f"write it in Pa ({YOUNG[0]:g} to {YOUNG[1]:g}), or, of other units, import --scales"
+        fault(where, f"Young's modulus {young:g} Pa is that of no material", do)
     if not -1 < poisson < 0.5:
         fault(where, f"Poisson's ratio {poisson:g} is outside -1 to 0.5", "mend it")
     return Elasticity(young, poisson)

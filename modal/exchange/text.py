@@ -4,10 +4,12 @@ import gzip
 import io
 import itertools
 import math
+import sys
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import IO, Any, NoReturn, cast
 
@@ -15,12 +17,19 @@ import numpy as np
 
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
+from modal.tools.memory import memory_at_hand
 
 SHOWN = 60
 """Characters of a file that a message quotes."""
 SHORT_MANTISSA_BITS = 16
 """Numbers that need no more bits are exact: of those rounded to the 24 bits of single precision
 one in 2^8 needs as few."""
+MAX_LINE_CHARACTERS = 1_000_000
+"""Rows have at most some hundred numbers, lines of a script some thousand characters."""
+MAX_SHARE_OF_MEMORY = 0.5
+"""Of the free memory, for the texts of rows: their numbers take about as much again."""
+BYTES_BESIDE_A_TEXT = 64
+"""What Python takes for a text beside its characters, and for its place in a list."""
 LOOKED_AT = 500
 """Rows whose texts are looked at for the number of digits that a program has written."""
 
@@ -57,9 +66,38 @@ def open_bytes(path: str | Path) -> Iterator[IO[bytes]]:
 
 
 def text_lines(path: str | Path) -> Iterator[tuple[int, str]]:
-    """Number, from 1, and text of each line, without the byte order mark of a spreadsheet."""
+    """Yield number, from 1, and text of each line, without the byte order mark of a spreadsheet.
+
+    InputError for a line that is too long to be one of numbers, before it fills the memory.
+    """
     with open_bytes(path) as file, io.TextIOWrapper(file, "utf-8-sig", "replace") as text:
-        yield from enumerate(text, 1)
+        next_part = partial(text.readline, MAX_LINE_CHARACTERS)
+        for number, line in enumerate(iter(next_part, ""), 1):
+            if len(line) == MAX_LINE_CHARACTERS and not line.endswith("\n"):
+                what = f"more than {MAX_LINE_CHARACTERS:,} characters in one line"
+                fault(path, what, "give a text file, a row in each line", number, code="long_line")
+            yield number, line
+
+
+def kept_lines(path: str | Path, lines: Iterator[tuple[int, str]], count: int) -> list[str]:
+    """Return the texts of the next `count` lines, or of those that are left.
+
+    A line that begins with ITEM: ends them, as the next header of a dump. InputError where the file
+    has more than the memory holds, whatever it says that it has: an archive may be short.
+    """
+    room = MAX_SHARE_OF_MEMORY * memory_at_hand()
+    taken = 0
+    texts: list[str] = []
+    for number, text in itertools.islice(lines, min(count, sys.maxsize)):
+        if text.startswith("ITEM:"):
+            break
+        taken += len(text) + BYTES_BESIDE_A_TEXT
+        if taken > room:
+            what = f"its rows fill {taken:.2g} bytes, more than half of the memory that is free"
+            do = "take a smaller packing, or a machine with more memory"
+            fault(path, what, do, number, code="too_large")
+        texts.append(text)
+    return texts
 
 
 @dataclass(frozen=True)

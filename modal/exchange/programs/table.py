@@ -8,6 +8,7 @@ that is not known is refused, as it may change the answer.
 """
 
 import re
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from modal.exchange.import_result import ImportResult, network_of
 from modal.exchange.law import SI, Units
 from modal.exchange.particles_and_contacts import WALLS, Cell, Contacts, Packing, ends_of
 from modal.exchange.programs import lammps
-from modal.exchange.text import Rows, Words, fault, shown, text_lines
+from modal.exchange.text import Rows, Words, fault, kept_lines, shown, text_lines
 from modal.formats.hdf5 import named
 from modal.packing.checks import check_force_ratio
 
@@ -77,7 +78,9 @@ def _table(
             break
     else:
         fault(path, "no line with the names of columns", f"begin with {','.join(needed)}")
-    texts = "".join(row for _, row in lines).rstrip().splitlines()
+    texts = kept_lines(path, lines, sys.maxsize)
+    while texts and not texts[-1].strip():
+        texts.pop()
     columns = tuple(name.strip() for name in text.split(","))
     rows = Rows(Path(path), columns, texts, number + 1, ",")
     do = f"name the columns in a line of text in UTF-8, with commas: {','.join(needed)}"
