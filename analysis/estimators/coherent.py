@@ -111,9 +111,11 @@ def longest_waves(wave: Coherent) -> tuple[float, float]:
     if len(known) < 5:
         return np.nan, np.nan
     frequency = wave.frequency[known]
-    fit = np.linalg.pinv(np.stack([frequency**2, np.ones(len(known))], axis=1))
+    # Squares of Hz beside 1 would lose the intercept to round-off where waves are fast or small.
+    square = (frequency / frequency[-1]) ** 2
+    fit = np.linalg.pinv(np.stack([square, np.ones(len(known))], axis=1))
     curvature, intercept = fit @ slowness[known]
-    off = (slowness[known] - curvature * frequency**2 - intercept) * frequency
+    off = (slowness[known] - curvature * square - intercept) * frequency
     together = max(1.0, wave.resolution / (wave.frequency[1] - wave.frequency[0]))
     variance = together * (off**2).sum() / (len(known) - 2) * ((fit[1] / frequency) ** 2).sum()
     return float(1 / intercept), float(np.sqrt(variance) / intercept**2)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimators.damped_transform import layer_distance
+from analysis.estimators.fits import summit
 from analysis.estimators.source_motion import at_rest
 from modal.waves.signals import Signals
 
@@ -129,4 +130,6 @@ def _edge(kappa: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
     at = int(np.argmax(values))
     if at in (0, len(fine) - 1) or middling > ROUGH:
         return np.nan, np.nan
-    return float(kappa[middle - 1] * (1 + fine[at])), float(values[at])
+    # Between the points of the grid, which round-off else chooses among.
+    shift = summit(*values[at - 1 : at + 2]) * (fine[1] - fine[0])
+    return float(kappa[middle - 1] * (1 + fine[at] + shift)), float(values[at])

@@ -1,0 +1,91 @@
+"""Spheres of any size under any stress: what is measured scales, whatever the units of its parts.
+
+A number of m/s, Hz, Pa ... of a packing in other units of length, mass and time is the first one
+times the units. Round-off, and iterations that end at a tolerance, leave 1e-8 of it.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from changes import in_units
+from packings import slender
+
+import modal
+from analysis.estimators.coherent import Coherent, longest_waves
+from analysis.measuring import Measuring
+from analysis.quantities import QUANTITIES
+from analysis.quantities.amplitude import AMPLITUDE
+from modal.packing import crystal as gallery
+from modal.packing.sample import sample_of_network
+
+DIMENSIONS = {"m/s": (1, 0, -1), "Hz": (0, 0, -1), "1/m": (-1, 0, 0), "Pa": (-1, 1, -2)}
+"""Powers of length, mass and time."""
+PACKINGS = {
+    "random": slender,
+    "crystal": lambda: modal.fcc(cells=(1, 1, 40)),
+    "periodic": lambda: modal.random_packing(110, seed=2, friction=0.6, aspect=1, periodic=True),
+}
+SAME_STRESS = {-6: "2.5 nm", 5: "250 m"}
+"""Powers of ten of all lengths, whose third power masses follow: glass under the same stress."""
+UNITS = [*((10.0**p, 10.0 ** (3 * p), 10.0**p) for p in SAME_STRESS), (1e-3, 1e6, 1.0)]
+"""Of length, mass, time; of the last, stiffnesses grow by 1e6 and stresses by 1e9."""
+ROUND_OFF = 1e-7
+OF_POINTS = {"lambda_edge_linear_over_d": 1e-3}
+"""At a crystal's band edge a wave turns forward and backward alike: round-off chooses which points
+the edge is fitted to, where these lie off the curve by up to 3e-3 (`ROUGH` of the ridge)."""
+NO_SCALE = "residual", "stress_error"
+"""Round-off of a crystal's balance, and the stress that a note names."""
+
+
+def measured(network):
+    """All quantities but those over amplitudes."""
+    packing = Measuring(replace(network, study={}))
+    names = [name for name in QUANTITIES if name not in (*AMPLITUDE, *NO_SCALE)]
+    return {name: QUANTITIES[name].measured(packing) for name in names}
+
+
+@cache
+def as_it_is(kind):
+    return measured(PACKINGS[kind]())
+
+
+@pytest.mark.parametrize("units", UNITS, ids=[*SAME_STRESS.values(), "another stress"])
+@pytest.mark.parametrize("kind", PACKINGS)
+def test_every_quantity_scales_with_the_units_of_length_mass_and_time(kind, units):
+    """As many are known, and values and errors are the same to round-off."""
+    first = as_it_is(kind)
+    second = measured(in_units(PACKINGS[kind](), *units))
+    assert sum(value.known for value in first.values()) > 25
+    for name, value in first.items():
+        unit = np.prod(np.power(units, DIMENSIONS.get(value.unit, (0, 0, 0))))
+        largest = np.max(np.abs(np.nan_to_num(value.value)), initial=0.0) * unit
+        allowed = OF_POINTS.get(name, ROUND_OFF) * largest
+        for one, other in ((value.value, second[name].value), (value.error, second[name].error)):
+            wanted = np.asarray(one) * unit
+            np.testing.assert_allclose(other, wanted, rtol=0, atol=allowed, err_msg=name)
+
+
+def test_waves_of_finite_amplitude_scale_with_the_spheres():
+    """Spheres of 2.5 nm, pushed by as large a part of their overlap, do what those of 2.5 mm do."""
+    column = gallery.column(12)
+    small = in_units(column, 1e-6, 1e-18, 1e-6)
+    push = 0.01 * column.overlap[1]
+    parts = []
+    for network, amplitude in ((column, push), (small, 1e-6 * push)):
+        packing = Measuring(network, sample=sample_of_network(network, 0.3), amplitudes=[amplitude])
+        parts.append([float(QUANTITIES[name].measured(packing).value[0]) for name in AMPLITUDE])
+    assert parts[1] == pytest.approx(parts[0], rel=1e-3, abs=1e-9)
+
+
+@pytest.mark.parametrize("highest", [1e-3, 1e5, 1e11])
+def test_the_limit_of_long_waves_is_that_of_the_dispersion(highest):
+    """kappa = omega / V (1 + b f^2) has the slowness 1 / V at zero, whatever the frequencies."""
+    frequency = np.linspace(highest / 120, highest, 120)
+    velocity = 500.0
+    slowness = (1 + 0.2 * (frequency / highest) ** 2) / velocity
+    wave = Coherent(frequency, 2 * np.pi * frequency * slowness, 0 * frequency, highest / 10)
+    found, error = longest_waves(wave)
+    assert found == pytest.approx(velocity, rel=1e-12)
+    assert error < 1e-9 * velocity
