@@ -13,7 +13,10 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimators.fits import power_law, straight_line
+from analysis.mean import mean_of_values
 from analysis.rows import Row
+from analysis.value import COMMON, Value
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 NO_SUM = SyntaxError, TypeError, ValueError, TokenError
@@ -25,8 +28,9 @@ def frame_of(rows: Iterable[Row], cases: pd.DataFrame | None = None) -> pd.DataF
 
     Columns besides those of `cases` (what a study says of each; without one what the rows say):
     `there`; the words of its result (`record`, `group`, `unsettled`, ...) and the `row` itself;
-    each quantity, `QUANTITY_error`, `QUANTITY_spread`, which is the scatter of samples where that
-    is larger, and `QUANTITY_sample_error`; `plateau_NAME`. The numbers of states that are no cases
+    each quantity, `QUANTITY_error`, the part of it that is `QUANTITY_common` to all packings,
+    `QUANTITY_spread`, which is the scatter of samples where that is larger, and
+    `QUANTITY_sample_error`; `plateau_NAME`. The numbers of states that are no cases
     stand beside all cases of their compression, their stress in the name: `void_ratio_at_1_kpa`; of
     the lowest also as `void_ratio_of_state`, `state_kpa`, ...
     """
@@ -56,6 +60,8 @@ def _line(row: Row) -> dict[str, Any]:
     line |= {f"{name}_text": text for name, text in row.texts.items()}
     for name, found in row.values.items():
         ends = {"": found.value, "_error": found.error, "_spread": row.spread(name)}
+        if found.common_error:
+            ends["_common"] = found.common_error
         line |= {f"{name}{end}": value for end, value in ends.items()}
     line |= {f"{name}_sample_error": value for name, value in row.samples.items()}
     return line | {f"plateau_{name}": flat for name, flat in row.flat.items()}
@@ -93,6 +99,46 @@ def numbers(frame: pd.DataFrame, text: str) -> pd.Series:
 def spreads(frame: pd.DataFrame, text: str) -> pd.Series:
     """Uncertainty of a quantity of each case; NaN where it is not known, as of an expression."""
     return numbers(frame, f"{text}_spread" if text.isidentifier() else "unknown")
+
+
+def mean_with_error(cases: pd.DataFrame, text: str) -> tuple[float, float]:
+    """Return the mean of a quantity, or an expression, over cases and its error.
+
+    By the rule of `measure` over packings. NaN where no case has it; an error that is not known
+    counts as none of the case's own.
+    """
+    value = numbers(cases, text)
+    cases, value = cases[np.isfinite(value)], value[np.isfinite(value)]
+    if cases.empty:
+        return np.nan, np.nan
+    own, common = _errors(cases, text, value)
+    each = [
+        Value(number, "", {"fit": fit, COMMON: part})
+        for number, fit, part in zip(value, own, common, strict=True)
+    ]
+    mean = mean_of_values(each)
+    return float(mean.value), mean.error or np.nan
+
+
+def _errors(cases: pd.DataFrame, text: str, value: pd.Series) -> tuple[Floats, Floats]:
+    """Errors (k,) of an expression's `value` (k,): of its quantities' own, and of what is common.
+
+    By how much it changes with them: own errors one quantity after the other, common ones at once.
+    """
+    squares = np.zeros(len(cases))
+    common: dict[str, pd.Series] = {}
+    for name in {*re.findall(r"\w+", text)}:
+        if f"{name}_error" not in cases:
+            continue
+        error = cases[f"{name}_error"].fillna(0.0)
+        if f"{name}_common" in cases:
+            part = cases[f"{name}_common"].fillna(0.0)
+            common[name] = cases[name] + part
+            error = np.sqrt(np.maximum(error**2 - part**2, 0.0))
+        change = numbers(cases.assign(**{name: cases[name] + error}), text) - value
+        squares += np.nan_to_num(change.to_numpy(float)) ** 2
+    change = numbers(cases.assign(**common), text) - value
+    return np.sqrt(squares), abs(np.nan_to_num(change.to_numpy(float)))
 
 
 def runs(cases: Iterable[int]) -> str:

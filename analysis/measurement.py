@@ -2,36 +2,39 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from analysis.case import WAVES, Case, cases_of_files, kind_of, owner_of
+from analysis.mean import mean_of_values
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES
 from analysis.quantities.amplitude import AMPLITUDE
-from analysis.value import Value
+from analysis.same_state import Difference, State, differences, state_of
+from analysis.value import Value, unknown
 from modal.exchange.programs.own import is_sample
 from modal.exchange.registry import read_remarked
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample
 from modal.tools.arguments import checked
-from modal.tools.arrays import Array, Floats
 from modal.tools.display import table
 from modal.tools.errors import InputError, refuse_unknown
 from modal.waves.signals import Signals, read_signals
 from modal.waves.source import Motion
 
-SAME_STATE = ("mu_comp", "mu_wave", "stress")
-"""What the study of samples of one state has in common."""
-
 
 class Measurement(dict[str, Value]):
     """Quantities of a packing by name; `state` is what samples of one state have in common."""
 
-    def __init__(self, values: Mapping[str, Value], state: tuple[str, ...] = ()) -> None:
+    def __init__(self, values: Mapping[str, Value], state: State | None = None) -> None:
         super().__init__(values)
-        self.state = state
+        self.state = state or {}
+
+    @property
+    def known(self) -> bool:
+        """Whether anything was measured."""
+        return any(value.known for value in self.values())
 
     def as_json(self) -> dict[str, dict[str, Any]]:
         """{quantity: {value, error, unit, caveats}}; what is not known is None."""
@@ -122,72 +125,112 @@ def measure(
     names = list(asked or (AMPLITUDE if len(amplitudes) else usual))
     for name in names:
         refuse_unknown("quantity", name, QUANTITIES)
-    state = tuple(str(network.study.get(key)) for key in SAME_STATE)
-    return Measurement({name: QUANTITIES[name].measured(m) for name in names}, state)
+    return Measurement({name: QUANTITIES[name].measured(m) for name in names}, state_of(network))
 
 
-def measure_files(
-    paths: Sequence[str], say: Callable[[str], object], **how: Any
-) -> tuple[dict[str, Measurement], Measurement | None]:
-    """A measurement for each packing among the files, and their mean where there are several.
+class MeasuredFiles(NamedTuple):
+    """What several files give: a measurement each, their mean, and what stood in the way of both.
+
+    `mean` is None of a single packing. Where packings are no samples of one state `differences`
+    say in which properties, and no number of the mean is known. `refused` are the files that could
+    not be measured, with the reason.
+    """
+
+    found: dict[str, Measurement]
+    mean: Measurement | None
+    differences: list[Difference]
+    refused: dict[str, InputError]
+
+    def as_json(self) -> dict[str, Any]:
+        """By file, and `mean`; of one file its quantities alone."""
+        by_file: dict[str, Any] = {path: each.as_json() for path, each in self.found.items()}
+        if self.mean is None and not self.refused:
+            (only,) = by_file.values()
+            return only
+        if self.mean is not None:
+            by_file["mean"] = self.mean.as_json()
+        if self.differences:
+            by_file["differences"] = [each.as_json() for each in self.differences]
+        if self.refused:
+            by_file["refused"] = {
+                path: {"code": error.code, "reason": str(error)}
+                for path, error in self.refused.items()
+            }
+        return by_file
+
+
+def measure_files(paths: Sequence[str], say: Callable[[str], object], **how: Any) -> MeasuredFiles:
+    """Measure each packing among the files, and their mean where there are several.
 
     Waves that were recorded in a packing take the place of its own where their files are given;
     `how` has what `measure` takes by name. Densities, structure factors and moduli are used, too,
     where they lie beside under its name. `say` is told what a reader should know of the packings.
+    A file that cannot be measured does not keep the others from it; InputError where none can.
     """
-    waves = [path for path in paths if kind_of(path) in WAVES]
-    cases = cases_of_files([path for path in paths if path not in waves])
+    kinds, refused = _kinds_of(paths)
+    waves = [path for path, kind in kinds.items() if kind in WAVES]
+    cases = cases_of_files([path for path in kinds if path not in waves])
     owner = {path: owner_of(Path(path), cases) for path in waves}
-    found = {}
+    found = dict[str, Measurement]()
     for case in cases:
         records = [path for path in waves if owner[path] is case]
         path = next((text for text in paths if Path(text) == case.packing_path), "")
-        found[path] = measure(case, *records, **how)
+        try:
+            found[path] = measure(case, *records, **how)
+        except InputError as error:
+            if len(cases) == 1:
+                raise
+            refused[path] = error
         for note in case.notes:
             say(note)
-    mean = mean_of(list(found.values()), same=one_state(found)) if len(found) > 1 else None
-    return found, mean
+    if not found:
+        raise next(iter(refused.values()))
+    if len(found) == 1:
+        return MeasuredFiles(found, None, [], refused)
+    each = list(found.values())
+    apart = differences([one.state for one in each])
+    mean = no_mean(each, apart) if apart else mean_of(each)
+    return MeasuredFiles(found, mean, apart, refused)
 
 
-def one_state(found: Mapping[str, Measurement]) -> bool:
-    """Whether packings have the same friction and stress, so that their mean says something."""
-    return len({each.state for each in found.values()}) == 1
+def _kinds_of(paths: Sequence[str]) -> tuple[dict[str, str], dict[str, InputError]]:
+    """Kinds of the files that are of a known one, and why the others are not.
+
+    InputError of the first where there is no other.
+    """
+    kinds = dict[str, str]()
+    refused = dict[str, InputError]()
+    for path in paths:
+        try:
+            kinds[path] = kind_of(path)
+        except InputError as error:
+            refused[path] = error
+    if not kinds:
+        raise next(iter(refused.values()))
+    return kinds, refused
 
 
-def mean_of(measurements: Sequence[Measurement], *, same: bool) -> Measurement:
-    """Mean of each quantity over packings, its standard error and their scatter.
+def mean_of(measurements: Sequence[Measurement]) -> Measurement:
+    """Return the mean of each quantity over samples of one state.
 
-    Of arrays at the frequencies of the first, NaN outside of their own. What one packing alone has
-    keeps its error. `same` says that they are samples of one state.
+    What one packing alone has keeps its error.
     """
     values = dict(measurements[0])
-    unlike = "the packings differ in friction or stress: not samples of one state"
     for name, first in measurements[0].items():
         each = [m[name] for m in measurements if m[name].known]
         if not each:
             continue
-        at, shape = each[0].at, np.shape(each[0].value)
-        # A list without frequencies has the first, second ... of each packing.
-        places = [np.arange(np.size(v.value)) if v.at is None else v.at for v in each]
-        rows = _at_first(places, [v.value for v in each]).reshape(len(each), *shape)
-        scatter = rows.std(axis=0, ddof=1) if len(rows) > 1 else np.nan * rows[0]
         one = len(each) == 1
         caveats = [c for v in each for c in v.caveats if one or not c.startswith("one sample")]
-        caveats += [f"mean of {len(each)} of {len(measurements)} packings", *[unlike] * (not same)]
-        caveats += ["known where all of the packings have it"] * bool(shape)
-        # Samples may agree by chance: the mean is not surer than what each of them is known to.
-        own = _at_first(places, [v.error**2 - v.parts.get("length", 0.0) ** 2 for v in each])
-        told = {"fit": np.sqrt(own.sum(axis=0)).reshape(shape) / len(rows)}
-        told["samples"] = scatter / np.sqrt(len(rows))
-        # That they are short is common to all: no mean makes it less.
-        if common := [v.parts["length"] for v in each if "length" in v.parts]:
-            told["length"] = max(common)
-        mean = Value(rows.mean(axis=0), first.unit, told, (), at, scatter)
-        values[name] = mean.with_caveats(*caveats)
+        caveats.append(f"mean of {len(each)} of {len(measurements)} packings")
+        if np.ndim(first.value):
+            caveats.append("known where all of the packings have it")
+        values[name] = mean_of_values(each).with_caveats(*caveats)
     return Measurement(values)
 
 
-def _at_first(places: Sequence[Array], numbers: Sequence[Any]) -> Floats:
-    """Shape (k, n): those of k packings at the places (n,) of the first, NaN outside of theirs."""
-    own = zip(places, map(np.atleast_1d, numbers), strict=True)
-    return np.array([np.interp(places[0], x, y, np.nan, np.nan) for x, y in own])
+def no_mean(measurements: Sequence[Measurement], apart: Sequence[Difference]) -> Measurement:
+    """Return no number for any quantity, but in which properties the packings differ."""
+    reason = "no samples of one state, which alone have a mean: they differ in "
+    reason += "; ".join(map(str, apart))
+    return Measurement({name: unknown(v.unit, reason) for name, v in measurements[0].items()})

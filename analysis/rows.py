@@ -119,7 +119,8 @@ class Row:
             value = QUANTITIES[name].measured(m)
             end, factor = UNITS[value.unit]
             column, factor = COLUMNS.get(name, (name + end, factor))
-            self.values[column] = estimate(factor * value.value, factor * value.error or np.nan)
+            error = factor * value.error or np.nan
+            self.values[column] = estimate(factor * value.value, error, factor * value.common_error)
             if name in keys:
                 self.flat[keys[name]] = value.known and not value.caveats
             if not value.known:
@@ -177,7 +178,7 @@ def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:
 def write_result(path: Path, row: Row) -> None:
     """Write the result of a case, what is empty left out; numbers that are not known are null."""
     found = {"schema": SCHEMA, "version": VERSION} | asdict(replace(row, values={}))
-    found["values"] = {n: {"value": v.value, "error": v.error} for n, v in row.values.items()}
+    found["values"] = {name: _cell(value) for name, value in row.values.items()}
     found["curves"] = plain(found["curves"], OF_CURVES)
     lines = [
         f"{json.dumps(name)}: {json.dumps(plain(value, DIGITS))}"
@@ -185,6 +186,14 @@ def write_result(path: Path, row: Row) -> None:
         if value not in ({}, [])
     ]
     write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
+
+
+def _cell(value: Value) -> dict[str, Any]:
+    """A number and its error, in a result; the part that packings share only where there is one."""
+    cell = {"value": value.value, "error": value.error}
+    if value.common_error:
+        cell["common"] = value.common_error
+    return cell
 
 
 def read_result(path: str | Path) -> Row:

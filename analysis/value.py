@@ -13,6 +13,8 @@ from modal.tools.display import plain, quantity, scaled
 
 FEW = 3
 """Numbers over frequency that are all told; of more the first and the last."""
+COMMON = "length"
+"""The part of an error that all packings share, as that they are short: no mean makes it less."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,8 @@ class Value:
     parts : dict
         Contributions to the error, in the same unit: `fit`, scatter about a fit or what is left of
         a solver's residual; `chain`, which chain of spheres, or part of a record, is taken;
-        `resolution`, widths of lines; `samples`, how samples of one state differ.
+        `resolution`, widths of lines; `length`, that the packing is short; `samples`, how samples
+        of one state differ.
     caveats : tuple of str
         Whole sentences for people.
     at : ndarray (n,), Hz, or None
@@ -69,6 +72,11 @@ class Value:
     def known(self) -> bool:
         """Whether there is any number."""
         return bool(np.isfinite(self.value).any())
+
+    @property
+    def common_error(self) -> float:
+        """The part of the error that no mean over packings makes less; 0 where there is none."""
+        return float(self.parts.get(COMMON, 0.0))
 
     def with_caveats(self, *caveats: str) -> Value:
         """The same with more to know, each said once."""
@@ -122,9 +130,18 @@ def unknown(unit: str, *caveats: str) -> Value:
     return Value(np.nan, unit, {"fit": np.nan}, caveats)
 
 
-def estimate(value: float, error: float = np.nan) -> Value:
-    """A number and its error where that is known, of a case whose columns say the units."""
-    return Value(float(value), "", {"fit": error})
+def estimate(value: float, error: float = np.nan, common: float = 0.0) -> Value:
+    """Return a number of a case, whose columns say the units, with its error where that is known.
+
+    `common` is the part of the error that all packings of the kind share.
+
+    >>> estimate(1.0, 5.0, 4.0).parts
+    {'fit': 3.0, 'length': 4.0}
+    """
+    if not common:
+        return Value(float(value), "", {"fit": error})
+    own = float(np.sqrt(max(error**2 - common**2, 0.0)))
+    return Value(float(value), "", {"fit": own, COMMON: float(common)})
 
 
 def hertz(frequency: float) -> str:

@@ -18,8 +18,8 @@ ORDER = {
         *("elasticity", "preparation", "theory", "exchange", "description", "cli", "__main__"),
     ),
     "analysis": (
-        *("table", "watch", "value", "estimators", "agreement", "case"),
-        *("measuring", "prepare", "quantities", "measurement"),
+        *("table", "watch", "value", "mean", "estimators", "agreement", "case"),
+        *("same_state", "measuring", "prepare", "quantities", "measurement"),
         *("rows", "frame", "crystal", "figures", "study"),
         *("cli", "__main__"),
     ),

@@ -1,9 +1,8 @@
 """Velocities, low-pass frequency, moduli ... of any packing, with errors and caveats."""
 
 from pathlib import Path
-from typing import Any
 
-from analysis.measurement import Measurement, measure_files, one_state
+from analysis.measurement import Measurement, measure_files
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.amplitude import AMPLITUDE
 from analysis.table import Table
@@ -46,30 +45,32 @@ def _table(found: dict[str, Measurement]) -> str:
     return Table("Quantities", ["quantity", *stems], rows).markdown()
 
 
-def _json(found: dict[str, Measurement], mean: Measurement | None) -> str:
-    """By file, and `mean`; of one packing without its file."""
-    told: dict[str, Any] = {path: each.as_json() for path, each in found.items()}
-    if mean is None:
-        (told,) = told.values()
-    else:
-        told["mean"] = mean.as_json()
-    return json_text(told)
-
-
 def run(options: Given) -> int:
-    """Measure; 3 where a quantity that was asked for, by name or as quick, could not be."""
+    """Measure; 3 where a file, or a quantity asked for by name or as quick, could not be.
+
+    And where nothing could.
+    """
     names = QUICK if options.quick else options.quantities
     how = {"quantities": names, "keep": options.keep, "amplitudes": options.amplitudes}
-    found, mean = measure_files(options.files, say, **how)
+    measured = measure_files(options.files, say, **how)
+    found = measured.found
+    text = json_text(measured.as_json())
     if options.output:
         as_json = options.output.endswith(".json")
-        write_text(options.output, _json(found, mean) + "\n" if as_json else _table(found))
+        write_text(options.output, text + "\n" if as_json else _table(found))
     if options.json:
-        put(_json(found, mean))
+        put(text)
     else:
-        parts = found | ({"mean": mean} if mean is not None and one_state(found) else {})
+        parts = dict(found)
+        if measured.mean is not None and not measured.differences:
+            parts["mean"] = measured.mean
         put("\n\n".join(f"{path}\n{each}" for path, each in parts.items()))
+    for path, error in measured.refused.items():
+        say(f"{path} could not be measured: {error}")
+    if measured.differences:
+        say(f"no mean: the packings differ in {'; '.join(map(str, measured.differences))}")
     missing = {name for each in found.values() for name in names or () if not each[name].known}
     for name in sorted(missing):
         say(f"{name} could not be measured of every packing; its caveat says why")
-    return 3 if missing else 0
+    nothing = not any(each.known for each in found.values())
+    return 3 if missing or measured.refused or nothing else 0

@@ -11,12 +11,13 @@ from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from analysis.figures import FIGURES
 from analysis.figures.groups import EDGE, SHADES, STRESS_MARKS
 from analysis.figures.picture import Panel, Picture, merged, read_picture, share_limits
-from analysis.frame import numbers, select
+from analysis.frame import mean_with_error, select
 from analysis.study.description import following
 from analysis.study.words import Words
 from modal.tools.errors import InputError
@@ -75,11 +76,14 @@ def _plot(spec: Spec, cases: pd.DataFrame) -> Picture:
     for text in spec["y"]:
         panel = Panel(spec["x"], text)
         for k, (value, members) in enumerate(cases.groupby(spec["by"])):
-            by = members.assign(y=numbers(members, text)).groupby(spec["x"])["y"]
-            mean, shade = by.mean(), SHADES[2 * k % len(SHADES)]
+            groups = members.groupby(spec["x"])
+            x = [key for key, _ in groups]
+            pairs = [mean_with_error(some, text) for _, some in groups]
+            mean, error = np.reshape(pairs, (-1, 2)).T
+            shade = SHADES[2 * k % len(SHADES)]
             style = EDGE | {"color": shade, "mfc": shade, "marker": MARKERS[k % len(MARKERS)]}
-            panel.line(mean.index, mean, f"{spec['by']} {value:g}", **style | {"ls": "-"})
-            panel.add("error", mean.index, mean, by.sem(), capsize=2, color=shade)
+            panel.line(x, mean, f"{spec['by']} {value:g}", **style | {"ls": "-"})
+            panel.add("error", x, mean, error, capsize=2, color=shade)
         panels.append(panel)
     if not any(series.y.size for panel in panels for series in panel.series):
         raise InputError("no case has these quantities")

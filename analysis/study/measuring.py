@@ -82,7 +82,8 @@ def _add_quantities(row: Row, files: Sequence[Path], quantities: Sequence[str]) 
     """Quantities by their name in the registry, of a packing and its waves."""
     for quantity, value in measure(*files, quantities=quantities).items():
         if value.at is None:
-            row.values[quantity] = estimate(float(value.value), float(value.error))
+            error = float(value.error)
+            row.values[quantity] = estimate(float(value.value), error, value.common_error)
         else:
             row.curves[quantity] = tuple(map(np.asarray, (value.at, value.value, value.error)))
         row.notes += [f"{quantity}: {caveat}" for caveat in value.caveats]

@@ -15,7 +15,7 @@ import pandas as pd
 
 from analysis.crystal import COLUMNS
 from analysis.estimators.fits import power_law, straight_line
-from analysis.frame import frame_of, numbers, select, spreads
+from analysis.frame import frame_of, mean_with_error, numbers, select, spreads
 from analysis.rows import OF_RECORD, Row, read_results
 from analysis.study.description import Study, following
 from analysis.study.targets import Rules
@@ -90,11 +90,10 @@ def _column(cases: pd.DataFrame, text: str) -> list[str]:
 
 
 def means(spec: Spec, cases: pd.DataFrame) -> Cells:
-    """Mean of each column over the cases that `means` does not tell apart, with standard error."""
+    """Mean of each column over the cases that `means` does not tell apart, with its error."""
     by, lines = spec["means"], []
     for key, members in cases.groupby(by):
-        each = [numbers(members, text) for text in spec["columns"].values()]
-        cells = [number(values.mean(), values.sem()) for values in each]
+        cells = [number(*mean_with_error(members, text)) for text in spec["columns"].values()]
         lines.append([*map(cell, key), *cells, str(len(members))])
     return [*by, *spec["columns"], "packings"], lines
 
@@ -105,12 +104,12 @@ def limits(spec: Spec, cases: pd.DataFrame) -> Cells:
     cases = cases.assign(x=numbers(cases, spec["limit"]["x"]))
     for key, members in cases.groupby(by):
         for text, name in spec["columns"].items():
-            several = members.assign(y=numbers(members, name)).groupby("x")["y"]
-            mean, error = several.mean(), several.sem()
-            size = mean.index.to_numpy(float)
-            found = straight_line(size, mean.to_numpy(), error.to_numpy())
+            groups = members.groupby("x")
+            size = np.array([x for x, _ in groups], float)
+            several = np.array([mean_with_error(some, name) for _, some in groups]).reshape(-1, 2)
+            found = straight_line(size, *several.T)
             at = int(abs(size - own).argmin())
-            here = mean.iloc[at], error.iloc[at]
+            here = several[at]
             off = found.distance(size[at], *here)
             cells = [number(*here), number(*found.at(0.0)), cell(off, "+.1f")]
             lines.append([*map(cell, key), text, *cells, cell(found.chi, ".1f")])

@@ -103,7 +103,7 @@ def test_caveats_have_their_numbers(random, found):
     assert f"too short: {short.length / (2 * short.radius.mean()):.1f} D" in said
     short = modal.random_packing(spheres=900, aspect=1.2, seed=1)
     one = analysis.measure(short, quantities="v_p")
-    v_p, alone = (mean_of([a, one], same=True)["v_p"] for a in (one, {"v_p": unknown("m/s")}))
+    v_p, alone = (mean_of([a, one])["v_p"] for a in (one, {"v_p": unknown("m/s")}))
     assert "below 15 D" in " ".join(v_p.caveats) and v_p.parts["length"] == 0.15 * v_p.value
     assert v_p.error**2 + v_p.parts["fit"] ** 2 == pytest.approx(one["v_p"].error ** 2)
     assert alone.error == pytest.approx(one["v_p"].error) and "one sample" in str(alone.caveats)
@@ -159,7 +159,7 @@ def test_files_on_the_command_line(tmp_path, printed, one_line):
 def test_mean_of_lists_and_of_what_one_packing_alone_has():
     told = [Value(np.array(f), "Hz", {"fit": 2.0}) for f in ([1.0, 2], [3.0, 6, 9], [np.nan])]
     for each, value, error in ((told[:2], [2, 4], [2**0.5, 2]), (told[::2], [1, 2], [2, 2])):
-        mean = mean_of([Measurement({"f": one}) for one in each], same=True)["f"]
+        mean = mean_of([Measurement({"f": one}) for one in each])["f"]
         assert [*mean.value, *mean.error] == pytest.approx([*value, *error])
 
 
