@@ -18,10 +18,11 @@ import numpy as np
 
 from analysis.case import Case
 from analysis.estimators.structure_factor import structure_factor, write_structure
-from analysis.measuring import Measuring
+from analysis.measuring import Measuring, once
 from modal.formats.provenance import Provenance, is_current
 from modal.modes.density import density_of_states, write_density
 from modal.packing.network import write_network
+from modal.tools.errors import InputError
 from modal.waves.response import frequency_response, write_response
 
 RESOLUTION = 0.376
@@ -41,7 +42,8 @@ MADE: dict[str, tuple[Callable[..., Any], Callable[..., None]]] = {
 def kept_file(m: Measuring, kind: str) -> Any:
     """What a file of this kind holds, given, or kept in a folder; None without one.
 
-    One that lies in that folder and is stale is made again; a crystal has the response alone.
+    One that lies in that folder and is stale is made again; a crystal has the response alone. Where
+    the folder takes no file, `m.not_kept` says why, and the spectrum counts all the same.
     """
     case, folder = m.case, None if m.keep is None else Path(m.keep)
     elsewhere = folder is None or case.path(kind).parent.resolve() != folder.resolve()
@@ -53,7 +55,11 @@ def kept_file(m: Measuring, kind: str) -> Any:
         name = m.network.fingerprint[:16]
         packing = folder / f"{name}.network.h5"
         if not packing.is_file():
-            write_network(packing, m.network)
+            try:
+                write_network(packing, m.network)
+            except InputError as error:
+                m.not_kept.append(f"not kept: {error}")
+                return None
     else:
         name, packing = case.name, case.packing_path
     of = "sample" if case.has("sample") else "network"
@@ -63,13 +69,27 @@ def kept_file(m: Measuring, kind: str) -> Any:
     command = f"python -m analysis measure {packing.name} --keep DIR"
     how = Provenance(command, noted, own.packing)
     if not is_current(path, how):
-        MADE[kind][1](path, made(m, kind), how)
+        spectrum = made(m, kind)
+        try:
+            MADE[kind][1](path, spectrum, how)
+        except InputError as error:
+            m.not_kept.append(f"not kept: {error}")
+            return as_read(kind, spectrum)
     own.files = {of: packing, kind: path}
     return own.read(kind)
 
 
+def as_read(kind: str, spectrum: Any) -> Any:
+    """Return a spectrum as its file would give it."""
+    if kind != "density":
+        return spectrum
+    grid = spectrum.grid()
+    return grid, spectrum.density(grid)[0][:, 6], spectrum.count_below(grid)[0][:, 6]
+
+
+@once
 def made(m: Measuring, kind: str) -> Any:
-    """The spectrum itself, made now."""
+    """Make the spectrum itself."""
     return MADE[kind][0](m.network, **_settings(m, kind))
 
 

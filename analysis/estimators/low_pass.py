@@ -35,10 +35,6 @@ FLAT = 0.1
 """Largest relative change to the stretches before and behind that still counts as a plateau."""
 REACH = {True: 0.7, False: 0.4}
 """Highest frequency that is looked at, V_P / D, of a crystal, whose band ends at 0.45, or not."""
-SHORTEST = 50.0
-"""Length, diameters, of a random packing from which the mean over its columns is read. At 0.4, 0.5
-and 0.6 of the length, friction 0.4 shows 33, 20 and 16 kHz at 100 kPa where it is 41 diameters
-long, 11.5, 10.3 and 9.4 where it is 87, 8.7, 8.1 and 7.6 where it is 143 as in the study."""
 SENT = 3.0
 """Least part of the source's largest amplitude that is sent at f_low-pass, in thresholds: where the
 source has less, it is its own end that is seen."""
