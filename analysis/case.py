@@ -21,17 +21,17 @@ from modal.formats.hdf5 import complete, open_h5
 from modal.formats.provenance import Source, packing_of, read_provenance, require_same_packing
 from modal.modes import density, mode_set
 from modal.packing import network, sample
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 from modal.waves import response, signals
 
 ABSENT = "what it is read from is not among the packing's files"
 
 
-class AbsentError(InputError):
+class AbsentError(UnavailableError):
     """What something is read from is not there: a file of the packing, or a wave."""
 
-    def __init__(self, told: str = ABSENT) -> None:
-        super().__init__(told)
+    def __init__(self, message: str = ABSENT) -> None:
+        super().__init__(message, code="absent")
 
 
 PACKINGS = "network", "sample"

@@ -21,16 +21,17 @@ from analysis.estimators.damped_transform import UNEVEN, layer_distance
 from analysis.estimators.effective_medium import velocity_of_contacts
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.source_motion import as_of_pulse, cut, recorded_motion
+from analysis.same_state import note
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
 from modal.exchange.registry import read_remarked
 from modal.packing import state
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.plausibility import BALANCED, CRYSTALLINE, differing_thirds
+from modal.packing.plausibility import BALANCED, CRYSTALLINE, WIDE, differing_thirds
 from modal.packing.sample import Sample
 from modal.packing.summary import crystalline_shares
 from modal.preparation.protocol import SETTLED
 from modal.system.linear_system import LinearSystem
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
 from modal.waves.source import Motion, Pulse
@@ -51,8 +52,6 @@ FEWEST = 50, 10
 LINE = 0.005
 """Width of a line of the structure factor and of the density of states, in parts of the highest
 frequency: 1 kHz in the study's packings under 100 kPa."""
-NARROW = 10.0
-"""Diameters: a narrower packing guides its waves at low frequency already."""
 MARK = "not settled"
 Found = TypeVar("Found", bound=Callable[..., Any])
 
@@ -76,7 +75,8 @@ class Measuring:
     `given` are waves; None means those among the files of `case`, which has further files of the
     packing. `keep` is a folder in which costly spectra are kept, and found again. `sample` and
     `amplitudes`, m, are for waves of finite amplitude. `stated` are lower and upper ends of what a
-    study states of it, by quantity: figures show it. `found` has what was found of it (`once`).
+    study states of it, by quantity: figures show it. `found` has what was found of it (`once`),
+    `not_kept` why a spectrum could not be kept.
     """
 
     network: Network
@@ -88,6 +88,7 @@ class Measuring:
     amplitudes: Sequence[float] = ()
     stated: dict[str, tuple[float, float]] = field(default_factory=dict)
     found: dict[Any, Any] = field(default_factory=dict)
+    not_kept: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Damaged waves are refused at once."""
@@ -129,9 +130,10 @@ class Measuring:
     def require_walls(self) -> None:
         """InputError without them."""
         if not self.walls:
-            raise InputError(
+            raise UnavailableError(
                 "the cell has no two walls along z, from one to the other of which a wave here "
-                "goes; `modal wave --plane Z` sends one through a cell without walls"
+                "goes; `modal wave --plane Z` sends one through a cell without walls",
+                code="no_walls",
             )
 
     def require_crystal(self) -> None:
@@ -145,9 +147,10 @@ class Measuring:
     @property
     def mu_comp(self) -> float:
         """Friction of the compression; the wave's is 0.1 more (section 2). NaN if unknown."""
-        study = self.network.study
-        friction = study.get("mu_comp", float(study.get("mu_wave", np.nan)) - 0.1)
-        return round(float(friction), 6)
+        friction = note(self.network, "mu_comp")
+        if np.isnan(friction):
+            friction = note(self.network, "mu_wave") - 0.1
+        return round(friction, 6)
 
     @property
     def stress(self) -> float:
@@ -155,7 +158,7 @@ class Measuring:
 
         Else the mean that the contacts bear, to three digits; NaN without contact forces.
         """
-        stated = float(self.network.study.get("stress", np.nan))
+        stated = note(self.network, "stress")
         if np.isfinite(stated) or not state.has_forces(self.network):
             return stated
         return float(f"{np.trace(state.stress_tensor(self.network)) / 3:.3g}")
@@ -168,7 +171,7 @@ class Measuring:
         """
         study = self.network.study
         equal = not self.crystal and not {"stress_ratio", "oedometric"} & set(study)
-        return why_unsettled(self.network, float(study.get("stress", np.nan)) if equal else np.nan)
+        return why_unsettled(self.network, note(self.network, "stress") if equal else np.nan)
 
     @cached_property
     def label(self) -> str:
@@ -196,6 +199,8 @@ class Measuring:
     def line(self) -> float:
         """`LINE` of the highest frequency, Hz, to three digits: an iteration bounds it."""
         top = LinearSystem.of(self.network).top
+        if not top > 0:
+            raise UnavailableError("the network has no stiffness", code="no_stiffness")
         return float(f"{LINE * np.sqrt(top) / (2 * np.pi):.3g}")
 
     @cached_property
@@ -226,7 +231,7 @@ class Measuring:
     @cached_property
     def of_waves(self) -> tuple[str, ...]:
         """The same of what is read from waves, which a narrow packing guides."""
-        if self.crystal or self.width >= NARROW:
+        if self.crystal or self.width >= WIDE:
             return self.of_one_sample
         text = f"narrow: {self.width:.1f} D wide; waves longer than that feel their images"
         return (*self.of_one_sample, text)
@@ -385,6 +390,8 @@ def why_unsettled(network: Network, stress: float = np.nan) -> str:
     """
     if network.n_contacts == 0 or not state.has_forces(network):
         return ""
+    if not stress > 0:
+        stress = np.nan
     most_off, _ = SETTLED
     residual = state.residual_forces(network).mean()
     off = float(abs(np.diag(state.stress_tensor(network)) / stress - 1).max())

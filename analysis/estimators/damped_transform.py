@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 from modal.waves.signals import Signals
 
 INSTRUMENT = 40
@@ -142,23 +142,32 @@ def _refuse_damaged(signals: Signals) -> None:
     """InputError for records that the neighbour ratio would take for another dispersion."""
     z, u = signals.chain_position, signals.chain_displacement
     if len(z) < SHORTEST:
-        raise InputError(f"the chain has {len(z)} particles; a dispersion needs {SHORTEST}")
+        raise UnavailableError(
+            f"the chain has {len(z)} particles; a dispersion needs {SHORTEST}", code="short_chain"
+        )
     spacing = np.diff(z)
     if not abs(spacing - spacing.mean()).max() < UNEVEN * spacing.mean():
-        raise InputError(
+        raise UnavailableError(
             "the chain's spacing is uneven or falls: a particle is missing or out of order, or it "
-            "is no crystal's chain; record it again"
+            "is no crystal's chain; record it again",
+            code="uneven_chain",
         )
     size = abs(u)
     if not size.any():
-        raise InputError("the chain does not move: there is no wave in the record")
+        raise UnavailableError(
+            "the chain does not move: there is no wave in the record", code="no_wave"
+        )
     if abs(u[0].mean()) > MOVED * size.max():
-        raise InputError(
+        raise UnavailableError(
             "the chain is not at rest where the record begins; record the wave from its source's "
-            "first motion on, displacements from where the particles were then"
+            "first motion on, displacements from where the particles were then",
+            code="not_from_rest",
         )
     if (size == size.max()).sum() >= CLIPPED:
-        raise InputError("the record is clipped: its largest value repeats; record a smaller wave")
+        raise UnavailableError(
+            "the record is clipped: its largest value repeats; record a smaller wave",
+            code="clipped_record",
+        )
 
 
 def mode_dispersion(frequency: np.ndarray, shape: np.ndarray, distance: float) -> Dispersion:

@@ -9,7 +9,7 @@ import numpy as np
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import affine_stiffness
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 MARGIN = 5.0
 """Mean diameters next to each wall that do not count."""
@@ -35,9 +35,10 @@ def velocity_of_contacts(network: Network) -> float:
     span = np.maximum(ends[:, 1] - ends[:, 0], 1e-12 * network.radius.mean())
     part = np.clip(np.minimum(ends[:, 1], high) - np.maximum(ends[:, 0], low), 0, None) / span
     if inside.sum() < 2 or not part.any():
-        raise InputError(
+        raise UnavailableError(
             f"the packing is {network.length / (zone / MARGIN):.1f} diameters long: it has no bulk "
-            f"{MARGIN:g} diameters away from both walls; take one of more than {2 * MARGIN:g}"
+            f"{MARGIN:g} diameters away from both walls; take one of more than {2 * MARGIN:g}",
+            code="too_short",
         )
     per_length = np.polyfit(z[inside], np.flatnonzero(inside), 1)[0]
     density = float(network.mass.mean()) * per_length / network.area

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 from modal.waves.signals import Signals
 from modal.waves.source import Motion, Pulse, SampledMotion
 
@@ -62,11 +62,16 @@ def recorded_motion(record: Signals) -> Motion:
         return pulse
     if abs(d[0]) > SAME * abs(d).max():
         at = f"the source wall is at {d[0]:.3g} m where the record begins, {time[0]:.3g} s"
-        raise InputError(f"{at}: how it came there is not known; record it from rest on")
+        raise UnavailableError(
+            f"{at}: how it came there is not known; record it from rest on", code="not_from_rest"
+        )
     if time[0] > 0:
         time, d = np.append(0.0, time), np.append(0.0, d)
     if len(time) <= ORDER:
-        raise InputError(f"{len(time)} times of the source wall tell no motion; record more")
+        raise UnavailableError(
+            f"{len(time)} times of the source wall tell no motion; record more",
+            code="too_few_times",
+        )
     from scipy.interpolate import make_interp_spline  # takes a third of a second to load
 
     fine = np.interp(np.arange(DENSER * (len(time) - 1) + 1) / DENSER, np.arange(len(time)), time)

@@ -31,7 +31,7 @@ from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.solvers.chebyshev import jackson
 from modal.system.linear_system import LinearSystem
-from modal.tools.errors import InputError, refuse_unknown
+from modal.tools.errors import InputError, UnavailableError, refuse_unknown
 
 SCHEMA = "granular-structure-factor"
 VERSION = 1
@@ -149,7 +149,9 @@ def _patterns(network: Network, waves: np.ndarray, directions: np.ndarray) -> np
     """
     bearing = force_bearing(network)
     if not bearing.any():
-        raise InputError("no particle has two contacts; such a packing carries no wave")
+        raise UnavailableError(
+            "no particle has two contacts; such a packing carries no wave", code="carries_no_wave"
+        )
     pattern = np.zeros((network.n_particles, 6, len(directions) * waves.shape[1]))
     moving = (waves * bearing[:, None])[:, None, None] * directions.T[:, :, None]
     pattern[:, :3] = moving.reshape(network.n_particles, 3, -1)
@@ -158,6 +160,8 @@ def _patterns(network: Network, waves: np.ndarray, directions: np.ndarray) -> np
 
 def standing_waves(network: Network, orders: np.ndarray) -> np.ndarray:
     """Shape (6n, R): sin(pi r z / L) along z of force-bearing spheres, scaled by M^1/2, unit."""
+    if not network.length > 0:
+        raise UnavailableError("the walls are in one place: no wave stands", code="no_volume")
     depth = (network.position[:, 2] - network.wall_position[0]) / network.length
     pattern = _patterns(network, np.sin(np.pi * depth[:, None] * orders), np.eye(3)[2:])
     return pattern / np.linalg.norm(pattern, axis=0)
@@ -170,9 +174,10 @@ def wave_vectors(network: Network, orders: np.ndarray) -> np.ndarray:
         raise InputError("wave vectors: give three whole numbers of periods for each")
     walls = np.flatnonzero(orders.any(axis=0) & ~np.asarray(network.cell_periodic))
     if len(walls):
-        raise InputError(
+        raise UnavailableError(
             f"no plane wave goes along {'xyz'[walls[0]]}, where the packing is not periodic; take "
-            "standing waves (whole numbers r) between walls"
+            "standing waves (whole numbers r) between walls",
+            code="not_periodic",
         )
     if not orders.any(axis=1).all():
         raise InputError("wave vectors: 0 0 0 is no wave")
@@ -223,7 +228,9 @@ def structure_factor(
     system = LinearSystem.of(network)
     operator, top = system.renumbered, system.top
     if top <= 0:
-        raise InputError("the network has no stiffness; all its modes are at zero")
+        raise UnavailableError(
+            "the network has no stiffness; all its modes are at zero", code="no_stiffness"
+        )
     f_top = float(np.sqrt(top) / (2 * np.pi))
     # A line's standard deviation in omega / omega_max is pi over the orders, odd ones included.
     count = max(2, int(np.ceil(np.pi * FULL_WIDTH * f_top / resolution / 2)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis.estimators.fits import summit
 from modal.tools.arrays import Array, Bools, Complex, Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 from modal.waves.signals import Signals
 
 STRETCH = (0.1, 0.6)
@@ -68,7 +68,9 @@ def frequency_wavenumber(
     """
     spacing = np.diff(position)
     if len(spacing) == 0 or abs(spacing - spacing.mean()).max() > UNEVEN * abs(spacing.mean()):
-        raise InputError("layers are too unequally spaced for a spectrum in space")
+        raise UnavailableError(
+            "layers are too unequally spaced for a spectrum in space", code="uneven_chain"
+        )
     nt, nl = (PADDING * count for count in motion.shape)
     taper = far_end(len(time))[:, None] * far_end(len(position))
     spectrum = np.fft.rfft(motion * taper, nt, axis=0)

@@ -17,7 +17,7 @@ from analysis.measuring import Measuring, once
 from analysis.quantities.registry import on_request
 from analysis.value import Value
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 from modal.waves.source import Pulse
 
 AMPLITUDE = {
@@ -47,7 +47,9 @@ def finite(m: Measuring) -> dict[str, Floats]:
     of what the packing does without a wave.
     """
     if len(m.amplitudes) == 0:
-        raise InputError("it is measured of a sample over amplitudes, which were not given")
+        raise UnavailableError(
+            "it is measured of a sample over amplitudes, which were not given", code="no_amplitudes"
+        )
     frequency, rows = (m.source or m.pulse).frequency, []
     duration = PASSAGES / (m.affine_frequency * m.diameter / m.network.length)
     wave = partial(modal.propagate, m.sample, duration)

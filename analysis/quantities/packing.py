@@ -7,21 +7,35 @@ import numpy as np
 
 from analysis.measuring import Measuring
 from analysis.quantities.registry import on_request, quantity
+from analysis.same_state import note
 from analysis.value import Value, unknown
 from modal.packing import state
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.tools.arrays import Floats
+from modal.tools.errors import UnavailableError
 
 
 def _forces(network: Network) -> Floats:
-    """Normal forces (m,), N, between spheres."""
-    return network.require("force_normal", "distribution of forces")[~network.with_wall]
+    """Normal forces (m,), N, between spheres; refused where there are none."""
+    force: Floats = network.require("force_normal", "distribution of forces")[~network.with_wall]
+    if not force.any():
+        raise UnavailableError("no force between two spheres", code="no_forces")
+    return force
 
 
 def _lateral(network: Network) -> float:
     stress = np.diag(state.stress_tensor(network))
+    if stress[2] == 0:
+        raise UnavailableError("no stress along z", code="no_forces")
     return stress[:2].mean() / stress[2]
+
+
+def _residual(network: Network) -> float:
+    force = network.require("force_normal", "balance")
+    if not force.any():
+        raise UnavailableError("no contact bears a force", code="no_forces")
+    return float(state.residual_forces(network).mean())
 
 
 EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
@@ -46,7 +60,7 @@ EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
         "share of normal forces between spheres below half the mean",
     ),
     "residual": (
-        lambda n: state.residual_forces(n).mean(),
+        _residual,
         "mean net force of a sphere over mean contact force, torque over the radius in it",
     ),
 }
@@ -94,7 +108,7 @@ def stress_error(packing: Measuring) -> Value:
 
     Of the stress that the packing says it was made for.
     """
-    target = float(packing.network.study.get("stress", np.nan))
+    target = note(packing.network, "stress")
     if not target > 0:
         return unknown("1", "the packing does not say for which stress it was made")
     return Value(float(abs(np.diag(state.stress_tensor(packing.network)) / target - 1).max()), "1")

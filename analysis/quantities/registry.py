@@ -10,7 +10,7 @@ from typing import TypeVar
 from analysis.case import ABSENT, AbsentError
 from analysis.measuring import Measuring
 from analysis.value import Value, estimate, unknown
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 
 QUANTITIES: dict[str, Quantity] = {}
 """All quantities by name, in the order in which they are shown."""
@@ -19,6 +19,8 @@ QUICK = (
     *("v_p", "v_s", "low_pass", "highest_frequency"),
 )
 """Those that take a wave or less, of 35,201 spheres half a minute together."""
+MISTAKES = "argument", "unknown_word"
+"""Codes of refusals that no file and no packing cause: only the call of a quantity can."""
 Of = TypeVar("Of", bound=Callable[[Measuring], Value | float])
 
 
@@ -36,21 +38,29 @@ class Quantity:
     asked: bool = False
 
     def measured(self, packing: Measuring) -> Value:
-        """Its value; where it cannot be had, no number but the reason.
+        """Return its value; where the packing does not have it, no number but the reason.
 
-        InputError where the reason is a file that was given.
+        Raises
+        ------
+        InputError
+            Where the reason is a file that was given.
+        RuntimeError
+            For a mistake of the quantity itself, which no user can mend.
         """
+        kept = len(packing.not_kept)
         try:
             found = self.of(packing)
         except AbsentError:
             return unknown(self.unit, ABSENT)
-        except InputError as error:
-            files = (packing.case.files or {}).values()
-            if any(str(error).startswith(f"{path}:") for path in files):
-                raise
+        except UnavailableError as error:
             return unknown(self.unit, str(error))
+        except InputError as error:
+            if error.code in MISTAKES:
+                raise RuntimeError(f"{self.name}: {error}") from error
+            raise
         found = found if isinstance(found, Value) else estimate(found)
         caveats = found.caveats if found.known or found.caveats else (ABSENT,)
+        caveats = (*caveats, *packing.not_kept[kept:])
         return replace(found, unit=self.unit, caveats=caveats)
 
 

@@ -15,7 +15,7 @@ from analysis.quantities.registry import on_request, quantity
 from analysis.quantities.velocity import LOST, coherents, longest, of_frequency, v_p
 from analysis.value import Value, estimate, hertz, unknown
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 MOST = 8.0
 """Nepers over the part of the length that is read: beyond them what is left of the wave is less
@@ -45,7 +45,7 @@ def attenuation_of(m: Measuring) -> tuple[Value, np.ndarray]:
     sent_to = _sent_to(m, wave.frequency[-1])
     some = some[told & (wave.attenuation[some] * span < MOST) & (wave.frequency[some] <= sent_to)]
     if not len(some):
-        raise InputError("no coherent wave is left to be read")
+        raise UnavailableError("no coherent wave is left to be read", code="no_coherent_wave")
     error = abs(others[0].attenuation - others[1].attenuation)[some]
     error = np.maximum.reduce([error, np.roll(error, 1), np.roll(error, -1)])
     f = wave.frequency[some]
@@ -171,7 +171,7 @@ def scattering(m: Measuring) -> Scattering:
     """
     velocity, kept = v_p(m).value, kept_file(m, "structure")
     if not velocity > 0:
-        raise InputError(LOST)
+        raise UnavailableError(LOST, code="no_coherent_wave")
     if kept is not None:
         return kept.scattering(velocity, m.diameter)
     line, highest = COARSE * m.line, 0.75 * velocity / m.diameter

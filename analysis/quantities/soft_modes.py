@@ -14,14 +14,16 @@ from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import ModeSet
 from modal.packing.state import contacts_per_particle
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 
 @once
 def lowest_wave(m: Measuring) -> float:
     """Hz: of the longest shear wave of a cell without walls, V_S over the cell's side."""
     if not m.network.cell_periodic.all():
-        raise InputError("between walls waves have other frequencies: take a periodic cell")
+        raise UnavailableError(
+            "between walls waves have other frequencies: take a periodic cell", code="not_periodic"
+        )
     axes = zip(np.eye(3), m.network.cell_size, strict=True)
     return float(min(m.moduli.velocities(axis)[-1] / side for axis, side in axes))
 
@@ -31,7 +33,9 @@ def soft_modes(m: Measuring) -> ModeSet:
     """All modes below the first wave, certified; zero modes are not among them."""
     modes = eigenmodes(m.network, below=lowest_wave(m))
     if modes.missing or not len(modes.frequency):
-        raise InputError(f"below the first wave {modes.missing} modes are missing of some")
+        raise UnavailableError(
+            f"below the first wave {modes.missing} modes are missing of some", code="not_converged"
+        )
     return modes
 
 

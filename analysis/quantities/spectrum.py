@@ -8,16 +8,18 @@ from analysis.case import AbsentError
 from analysis.estimators import resonances as resonant
 from analysis.estimators.damped_transform import Dispersion, mode_dispersion
 from analysis.measuring import Measuring, once
-from analysis.prepare import kept_file, made
+from analysis.prepare import as_read, kept_file, made
 from analysis.quantities.registry import on_request, quantity
 from analysis.quantities.velocity import LOW_ORDER, longest
 from analysis.value import Value, estimate, hertz, unknown
+from modal.modes.collective import every_floppy
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import ModeSet, read_z_shapes
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import contacts_per_particle
+from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 LOWEST = 40
 """Modes that are searched for where no file has any."""
@@ -37,9 +39,7 @@ def density(m: Measuring) -> tuple[Floats, Floats, Floats]:
     """Frequency, Hz, modes per Hz and modes below, of the whole spectrum."""
     if (kept := kept_file(m, "density")) is not None:
         return kept
-    states = made(m, "density")
-    grid = states.grid()
-    return grid, states.density(grid)[0][:, 6], states.count_below(grid)[0][:, 6]
+    return as_read("density", made(m, "density"))
 
 
 @once
@@ -65,9 +65,12 @@ def lowest_modes(m: Measuring) -> tuple[ModeSet, Floats, str]:
     n = 6 * m.network.n_particles
     modes, along_z = m.case.read("modes"), z_shapes(m)
     if modes is None or along_z is None:
-        modes = eigenmodes(m.network, lowest=min(LOWEST, n - 6))
+        beside_zero_modes = n - every_floppy(LinearSystem.of(m.network)).held
+        modes = eigenmodes(m.network, lowest=min(LOWEST, beside_zero_modes))
         if modes.mode_shape is None:
-            raise InputError("the modes' shapes take too much memory; give a file of modes")
+            raise UnavailableError(
+                "the modes' shapes take too much memory; give a file of modes", code="too_large"
+            )
         along_z = modes.mode_shape[:, :, 2]
     count, lacks = len(modes.frequency), ""
     if count + modes.floppy_modes < n:

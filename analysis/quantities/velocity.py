@@ -17,7 +17,7 @@ from analysis.measuring import Measuring, once
 from analysis.quantities.registry import quantity
 from analysis.value import Value, hertz, unknown
 from modal.elasticity.slab import static_velocity
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 ORDERS = {"z": (2, 3), "x": (5, 6), "y": (5, 6)}
 """Orders of a crystal's neighbour ratio, of the value and of what its error is told by. Layers turn
@@ -46,7 +46,7 @@ def chain(m: Measuring, key: str, order: int = 0) -> Dispersion:
     record = m.record(key)
     found = chain_dispersion(record, order=order or ORDERS[record.direction][0])
     if not found.velocity < TOO_FAST * m.lattice.velocity:
-        raise InputError(LOST)
+        raise UnavailableError(LOST, code="no_coherent_wave")
     return found
 
 
@@ -145,7 +145,7 @@ def _quoted(m: Measuring, key: str, places: slice) -> Value:
         return replace(found.with_caveats(f"short: {text}"), parts=parts)
     value = float(m.moduli.velocities((0, 0, 1))[places].mean())
     why = "by the elastic moduli: there are no walls"
-    return Value(value, "m/s", {"fit": 0.5 * value * m.moduli.error}, (why, *m.of_waves))
+    return Value(value, "m/s", {"fit": 0.5 * value * m.moduli.error}, (why, *m.of_one_sample))
 
 
 @quantity("m/s")

@@ -33,7 +33,7 @@ from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Floats
 from modal.tools.display import Drawn, quantity
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 
 SCHEMA = "granular-moduli"
 VERSION = (1, 2)
@@ -162,7 +162,10 @@ class ElasticModuli(Drawn):
         where the anisotropy is 0.17. InputError where a strain costs no energy.
         """
         if len(self.soft_strains()):
-            raise InputError("the packing is not stable: some waves have no velocity, nor a level")
+            raise UnavailableError(
+                "the packing is not stable: some waves have no velocity, nor a level",
+                code="unstable",
+            )
         height, weight = np.polynomial.legendre.leggauss(16)
         total = 0.0
         for z, share in zip(height, weight / 64, strict=True):
@@ -276,15 +279,18 @@ def elastic_moduli(
     volume = volume_between_walls(network)
     density = float(network.mass[force_bearing(network)].sum()) / volume
     if network.with_wall.all() or density == 0:
-        raise InputError(
-            "no sphere bears a force from another one: the packing is no solid, which has moduli"
+        raise UnavailableError(
+            "no sphere bears a force from another one: the packing is no solid, which has moduli",
+            code="no_solid",
         )
     system = LinearSystem.of(network)
     coupling = system.put_on(UNIT_STRAINS)
     load, stored = coupling.push.toarray(), np.diag(coupling.held)
     most = stored.max()
     if not most > 0:
-        raise InputError("no contact resists a strain: the packing has no stiffness")
+        raise UnavailableError(
+            "no contact resists a strain: the packing has no stiffness", code="no_stiffness"
+        )
     bulk = Bulk.of(network) if walls else None
 
     def left(work: Floats, least: float) -> Floats:

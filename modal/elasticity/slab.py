@@ -24,7 +24,7 @@ from modal.system.contacts import contact_tangent, motion_of_contacts
 from modal.system.imposed import WallMoves
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 SOFT_END_DIAMETERS = 4.0
 """Depth over which the bulk begins and ends, mean diameters."""
@@ -162,7 +162,7 @@ def static_velocity(network: Network) -> StaticVelocity:
     system = LinearSystem.of(network)
     bulk = Bulk.of(network)
     if bulk is None:
-        raise InputError(
+        raise UnavailableError(
             "the packing is too short for a velocity of its bulk; take a longer one",
             code="too_short",
         )
@@ -178,7 +178,7 @@ def static_velocity(network: Network) -> StaticVelocity:
     motion_along_z = motion[2::6]
     strain = -bulk.slope(layers, motion_along_z)
     if not (stress > 0 and strain > 0):
-        raise InputError(
+        raise UnavailableError(
             "no force goes from wall to wall; such a packing carries no wave", code="no_wave"
         )
     modulus = stress / strain

@@ -25,7 +25,7 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.system.imposed import Gradients
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 
 STRAINS = ("xx", "yy", "zz", "yz", "zx", "xy")
 """Names of the strains, in Voigt's order."""
@@ -45,7 +45,7 @@ def has_walls(system: LinearSystem) -> bool:
     """
     network = system.network
     for axis in np.flatnonzero(~network.cell_periodic[:2]):
-        raise InputError(
+        raise UnavailableError(
             f"no strain {STRAINS[axis]} can be put on this packing: it is not periodic along "
             f"{'xy'[axis]}; moduli need periods along x and y, and periods or walls along z",
             code="not_periodic",
@@ -53,7 +53,7 @@ def has_walls(system: LinearSystem) -> bool:
     if network.cell_periodic[2]:
         return False
     if not {SOURCE_WALL, RECEIVER_WALL} <= {*np.unique(network.particle_j).tolist()}:
-        raise InputError(
+        raise UnavailableError(
             "no strain zz can be put on this packing: it is not periodic along z and does not "
             "touch two walls there",
             code="no_walls",

@@ -22,7 +22,7 @@ from modal.solvers.factor import SingularError
 from modal.solvers.lanczos import BASIS_VECTORS_PER_MODE, Held, orthonormal
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Bools, Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 from modal.tools.workload import refuse_above_memory
 
 EASY = 3e10
@@ -127,7 +127,9 @@ def _found(
         vectors = source.factor.solve(vectors)
     source.release()
     if missing:
-        raise InputError(f"{count} {what} were counted, but not all were found")
+        raise UnavailableError(
+            f"{count} {what} were counted, but not all were found", code="not_converged"
+        )
     return sp.csc_matrix(orthonormal(vectors, Held(known, vectors[:, :0])))
 
 

@@ -17,7 +17,7 @@ from modal.solvers.lanczos import start_block
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked, frequencies
 from modal.tools.arrays import Array, Floats, Ints
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 from modal.tools.progress import progress
 
 
@@ -28,9 +28,10 @@ def check_count(system: LinearSystem, count: int, available_modes: int) -> None:
     zero modes where these are not listed.
     """
     if available_modes < 1 or not system.diagonal.any():
-        raise InputError(
+        raise UnavailableError(
             f"no modes to list: no spring holds any of the {system.size} motions; see the "
-            "contacts with `info`"
+            "contacts with `info`",
+            code="no_stiffness",
         )
     if not (isinstance(count, int | np.integer) and 1 <= count <= available_modes):
         raise InputError(
@@ -148,9 +149,10 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
         count = counts.pop()
         if not counts and count is not None:
             return count
-    raise InputError(
+    raise UnavailableError(
         f"{frequency:g} Hz: a mode is so near that its side is round-off; ask at a slightly "
-        "different frequency"
+        "different frequency",
+        code="not_converged",
     )
 
 

@@ -30,7 +30,7 @@ from modal.system.operator import ContactOperator, component_sums
 from modal.tools.arguments import checked, frequencies
 from modal.tools.arrays import Floats
 from modal.tools.display import Drawn, quantity
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 
@@ -268,7 +268,9 @@ def _density(
     """As `density_of_states`, of a system."""
     operator, size, (top, products) = system.renumbered, system.size, system.end
     if top <= 0:
-        raise InputError("the network has no stiffness; all its modes are at zero")
+        raise UnavailableError(
+            "the network has no stiffness; all its modes are at zero", code="no_stiffness"
+        )
     highest = np.sqrt(top) / (2 * np.pi)
     # The kernel's standard deviation in x is pi over the number of orders, odd ones included.
     count = max(2, int(np.ceil(np.pi * FULL_WIDTH * highest / resolution / 2)))
@@ -286,9 +288,10 @@ def _density(
         remedy="take a coarser one",
     )
     if unstable := count_below(system, 0.0):
-        raise InputError(
+        raise UnavailableError(
             f"K has a negative direction ({unstable} unstable modes): the packing does not vibrate "
-            "with these springs; `count` says how many modes lie below a frequency, with these"
+            "with these springs; `count` says how many modes lie below a frequency, with these",
+            code="unstable",
         )
     floppy = every_floppy(system)
     if exact:
@@ -349,7 +352,9 @@ def moments_of(
     moments[:, :, last] = 2 * component_sums(before, now)[0].T - moments[:, :, 0]
     first, largest = moments[:, :, 0].sum(axis=1), moments[:, :, last].sum(axis=1)
     if not (abs(largest) <= largest_growth(operator, last) * first).all():
-        raise InputError("the top of the spectrum was not found; ask with another seed")
+        raise UnavailableError(
+            "the top of the spectrum was not found; ask with another seed", code="not_converged"
+        )
     return moments[:, :, :count]
 
 

@@ -25,7 +25,7 @@ from modal.packing.network import Network
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arguments import checked
 from modal.tools.arrays import Bools, Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 from modal.tools.workload import LONGEST
 
 FEW = 10
@@ -205,9 +205,10 @@ def _lowest(system: LinearSystem, choice: Choice, floppy: FloppyModes) -> ModeSe
     search = Search(system, source, floppy.basis)
     missing = search.complete(choice.count, 1, lambda f: count_below(system, f) - floppy.held)
     if not len(search.square):
-        raise InputError(
+        raise UnavailableError(
             "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
-            "below round-off; ask for the highest, or for an interval further up"
+            "below round-off; ask for the highest, or for an interval further up",
+            code="not_converged",
         )
     if not missing:
         counted_floppy(system, search.at_zero)

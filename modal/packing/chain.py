@@ -4,7 +4,7 @@ import numpy as np
 
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.tools.arrays import Floats, Ints
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 TIE = 1e-9
 """Relative difference of path costs below which they count as equal."""
@@ -25,7 +25,10 @@ def _chain(network: Network) -> Ints:
     start = np.unique(i[j == SOURCE_WALL])
     goal = np.unique(i[j == RECEIVER_WALL])
     if len(start) == 0 or len(goal) == 0:
-        raise InputError("the network has no contact with both walls; a chain needs the two walls")
+        raise UnavailableError(
+            "the network has no contact with both walls; a chain needs the two walls",
+            code="no_walls",
+        )
     xy = network.position[:, :2]
     middle = 0.5 * (xy.min(axis=0) + xy.max(axis=0))
     off_middle = np.linalg.norm(xy[start] - middle, axis=1)
@@ -63,7 +66,10 @@ def _cheapest(
     distance = dijkstra(graph, indices=first)
     nearest = float(distance[goal].min(initial=np.inf))
     if not np.isfinite(nearest):
-        raise InputError("no chain of contacts joins the two walls; the packing carries no wave")
+        raise UnavailableError(
+            "no chain of contacts joins the two walls; the packing carries no wave",
+            code="carries_no_wave",
+        )
     here = int(goal[np.argmin(_rounded(distance[goal], nearest))])
 
     # Back along the shortest path; of equally short ones the nearest, then the first particle.
@@ -76,9 +82,10 @@ def _cheapest(
         # Each step comes nearer to the first particle, or the way back would not end.
         before = np.sort(before[fits & (distance[before] < distance[here])])
         if not len(before):
-            raise InputError(
+            raise UnavailableError(
                 f"a contact of particle {here} has levers of no length: no chain goes through it; "
-                "give the vectors from the centres to the contact point"
+                "give the vectors from the centres to the contact point",
+                code="no_levers",
             )
         here = int(before[np.argmin(_rounded(distance[before], distance[here]))])
         path.append(here)

@@ -8,7 +8,7 @@ import numpy as np
 from modal.packing.network import Network
 from modal.packing.rattlers import firmly_held
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 EDGE = 1e-9
 """Of a slab: a centre less than this below the upper edge of a slab counts to the slab above, so
@@ -24,10 +24,15 @@ class Layers:
 
     def __init__(self, network: Network) -> None:
         if not network.length > 0:
-            raise InputError("the walls are in one place; such a packing carries no wave")
+            raise UnavailableError(
+                "the walls are in one place; such a packing carries no wave", code="no_volume"
+            )
         bearing = firmly_held(network)
         if not bearing.any():
-            raise InputError("no particle has two contacts; such a packing carries no wave")
+            raise UnavailableError(
+                "no particle has two contacts; such a packing carries no wave",
+                code="carries_no_wave",
+            )
         diameter = 2 * float(network.radius.mean())
         count = max(1, round(network.length / diameter))
         z = network.position[:, 2]

@@ -20,7 +20,7 @@ from modal.packing.columns import COLUMNS, SCHEMA, UNKNOWN, VERSION, Columns, fr
 from modal.packing.columns import RECEIVER_WALL as RECEIVER_WALL
 from modal.packing.columns import SOURCE_WALL as SOURCE_WALL
 from modal.tools.arrays import Array, Bools, Ints
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 
 FORMAT = Product(SCHEMA, COLUMNS, groups=("study", "provenance"), versions=VERSION)
 
@@ -125,9 +125,10 @@ class Network(Columns):
         """Cross-section, m^2, to which stresses refer; InputError where the cell has none."""
         area = float(self.cell_size[0] * self.cell_size[1])
         if not area > 0:
-            raise InputError(
+            raise UnavailableError(
                 "the network has no cross-section for stresses (cell/size is 0 along x or y); "
-                "give the widths of the packing there"
+                "give the widths of the packing there",
+                code="no_area",
             )
         return area
 
@@ -143,9 +144,10 @@ class Network(Columns):
         """
         data: Array | None = getattr(self, name)
         if data is None:
-            raise InputError(
+            raise UnavailableError(
                 f"the network has no contacts/{name}, without which there is no {purpose}; "
-                "export it too"
+                "export it too",
+                code="unknown_column",
             )
         return data
 

@@ -17,7 +17,7 @@ from modal.packing.contact_law import sphere_volume
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rattlers import force_bearing
 from modal.tools.arrays import Array, Bools, Floats, Ints
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 WALL_ZONE = 5.0
 """Depth to which a flat wall orders the spheres beside it, mean diameters."""
@@ -44,8 +44,9 @@ class Profile:
 def volume_between_walls(network: Network) -> float:
     """Area of the cell times the distance of the walls, m^3; InputError where there is none."""
     if not network.length > 0:
-        raise InputError(
-            "the network has no volume (its walls are in one place); give walls/position around it"
+        raise UnavailableError(
+            "the network has no volume (its walls are in one place); give walls/position around it",
+            code="no_volume",
         )
     return network.area * network.length
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from modal.tools.arrays import Array, Bools
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 
 def eigenpairs(
@@ -78,7 +78,7 @@ def eigenpairs(
         except ArpackError as error:
             # ArpackNoConvergence holds the eigenvalues that did converge.
             converged = len(getattr(error, "eigenvalues", ()))
-            raise InputError(
+            raise UnavailableError(
                 f"{converged} of {ask} {what} converged; ask for fewer", code="not_converged"
             ) from error
         if wanted(eigenvalues).sum() >= count or ask == max_eigenpairs:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 from modal.tools.progress import Minute
 
 LOOK_BACK_SHARE = 0.25
@@ -117,7 +117,7 @@ def conjugate_gradients(
         direction *= np.where(advanced, size / np.where(advanced, size_before, 1), 0.0)
         direction += preconditioned
     worst = float((error / bound).max())
-    raise InputError(
+    raise UnavailableError(
         f"the springs do not balance the load: after {most_products} products with K the error in "
         f"energy is still {worst:.1e} times what was asked; ask for a larger tolerance, or take "
         "a packing whose stiffnesses differ less",

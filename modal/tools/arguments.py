@@ -70,7 +70,8 @@ def refuse_other_kinds(owner: Callable[..., Any], name: str, given: Mapping[str,
             wanted = " or ".join(_words(one) for one in _alternatives(kind))
             shown = repr(value) if len(repr(value)) < 60 else f"a {type(value).__name__}"
             made = "".join(text for cls, text in MAKES.items() if f"a {cls}" in wanted)
-            raise InputError(f"{name}: {argument} is {shown}, not {wanted}{made}")
+            message = f"{name}: {argument} is {shown}, not {wanted}{made}"
+            raise InputError(message, code="argument")
 
 
 @cache

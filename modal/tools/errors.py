@@ -30,6 +30,13 @@ class InputError(ValueError):
         self.code = code
 
 
+class UnavailableError(InputError):
+    """A refusal because of what a packing or a record is, whatever is asked of it and how.
+
+    One quantity of several is then not known; any other refusal ends the list.
+    """
+
+
 SHOWN = 12
 """Words that are all named where another one was given."""
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from modal.tools.display import duration, quantity
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 from modal.tools.memory import memory_at_hand, peak_memory
 
 LONGEST = 86400.0
@@ -47,7 +47,7 @@ def refuse_above(
     at_hand = memory_at_hand()
     if not seconds <= (LONGEST if longest is None else longest) or bytes_needed > at_hand:
         task += f" {duration(seconds)} here, and" if seconds else ""
-        raise InputError(
+        raise UnavailableError(
             f"{task} {quantity(bytes_needed, 'B', 3)} of memory "
             f"({quantity(at_hand, 'B', 3)} are free); {remedy}",
             code="too_large",

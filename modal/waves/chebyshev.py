@@ -20,7 +20,7 @@ from modal.solvers.same_bits import same_bits_product
 from modal.solvers.spectrum import GrowthError, largest_growth, norm
 from modal.system.operator import ContactOperator
 from modal.tools.arrays import Array, Complex, Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 from modal.tools.progress import progress
 from modal.waves.forced_system import ForcedSystem
 
@@ -83,7 +83,7 @@ def summed(
     operator = forced.springs.operator
     top, products = forced.system.end
     if top == 0:
-        raise InputError(
+        raise UnavailableError(
             "the network has no stiffness; no wave goes through it", code="no_stiffness"
         )
     series = series_for(top)

@@ -30,7 +30,7 @@ from numpy.polynomial import chebyshev
 from numpy.polynomial.polynomial import polyder, polyval
 
 from modal.tools.arrays import Array, Floats, Ints
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.chebyshev import Expansion, orders_of, summed
@@ -256,7 +256,7 @@ class _TaylorStep:
             limit = self.tolerance * 1e-2 * self._size(following)
             if self._size(term) <= limit and order >= len(displacement):
                 return following
-        raise InputError(
+        raise UnavailableError(
             "the series of the wave did not end; take a larger tolerance", code="not_converged"
         )
 
@@ -269,7 +269,7 @@ def _fastest_rate(forced: ForcedSystem) -> float:
     """Return a bound of the rates lambda, 1/s: |lambda|^2 <= omega^2 + |lambda| gamma."""
     stiff = forced.system.top
     if stiff <= 0:
-        raise InputError(
+        raise UnavailableError(
             "the network has no stiffness; no wave goes through it", code="no_stiffness"
         )
     viscous = 0.0

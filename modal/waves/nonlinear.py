@@ -26,7 +26,7 @@ from modal.packing.network import Network
 from modal.packing.sample import Sample, sample_of_network
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Bools, Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.energy_balance import EnergyBalance, drift_limit
@@ -106,7 +106,9 @@ def at_rest(sample: Sample | Network, friction: float | None) -> Sample:
             )
         return sample_of_network(sample, friction)
     if sample.velocity is not None and sample.velocity.any():
-        raise InputError("the sample is on its way; bring it to rest first (modal relax)")
+        raise UnavailableError(
+            "the sample is on its way; bring it to rest first (modal relax)", code="in_motion"
+        )
     return sample if friction is None else replace(sample, friction=friction)
 
 
@@ -176,10 +178,12 @@ class NonlinearRuns:
             growth = math.sqrt(error / (SURE * accuracy))
             every, coarse = finer, fine
             finer = math.ceil(every * min(max(growth, 1.2), 4.0))
-        raise InputError(
+        raise UnavailableError(
             f"the error of the time step is still {error:.1e} of the motion at "
             f"{self.interval / every:.3g} s: spheres fly about, whose ways no step repeats; ask "
-            "for a larger tolerance, a smaller amplitude or a shorter duration, or give a time step"
+            "for a larger tolerance, a smaller amplitude or a shorter duration, or give a time "
+            "step",
+            code="not_converged",
         )
 
     def run(self, every: int, *, driven: bool = True) -> NonlinearWave:
@@ -233,7 +237,9 @@ class NonlinearRuns:
                 if row % max(1, nt // LOOKS) == 0 or k == steps:
                     opened |= contacts.opened()
         if not np.isfinite(moved).all():
-            raise InputError("the wave is not finite: take a smaller amplitude")
+            raise UnavailableError(
+                "the wave is not finite: take a smaller amplitude", code="not_converged"
+            )
         ends, lost, rows = contacts.slips()
         dissipated = np.zeros(len(opened))
         dissipated[rows[rows >= 0]] = lost[rows >= 0]

@@ -33,7 +33,7 @@ from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked, frequencies
 from modal.tools.arrays import Complex, Floats
 from modal.tools.display import Drawn, quantity
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_above, refuse_endless
 from modal.waves.chebyshev import CHUNK, Resolvent, summed
@@ -264,9 +264,10 @@ def _windowed(
 
     series, record, products, error = summed(forced, series_for, tolerance)
     if error > tolerance:
-        raise InputError(
+        raise UnavailableError(
             f"round-off is up to {error:.1g} of a record: so little comes through within the "
-            f"window of {1 / gamma:g} s; take a finer resolution or a larger tolerance"
+            f"window of {1 / gamma:g} s; take a finer resolution or a larger tolerance",
+            code="not_converged",
         )
     return series.frequency, record, products
 

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from modal.solvers.factor import Cost, Factor, Factorisation, Shape, SingularError, certain
 from modal.tools.arrays import Array, Complex, Ints
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 ENTRIES_PER_NONZERO = 0.5
 """Entries of the factor for each nonzero, divided by the root of the rows of a layer: 1.5e8 entries
@@ -76,7 +76,7 @@ def _factorise(
         solver.factorize(stored)
     except PyPardisoError as error:
         if error.value == OUT_OF_MEMORY:
-            raise InputError(
+            raise UnavailableError(
                 "PARDISO found too little memory; take a smaller packing", code="memory"
             ) from error
         raise SingularError(definite) from error
