@@ -32,7 +32,7 @@ from modal.system.imposed import Imposed, WallMoves
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools.arrays import Array, Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 from modal.waves.receivers import Receivers
 from modal.waves.signals import COMPONENT
 from modal.waves.sources import Source
@@ -148,7 +148,7 @@ class ForcedSystem:
         springs = builder.couple(system, operator, load, receivers.rows)
         if not springs.push.count_nonzero():
             stiffness = "normal" if direction == "z" else "tangential"
-            raise InputError(
+            raise UnavailableError(
                 f"the source, {source.name}, moves nothing along {direction}: its contacts have no "
                 f"{stiffness} stiffness",
                 code="source_moves_nothing",

@@ -306,7 +306,10 @@ def _damped(
         if k == 0:
             refuse(clock.perf_counter() - started)
     if not np.isfinite(record).all():
-        raise InputError(f"the damped response is not finite at a frequency of its own; {REMEDY}")
+        raise UnavailableError(
+            f"the damped response is not finite at a frequency of its own; {REMEDY}",
+            code="not_converged",
+        )
     return frequency, record, 0
 
 
