@@ -24,7 +24,9 @@ def run(options: Given) -> Result:
     at = frequencies(options.at)
     counts, at_zero = counts_below(system, at), summary_at_zero(system)
     floppy = at_zero["floppy_modes"] + at_zero["unstable_modes"]
-    for f, count in zip(at, counts, strict=True):
-        remark_on_ends(options, float(f), f > 0 and count <= floppy, count == system.size)
+    for frequency, count in zip(at.tolist(), counts.tolist(), strict=True):
+        below = frequency > 0 and count <= floppy < system.size
+        above = frequency > 0 and count == system.size > floppy
+        remark_on_ends(options, frequency, below, above)
     counted = dict(zip(options.at, counts.tolist(), strict=True))
     return {"count_below": counted, **at_zero, "degrees_of_freedom": system.size}

@@ -113,7 +113,8 @@ class MovingContacts:
         ends, shift = contacts_in_reach(inside, self.lengths, self.radius, skin, self.whole)
         # Periods between the places as they are, which are not brought back into the cell.
         (i, j), gone = ends.T, np.asarray(turns.any(axis=1))
-        rows = np.flatnonzero((j >= 0) & (gone[i] | gone[j]))
+        partner = np.maximum(j, 0)  # a wall has no place among the spheres
+        rows = np.flatnonzero((j >= 0) & (gone[i] | gone[partner]))
         shift[rows] += (turns[i[rows]] - turns[j[rows]]).astype(np.int8)
         if self._history:
             self._take_over(ends, shift)

@@ -286,27 +286,30 @@ def forces_by_arrays(
     count = len(position)
     i, j = ends.T
     pair = j >= 0
-    branch = position[j] - position[i] + shift * side[:3]
+    partner = np.where(pair, j, 0)  # a wall has no place among the spheres
+    branch = position[partner] - position[i] + shift * side[:3]
     branch[:, :2] += shift[:, 2:] * side[3:]
     face = walls[np.where(j == SOURCE_WALL, 0, 1)] - position[i, 2]
     branch[~pair] = np.column_stack([0 * face, 0 * face, face])[~pair]
     # A sphere beyond a wall is pushed back: its distance is negative.
     outward = np.where(j == SOURCE_WALL, -1.0, 1.0)
     distance = np.where(pair, np.sqrt((branch**2).sum(axis=1)), outward * face)
-    reach = radius[i] + np.where(pair, radius[j], 0.0)
+    reach = radius[i] + np.where(pair, radius[partner], 0.0)
     overlap = reach - distance
     (near,) = np.nonzero((overlap > 0) & ((distance > 0) | ~pair))
-    i, j, pair, overlap, distance = (of[near] for of in (i, j, pair, overlap, distance))
+    columns = (i, j, partner, pair, overlap, distance)
+    i, j, partner, pair, overlap, distance = (column[near] for column in columns)
     n = np.where(pair, branch[near].T / np.where(pair, distance, 1.0), 0.0)
     n[2, ~pair] = outward[near][~pair]
-    effective = np.where(pair, radius[i] * (radius[j] / (radius[i] + radius[j])), radius[i])
+    radius_j = radius[partner]
+    effective = np.where(pair, radius[i] * (radius_j / (radius[i] + radius_j)), radius[i])
     law = law_of_each(laws, ~pair)
     pressed, kn = law.normal_force(overlap, effective), law.stiffness_normal(overlap, effective)
     force, slid, contact, turns = -pressed * n, 0, 0.0, np.zeros(2)
     load[:] = 0
     if shear is not None:
-        lever, second = radius[i] - overlap / 2, np.where(pair, motion[j].T, 0.0)
-        longer = np.where(pair, radius[j] - radius[i], 0.0)
+        lever, second = radius[i] - overlap / 2, np.where(pair, motion[partner].T, 0.0)
+        longer = np.where(pair, radius_j - radius[i], 0.0)
         apart, turning = second[:3] - motion[i, :3].T, second[3:] + motion[i, 3:].T
         gained = np.where(pair, (shift[near] * change[0] + shift[near, 2:] * change[2]).T, 0.0)
         x, y = (position[i, :2] - change[3, 1:]).T

@@ -124,7 +124,7 @@ def network_of(
 def _kinds(contacts: Contacts, packing: Packing, law_of: LawOf) -> tuple[list[ProgramLaw], Ints]:
     """The different laws, and which of them each contact has."""
     one, other = packing.kind[contacts.i], contacts.j
-    other = np.where(other < 0, other, packing.kind[other])
+    other = np.where(other < 0, other, packing.kind[np.maximum(other, 0)])
     # Pairs as single numbers: sorted thus, they take a tenth of the time.
     pairs = np.minimum(one, other) * TYPES + np.maximum(one, other)
     found, which = np.unique(pairs, return_inverse=True)

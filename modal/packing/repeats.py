@@ -215,7 +215,7 @@ def _compared(network: Network, image: Ints, columns: tuple[str, ...]) -> tuple[
             own = _most(data[there] - data[here], np.where(data == 0, 1.0, data)[here])
         else:
             facing = sign * data[here] if data.ndim > 1 else data[here]
-            own = _most(data[there] - facing, float(abs(data).max()) or 1.0)
+            own = _most(data[there] - facing, float(abs(data).max(initial=0.0)) or 1.0)
         stiffness = max(stiffness, own)
     return contact, (stiffness + mass) / 2 + 3 * shape
 
