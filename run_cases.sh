@@ -43,6 +43,8 @@ while [ $# -gt 0 ]; do
 done
 [ "$(uname)" = Linux ] || fail "the study runs on Linux, with YADE; on $(uname) \`pip install .\` gives granular-modes"
 [ -f "workflow/profiles/$profile/config.yaml" ] || fail "--profile $profile: no such folder in workflow/profiles"
-./setup.sh --extra "${profile/local/workflow}" --without-yade
+extra=workflow
+! grep -q '^executor: *slurm' "workflow/profiles/$profile/config.yaml" || extra=slurm
+./setup.sh --extra "$extra" --without-yade
 exec .venv/bin/python workflow/run.py "$profile" "$only" "$jobs" "study=$study" "products=$products" \
     "stage=$stage" "cases=[$(IFS=,; echo "${cases[*]:-2}")]" "${config[@]}"

