@@ -7,11 +7,13 @@ import subprocess
 import sys
 from fnmatch import fnmatchcase
 
+import numpy as np
 import pytest
 from places import ROOT
 
 import analysis.__main__
 import modal
+from analysis.value import Value
 from modal.cli.main import main
 from modal.packing.network import write_network
 
@@ -48,6 +50,31 @@ def test_every_block_runs(page, tmp_path, monkeypatch, capsys):
     pyplot.close("all")
     if page.name == "README.md":
         assert (tmp_path / "wave.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("known", ["v_p and the limit", "v_p", "nothing"])
+def test_picture_of_lammps_page_does_without_what_is_not_known(tmp_path, monkeypatch, known):
+    """A wave through a crystal in place of the page's packing; what is measured is given here."""
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
+    monkeypatch.chdir(tmp_path)
+    crystal = modal.fcc(cells=(2, 2, 12))
+    measured = {"v_p": Value(np.nan, "m/s"), "low_pass_unbiased": Value(np.nan, "Hz")}
+    if "v_p" in known:
+        measured["v_p"] = Value(700.0, "m/s", {"fit": 1.0})
+    if "limit" in known:
+        measured["low_pass_unbiased"] = Value(1e5, "Hz", {"fit": 1e3})
+    monkeypatch.setattr(modal, "read", lambda path: crystal)
+    monkeypatch.setattr(analysis, "measure", lambda network, quantities: measured)
+    pages = blocks(ROOT / "docs/lammps.md")
+    picture = next(text for kind, text in pages if kind == "python" and "matplotlib" in text)
+    if known == "nothing":
+        with pytest.raises(SystemExit):
+            exec(compile(picture, "lammps.md", "exec"), {})
+    else:
+        exec(compile(picture, "lammps.md", "exec"), {})
+        assert (tmp_path / "lammps.png").read_bytes().startswith(b"\x89PNG")
+    pyplot.close("all")
 
 
 def test_commands_of_text_blocks_have_options_that_exist():
