@@ -30,8 +30,8 @@ class Value:
     parts : dict
         Contributions to the error, in the same unit: `fit`, scatter about a fit or what is left of
         a solver's residual; `chain`, which chain of spheres, or part of a record, is taken;
-        `resolution`, widths of lines; `length`, that the packing is short; `samples`, how samples
-        of one state differ.
+        `resolution`, widths of lines; `length`, that the packing is short; `digits`, overlaps that
+        few digits of positions tell; `samples`, how samples of one state differ.
     caveats : tuple of str
         Whole sentences for people.
     at : ndarray (n,), Hz, or None
@@ -56,8 +56,8 @@ class Value:
     def error(self) -> Any:
         """Standard error, in the unit of the value; 0 where the value is exact for its packing.
 
-        The root of the squares of `fit`, `chain`, `resolution` and `length`; where samples scatter
-        by more, they have the rest in them, and that scatter.
+        The root of the squares of `fit`, `chain`, `resolution`, `digits` and `length`; where
+        samples scatter by more, they have the rest in them, and that scatter.
 
         >>> Value(1.0, "m/s", {"fit": 3.0, "chain": 4.0, "samples": 6.0}).error
         6.0

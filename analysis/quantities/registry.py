@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from analysis.case import ABSENT, AbsentError
 from analysis.measuring import Measuring
+from analysis.quantities.few_digits import with_digits
 from analysis.value import Value, estimate, unknown
 from modal.tools.errors import InputError, UnavailableError
 
@@ -61,7 +62,8 @@ class Quantity:
         found = found if isinstance(found, Value) else estimate(found)
         caveats = found.caveats if found.known or found.caveats else (ABSENT,)
         caveats = (*caveats, *packing.not_kept[kept:])
-        return replace(found, unit=self.unit, caveats=caveats)
+        value = replace(found, unit=self.unit, caveats=caveats)
+        return with_digits(value, packing.network, self.name, self.unit)
 
 
 def quantity(

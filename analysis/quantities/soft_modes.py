@@ -12,6 +12,7 @@ from analysis.quantities.registry import on_request
 from analysis.value import Value
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import ModeSet
+from modal.packing.precision import taken_as_exact
 from modal.packing.state import contacts_per_particle
 from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
@@ -31,7 +32,7 @@ def lowest_wave(m: Measuring) -> float:
 @once
 def soft_modes(m: Measuring) -> ModeSet:
     """All modes below the first wave, certified; zero modes are not among them."""
-    modes = eigenmodes(m.network, below=lowest_wave(m))
+    modes = eigenmodes(taken_as_exact(m.network), below=lowest_wave(m))
     if modes.missing or not len(modes.frequency):
         raise UnavailableError(
             f"below the first wave {modes.missing} modes are missing of some", code="not_converged"

@@ -15,6 +15,7 @@ from analysis.value import Value, estimate, hertz, unknown
 from modal.modes.collective import every_floppy
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import ModeSet, read_z_shapes
+from modal.packing.precision import taken_as_exact
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import contacts_per_particle
 from modal.system.linear_system import LinearSystem
@@ -47,7 +48,7 @@ def highest(m: Measuring) -> ModeSet:
     """The highest modes of a file, with their shapes; else the highest mode without."""
     if m.case.has("highest.modes"):
         return m.case.read("highest.modes")
-    return eigenmodes(m.network, highest=1, certify=False, shapes=False)
+    return eigenmodes(taken_as_exact(m.network), highest=1, certify=False, shapes=False)
 
 
 @once
@@ -65,8 +66,9 @@ def lowest_modes(m: Measuring) -> tuple[ModeSet, Floats, str]:
     n = 6 * m.network.n_particles
     modes, along_z = m.case.read("modes"), z_shapes(m)
     if modes is None or along_z is None:
-        beside_zero_modes = n - every_floppy(LinearSystem.of(m.network)).held
-        modes = eigenmodes(m.network, lowest=min(LOWEST, beside_zero_modes))
+        network = taken_as_exact(m.network)
+        beside_zero_modes = n - every_floppy(LinearSystem.of(network)).held
+        modes = eigenmodes(network, lowest=min(LOWEST, beside_zero_modes))
         if modes.mode_shape is None:
             raise UnavailableError(
                 "the modes' shapes take too much memory; give a file of modes", code="too_large"
@@ -339,6 +341,6 @@ def chi_z_of_branches(packing: Measuring) -> Value:
     width = packing.width * packing.diameter
     limit = 1.5 * float(packing.moduli.velocities((0, 0, 1))[0]) / width
     top = min(limit, HIGHEST_BRANCH * highest(packing).frequency[-1])
-    modes = eigenmodes(packing.network, below=top, shapes=False)
+    modes = eigenmodes(taken_as_exact(packing.network), below=top, shapes=False)
     lacks = (f"{modes.missing} modes are missing",) if modes.missing else ()
     return Value(modes.chi_z, "1", {}, packing.of_one_sample + lacks, modes.frequency)

@@ -12,13 +12,14 @@ error is the square of that of the motion. The file of it is "granular-moduli"
 (`docs/formats.md`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modal.elasticity.few_digits import modulus_error_by_digits
 from modal.elasticity.plane_waves import anisotropy, isotropic_mean, plane_waves
 from modal.elasticity.slab import MIN_STRAIN_SHARE, Bulk, stiffness_of
 from modal.elasticity.steady import steady_motion
@@ -27,6 +28,7 @@ from modal.formats.product import Column, product_of, stored
 from modal.formats.provenance import Provenance
 from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
+from modal.packing.precision import overlap_error
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import volume_between_walls
 from modal.system.linear_system import LinearSystem
@@ -70,7 +72,8 @@ class ElasticModuli(Drawn):
     whole : ndarray (6, 6)
         Pa, of a slab with its walls, else the same as `stiffness`.
     error : float
-        Of the moduli, relative, from the residual of the response.
+        Of the moduli, relative, from the residual of the response; of overlaps that are known to
+        few digits also from these (`modal.elasticity.few_digits`).
     asymmetry : float
         Of the measured stiffness of a bulk, |C - C^T| / |C|, which its finite length leaves; 0
         elsewhere.
@@ -274,6 +277,8 @@ def elastic_moduli(
     """
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance {tolerance:g}: outside 0 to 1; it is relative to the moduli")
+    whole_network = network
+    chosen_solver = solver
     carrying = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding)
     network, walls = carrying.network, has_walls(carrying)
     volume = volume_between_walls(network)
@@ -323,7 +328,7 @@ def elastic_moduli(
     if non_affine or pre_stress != "none":
         beyond = _without_floppy(system, motion)
         stressed = None if pre_stress == "none" else stressed_stiffness(carrying, beyond)
-    return ElasticModuli(
+    moduli = ElasticModuli(
         (measured + measured.T) / 2,
         followed,
         density,
@@ -337,6 +342,14 @@ def elastic_moduli(
         stressed,
         beyond if non_affine else None,
     )
+    if not overlap_error(whole_network):
+        return moduli
+
+    def measure(perturbed: Network) -> ElasticModuli:
+        return elastic_moduli(perturbed, tolerance=tolerance, sliding=sliding, solver=chosen_solver)
+
+    by_digits = modulus_error_by_digits(whole_network, moduli, measure)
+    return replace(moduli, error=float(np.hypot(moduli.error, by_digits)))
 
 
 def _without_floppy(system: LinearSystem, motion: Floats) -> Floats:

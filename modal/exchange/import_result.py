@@ -1,8 +1,9 @@
 """The contact network of a packing that another program tells.
 
 Overlaps come from the positions, or from the forces where these have more to tell; stiffnesses
-follow from the law. Where a law makes them of overlaps, positions must tell these; where a table
-tells the stiffnesses, positions only turn the normals. What was found is told in `ImportResult`.
+follow from the law. Where a law makes them of overlaps, positions must tell these, and how well
+they do is noted in the network (`modal.packing.precision`); where a table tells the stiffnesses,
+positions only turn the normals. What was found is told in `ImportResult`.
 """
 
 from dataclasses import dataclass, field, replace
@@ -17,14 +18,15 @@ from modal.formats.hdf5 import named
 from modal.packing.checks import WIDEST
 from modal.packing.neighbours import ContactList
 from modal.packing.network import Network
+from modal.packing.precision import MAX_OVERLAP_ERROR, NOTED_OVERLAP_ERROR, OVERLAP_ERROR
 from modal.packing.rigid_bodies import Bodies, joined
 from modal.tools.arrays import Bools, Floats, Ints
 
 BLURRED = 1e-6
 """Error of an overlap by the digits of positions, over the median overlap, from which overlaps are
 taken from the forces where these are told."""
-DROWNED = 1e-3
-"""The same error, where no forces are told, that is refused."""
+CERTAIN = 4.0
+"""Errors of an overlap: contacts that are deeper, or gaps that are wider, are there or not."""
 BLUNT = 5e-3
 """Angle, rad, by which digits of positions turn the normals of a table, that is refused."""
 EXACT = 0.1
@@ -66,6 +68,7 @@ def network_of(
     reach, effective = packing.reach(touch.i, touch.j)
     error = float(packing.distance_error(found.cell_shift).max())
     how, force = "positions", touch.force
+    overlap_error = 0.0
     columns: dict[str, Any] = dict(touch.columns)
     kinds, which = list[ProgramLaw](), np.zeros(len(overlap), int)
     sliding = None
@@ -79,7 +82,8 @@ def network_of(
         by_law = law.force(overlap, effective)
         if force is None:
             do = ", or give the contacts with their forces"
-            _refuse_few_digits(packing, error, DROWNED, overlap, "median overlap", do)
+            _refuse_few_digits(packing, error, MAX_OVERLAP_ERROR, overlap, "median overlap", do)
+            overlap_error = _noted_error(packing, error, law, overlap)
             force = by_law
         else:
             force = np.where(np.isnan(force), by_law, force)
@@ -95,8 +99,14 @@ def network_of(
         "overlap_over_error_of_digits": float(np.median(overlap) / max(error, 1e-300)),
         "overlaps_from": how,
     }
+    study: dict[str, Any] = {}
+    if overlap_error:
+        study[OVERLAP_ERROR] = overlap_error
+        told["error_of_overlaps"] = overlap_error
     radius_i, radius_j = packing.radius[touch.i], packing.radius[np.maximum(touch.j, 0)]
     frictions = {law.friction for law in kinds}
+    if len(frictions) == 1:
+        study["mu_wave"] = float(frictions.pop())
     with named(packing.name):
         network = Network(
             position=packing.position,
@@ -112,7 +122,7 @@ def network_of(
             cell_size=packing.cell.high - packing.cell.low,
             cell_periodic=packing.cell.periodic,
             wall_position=np.array(packing.cell.planes),
-            study={"mu_wave": float(frictions.pop())} if len(frictions) == 1 else {},
+            study=study,
             **vars(replace(found, overlap=overlap)),
             **columns,
         )
@@ -160,6 +170,22 @@ def _kept(listed: Contacts, packing: Packing, overlap: Floats) -> Bools:
     if not kept.any():
         fault(packing.name, "no two spheres touch", "dump a packing under stress")
     return kept
+
+
+def _noted_error(packing: Packing, error: float, law: ProgramLaw, overlap: Floats) -> float:
+    """Return the error of overlaps over their median, or 0 where it moves nothing.
+
+    That is, where it is small, or where stiffnesses do not depend on overlaps and no two spheres
+    lie so near to touching that the digits decide whether they do.
+    """
+    relative = error / float(np.median(overlap))
+    if relative < NOTED_OVERLAP_ERROR:
+        return 0.0
+    if np.any(law.hertz) or np.any(law.grows):
+        return relative
+    nearer = replace(packing, radius=packing.radius + CERTAIN * error / 2).touching()
+    in_doubt = len(nearer.i) - int((overlap > CERTAIN * error).sum())
+    return relative if in_doubt else 0.0
 
 
 def _refuse_few_digits(

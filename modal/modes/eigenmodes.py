@@ -22,6 +22,7 @@ from modal.modes.unsymmetric import modes_at_an_end
 from modal.modes.ways import Question
 from modal.modes.zero_modes import FloppyModes
 from modal.packing.network import Network
+from modal.packing.precision import refuse_few_digits
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arguments import checked
 from modal.tools.arrays import Bools, Floats
@@ -101,8 +102,8 @@ def eigenmodes(
     Raises
     ------
     InputError
-        Where there are no such modes, or the search would take more than `hours` or the free
-        memory.
+        Where there are no such modes, the search would take more than `hours` or the free memory,
+        or the packing's overlaps are known to too few digits for single modes.
 
     Examples
     --------
@@ -113,6 +114,7 @@ def eigenmodes(
     >>> low.certified, low.mode_shape.shape
     (True, (3, 80, 6))
     """
+    refuse_few_digits(network)
     system = LinearSystem.of(
         network,
         pre_stress=pre_stress,

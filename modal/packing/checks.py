@@ -21,8 +21,9 @@ from modal.tools.errors import InputError
 
 ANGLE = 0.02
 """Between normal and branch, rad. Sound: up to 3e-5; a permuted normal: 0.1 to pi."""
-DEEPEST = 0.3
-"""Overlap over the smaller radius. Sound: up to 0.11; a radius for a diameter: 1."""
+DEEPEST = 0.95
+"""Overlap over the smaller radius, at 1 the centre of one lies on the surface of the other. Sound:
+up to 0.11, very soft spheres some tenths; diameters in place of radii: 1 and more."""
 WIDEST = 0.1
 """Gap over the sum of radii, across which cohesion may pull. A wrong particle or period: 1."""
 LEVER = 0.02
@@ -200,7 +201,10 @@ def _of_touching(network: Columns, branch: Floats) -> Faults:
     overlap = reach - distance
     fault = "joins places that do not touch: centres (or wall) further apart than the radii reach"
     yield "contact", overlap < -WIDEST * reach, fault
-    fault = f"has spheres that overlap by more than {DEEPEST:g} of the smaller radius"
+    fault = (
+        f"has spheres that overlap by more than {DEEPEST:g} of the smaller radius, the centre of "
+        "one nearly inside the other; give radii, not diameters, and the cell's periods"
+    )
     yield "contact", overlap > DEEPEST * smaller, fault
     fault = "has a normal that does not point from the centre of i to that of j, or to the wall"
     yield "contact", _dot(branch, normal) < np.cos(ANGLE) * distance, fault

@@ -10,7 +10,6 @@ from math import sqrt
 
 import numpy as np
 
-from modal.packing.checks import DEEPEST
 from modal.packing.contact_law import GLASS, RADIUS, Material
 from modal.packing.contact_models import ContactLaw, laws_of
 from modal.packing.neighbours import ContactList
@@ -23,6 +22,8 @@ from modal.tools.workload import refuse_above_memory
 
 SPHERE_BYTES = 2200.0
 """Memory for each sphere of a crystal while its contacts are listed, measured."""
+DEEPEST_OF_CRYSTAL = 0.3
+"""Overlap over the radius: beyond, no theory of contacts between small faces holds."""
 STEPS = np.array([(0, 0, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (1, 1, 0), (1, 1, 1)])
 """From a sphere to half of its neighbours: layers up, along y, along x. The layer above an even one
 is shifted by half a cell to the right, the one above an odd one to the left."""
@@ -47,13 +48,13 @@ class FccPacking:
         refuse_other_kinds(FccPacking, type(self).__name__, vars(self))
         if not 1e-30 < self.radius < 1e9:
             raise InputError(f"radius {self.radius:g}: give a positive number below 1e9, in m")
-        deepest = DEEPEST * self.radius
+        deepest = DEEPEST_OF_CRYSTAL * self.radius
         force = float(self.laws[0].normal_force(deepest, self.radius / 2))
         largest = 2 * sqrt(2) * force / (2 * self.radius - deepest) ** 2
         if not 0 < self.stress < largest:
             raise InputError(
                 f"stress {self.stress:g} Pa: outside 0 to {largest:.3g} Pa, where spheres of this "
-                f"material overlap by {DEEPEST:g} of the radius; give it in Pa"
+                f"material overlap by {DEEPEST_OF_CRYSTAL:g} of the radius; give it in Pa"
             )
 
     @property
@@ -162,10 +163,10 @@ def fcc(
         "take fewer; `tile` repeats a packing",
     )
     crystal = FccPacking(stress, radius, material)
-    if not periodic_z and crystal.wall_overlap > DEEPEST * radius:
+    if not periodic_z and crystal.wall_overlap > DEEPEST_OF_CRYSTAL * radius:
         raise InputError(
             f"stress {stress:g} Pa: spheres of this material overlap with the walls by more than "
-            f"{DEEPEST:g} of the radius; take less"
+            f"{DEEPEST_OF_CRYSTAL:g} of the radius; take less"
         )
     d, l_z = crystal.spacing, crystal.layer_distance
     z0 = l_z / 2 if periodic_z else radius - crystal.wall_overlap

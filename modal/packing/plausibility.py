@@ -14,6 +14,7 @@ from numpy.linalg import norm
 from modal.packing.checks import density_of, force_ratio, stiffness_ratio
 from modal.packing.neighbours import touching
 from modal.packing.network import Network
+from modal.packing.precision import MAX_OVERLAP_ERROR_OF_MODES, overlap_error
 from modal.packing.state import residual_forces, unevenness
 from modal.packing.summary import crystalline_shares
 from modal.tools.arrays import Floats
@@ -48,6 +49,8 @@ UNEVEN, TOLD = 0.1, 15.0
 of three); and diameters of length below which the walls' order makes them differ."""
 TOUCH = 0.1
 """Of the mean overlap: what two descriptions of it may differ by."""
+DEEP = 0.15
+"""Overlap over the smaller radius from which it is said: sound packings show up to 0.11."""
 SIMILAR = 5.0
 """Ratio of radii up to which overlapping pairs are sought among all neighbours."""
 SOLIDS = (100.0, 25_000.0)
@@ -66,16 +69,29 @@ def plausibility(network: Network, *, sought: bool = False, waves: bool = False)
     """
     density = density_of(network)
     told: dict[str, Any] = {"absent": network.absent, "density_kg_per_m3": _spread(density)}
-    remarks = [*_of_densities(density), *_of_shape(network, waves)]
+    remarks = [*_of_digits(network), *_of_densities(density), *_of_shape(network, waves)]
     if network.n_contacts:
-        if not sought and network.inertia_tensor is None:
-            remarks += _of_places(network)
+        if network.inertia_tensor is None:
+            remarks += _of_depth(network)
+            if not sought:
+                remarks += _of_places(network)
         remarks += [*_of_stiffnesses(network, told), *_of_forces(network, told)]
     return told | {"remarks": [text for unusual, text in remarks if unusual]}
 
 
 Remarks = Iterator[tuple[Any, str]]
 """One after the other: whether it is so, and what is said then."""
+
+
+def _of_digits(network: Network) -> Remarks:
+    """Overlaps that are known to few digits."""
+    error = overlap_error(network)
+    words = (
+        f"overlaps are known to {error:.2g} of the median one by the digits of positions: "
+        "velocities and moduli have an error for it, single modes are "
+    )
+    words += "not listed" if error > MAX_OVERLAP_ERROR_OF_MODES else "off by up to 2 %"
+    yield error > 0, words
 
 
 def _of_densities(density: Floats) -> Remarks:
@@ -130,6 +146,20 @@ def differing_thirds(network: Network) -> Remarks:
         "velocities, moduli and attenuation are of a part of it, or a mean"
     )
     yield UNEVEN < part < np.inf, words
+
+
+def _of_depth(network: Network) -> Remarks:
+    """Spheres so soft that the theory of contacts ends."""
+    i, j, pair = network.particle_i, network.partner, ~network.with_wall
+    reach = network.radius[i] + np.where(pair, network.radius[j], 0.0)
+    overlap = reach - norm(network.branch, axis=1)
+    smaller = np.minimum(network.radius[i], np.where(pair, network.radius[j], np.inf))
+    deepest = float((overlap / smaller).max())
+    words = (
+        f"very soft: overlaps up to {deepest:.2g} of the smaller radius; theory takes contacts as "
+        f"small against spheres and as independent of each other (overlaps below {DEEP:g})"
+    )
+    yield deepest > DEEP, words
 
 
 def _of_places(network: Network) -> Remarks:

@@ -15,6 +15,7 @@ from modal.packing import crystal as gallery
 from modal.packing.checks import _of_pairs
 from modal.packing.columns import COLUMNS
 from modal.packing.network import Network, read_network, write_network
+from modal.packing.plausibility import _of_depth
 from modal.packing.sample import Sample
 from modal.packing.tiling import repeat
 from modal.tools.errors import InputError
@@ -121,7 +122,11 @@ WRONG = {
     "walls in one place": (PLAIN, {"wall_position": times(0)}, "wall"),
     "walls changed places": (PLAIN, {"wall_position": lambda w: w[::-1]}, "wall"),
     "walls inside the packing": (PLAIN, {"wall_position": inner}, "beyond a wall"),
-    "a wall in a sphere": (PILE, {"wall_position": lambda w: w - [0, PILE.radius[0] / 2]}, "small"),
+    "a wall in a sphere": (
+        PILE,
+        {"wall_position": lambda w: w - [0, PILE.radius[0] / 2]},
+        "overlap",
+    ),
     "walls far away": (PLAIN, {"wall_position": lambda w: w + [-0.01, 0.01]}, "touch"),
     "walls of a period": (ROUND, {"wall_position": times(0)}, "bounds of the period"),
     "no period along z": (ROUND, {"cell_periodic": lambda _: [True, True, False]}, "not periodic"),
@@ -265,15 +270,21 @@ def test_pairs_of_a_hundred_thousand_spheres_are_told_apart():
 
 
 def test_overlaps_above_a_depth_are_refused():
-    """Of two spheres: 0.25 of a radius is taken, 0.35 is not; 0.3 is the limit."""
+    """Of two spheres: soft ones are taken and remarked on, up to a centre on a surface.
+
+    Diameters in place of radii overlap by 1 and more.
+    """
 
     def pair(overlap: float) -> Network:
         place = np.array([[2, 2, 2], [2, 2, 4 - overlap]])
         return Sample(place, np.full(2, 8.0), np.array([0, 8.0]), 0.1, radius=1.0).network()
 
-    assert pair(0.25).n_contacts == 1
-    with pytest.raises(InputError, match="overlap by more than 0.3 of the smaller radius"):
-        pair(0.35)
+    for overlap, soft in ((0.1, 0), (0.25, 1), (0.6, 1)):
+        network = pair(overlap)
+        assert network.n_contacts == 1
+        assert sum(bool(unusual) for unusual, _ in _of_depth(network)) == soft
+    with pytest.raises(InputError):
+        pair(1.0)
 
 
 @pytest.mark.parametrize("kept", [10, 100])
