@@ -3,11 +3,14 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+from modal.tools.visible import visible
+
 
 class InputError(ValueError):
     """A user's mistake; the message says in one line what is wrong, why, and what to do.
 
-    The command line prints it and ends with status 2.
+    The command line prints it and ends with status 2. Names and texts of files stand in it as a
+    terminal may show them: control characters are written as escapes.
 
     Attributes
     ----------
@@ -26,7 +29,7 @@ class InputError(ValueError):
     """
 
     def __init__(self, message: str = "", *, code: str = "input") -> None:
-        super().__init__(message)
+        super().__init__(visible(message))
         self.code = code
 
 
