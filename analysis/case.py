@@ -17,6 +17,7 @@ from typing import Any
 from analysis.agreement import OTHER_RUNS
 from analysis.estimators import structure_factor
 from modal.elasticity import moduli
+from modal.formats.attributes import read_attributes
 from modal.formats.hdf5 import complete, open_h5
 from modal.formats.provenance import Source, packing_of, read_provenance, require_same_packing
 from modal.modes import density, mode_set
@@ -185,7 +186,7 @@ def kind_of(path: str | Path) -> str:
     them.
     """
     with open_h5(path) as file, complete(path):
-        noted = {name: _text(value) for name, value in file.attrs.items()}
+        noted = {name: str(note) for name, note in read_attributes(file).items()}
         schema = noted.get("schema", "")
         choice = mode_set.Choice.of_attributes(noted if schema == mode_set.SCHEMA else {})
     if schema == mode_set.SCHEMA:
@@ -202,10 +203,6 @@ def kind_of(path: str | Path) -> str:
     if schema not in KIND_OF:
         raise InputError(f"{path}: schema is {schema!r}, of no product that a report reads")
     return KIND_OF[schema]
-
-
-def _text(value: object) -> str:
-    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
 def owner_of(path: Path, cases: list[Case]) -> Case:

@@ -24,7 +24,7 @@ from analysis.quantities.records import LOW_PASS, PERCENT
 from analysis.quantities.scattering import whole_ridge
 from analysis.quantities.velocity import longest
 from analysis.value import Value, estimate
-from modal.formats.hdf5 import write_text
+from modal.formats.whole_file import write_text
 from modal.tools.display import plain
 from modal.tools.errors import InputError
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.formats.hdf5 import write_text
+from modal.formats.whole_file import write_text
 
 
 @dataclass

@@ -23,7 +23,7 @@ import pytest
 from places import ROOT
 
 from modal.__main__ import main
-from modal.formats.hdf5 import HOST, refuse_unwritable
+from modal.formats.whole_file import HOST, refuse_unwritable
 from modal.packing import crystal as gallery
 from modal.packing.network import read_network, write_network
 from modal.packing.sample import read_sample
@@ -336,19 +336,70 @@ def test_full_disk_behind_the_terminal(to, status, tmp_path):
     assert done.stderr == refused * bool(status)
 
 
+def _part(folder: Path, host: str, number: int) -> Path:
+    """A partial file of the network in this folder, half written."""
+    part = folder / f".a.network.h5.{host}.{number:016x}.part"
+    part.write_bytes(b"half")
+    return part
+
+
 def test_parts_of_killed_processes_are_removed(tmp_path):
+    """Those that nobody has locked: another container has other numbers of processes."""
     path = tmp_path / "a.network.h5"
-    child = os.fork()
-    if child == 0:
-        os._exit(0)
-    os.waitpid(child, 0)
     other = f"{int(HOST, 16) ^ 1:08x}"  # a machine that writes to the same disk
-    parts = [f"{HOST}.{child}.0", f"{HOST}.1.0", f"{other}.{child}.0", str(child)]
-    dead, living, *elsewhere = (tmp_path / f".a.network.h5.{whose}.part" for whose in parts)
-    for part in (dead, living, *elsewhere):
-        part.write_bytes(b"half")
-    write_network(path, gallery.fcc(cells=(1, 1, 5)))
-    assert not dead.exists() and living.exists() and all(part.exists() for part in elsewhere)
+    dead, living, elsewhere = (_part(tmp_path, HOST, 0), _part(tmp_path, HOST, 1),
+                               _part(tmp_path, other, 0))  # fmt: skip
+    with living.open("rb") as writer:
+        fcntl.flock(writer, fcntl.LOCK_EX)
+        write_network(path, gallery.fcc(cells=(1, 1, 5)))
+        assert not dead.exists() and living.exists() and elsewhere.exists()
     assert read_network(path).n_particles == 5
     with pytest.raises(InputError):
         read_network(living)
+
+
+def test_a_partial_file_is_locked_new_and_under_a_name_that_none_foresees(tmp_path, monkeypatch):
+    """Links under all names of before lead to another's file, which stays as it was."""
+    victim, names = tmp_path / "victim", []
+    victim.write_text("precious")
+    for number in range(50):
+        link = tmp_path / f".a.network.h5.{HOST}.{os.getpid()}.{number}.part"
+        link.symlink_to(victim)
+
+    def replace(partial: Path, place: Path) -> None:
+        names.append(partial.name)
+        assert held(partial) and not partial.is_symlink()
+        os.rename(partial, place)
+
+    monkeypatch.setattr(os, "replace", replace)
+    for _ in range(2):
+        write_network(tmp_path / "a.network.h5", gallery.fcc(cells=(1, 1, 5)))
+    assert victim.read_text() == "precious" and len(set(names)) == 2
+
+
+def test_who_may_read_a_new_file_is_as_the_umask_says(tmp_path):
+    """And as it was of one that is written again."""
+    path, before = tmp_path / "a.network.h5", os.umask(0o027)
+    try:
+        write_network(path, gallery.fcc(cells=(1, 1, 5)))
+        assert path.stat().st_mode & 0o777 == 0o640
+        path.chmod(0o604)
+        write_network(path, gallery.fcc(cells=(1, 1, 5)))
+        assert path.stat().st_mode & 0o777 == 0o604
+    finally:
+        os.umask(before)
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root gives a link to another user")
+def test_a_link_of_another_user_is_not_followed(tmp_path):
+    """As Linux does not in /tmp; one of the folder's owner is."""
+    link, victim = tmp_path / "a.network.h5", tmp_path / "victim"
+    victim.write_text("precious")
+    link.symlink_to(victim)
+    os.lchown(link, 65534, 65534)
+    with pytest.raises(InputError) as refused:
+        write_network(link, gallery.fcc(cells=(1, 1, 5)))
+    assert refused.value.code == "foreign_link" and victim.read_text() == "precious"
+    os.chown(tmp_path, 65534, 65534)
+    write_network(link, gallery.fcc(cells=(1, 1, 5)))
+    assert link.is_symlink() and read_network(victim).n_particles == 5

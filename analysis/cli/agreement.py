@@ -6,8 +6,8 @@ from analysis.agreement import OTHER_RUNS, Agreement, report
 from modal.cli.options import Given, Option, output, say, typed
 from modal.cli.terminal import put
 from modal.exchange.registry import read
-from modal.formats.hdf5 import write_text
 from modal.formats.provenance import packing_of, require_same_packing
+from modal.formats.whole_file import write_text
 from modal.waves.signals import read_signals
 
 EXAMPLE = "agreement case02.network.h5 case02.signals.h5 -o agreement.md"

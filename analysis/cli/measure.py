@@ -8,7 +8,7 @@ from analysis.quantities.amplitude import AMPLITUDE
 from analysis.table import Table
 from modal.cli.options import Given, Group, NewFolder, Option, flag, output, say
 from modal.cli.terminal import json_text, put
-from modal.formats.hdf5 import write_text
+from modal.formats.whole_file import write_text
 
 EXAMPLE = "measure mine.network.h5 --quick"
 OF_PRODUCERS = "_yade", "_linear", "_over_d"

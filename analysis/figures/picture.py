@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.formats.hdf5 import write_text
+from modal.formats.whole_file import write_text
 from modal.tools.errors import InputError
 
 BLUE, ORANGE = "#0060a8", "#c05000"

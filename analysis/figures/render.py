@@ -16,7 +16,7 @@ from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullF
 from PIL import Image
 
 from analysis.figures.picture import Panel, Picture, Series, write_picture
-from modal.formats.hdf5 import write_whole
+from modal.formats.whole_file import write_whole
 
 STYLE = Path(__file__).with_name("paper.mplstyle")
 COLOURS = 256

@@ -21,8 +21,8 @@ from analysis.study.description import Study
 from analysis.study.targets import Rules
 from analysis.table import number
 from analysis.value import Value, estimate
-from modal.formats.hdf5 import sha256
 from modal.formats.provenance import read_provenance
+from modal.formats.whole_file import sha256
 from modal.tools.errors import InputError
 
 RESONANCES = 10

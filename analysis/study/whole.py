@@ -19,7 +19,7 @@ from analysis.study.description import Study
 from analysis.study.tables import tables, whole
 from analysis.study.targets import Rules, answers, second_verdicts, targets
 from analysis.table import Table, number
-from modal.formats.hdf5 import write_text
+from modal.formats.whole_file import write_text
 from modal.tools.errors import InputError
 
 

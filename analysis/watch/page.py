@@ -16,8 +16,8 @@ import numpy as np
 
 from modal.exchange.picture import VISIBLE, moving, sphere_stress
 from modal.exchange.registry import read
-from modal.formats.hdf5 import write_whole
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
+from modal.formats.whole_file import write_whole
 from modal.modes.mode_set import ModeSet
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network

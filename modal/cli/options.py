@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple, NoReturn
 
-from modal.formats.hdf5 import refuse_unwritable
+from modal.formats.whole_file import refuse_unwritable
 from modal.tools.errors import InputError, refuse_unknown
 
 Given = argparse.Namespace

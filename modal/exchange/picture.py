@@ -17,7 +17,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from modal.formats.hdf5 import open_h5, unwritable, write_whole
+from modal.formats.attributes import read_attributes
+from modal.formats.hdf5 import open_h5
+from modal.formats.whole_file import unwritable, write_whole
 from modal.modes.mode_set import SCHEMA as MODES
 from modal.modes.mode_set import ModeSet, read_modes
 from modal.packing.network import Network
@@ -47,7 +49,7 @@ def moving(
     of `read_signals`.
     """
     with open_h5(product) as file:
-        schema = file.attrs.get("schema")
+        schema = read_attributes(file).get("schema")
     if schema not in (MODES, SCHEMA, PLANE):
         raise InputError(f"{product}: neither signals nor modes; give *.signals.h5 or *.modes.h5")
     if schema != MODES:

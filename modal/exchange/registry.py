@@ -18,7 +18,7 @@ from modal.exchange import programs
 from modal.exchange.foreign import foreign_file
 from modal.exchange.import_result import ImportResult
 from modal.exchange.text import fault, open_bytes, shown
-from modal.formats.hdf5 import refuse_absent
+from modal.formats.whole_file import refuse_absent
 from modal.packing.network import Network
 from modal.packing.plausibility import plausibility
 from modal.tools.arguments import checked

@@ -17,7 +17,6 @@ The table is all that a format needs: files are written, read and refused by it 
 [('name', 'first'), ('place', None), ('time', array([0., 1., 2.]))]
 """
 
-import re
 from collections.abc import Callable, Container, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
@@ -27,10 +26,13 @@ from typing import Any, NamedTuple, get_type_hints
 import h5py
 import numpy as np
 
+from modal.formats.attributes import number_noted, read_attributes, write_attributes
 from modal.formats.hdf5 import atomic_h5, complete, named, open_h5, put
 from modal.formats.provenance import OF_PACKING, Provenance
+from modal.formats.storage import refuse_hidden, walk
 from modal.tools.arrays import Array
 from modal.tools.errors import InputError
+from modal.tools.units import plain_numbers, says
 
 CREATOR = "granular-wave-modes"
 OF_THE_FORMAT = ("schema", "schema_version", "creator", OF_PACKING)
@@ -44,8 +46,12 @@ KINDS = {
 """Of each kind of column: the kinds of array that are taken, its name, and what it is made. Complex
 numbers are stored as (..., 2), real and imaginary part."""
 STORED = {"f": np.float64, "i": np.int32, "b": np.bool_, "c": np.complex128}
-_SCALED = re.compile(r"\b([mcdnuµk]m|[mu]?g|t|[kMGm](N|Pa|Hz)|[munµ]s)\b")
-"""Units of other size than those of SI, as they stand in an attribute."""
+OF_UNITS = ("unit", "units")
+"""Names of attributes, in small letters, that say the unit of a dataset."""
+OF_PACKED = {"scale_factor": 1.0, "add_offset": 0.0}
+"""Attributes by which other programs pack numbers, and what these are where nothing is packed."""
+OF_MISSING = ("_FillValue", "missing_value")
+"""Attributes that name a number which stands for none."""
 
 
 class Column(NamedTuple):
@@ -64,37 +70,55 @@ class Column(NamedTuple):
     finite: bool = True
     since: int = 1
 
+    def check(self, name: str, given: Any, lengths: dict[int | str, int]) -> None:
+        """InputError where an array or a dataset has another kind or shape than this column.
+
+        Nothing of a dataset is read, whatever it says of itself.
+        """
+        taken, words, _ = KINDS[self.kind]
+        if given.dtype.kind not in taken:
+            fault = f"{name} is no array of {words}; write it as documented"
+            raise InputError(fault, code="wrong_kind")
+        if isinstance(given, h5py.Dataset):
+            refuse_hidden(given, name)
+        shape = self.shape if self.kind != "c" else (*self.shape, 2)
+        wanted = tuple(lengths.get(n, n) for n in shape)
+        pairs = zip(wanted, given.shape, strict=False)
+        if given.ndim != len(wanted) or any(w != n for w, n in pairs if not isinstance(w, str)):
+            fault = f"{name} has shape {given.shape}, expected {wanted}; mend it"
+            raise InputError(fault, code="wrong_shape")
+        lengths.update(zip(shape, given.shape, strict=True))
+
     def array(self, name: str, given: Any, lengths: dict[int | str, int], of: Any = ()) -> Array:
         """What is `given`, a dataset or like an array, as an array of this column; or InputError.
 
         `of` has the indices of the part that is taken. Lengths with a name are those in `lengths`,
         or new there. In memory whole numbers may keep 4 bytes: six times a number fits.
         """
-        taken, words, made = KINDS[self.kind]
         stored = isinstance(given, h5py.Dataset)
-        try:
-            given = given if stored else np.asarray(given)
-        except ValueError:  # rows of different lengths
-            given = np.array(None)
-        if given.dtype.kind not in taken:
-            raise InputError(f"{name} is no array of {words}; write it as documented")
-        shape = self.shape if self.kind != "c" else (*self.shape, 2)
-        wanted = tuple(lengths.get(n, n) for n in shape)
-        pairs = zip(wanted, given.shape, strict=False)
-        if given.ndim != len(wanted) or any(w != n for w, n in pairs if not isinstance(w, str)):
-            raise InputError(f"{name} has shape {given.shape}, expected {wanted}; mend it")
-        lengths.update(zip(shape, given.shape, strict=True))
+        if not stored:
+            given = _as_array(plain_numbers(given, name, self.unit))
+        self.check(name, given, lengths)
         data: Array = given[of]
         if self.kind == "i":
             data = _whole_numbers(name, data, keep=not stored)
         else:
-            data = data.astype(made, copy=False)
+            data = data.astype(KINDS[self.kind][2], copy=False)
         if self.kind == "c":
             data = data[..., 0] + 1j * data[..., 1]
         if self.finite and not np.isfinite(data).all():
             row = int(np.argwhere(~np.isfinite(data))[0, 0])
-            raise InputError(f"{name} is not finite in row {row}; make it again")
+            fault = f"{name} is not finite in row {row}; make it again"
+            raise InputError(fault, code="not_finite")
         return data
+
+
+def _as_array(given: Any) -> Array:
+    """What is given as an array; of no kind that a column has, where it is none."""
+    try:
+        return np.asarray(given)
+    except (TypeError, ValueError):  # rows of different lengths, or members that are no numbers
+        return np.array(None)
 
 
 @dataclass(frozen=True)
@@ -131,18 +155,20 @@ class Product:
         with atomic_h5(path) as file:
             if made:
                 made.write(file)
+            if self.others:
+                write_attributes(file, values[self.others])
             file.attrs.update(schema=self.schema, schema_version=version, creator=CREATOR)
-            file.attrs.update(values[self.others] if self.others else {})
             for name, convert in self.attributes.items():
                 if name not in usual and (name in values or name not in self.defaults):
-                    file.attrs[name] = convert(values[name])
+                    write_attributes(file, {name: convert(values[name])})
             for name, column in there.items():
-                data: Array = np.asarray(values[name]).astype(STORED[column.kind], copy=False)
+                given = plain_numbers(values[name], name, column.unit)
+                data: Array = np.asarray(given).astype(STORED[column.kind], copy=False)
                 if column.kind == "c":
                     data = np.stack([data.real, data.imag], axis=-1)
                 put(file, column.dataset, data, column.unit)
             for group in self.groups:
-                file.require_group(group).attrs.update(values[group])
+                write_attributes(file.require_group(group), values[group])
 
     def read(
         self, path: str | Path, leave: Container[str] = (), parts: Mapping[str, Any] | None = None
@@ -156,24 +182,32 @@ class Product:
             lengths: dict[int | str, int] = {}
             with named(path):
                 self._refuse_others(file)
-                for name, column in self.columns.items():
-                    absent = column.optional and column.dataset not in file
-                    part = (parts or {}).get(name, ())
-                    left = absent or name in leave
-                    values[name] = None if left else _column(file, column, lengths, part)
-            with complete(path):
-                for name, convert in self.attributes.items():
-                    if name in file.attrs or name not in self.defaults:
-                        values[name] = convert(file.attrs[name])
-                    else:
-                        values[name] = self.defaults[name]
+                folders = {column.dataset.rpartition("/")[0] for column in self.columns.values()}
+                for folder in {"", *(folders & {*file})}:
+                    _refuse_units(read_attributes(file[folder or "/"]), folder or "the file", "1")
+                values |= dict.fromkeys(self.columns)
+                there = {
+                    name: column
+                    for name, column in self.columns.items()
+                    if name not in leave and not (column.optional and column.dataset not in file)
+                }
+                for column in there.values():  # before memory is taken for what they say
+                    column.check(column.dataset, _dataset(file, column), lengths)
+                for name, column in there.items():
+                    values[name] = _numbers(file, column, lengths, (parts or {}).get(name, ()))
+                said = read_attributes(file)
                 # `file.get` would take a damaged group for an absent one.
                 for group in self.groups:
-                    values[group] = dict(file[group].attrs) if group in file else {}
+                    values[group] = read_attributes(file[group]) if group in file else {}
+            with complete(path):
+                for name, convert in self.attributes.items():
+                    if name in said or name not in self.defaults:
+                        values[name] = convert(said[name])
+                    else:
+                        values[name] = self.defaults[name]
             if self.others:
                 own = (*OF_THE_FORMAT, *self.attributes)
-                further = {name: said for name, said in file.attrs.items() if name not in own}
-                values[self.others] = further
+                values[self.others] = {name: note for name, note in said.items() if name not in own}
         return values
 
     def _refuse_others(self, file: h5py.File) -> None:
@@ -181,26 +215,26 @@ class Product:
 
         A column of a later program may change the answer; in version 1 there is none.
         """
-        schema, version = (file.attrs.get(name) for name in OF_THE_FORMAT[:2])
-        schema = schema.decode(errors="replace") if isinstance(schema, bytes) else schema
-        if not np.array_equal(schema, self.schema):
-            raise InputError(f"schema is {schema!r}, expected {self.schema!r}; wrong file?")
-        if not any(np.array_equal(version, known) for known in self.versions):
+        said = read_attributes(file)
+        schema, version = (said.get(name) for name in OF_THE_FORMAT[:2])
+        if not (isinstance(schema, str) and schema == self.schema):
+            fault = f"schema is {schema!r}, expected {self.schema!r}; wrong file?"
+            raise InputError(fault, code="schema")
+        number = number_noted(said, "schema_version")
+        if number not in self.versions:
             reads = f"this program reads {' and '.join(map(str, self.versions))}"
             do = "convert the file or update the program"
-            raise InputError(f"schema_version is {version}, {reads}; {do}")
-        if version == 1:
+            raise InputError(f"schema_version is {version}, {reads}; {do}", code="schema_version")
+        if number == 1:
             return
         known = {column.dataset for column in self.columns.values()}
-
-        def refuse(name: str, node: h5py.Group | h5py.Dataset) -> None:
-            if name not in known and isinstance(node, h5py.Dataset):
+        for name, node in walk(file):
+            if name not in known and not isinstance(node, h5py.Group):
                 raise InputError(
                     f"{name} is unknown to this program and may change the answer; update the "
-                    "program, or leave it out"
+                    "program, or leave it out",
+                    code="unknown_column",
                 )
-
-        file.visititems(refuse)
 
 
 def stored(folder: str, kind: str, *shape: int | str, name: str = "", **more: Any) -> Column:
@@ -255,14 +289,48 @@ def _whole_numbers(name: str, given: Array, keep: bool) -> Array:
     return given.astype(np.int64, copy=False)
 
 
-def _column(file: h5py.File, column: Column, lengths: dict[int | str, int], of: Any) -> Array:
-    """A column of a file, or a part `of` it, unless it is missing or says that it is not SI."""
+def _dataset(file: h5py.File, column: Column) -> h5py.Dataset:
+    """The dataset of a column, unless it is missing or says that it is not SI."""
     node = file.get(column.dataset)
     if not isinstance(node, h5py.Dataset):
-        raise InputError(f"dataset {column.dataset} is missing; write it as documented")
-    units = str(node.attrs.get("units", ""))
-    if _SCALED.search(units):
-        raise InputError(
-            f"{column.dataset} is in {units}; all numbers are SI: convert them to m, kg, s"
-        )
-    return column.array(column.dataset, node, lengths, of)
+        fault = f"dataset {column.dataset} is missing; write it as documented"
+        raise InputError(fault, code="missing_dataset")
+    _refuse_units(read_attributes(node), column.dataset, column.unit)
+    return node
+
+
+def _numbers(file: h5py.File, column: Column, lengths: dict[int | str, int], of: Any) -> Array:
+    """The numbers of a column, or a part `of` them; InputError where one stands for none."""
+    name, node = column.dataset, _dataset(file, column)
+    notes = read_attributes(node)
+    data = column.array(name, node, lengths, of)
+    for missing in OF_MISSING:
+        number = number_noted(notes, missing)
+        if number is not None and (data == number).any():
+            raise InputError(
+                f"{name} has the number {number:g}, which stands for none by its {missing}; give "
+                "a number there, or leave the column out",
+                code="masked",
+            )
+    return data
+
+
+def _refuse_units(notes: Mapping[str, Any], name: str, unit: str) -> None:
+    """InputError where the attributes of a dataset say that its numbers are no plain SI."""
+    for attribute, said in notes.items():
+        if attribute.lower() in OF_UNITS and not says(_text_of(said), unit):
+            raise InputError(
+                f"{name} is in {_text_of(said)!r}; all numbers are SI: convert them to m, kg, s, "
+                f"here {unit}, and say so or nothing",
+                code="unit",
+            )
+    for attribute, usual in OF_PACKED.items():
+        if attribute in notes and number_noted(notes, attribute) != usual:
+            raise InputError(
+                f"{name} is packed by its {attribute}; write the numbers themselves", code="unit"
+            )
+
+
+def _text_of(said: Any) -> str:
+    """What an attribute says, also as a list of one text."""
+    return str(said[0] if isinstance(said, list | np.ndarray) and len(said) == 1 else said)

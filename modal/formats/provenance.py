@@ -18,7 +18,9 @@ from typing import Any
 
 import h5py
 
-from modal.formats.hdf5 import complete, open_h5, refuse_absent, sha256
+from modal.formats.attributes import read_attributes, write_attributes
+from modal.formats.hdf5 import complete, open_h5
+from modal.formats.whole_file import refuse_absent, sha256
 from modal.tools.display import plain
 from modal.tools.errors import InputError
 
@@ -98,7 +100,7 @@ class Provenance:
 
     def write(self, file: h5py.File) -> None:
         """Write the group, and of which packing it is, into a file that is open for writing."""
-        file.require_group(GROUP).attrs.update(self.attributes())
+        write_attributes(file.require_group(GROUP), self.attributes())
         for source in self.packing[:1]:
             file.attrs[OF_PACKING] = source.sha256
 
@@ -137,14 +139,14 @@ def command_line(program: str, arguments: Sequence[str]) -> str:
 def read_provenance(path: str | Path) -> Provenance:
     """What a product says of itself; files of earlier versions at least name their packing."""
     with open_h5(path) as file:
-        said = dict(file[GROUP].attrs) if GROUP in file else {}
-        digest = str(file.attrs.get(OF_PACKING, ""))
-        schema = file.attrs.get("schema")
+        said = read_attributes(file[GROUP]) if GROUP in file else {}
+        at_root = read_attributes(file)
+    digest, schema = str(at_root.get(OF_PACKING, "")), at_root.get("schema")
     made = Provenance(str(said.get("command", "")), versions=str(said.get("versions", "")))
     if "settings" in said and "sources" in said:
         with complete(path):
-            sources = tuple(Source(**source) for source in json.loads(said["sources"]))
-            made = replace(made, settings=json.loads(said["settings"]), sources=sources)
+            sources = tuple(_source_of(each) for each in json.loads(said["sources"]))
+            made = replace(made, settings=dict(json.loads(said["settings"])), sources=sources)
         if digest and digest not in [source.sha256 for source in made.packing[:1]]:
             raise InputError(
                 f"{path}: names a network as its own that is not the packing among its sources; "
@@ -157,6 +159,14 @@ def read_provenance(path: str | Path) -> Provenance:
         role, name = PACKING if schema == NETWORK_SCHEMA else STATE, str(said.get("parent", ""))
         made = replace(made, sources=(Source(role, name, str(said["parent_sha256"])),))
     return made
+
+
+def _source_of(said: Mapping[str, Any]) -> Source:
+    """The source that a file names; ValueError where it is no three texts."""
+    source = Source(**said)
+    if not all(isinstance(text, str) for text in vars(source).values()):
+        raise ValueError("a source is no three texts")
+    return source
 
 
 def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) -> Provenance:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from modal.formats.hdf5 import complete
 from modal.formats.product import product_of, stored
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
@@ -20,6 +21,8 @@ from modal.tools.errors import InputError
 
 SCHEMA = "granular-modes"
 VERSION = 1
+WHOLE_NUMBERS = {"certified", "missing", "floppy_modes", "unstable_modes"}
+"""Attributes of a list, the first of them 0 or 1."""
 OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
 """Columns of a list of modes, besides its frequencies."""
 
@@ -312,6 +315,10 @@ def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
     True
     """
     modes = ModeSet(**FORMAT.read(path, leave=() if shapes else ("mode_shape",)))
+    with complete(path):
+        Choice.of_attributes(modes.attributes)
+        for name in WHOLE_NUMBERS & modes.attributes.keys():
+            modes.attributes[name] = int(modes.attributes[name])
     if (np.diff(modes.frequency) < 0).any():
         raise InputError(f"{path}: frequency is not in ascending order; make it again")
     along = np.isnan(modes.chi_z_chain)

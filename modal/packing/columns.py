@@ -7,6 +7,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
+from modal.formats.attributes import number_noted
 from modal.formats.product import columns_of, stored
 from modal.formats.provenance import NETWORK_SCHEMA
 from modal.tools.arrays import Array, Bools, Floats, Ints
@@ -137,10 +138,8 @@ class Columns:
 
     def noted(self, name: str) -> float | None:
         """The positive number that the free notes in `study` give under this name, or None."""
-        said = self.study.get(name)
-        if isinstance(said, int | float | np.number) and 0 < said < np.inf:
-            return float(said)
-        return None
+        number = number_noted(self.study, name)
+        return number if number is not None and number > 0 else None
 
     def unchecked(self, **columns: Array | None) -> Self:
         """The same with other columns, which nobody checks: for those that follow from sound ones.

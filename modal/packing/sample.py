@@ -5,12 +5,14 @@ normals and stiffnesses follow from the positions; only shear forces, which depe
 kept, as two components in a frame that follows from the normal.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
+from modal.formats.attributes import number_noted
 from modal.formats.hdf5 import named
 from modal.formats.product import Column, Product, columns_of, stored
 from modal.packing.checks import Faults, density_of, refuse
@@ -32,6 +34,8 @@ ANOTHER = 1e-6
 """Of the mean stiffness: a contact so far from the law's is another law's."""
 SPIN = "rad/s"
 ELASTIC = ("young", "poisson")
+OF_WALLS = ("wall_young", "wall_poisson")
+"""The same of walls, as attributes and notes."""
 
 
 @dataclass
@@ -230,8 +234,10 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     """
     radius, density = network.radius, density_of(network)
     alike, noted = bool((radius == radius[0]).all()), network.study
-    own = {name: type(usual)(noted.get(name, usual)) for name, usual in vars(GLASS).items()}
-    material = Material(**own)
+    own = {name: number_noted(noted, name) for name in (*ELASTIC, "density")}
+    known = {name: number for name, number in own.items() if number is not None}
+    model = str(noted.get("contact_model", HERTZ_MINDLIN))
+    material = replace(GLASS, contact_model=model, **known)
     mixed = abs(density / material.density - 1).max() > UNEQUAL
     sample = Sample(
         position=network.position.copy(),
@@ -242,7 +248,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
         radii=None if alike else radius.copy(),
         material=material,
         densities=density if mixed else None,
-        wall_material=_wall_material(noted),
+        wall_material=_wall_material({name: number_noted(noted, name) for name in OF_WALLS}),
         periodic_z=bool(network.cell_periodic[2]),
         periodic_sides=(bool(network.cell_periodic[0]), bool(network.cell_periodic[1])),
         study=noted,
@@ -273,11 +279,15 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     return sample
 
 
-def _wall_material(notes: dict[str, Any]) -> Elasticity | None:
+def _wall_material(notes: Mapping[str, float | None]) -> Elasticity | None:
     """The walls' own material, as notes or a file's attributes tell it; None without."""
-    if notes.get("wall_young") is None:
+    young, poisson = (notes.get(f"wall_{name}") for name in ELASTIC)
+    if young is None and poisson is None:
         return None
-    return Elasticity(float(notes["wall_young"]), float(notes["wall_poisson"]))
+    if young is None or poisson is None:
+        fault = "one of wall_young and wall_poisson lacks; give both, or none"
+        raise InputError(fault, code="incomplete")
+    return Elasticity(young, poisson)
 
 
 def write_sample(path: str | Path, sample: Sample) -> None:
@@ -314,12 +324,11 @@ def write_sample(path: str | Path, sample: Sample) -> None:
 def read_sample(path: str | Path) -> Sample:
     """Read and validate a sample; raises InputError with one line for anything wrong."""
     said = FORMAT.read(path)
-    walls = _wall_material(said)
+    with named(path):
+        walls = _wall_material({name: said.pop(name) for name in OF_WALLS})
     material = Material(**{name: said.pop(name) for name in vars(GLASS)})
     if said["radii"] is not None:
         said["radius"] = float(said["radii"].mean())
-    for name in ELASTIC:
-        del said[f"wall_{name}"]
     periodic = said.pop("period") is not None
     sample = Sample(**said, periodic_z=periodic, material=material, wall_material=walls)
     validate(sample, str(path))

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.formats.hdf5 import write_text
+from modal.formats.whole_file import write_text
 from modal.packing.contact_law import sphere_volume
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rattlers import force_bearing

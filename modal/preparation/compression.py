@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from modal.dem.motion import Dynamics
+from modal.formats.attributes import number_noted
 from modal.formats.provenance import Provenance
 from modal.packing.sample import Sample, read_sample, validate, void_ratio, write_sample
 from modal.preparation import protocol
@@ -131,7 +132,7 @@ def run_to_checkpoint(sample: Sample, stage: Stage, begin: Begin, say: Say) -> t
     """The sample at the next checkpoint after `sample`, and whether the stage is over."""
     started, before = time.perf_counter(), dict(sample.study)
     packing = begin(sample, stage)
-    seconds, settled, ended = reach(packing, stage, before.get("stage_time", 0.0), say)
+    seconds, settled, ended = reach(packing, stage, number_noted(before, "stage_time") or 0.0, say)
     found: dict[str, Any] = {"stage_time": seconds, "unbalanced": packing.unbalanced()}
     found |= zip(AXES, stage.control.stress, strict=True)
     if stage.is_state:
@@ -248,7 +249,8 @@ def _cost(
     spent = {"steps": packing.steps, "seconds": time.perf_counter() - started}
     for name, value in spent.items():
         for key in (f"{name}_{stage}", name):
-            found[key] = value + before.get(key, 0)
+            known = number_noted(before, key) is not None
+            found[key] = value + (before[key] if known else 0)
     return found
 
 
@@ -258,7 +260,12 @@ def _way_so_far(checkpoint: Path, sample: Sample, stages: list[str]) -> list[str
     A path that was at its end, or on its way to a stress, may be given further ones later.
     InputError where it has come another way than the `stages`, or is on its way elsewhere.
     """
-    stage, way = sample.study["stage"], str(sample.study.pop("way", "")).split(WAY)
+    stage, way = sample.study.get("stage"), str(sample.study.pop("way", "")).split(WAY)
+    if not isinstance(stage, str):
+        raise InputError(
+            f"{checkpoint}: it does not say at which stage it is; move it away, and begin anew",
+            code="incomplete",
+        )
     known = [name for name in stages if name in way]
     ahead = stages[len(known) :]
     straight = known == stages[: len(known)] == [name for name in way if name in known]

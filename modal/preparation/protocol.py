@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from modal.formats.provenance import Provenance, versions
 from modal.packing.neighbours import refuse_more_than_fit
 from modal.preparation.durations import STABILITY, duration, inertial_time, time_step
@@ -215,10 +217,11 @@ class Study:
         own = {name: getattr(self, name) for name in UNSAID}
         found = UNSAID | found
         for name, value in (own | self.attributes).items():
-            if found.get(name) != value:
+            if not np.array_equal(np.asarray(found.get(name)), np.asarray(value)):
                 raise InputError(
                     f"{path}: it belongs to another study ({name} is {found.get(name)}, not "
-                    f"{value}); move it away or take another folder"
+                    f"{value}); move it away or take another folder",
+                    code="other_study",
                 )
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from modal.dem.contacts import MovingContacts
 from modal.dem.motion import DampedMotion
+from modal.formats.attributes import number_noted
 from modal.packing.sample import Sample
 from modal.packing.state import friction_used, residual_forces, sizes_of_loads
 from modal.solvers.conjugate_gradients import conjugate_gradients
@@ -124,7 +125,9 @@ def relax(
             "give a positive one"
         )
     limit = RESERVE * sample.friction
-    limit = min(limit, float(sample.study.get("mu_comp", 0.0)) or limit)
+    of_compression = number_noted(sample.study, "mu_comp")
+    if of_compression is not None and of_compression > 0:
+        limit = min(limit, of_compression)
     contacts = MovingContacts(sample, limit)
     if contacts.touching == 0:
         raise InputError("the sample has no contacts; compress it before it is brought to rest")

@@ -15,6 +15,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from modal.formats.attributes import read_attributes
 from modal.formats.hdf5 import complete, open_h5
 from modal.formats.product import Column, Product, product_of
 from modal.formats.provenance import Provenance
@@ -72,21 +73,29 @@ def write_recording(
     product: Product, path: str | Path, values: Mapping[str, Any], made: Provenance | None
 ) -> None:
     """Write what is there, torsion in its own units; what is empty is left out."""
-    columns = dict(product.columns)
-    if values["direction"] == TORSION:
-        for name, column in columns.items():
-            unit, *per = column.unit.split("/")
-            columns[name] = along(column, unit="/".join([TWISTED.get(unit, unit), *per]))
     there = {
-        name: None if name in columns and np.size(value) == 0 else value
+        name: None if name in product.columns and np.size(value) == 0 else value
         for name, value in values.items()
     }
-    replace(product, columns=columns).write(path, there, made)
+    _of_direction(product, values["direction"]).write(path, there, made)
+
+
+def _of_direction(product: Product, direction: str) -> Product:
+    """Return the format of a recording along a direction: torsion has units of its own."""
+    if direction != TORSION:
+        return product
+    columns = dict(product.columns)
+    for name, column in columns.items():
+        unit, *per = column.unit.split("/")
+        columns[name] = along(column, unit="/".join([TWISTED.get(unit, unit), *per]))
+    return replace(product, columns=columns)
 
 
 def read_recording(product: Product, path: str | Path) -> dict[str, Any]:
     """All values that are there; InputError for anything wrong."""
-    said = product.read(path)
+    with open_h5(path) as file:
+        direction = read_attributes(file).get("direction", "z")
+    said = _of_direction(product, direction).read(path)
     if said["direction"] not in COMPONENT:
         known = ", ".join(COMPONENT)
         raise InputError(f"{path}: direction {said['direction']!r} is none of {known}; mend it")
@@ -279,7 +288,7 @@ def read_signals(path: str | Path, *, of_any_source: bool = False) -> Signals:
     'linear'
     """
     with open_h5(path) as file:
-        plane = of_any_source and file.attrs.get("schema") == PLANE
+        plane = of_any_source and read_attributes(file).get("schema") == PLANE
     signals = Signals(**(_of_plane if plane else _said)(path))
     if not (signals.from_wall_to_wall or of_any_source):
         raise InputError(f"{path}: not of a wave from wall to wall; only `export` shows it")

@@ -18,8 +18,8 @@ from analysis.case import Case
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES
 from modal.__main__ import main
-from modal.formats.hdf5 import sha256
 from modal.formats.provenance import read_provenance
+from modal.formats.whole_file import sha256
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.waves.energy_balance import EnergyBalance

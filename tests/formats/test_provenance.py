@@ -15,7 +15,6 @@ import pytest
 from places import ROOT, SHEARED
 
 from modal.__main__ import main
-from modal.formats.hdf5 import sha256
 from modal.formats.provenance import (
     Provenance,
     changes,
@@ -23,6 +22,7 @@ from modal.formats.provenance import (
     read_provenance,
     require_same_packing,
 )
+from modal.formats.whole_file import sha256
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.packing.sample import Sample, read_sample, write_sample

@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 from scipy.special import ndtr
 
 from modal.__main__ import main
-from modal.formats.hdf5 import sha256
+from modal.formats.whole_file import sha256
 from modal.modes.density import DensityOfStates, density_of_states, read_density
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network

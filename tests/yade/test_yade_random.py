@@ -8,8 +8,8 @@ import pytest
 from in_yade import run, start, write_highest
 
 from modal.__main__ import main
-from modal.formats.hdf5 import sha256
 from modal.formats.provenance import packing_of, read_provenance
+from modal.formats.whole_file import sha256
 from modal.packing.network import read_network
 from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.packing.state import stress_tensor
