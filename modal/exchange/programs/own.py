@@ -6,6 +6,7 @@ The contacts of a sample are sought when it is read.
 from collections.abc import Mapping
 from pathlib import Path
 
+from modal.exchange.hdf5_files import refuse_other_hdf5
 from modal.exchange.import_result import ImportResult
 from modal.exchange.registry import Option
 from modal.formats.hdf5 import named
@@ -30,6 +31,7 @@ def sniff(path: Path, head: bytes) -> bool:
 def read(path: Path) -> ImportResult:
     """The network as it stands in the file, or of the springs that the sample's positions make."""
     if not is_sample(path):
+        refuse_other_hdf5(path)
         return ImportResult(read_network(path))
     sample = read_sample(path)
     with named(path):
