@@ -11,6 +11,7 @@ from contextlib import suppress
 import numpy as np
 import scipy.sparse as sp
 
+from modal.modes.effort import PRODUCT, factorisation, refuse_endless_search
 from modal.modes.observables import Piece
 from modal.solvers.factor import Factor, SingularError
 from modal.solvers.lanczos import (
@@ -25,13 +26,18 @@ from modal.solvers.low_end import LowEnd
 from modal.solvers.spectrum import dot, top_mode
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.memory import memory_at_hand
 
 ABOVE = 1e-7
 """Distance of the shift from the highest mode, at least, relative to its omega^2."""
 PRODUCTS = 300
-"""Products with A after which the highest mode is looked for about a shift instead."""
+"""Products with A after which the highest mode is looked for about a shift instead, unless the
+factor costs more: that of a long, narrow packing costs a few hundred products, of a wide one
+thousands."""
 PRODUCTS_EACH = 30
-"""The same for each further mode. A factor costs about as much as a few hundred products."""
+"""The same for each further mode."""
+MAX_PRODUCTS = 20_000
+"""Products with A that are made at most: so many separate omega^2 that differ by 1e-6."""
 NEAR_ZERO = 1e3
 """Times the threshold of zero: up to there a search may have found a zero mode, to its round-off.
 Which ones are is told by their Rayleigh quotients, whose error is the square of a vector's."""
@@ -95,6 +101,14 @@ class FromTop:
             self.highest = max(self.highest, top.square.max())
             if top.converged.all():
                 return top
+            refuse_endless_search(
+                self.system,
+                factorisation(self.system, kept=True),
+                f"the modes at the top lie too close for {self._most_products(count)} products "
+                "with K, and solves about a shift take",
+                "take a shorter or narrower packing, or ask for the density of states, which "
+                "shows where the spectrum ends",
+            )
             self.about = self._above(self.highest, self.highest - top.square.min())
         if self.about is None:
             self.about = self._above(self.system.bound, 0.0)
@@ -103,13 +117,21 @@ class FromTop:
 
     def _by_products(self, count: int, held: Held) -> Nearest:
         """The highest modes as far as a limited number of products finds them."""
-        most = PRODUCTS + PRODUCTS_EACH * count
+        most = self._most_products(count)
         if count == 1 and held.free == self.system.size:
             operator = self.system.renumbered
             top = top_mode(operator, most)
             top.vector = operator.outward(top.vector[:, 0])[:, None]
             return top
         return modes_from_top(self.system.operator.apply, count, held, most)
+
+    def _most_products(self, count: int) -> int:
+        """Return how many products with A cost as much as the factor that would be needed else."""
+        factor = factorisation(self.system, kept=True)
+        affordable = factor.operations / (PRODUCT * self.system.size)
+        if factor.bytes > memory_at_hand():
+            affordable = MAX_PRODUCTS
+        return max(PRODUCTS + PRODUCTS_EACH * count, min(int(affordable), MAX_PRODUCTS))
 
     def _above(self, highest: float, reach: float) -> AboutShift:
         """About a shift above the `highest` omega^2 that is known, by `reach` at least.

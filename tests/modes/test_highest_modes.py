@@ -10,12 +10,13 @@ from packings import columns_side_by_side, disordered
 
 from modal.__main__ import main
 from modal.modes import search
-from modal.modes.eigenmodes import modes_of
+from modal.modes.eigenmodes import eigenmodes, modes_of
 from modal.modes.mode_set import read_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
 from modal.solvers.factor import available
 from modal.system.linear_system import LinearSystem, frequency_of
+from modal.tools.errors import InputError
 
 pytestmark = pytest.mark.two_ways
 
@@ -109,3 +110,35 @@ def test_a_long_column_goes_on_about_a_shift(layers, count, certify):
     assert "solves" in found.attributes["solver"] and found.certified == certify
     # omega^2 of products that have converged to 1e-10, and of a dense solution to round-off.
     assert found.frequency == pytest.approx(frequency_of(dense_squares(system))[-count:], rel=1e-9)
+
+
+def test_the_top_of_a_crystal_is_found_by_products_where_no_factor_fits(monkeypatch):
+    """Its modes lie a millionth apart: hundreds of products, and no factor; exact: all modes."""
+    exact = eigenmodes(gallery.fcc(cells=(1, 1, 210)), all=True).frequency
+
+    def refuse(*_):
+        raise AssertionError("a shift was taken")
+
+    monkeypatch.setattr(search, "AboutShift", refuse)
+    monkeypatch.setattr(search, "memory_at_hand", lambda: 1e3)
+    crystal = gallery.fcc(cells=(1, 1, 210))
+    for count in (1, 2):
+        modes = eigenmodes(crystal, highest=count, certify=False)
+        assert modes.frequency == pytest.approx(exact[-count:], rel=1e-9)
+        assert modes.attributes["solver"] == "lanczos, products"
+
+
+def test_a_top_too_dense_for_products_is_refused_before_a_matrix_is_made(monkeypatch):
+    """What would not fit is known from its estimate; the matrix alone may fill the memory."""
+
+    def refuse(*_):
+        raise AssertionError("a matrix was assembled")
+
+    monkeypatch.setattr(LinearSystem, "assembled", refuse)
+    monkeypatch.setattr(search, "MAX_PRODUCTS", 20)
+    monkeypatch.setattr(search, "PRODUCTS", 5)
+    monkeypatch.setattr(search, "PRODUCTS_EACH", 5)
+    monkeypatch.setattr("modal.tools.workload.memory_at_hand", lambda: 1e6)
+    with pytest.raises(InputError) as refused:
+        eigenmodes(gallery.fcc(cells=(1, 1, 210)), highest=1)
+    assert refused.value.code == "too_large"
