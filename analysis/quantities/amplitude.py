@@ -13,7 +13,7 @@ import numpy as np
 
 import modal
 from analysis.estimators.coherent import PASSAGES
-from analysis.measuring import Measuring, once
+from analysis.measuring import INTERVAL, Measuring, once
 from analysis.quantities.registry import on_request
 from analysis.value import Value
 from modal.tools.arrays import Floats
@@ -52,7 +52,9 @@ def finite(m: Measuring) -> dict[str, Floats]:
         )
     frequency, rows = (m.source or m.pulse).frequency, []
     duration = PASSAGES / (m.affine_frequency * m.diameter / m.network.length)
-    wave = partial(modal.propagate, m.sample, duration)
+    # In times of the packing's own: the second harmonic has eight records a period.
+    interval = INTERVAL / 2 / m.affine_frequency
+    wave = partial(modal.propagate, m.sample, duration, interval=interval)
     for size in m.amplitudes:
         ahead = wave(nonlinear=True, motion=Pulse(size, frequency))
         # All three in the same steps: their common error is none of the amplitude's.
