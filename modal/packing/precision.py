@@ -10,7 +10,7 @@ import numpy as np
 
 from modal.packing.network import Network
 from modal.tools.arrays import Floats
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 OVERLAP_ERROR = "overlap_error"
 """Note of a network: root mean square error of its overlaps over their median."""
@@ -31,7 +31,7 @@ def refuse_few_digits(network: Network) -> None:
     """Raise InputError where overlaps are not known well enough for single modes."""
     error = overlap_error(network)
     if error > MAX_OVERLAP_ERROR_OF_MODES:
-        raise InputError(
+        raise UnavailableError(
             f"overlaps are known to {error:.1%} alone, by the digits of positions: single modes "
             "would be off by several percent; write positions with more digits (17 are all), or "
             "contacts with their forces, and import them again; moduli, wave, density and measure "
