@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from analysis.case import WAVES, Case, cases_of_files, kind_of, owner_of
+from analysis.caveats import Caveat
 from analysis.mean import mean_of_values
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES
@@ -43,7 +44,7 @@ class Measurement(dict[str, Value]):
     def __str__(self) -> str:
         """A line a quantity, then what to know, with the quantities that it is about."""
         lines = [table([(name, value.text()) for name, value in self.items()])] if self else []
-        about: dict[str, list[str]] = {}
+        about: dict[Caveat, list[str]] = {}
         for name, value in self.items():
             for caveat in value.caveats:
                 about.setdefault(caveat, []).append(name)
@@ -220,17 +221,17 @@ def mean_of(measurements: Sequence[Measurement]) -> Measurement:
         each = [m[name] for m in measurements if m[name].known]
         if not each:
             continue
-        one = len(each) == 1
-        caveats = [c for v in each for c in v.caveats if one or not c.startswith("one sample")]
-        caveats.append(f"mean of {len(each)} of {len(measurements)} packings")
+        caveats = [caveat for value in each for caveat in value.caveats]
+        if len(each) > 1:
+            caveats = [caveat for caveat in caveats if caveat.code != "one_sample"]
+        caveats.append(Caveat("mean", {"known": len(each), "packings": len(measurements)}))
         if np.ndim(first.value):
-            caveats.append("known where all of the packings have it")
+            caveats.append(Caveat("common_frequencies"))
         values[name] = mean_of_values(each).with_caveats(*caveats)
     return Measurement(values)
 
 
 def no_mean(measurements: Sequence[Measurement], apart: Sequence[Difference]) -> Measurement:
     """Return no number for any quantity, but in which properties the packings differ."""
-    reason = "no samples of one state, which alone have a mean: they differ in "
-    reason += "; ".join(map(str, apart))
-    return Measurement({name: unknown(v.unit, reason) for name, v in measurements[0].items()})
+    caveat = Caveat("unlike", {"properties": "; ".join(map(str, apart))})
+    return Measurement({name: unknown(v.unit, caveat) for name, v in measurements[0].items()})

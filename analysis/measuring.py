@@ -16,6 +16,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from analysis.case import WAVES, AbsentError, Case
+from analysis.caveats import Caveat
 from analysis.estimators.coherent import PASSAGES
 from analysis.estimators.damped_transform import UNEVEN, layer_distance
 from analysis.estimators.effective_medium import velocity_of_contacts
@@ -88,7 +89,7 @@ class Measuring:
     amplitudes: Sequence[float] = ()
     stated: dict[str, tuple[float, float]] = field(default_factory=dict)
     found: dict[Any, Any] = field(default_factory=dict)
-    not_kept: list[str] = field(default_factory=list)
+    not_kept: list[Caveat] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Damaged waves are refused at once."""
@@ -214,27 +215,28 @@ class Measuring:
         return crystalline_shares(self.network)
 
     @cached_property
-    def of_one_sample(self) -> tuple[str, ...]:
+    def of_one_sample(self) -> tuple[Caveat, ...]:
         """What to know of every quantity of this one packing."""
         if self.crystal:
             return ()
-        caveats = ["one sample: how samples differ is not in the error; measure further seeds"]
+        caveats = [Caveat("one_sample")]
         if self.unsettled:
-            caveats.append(f"not in equilibrium: {self.unsettled}")
+            caveats.append(Caveat("unsettled", {"excess": self.unsettled}))
         own = self.crystalline
         share = own.get("crystalline_share_of_bulk", own.get("crystalline_share", 0.0))
         if share > CRYSTALLINE:
-            caveats.append(f"crystalline: {100 * share:.0f} % of the bulk; no random packing")
-        caveats += [text for unusual, text in differing_thirds(self.network) if unusual]
+            caveats.append(Caveat("crystalline", {"share": share}))
+        for unusual, text in differing_thirds(self.network):
+            if unusual:
+                caveats.append(Caveat("uneven", {"text": text}))
         return tuple(caveats)
 
     @cached_property
-    def of_waves(self) -> tuple[str, ...]:
+    def of_waves(self) -> tuple[Caveat, ...]:
         """The same of what is read from waves, which a narrow packing guides."""
         if self.crystal or self.width >= WIDE:
             return self.of_one_sample
-        text = f"narrow: {self.width:.1f} D wide; waves longer than that feel their images"
-        return (*self.of_one_sample, text)
+        return (*self.of_one_sample, Caveat("narrow", {"width": self.width}))
 
     @cached_property
     def records(self) -> list[Signals]:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from analysis.case import Case
+from analysis.caveats import Caveat
 from analysis.estimators.structure_factor import structure_factor, write_structure
 from analysis.measuring import Measuring, once
 from modal.formats.provenance import Provenance, is_current
@@ -58,7 +59,7 @@ def kept_file(m: Measuring, kind: str) -> Any:
             try:
                 write_network(packing, m.network)
             except InputError as error:
-                m.not_kept.append(f"not kept: {error}")
+                m.not_kept.append(Caveat("not_kept", {"reason": str(error)}))
                 return None
     else:
         name, packing = case.name, case.packing_path
@@ -73,7 +74,7 @@ def kept_file(m: Measuring, kind: str) -> Any:
         try:
             MADE[kind][1](path, spectrum, how)
         except InputError as error:
-            m.not_kept.append(f"not kept: {error}")
+            m.not_kept.append(Caveat("not_kept", {"reason": str(error)}))
             return as_read(kind, spectrum)
     own.files = {of: packing, kind: path}
     return own.read(kind)

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.case import ABSENT
 from analysis.measuring import Measuring, once
 from analysis.quantities import QUANTITIES, gain, records, spectrum
 from analysis.quantities.records import LOW_PASS, PERCENT
@@ -122,10 +121,11 @@ class Row:
             error = factor * value.error or np.nan
             self.values[column] = estimate(factor * value.value, error, factor * value.common_error)
             if name in keys:
-                self.flat[keys[name]] = value.known and not value.caveats
+                self.flat[keys[name]] = value.plateau is True
             if not value.known:
-                told = (f"{column}: {caveat}" for caveat in value.caveats if caveat != ABSENT)
-                self.notes += told
+                for caveat in value.caveats:
+                    if caveat.code != "absent":
+                        self.notes.append(f"{column}: {caveat}")
 
 
 @once

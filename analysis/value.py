@@ -1,4 +1,4 @@
-"""A measured value with its error, the parts of that error, and what to know before quoting it."""
+"""Hold a measured value with its error, the parts of that error, and its caveats."""
 
 from __future__ import annotations
 
@@ -8,36 +8,42 @@ from typing import Any
 
 import numpy as np
 
+from analysis.caveats import Caveat
 from modal.tools.arrays import Floats
 from modal.tools.display import plain, quantity, scaled
 
-FEW = 3
-"""Numbers over frequency that are all told; of more the first and the last."""
+MAX_LISTED_NUMBERS = 3
+"""Numbers over frequency that are all printed; of longer arrays the first and the last are."""
+MIN_PRINTED_RELATIVE_ERROR = 1e-6
+"""A smaller error is not printed."""
 COMMON = "length"
 """The part of an error that all packings share, as that they are short: no mean makes it less."""
 
 
 @dataclass(frozen=True)
 class Value:
-    """What was measured, in SI units; NaN where it is not known, and then a caveat says why.
+    """A measured value, in SI units; NaN if it is not known, with a caveat that says why.
 
     Attributes
     ----------
     value : float or ndarray (n,)
         In `unit`; an array over `at`.
     unit : str
-        In SI.
+        SI unit, "1" for a number.
     parts : dict
-        Contributions to the error, in the same unit: `fit`, scatter about a fit or what is left of
-        a solver's residual; `chain`, which chain of spheres, or part of a record, is taken;
-        `resolution`, widths of lines; `length`, that the packing is short; `digits`, overlaps that
-        few digits of positions tell; `samples`, how samples of one state differ.
-    caveats : tuple of str
-        Whole sentences for people.
+        Contributions to the error, in the same unit. `fit`: scatter about a fit, or the residual of
+        a solver. `chain`: choice of the chain of spheres, of the part of a record, or of its
+        window. `resolution`: width of lines. `length`: that the packing is short. `digits`: overlaps
+        that follow from few digits of positions. `samples`: differences between samples of one
+        state.
+    caveats : tuple of Caveat
+        Facts to know before the value is quoted; `str()` of each is its sentence.
     at : ndarray (n,), Hz, or None
         Frequencies of an array.
     scatter : float, ndarray (n,) or None
-        Standard deviation of samples, of a mean over them.
+        Standard deviation over samples, for a mean over them.
+    plateau : bool or None
+        Whether a threshold's value does not depend on where it is read; None for all other values.
 
     Examples
     --------
@@ -48,16 +54,17 @@ class Value:
     value: Any
     unit: str
     parts: Mapping[str, Any] = field(default_factory=dict)
-    caveats: tuple[str, ...] = ()
+    caveats: tuple[Caveat, ...] = ()
     at: Floats | None = None
     scatter: float | Floats | None = None
+    plateau: bool | None = None
 
     @property
     def error(self) -> Any:
-        """Standard error, in the unit of the value; 0 where the value is exact for its packing.
+        """Return the standard error, in the unit of the value; 0 if exact for its packing.
 
-        The root of the squares of `fit`, `chain`, `resolution`, `digits` and `length`; where
-        samples scatter by more, they have the rest in them, and that scatter.
+        It is the root of the sum of squares of all parts but `samples`. If samples scatter by more,
+        the other parts are contained in their scatter, which is the error then.
 
         >>> Value(1.0, "m/s", {"fit": 3.0, "chain": 4.0, "samples": 6.0}).error
         6.0
@@ -66,67 +73,99 @@ class Value:
         error = np.sqrt(sum(squares, np.zeros(np.shape(self.value))))
         if "samples" in self.parts:
             error = np.fmax(error, self.parts["samples"])
-        return error if np.ndim(error) else float(error)
+        if np.ndim(error):
+            return error
+        return float(error)
 
     @property
     def known(self) -> bool:
-        """Whether there is any number."""
+        """Tell whether there is any number."""
         return bool(np.isfinite(self.value).any())
 
     @property
     def common_error(self) -> float:
-        """The part of the error that no mean over packings makes less; 0 where there is none."""
+        """Return the part of the error that no mean over packings makes less; 0 without one."""
         return float(self.parts.get(COMMON, 0.0))
 
-    def with_caveats(self, *caveats: str) -> Value:
-        """The same with more to know, each said once."""
+    @property
+    def codes(self) -> list[str]:
+        """Return the codes of the caveats."""
+        return [caveat.code for caveat in self.caveats]
+
+    def with_caveats(self, *caveats: Caveat) -> Value:
+        """Return the value with further caveats, each of them once."""
         return replace(self, caveats=tuple(dict.fromkeys((*self.caveats, *caveats))))
 
     def as_json(self) -> dict[str, Any]:
-        """value, error, unit, caveats; where they are, `at`, Hz, and `scatter`."""
-        told: dict[str, Any] = {"value": plain(self.value), "error": plain(self.error)}
-        told |= {"unit": self.unit, "caveats": list(self.caveats)}
-        more = {"at": self.at, "scatter": self.scatter}
-        return told | {name: plain(own) for name, own in more.items() if own is not None}
+        """Return value, error, unit, caveats as sentences; `at`, Hz, and `scatter` if there are."""
+        fields: dict[str, Any] = {
+            "value": plain(self.value),
+            "error": plain(self.error),
+            "unit": self.unit,
+            "caveats": [str(caveat) for caveat in self.caveats],
+        }
+        if self.at is not None:
+            fields["at"] = plain(self.at)
+        if self.scatter is not None:
+            fields["scatter"] = plain(self.scatter)
+        return fields
 
     def text(self) -> str:
-        """For people: the number, its error and its unit; of an array its range and frequencies.
+        """Return number, error and unit for people; range and frequencies of an array.
 
         >>> Value(776.4, "m/s", {"fit": float("nan")}).text()
         '776.4 m/s, error not known'
         """
-        value, error = np.asarray(self.value), np.asarray(self.error)
         if not self.known:
             return "not known"
-        if value.ndim:
-            seen = np.isfinite(value)
-            ends = f"{value[seen][0]:.3g} to {value[seen][-1]:.3g}"
-            if self.at is None:
-                first, last = (quantity(v, self.unit, 4) for v in value[seen][[0, -1]])
-                return f"{first} to {last}, {seen.sum()} of them"
-            if seen.sum() <= FEW:
-                each = zip(self.at[seen], value[seen], error[seen], strict=True)
-                texts = [
-                    f"{Value(v, self.unit, {'fit': e}).text()} at {hertz(f)}" for f, v, e in each
-                ]
-                return "; ".join(texts)
-            low, high = (hertz(f) for f in self.at[seen][[0, -1]])
-            return f"{ends} {self.unit} from {low} to {high}".replace(" 1 from", " from")
+        if np.ndim(self.value):
+            return self._text_of_array()
+        return self._text_of_number()
+
+    def _text_of_array(self) -> str:
+        """Return the range of an array and its frequencies; of a short one all numbers."""
+        value = np.asarray(self.value)
+        known = np.isfinite(value)
+        count = int(known.sum())
+        first, last = value[known][[0, -1]]
+        if self.at is None:
+            ends = f"{quantity(first, self.unit, 4)} to {quantity(last, self.unit, 4)}"
+            return f"{ends}, {count} of them"
+        if count <= MAX_LISTED_NUMBERS:
+            texts = []
+            errors = np.asarray(self.error)[known]
+            for frequency, number, error in zip(self.at[known], value[known], errors, strict=True):
+                text = Value(number, self.unit, {"fit": error}).text()
+                texts.append(f"{text} at {hertz(frequency)}")
+            return "; ".join(texts)
+        low, high = self.at[known][[0, -1]]
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{first:.3g} to {last:.3g}{unit} from {hertz(low)} to {hertz(high)}"
+
+    def _text_of_number(self) -> str:
+        """Return a number with as many digits as show two of its error's, and its unit."""
+        value = float(self.value)
+        error = float(self.error)
         unit = "" if self.unit == "1" else self.unit
-        # As many digits as show two of the error's; six say that it is very small.
-        share = abs(value) / error if error > 0 and value else 100
-        digits = int(np.clip(np.floor(np.log10(share)) + 2, 2, 6))
-        told = error > 1e-6 * abs(value)
-        unsure = ", error not known" if np.isnan(error) else ""
-        if not unit and not told:
-            return f"{float(value):.{digits}g}{unsure}"
-        numbers = [float(value), float(error)] if told else [float(value)]
+        ratio = 100.0
+        if error > 0 and value:
+            ratio = abs(value) / error
+        # Six digits say that the error is very small.
+        digits = int(np.clip(np.floor(np.log10(ratio)) + 2, 2, 6))
+        ending = ""
+        if np.isnan(error):
+            ending = ", error not known"
+        numbers = [value]
+        if error > MIN_PRINTED_RELATIVE_ERROR * abs(value):
+            numbers.append(error)
+        elif not unit:
+            return f"{value:.{digits}g}{ending}"
         texts, unit = scaled(numbers, unit, digits, prefixed=unit in ("Hz", "Pa"))
-        return f"{' ± '.join(texts)} {unit}".strip() + unsure
+        return f"{' ± '.join(texts)} {unit}".strip() + ending
 
 
-def unknown(unit: str, *caveats: str) -> Value:
-    """No value, and why."""
+def unknown(unit: str, *caveats: Caveat) -> Value:
+    """Return no value, and why."""
     return Value(np.nan, unit, {"fit": np.nan}, caveats)
 
 
@@ -145,7 +184,7 @@ def estimate(value: float, error: float = np.nan, common: float = 0.0) -> Value:
 
 
 def hertz(frequency: float) -> str:
-    """A frequency in a caveat.
+    """Return a frequency as it stands in a caveat.
 
     >>> hertz(10490.0)
     '10.5 kHz'

@@ -16,8 +16,9 @@ from itertools import product
 
 import numpy as np
 
+from analysis.caveats import Caveat
 from analysis.estimators.source_motion import sets_out
-from analysis.value import Value, unknown
+from analysis.value import Value, hertz, unknown
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.waves.signals import Signals
@@ -102,8 +103,8 @@ def at_stretch(
     """The value, Hz, of a curve (nc,) over distance (nc,) on a stretch, in parts of `length`, m.
 
     The median over the stretch, half the quartile distance as its error; unknown where fewer than
-    three particles, or less than half of them, have a value. Without a caveat it stands on a
-    plateau: it is that of the stretches of equal width before and behind. Else the rule has no
+    three particles, or less than half of them, have a value. It stands on a plateau if it
+    is that of the stretches of equal width before and behind. Else the rule has no
     answer of its own.
     """
     low, high = stretch
@@ -115,16 +116,19 @@ def at_stretch(
         told = len(seen) > 2 and 2 * len(seen) > inside.sum()
         medians.append(float(np.median(seen)) if told else np.nan)
         if shift == 0 and not told:
-            return unknown("Hz", f"seen at {len(seen)} of {inside.sum()} particles: too few")
+            counts = {"seen": len(seen), "particles": int(inside.sum())}
+            return unknown("Hz", Caveat("few_particles", counts))
         if shift == 0:
             error = float(np.subtract(*np.percentile(seen, [75, 25]))) / 2
     before, value, behind = medians
     found = Value(value, "Hz", {"fit": error})
     change = float(np.max(abs(np.array([before, behind]) / value - 1)))
     if change <= FLAT:
-        return found
-    by = f" by {100 * change:.0f} %" if np.isfinite(change) else ""
-    return found.with_caveats(f"no plateau: it changes{by} with the place along the packing")
+        return replace(found, plateau=True)
+    caveat = Caveat("no_plateau_beside")
+    if np.isfinite(change):
+        caveat = Caveat("no_plateau", {"change": change})
+    return replace(found, plateau=False, caveats=(caveat,))
 
 
 @dataclass
@@ -201,7 +205,7 @@ class Passband:
         at, sent = self._spectra(record, record.source_displacement[:, None], passages)
         ends = [last_crossing(at, sent, SENT * t * sent.max())[0] for t in THRESHOLDS]
         return [
-            unknown("Hz", f"above {end / 1e3:.3g} kHz the source sends too little")
+            unknown("Hz", Caveat("source_too_weak", {"frequency": hertz(end)}))
             if edge.value > end
             else edge
             for edge, end in zip(found, ends, strict=True)
@@ -259,7 +263,8 @@ class Passband:
         columns = self.of_columns[:, 0]
         known = columns[np.isfinite(columns)]
         if 2 * len(known) <= len(columns):
-            return unknown("Hz", f"{len(known)} of {len(columns)} columns have a value")
+            counts = {"known": len(known), "columns": len(columns)}
+            return unknown("Hz", Caveat("few_columns", counts))
         return Value(float(known.mean()), "Hz", {"chain": float(self.chain_scatter[0])})
 
     def choices(self) -> list[tuple[str, Value]]:

@@ -194,7 +194,9 @@ def spectrum_distance(m: Measuring) -> Panel:
         if not np.isfinite(edge.value):
             panel.line([np.nan], [np.nan], f"{text}: no answer", color=BLUE, ls=ls)
             continue
-        value = f"{text}: {edge.value / 1e3:.1f} kHz" + (", no plateau" if edge.caveats else "")
+        value = f"{text}: {edge.value / 1e3:.1f} kHz"
+        if not edge.plateau:
+            value += ", no plateau"
         panel.line(1e3 * ends, [edge.value / 1e3] * 2, value, color=BLUE, ls=ls, lw=3)
     if said := m.stated.get("f_low_pass_2_khz"):
         panel.hline(said[0], f"stated: {said[0]:g} kHz", color="k", ls="--", lw=0.8)

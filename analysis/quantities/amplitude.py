@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import modal
+from analysis.caveats import Caveat
 from analysis.estimators.coherent import PASSAGES
 from analysis.measuring import INTERVAL, Measuring, once
 from analysis.quantities.registry import on_request
@@ -91,7 +92,7 @@ def _over_amplitudes(name: str, m: Measuring) -> Value:
     values = finite(m)[name]
     sizes = ", ".join(f"{size:.3g}" for size in m.amplitudes)
     error = 0 * values if name in COUNTED else finite(m)["error"]
-    return Value(values, "1", {"fit": error}, (f"at amplitudes of {sizes} m",))
+    return Value(values, "1", {"fit": error}, (Caveat("amplitudes", {"sizes": sizes}),))
 
 
 for _name, _definition in AMPLITUDE.items():

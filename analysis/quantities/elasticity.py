@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from analysis.caveats import Caveat
 from analysis.measuring import Measuring
 from analysis.quantities.registry import on_request, quantity
 from analysis.value import Value, unknown
@@ -48,8 +49,10 @@ def of_moduli(unit: str, number: Callable[[ElasticModuli], float]) -> Callable[[
     def measured(m: Measuring) -> Value:
         value = float(number(m.moduli))
         if unit == "m/s" and not value > SOFT * m.moduli.velocities(ALONG_Z)[0]:
-            return unknown(unit, "nothing resists this motion: do spheres slide along the walls?")
-        caveats, size = (*m.moduli.remarks(), *m.of_one_sample), POWER[unit] * abs(value)
+            return unknown(unit, Caveat("no_stiffness"))
+        remarks = [Caveat("moduli", {"text": remark}) for remark in m.moduli.remarks()]
+        caveats = (*remarks, *m.of_one_sample)
+        size = POWER[unit] * abs(value)
         # Of slabs cut from repeated cells twice the asymmetry is what their stiffness was off by.
         parts = {"fit": size * m.moduli.error, "length": 2 * size * m.moduli.asymmetry}
         return Value(value, unit, parts, caveats)

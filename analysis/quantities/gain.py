@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from analysis.caveats import Caveat
 from analysis.measuring import Measuring, once
 from analysis.prepare import kept_file, made
 from analysis.quantities.passband import low_pass_2
@@ -31,8 +32,8 @@ def gain(m: Measuring) -> Value:
     Of P-waves, without damping.
     """
     found = gain_of(m)
-    text = f"resolution: heights of resonances are those of lines {hertz(found.resolution)} wide"
-    return Value(found.gain, "1", {}, (text, *m.of_waves), found.frequency)
+    caveat = Caveat("gain_resolution", {"width": hertz(found.resolution)})
+    return Value(found.gain, "1", {}, (caveat, *m.of_waves), found.frequency)
 
 
 def passage(m: Measuring) -> float:

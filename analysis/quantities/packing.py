@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.caveats import Caveat
 from analysis.measuring import Measuring
 from analysis.quantities.registry import on_request, quantity
 from analysis.same_state import note
@@ -86,7 +87,7 @@ def crystalline_share(packing: Measuring) -> Value:
         radius = packing.network.radius
         equal = np.ptp(radius) <= 1e-9 * radius.mean()
         why = "the cell has no periods along x and y" if equal else "spheres are not equal"
-        return unknown("1", f"{why}: order is not told")
+        return unknown("1", Caveat("no_order", {"reason": why}))
     return Value(packing.crystalline["crystalline_share"], "1")
 
 
@@ -98,7 +99,7 @@ def void_ratio_of_bulk(packing: Measuring) -> Value:
     """
     layers = state.profile(packing.network)
     if not layers.bulk.any():
-        return unknown("1", "too short: no layer is far from both walls")
+        return unknown("1", Caveat("no_bulk"))
     return Value(float(1 / (1 / (1 + layers.void_ratio[layers.bulk])).mean() - 1), "1")
 
 
@@ -110,5 +111,5 @@ def stress_error(packing: Measuring) -> Value:
     """
     target = note(packing.network, "stress")
     if not target > 0:
-        return unknown("1", "the packing does not say for which stress it was made")
+        return unknown("1", Caveat("no_stated_stress"))
     return Value(float(abs(np.diag(state.stress_tensor(packing.network)) / target - 1).max()), "1")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
-from analysis.case import ABSENT, AbsentError
+from analysis.caveats import Caveat, refusal
 from analysis.measuring import Measuring
 from analysis.quantities.few_digits import with_digits
 from analysis.value import Value, estimate, unknown
@@ -51,16 +51,16 @@ class Quantity:
         kept = len(packing.not_kept)
         try:
             found = self.of(packing)
-        except AbsentError:
-            return unknown(self.unit, ABSENT)
         except UnavailableError as error:
-            return unknown(self.unit, str(error))
+            return unknown(self.unit, refusal(error))
         except InputError as error:
             if error.code in MISTAKES:
                 raise RuntimeError(f"{self.name}: {error}") from error
             raise
         found = found if isinstance(found, Value) else estimate(found)
-        caveats = found.caveats if found.known or found.caveats else (ABSENT,)
+        caveats = found.caveats
+        if not found.known and not caveats:
+            caveats = (Caveat("absent"),)
         caveats = (*caveats, *packing.not_kept[kept:])
         value = replace(found, unit=self.unit, caveats=caveats)
         return with_digits(value, packing.network, self.name, self.unit)

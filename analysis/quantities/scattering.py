@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from analysis.caveats import Caveat
 from analysis.estimators.coherent import STRETCH
 from analysis.estimators.low_pass import spectra
 from analysis.estimators.structure_factor import Scattering, structure_factor
@@ -51,7 +52,7 @@ def attenuation_of(m: Measuring) -> tuple[Value, np.ndarray]:
     f = wave.frequency[some]
     caveats = of_frequency(m, f[0])
     if sent_to < wave.frequency[-1]:
-        caveats += (f"faint source: above {hertz(sent_to)} it sends less than {100 * FAINT:g} %",)
+        caveats += (Caveat("faint_source", {"frequency": hertz(sent_to), "share": FAINT}),)
     value = Value(wave.attenuation[some], "1/m", {"resolution": error}, caveats, f)
     return value, wave.group_velocity[some]
 
@@ -85,7 +86,7 @@ def quality(m: Measuring) -> Value:
     alpha, line = attenuation_of(m)[0], scattering_of_pulse(m)
     told = alpha.value > 2 * alpha.error
     if not told.any():
-        return unknown("1", "attenuation is not told from zero at any frequency", *alpha.caveats)
+        return unknown("1", Caveat("no_attenuation"), *alpha.caveats)
     width = np.where(told, line.value, np.nan)
     value = alpha.at / width
     parts = {name: value * part / width for name, part in line.parts.items()}
@@ -99,10 +100,10 @@ def ioffe_regel(m: Measuring) -> Value:
     Between two standing waves; half of their distance is the error.
     """
     if m.crystal:
-        return unknown("Hz", "a crystal does not scatter its waves")
+        return unknown("Hz", Caveat("crystal"))
     found = scattering(m)
     if not np.isfinite(found.limit):
-        return unknown("Hz", "no standing wave that could be read has so short a mean free path")
+        return unknown("Hz", Caveat("no_short_free_path"))
     near = np.sort(abs(found.frequency - found.limit))[:2].sum()
     wide = found.velocity / found.limit > m.width * m.diameter
     caveats = of_frequency(m, found.limit) if wide else m.of_one_sample
@@ -137,10 +138,10 @@ def _width_of_lines(packing: Measuring, polarisation: str) -> Value:
     """
     network = packing.network
     if not network.cell_periodic.all():
-        return unknown("Hz", "walls: plane waves need a cell that is periodic all round")
+        return unknown("Hz", Caveat("walls"))
     most = int(network.cell_size.min() / (SHORTEST * packing.diameter))
     if most < 1:
-        return unknown("Hz", "the cell is narrower than the shortest waves that are read")
+        return unknown("Hz", Caveat("narrow_for_waves"))
     orders = np.concatenate([n * np.eye(3, dtype=int) for n in range(1, most + 1)])
     highest = 1.5 * v_p(packing).value / (SHORTEST * packing.diameter)
     found = structure_factor(network, orders, packing.line, highest, polarisation)
@@ -149,7 +150,7 @@ def _width_of_lines(packing: Measuring, polarisation: str) -> Value:
     peak, width = replace(found, order=orders[::3], power=power).ridge()
     told = np.isfinite(peak) & np.isfinite(width)
     if not told.any():
-        return unknown("Hz", "no line of a plane wave stands out")
+        return unknown("Hz", Caveat("no_line"))
     scatter, apart = np.nanstd(widths, axis=1) / np.sqrt(3), np.nanstd(places, axis=1)
     error = np.hypot(np.hypot(scatter, apart), packing.line / 10)[told]
     return Value(width[told], "Hz", {"fit": error}, packing.of_one_sample, peak[told])

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.case import AbsentError
+from analysis.caveats import Caveat
 from analysis.estimators import resonances as resonant
 from analysis.estimators.damped_transform import Dispersion, mode_dispersion
 from analysis.measuring import Measuring, once
@@ -58,7 +59,7 @@ def z_shapes(m: Measuring) -> Floats | None:
 
 
 @once
-def lowest_modes(m: Measuring) -> tuple[ModeSet, Floats, str]:
+def lowest_modes(m: Measuring) -> tuple[ModeSet, Floats, list[Caveat]]:
     """The lowest modes, how they move the spheres along z (k, n), and what they lack.
 
     Of a file where there is one with shapes, else some that are searched for.
@@ -74,12 +75,17 @@ def lowest_modes(m: Measuring) -> tuple[ModeSet, Floats, str]:
                 "the modes' shapes take too much memory; give a file of modes", code="too_large"
             )
         along_z = modes.mode_shape[:, :, 2]
-    count, lacks = len(modes.frequency), ""
+    count = len(modes.frequency)
+    lacks = []
     if count + modes.floppy_modes < n:
-        end = hertz(modes.frequency[-1])
-        lacks = f"list not complete: {count} of {n} modes, up to {end}"
+        part = {
+            "count": count,
+            "all": n,
+            "frequency": hertz(modes.frequency[-1]),
+        }
+        lacks.append(Caveat("incomplete_list", part))
     if modes.missing:
-        lacks += f"; {modes.missing} of them are missing"
+        lacks.append(Caveat("missing_modes", {"missing": modes.missing}))
     return modes, along_z, lacks
 
 
@@ -291,18 +297,20 @@ def excess_peak(m: Measuring) -> Value:
     The boson peak; its error is half the width of a line of the density.
     """
     if m.crystal:
-        return unknown("Hz", "a crystal has no soft modes beside its waves")
+        return unknown("Hz", Caveat("no_soft_modes"))
     frequency, _, below = density(m)
     found = excess(m)
     line = 4 * float(frequency[1] - frequency[0])
     if not np.isfinite(found.peak_frequency):
-        text = f"resolution: no peak above {hertz(2.5 * line)}, below which lines of zero modes are"
-        return unknown("Hz", text, *m.of_one_sample)
+        caveat = Caveat("no_peak", {"frequency": hertz(2.5 * line)})
+        return unknown("Hz", caveat, *m.of_one_sample)
     first, count = np.interp([2.5 * line, found.peak_frequency], frequency, below)
     if count - first < FEWEST:
-        text = f"resolution: fewer than {FEWEST:g} modes lie below the largest value, at "
-        text += f"{hertz(found.peak_frequency)}: the packing is too small to tell a peak"
-        return unknown("Hz", text, *m.of_one_sample)
+        values = {
+            "needed": FEWEST,
+            "frequency": hertz(found.peak_frequency),
+        }
+        return unknown("Hz", Caveat("few_modes", values), *m.of_one_sample)
     return Value(found.peak_frequency, "Hz", {"resolution": line / 2}, m.of_one_sample)
 
 
@@ -317,8 +325,8 @@ def resonances(m: Measuring) -> Value:
     if not m.crystal or f is None:
         f = resonant.standing_modes(modes.frequency, along_z, m.network).frequency
     if not len(f):
-        return unknown("Hz", "no mode bears a standing wave", lacks)
-    return Value(np.asarray(f), "Hz", {}).with_caveats(*m.of_waves, *filter(None, [lacks]))
+        return unknown("Hz", Caveat("no_standing_wave"), *lacks)
+    return Value(np.asarray(f), "Hz", {}).with_caveats(*m.of_waves, *lacks)
 
 
 @on_request("1")
@@ -328,7 +336,7 @@ def chi_z(m: Measuring) -> Value:
     Of all spheres, of each of the lowest modes.
     """
     modes, _, lacks = lowest_modes(m)
-    caveats = m.of_one_sample + tuple(filter(None, [lacks]))
+    caveats = (*m.of_one_sample, *lacks)
     return Value(modes.chi_z, "1", {}, caveats, modes.frequency)
 
 
@@ -342,5 +350,5 @@ def chi_z_of_branches(packing: Measuring) -> Value:
     limit = 1.5 * float(packing.moduli.velocities((0, 0, 1))[0]) / width
     top = min(limit, HIGHEST_BRANCH * highest(packing).frequency[-1])
     modes = eigenmodes(taken_as_exact(packing.network), below=top, shapes=False)
-    lacks = (f"{modes.missing} modes are missing",) if modes.missing else ()
+    lacks = (Caveat("missing_modes", {"missing": modes.missing}),) if modes.missing else ()
     return Value(modes.chi_z, "1", {}, packing.of_one_sample + lacks, modes.frequency)

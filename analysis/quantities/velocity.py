@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.case import AbsentError
+from analysis.caveats import Caveat
 from analysis.estimators.coherent import DECAY, Coherent, coherent_wave, longest_waves
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
 from analysis.estimators.travel_time import first_peaks_of_columns, travelled
@@ -86,14 +87,14 @@ def longest(m: Measuring, key: str) -> Value:
     value, error = longest_waves(coherent(m, key))
     less, more = (longest_waves(coherent(m, key, decay))[0] for decay in OTHERS)
     if not np.isfinite(value + less + more):  # as of a pulse much longer than the packing
-        return unknown("m/s", LOST)
+        return unknown("m/s", Caveat("wave_lost"))
     window = DECAY * abs(more - less) / (OTHERS[1] - OTHERS[0])
     return Value(value, "m/s", {"fit": error, "chain": window})
 
 
 def _told(value: float, error: float, scatter: float = 0.0) -> Value:
     if not np.isfinite(value):
-        return unknown("m/s", "what comes first does not move on along the chain")
+        return unknown("m/s", Caveat("first_arrival_stands"))
     return Value(value, "m/s", {"fit": error, "chain": float(np.nan_to_num(scatter))})
 
 
@@ -119,7 +120,7 @@ def columns(m: Measuring, key: str) -> tuple[float, float]:
     return first_peaks_of_columns(m.cut(key), m.network)
 
 
-def of_frequency(m: Measuring, frequency: float) -> tuple[str, ...]:
+def of_frequency(m: Measuring, frequency: float) -> tuple[Caveat, ...]:
     """What to know of what is read at a frequency, Hz, where the wave may be wider than the cell.
 
     As the wave of V_P has it, of which none is shorter at this frequency.
@@ -127,11 +128,8 @@ def of_frequency(m: Measuring, frequency: float) -> tuple[str, ...]:
     length = v_p(m).value / frequency / m.diameter
     if m.crystal or not length > m.width:
         return m.of_waves
-    text = (
-        f"wavelength above the width: {length:.0f} D at {hertz(frequency)}, the "
-        f"packing is {m.width:.1f} D wide"
-    )
-    return (*m.of_waves, text)
+    values = {"wavelength": length, "frequency": hertz(frequency), "width": m.width}
+    return (*m.of_waves, Caveat("wavelength_above_width", values))
 
 
 def _quoted(m: Measuring, key: str, places: slice) -> Value:
@@ -140,11 +138,11 @@ def _quoted(m: Measuring, key: str, places: slice) -> Value:
         found, length = longest(m, key).with_caveats(*m.of_waves), m.network.length / m.diameter
         if m.crystal or not found.known or length >= SHORT:
             return found
-        text = f"{length:.1f} D long; below {SHORT:g} D it may be {TOO_HIGH:.0%} too high"
+        caveat = Caveat("short", {"length": length, "needed": SHORT, "too_high": TOO_HIGH})
         parts = {**found.parts, "length": TOO_HIGH * found.value}
-        return replace(found.with_caveats(f"short: {text}"), parts=parts)
+        return replace(found.with_caveats(caveat), parts=parts)
     value = float(m.moduli.velocities((0, 0, 1))[places].mean())
-    why = "by the elastic moduli: there are no walls"
+    why = Caveat("no_walls")
     return Value(value, "m/s", {"fit": 0.5 * value * m.moduli.error}, (why, *m.of_one_sample))
 
 

@@ -111,7 +111,7 @@ def _chosen(edge: Value) -> str:
     text = number(1e-3 * edge.value, 1e-3 * edge.error)
     if not text:
         return "".join(f"none: {why}" for why in edge.caveats)
-    return f"{text}, no plateau" if edge.caveats else text
+    return text if edge.plateau else f"{text}, no plateau"
 
 
 def _provenance(case: Case) -> list[list[str]]:

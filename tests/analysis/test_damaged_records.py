@@ -155,7 +155,8 @@ def test_few_particles_with_a_value_do_not_speak_for_a_stretch():
     distance, values = np.linspace(0, 1, 200), np.full(200, np.nan)
     values[[102, 107, 112, 117]] = 1.0
     found = at_stretch(distance, values, 1.0, (0.5, 0.6))
-    assert np.isnan(found.value) and "4 of 20" in found.caveats[0]
+    (caveat,) = found.caveats
+    assert np.isnan(found.value) and caveat.values == {"seen": 4, "particles": 20}
 
 
 @pytest.mark.parametrize("y", [[0.0, 1.0, 2.0], [-1.0, 1.0, 2.0]])

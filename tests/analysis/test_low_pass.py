@@ -1,7 +1,5 @@
 """The threshold rule and the wave number of a chain, on fields whose answer is known."""
 
-import re
-
 import numpy as np
 import pytest
 from exact_crystal import CHAIN, LENGTH, noisy, part_of_chain, record
@@ -73,10 +71,15 @@ def test_plateau_or_none():
         for row, threshold in zip(curves, THRESHOLDS, strict=True):
             found = at_stretch(distance, row, 1.0, stretch)
             assert found.value == pytest.approx(edge_of(5e-5, threshold), rel=1e-2)
-            changes = [float(by) for by in re.findall(r"by (\d+) %", str(found.caveats))]
-            assert changes == ([] if flat else [pytest.approx(10 * fall, abs=2)])
+            assert found.plateau is flat
+            if not flat:
+                (caveat,) = found.caveats
+                assert caveat.code == "no_plateau"
+                assert 100 * caveat.values["change"] == pytest.approx(10 * fall, abs=2)
     unknown = at_stretch(distance, np.full(300, np.nan), 1.0, stretch)
-    assert np.isnan(unknown.value) and "0 of 30" in unknown.caveats[0]
+    assert np.isnan(unknown.value)
+    (caveat,) = unknown.caveats
+    assert (caveat.code, *caveat.values.values()) == ("few_particles", 0, 30)
 
 
 def test_exact_crystal_by_the_papers_words():
@@ -151,6 +154,6 @@ def test_the_end_of_the_source_is_not_taken_for_the_packings():
     band = Passband(network, seen, None, lattice.velocity, True)
     for edge in band.edges(seen):
         assert np.isnan(edge.value)
-        assert "the source sends too little" in edge.caveats[0]
+        assert edge.codes == ["source_too_weak"]
     heard = lattice_signals(lattice, seen.time, Pulse(frequency=5e5))
     assert band.edges(heard)[0].value == pytest.approx(lattice.low_pass_frequency, rel=0.1)
