@@ -37,7 +37,10 @@ TEXTS: Final[Mapping[str, str]] = {
     "no_plateau": "no plateau: it changes by {change:.0%} with the place along the packing",
     "no_plateau_beside": "no plateau: it is not known on the stretches beside",
     "slow_rise": "no plateau: attenuation rises through it from {first} to {last}",
-    "never_fades": "the coherent wave is lost before it fades as much",
+    "never_fades": (
+        "no frequency where the coherent wave fades to {left:.0%} over {length:g} D in {failed} of "
+        "{windows} windows: {reasons}"
+    ),
     "few_particles": "seen at {seen} of {particles} particles: too few",
     "few_columns": "{known} of {columns} columns have a value",
     "source_too_weak": "above {frequency} the source sends too little",

@@ -9,7 +9,7 @@ from analysis.estimators.wavenumber import frequency_wavenumber
 from analysis.figures.picture import BLUE, ORANGE, Panel
 from analysis.figures.waves import producer_name
 from analysis.measuring import Measuring
-from analysis.quantities.passband import band_edge, edges, scale, wavelength_at
+from analysis.quantities.passband import Producer, band_edge, edges, scale, wavelength_at
 from analysis.quantities.spectrum import standing_waves
 from analysis.quantities.velocity import LOW_ORDER, coherent, first_peak, longest
 from modal.theory.fcc import dispersion as eq_9
@@ -100,7 +100,7 @@ def _of_random(panel: Panel, m: Measuring, record: Signals, kappa: np.ndarray) -
     panel.line_on_map(at, wave.frequency[kept] / 1e3, text, 2, color=ORANGE, ls="--")
     slope = kappa * longest(m, "linear").value / KHZ
     panel.line(kappa, slope, "long waves", color="k", ls=":", lw=0.9)
-    producer = "yade" if m.yade else "linear"
+    producer: Producer = "yade" if m.yade else "linear"
     edge = edges(m, producer)[0].value
     style = {"marker": "D", "ls": "none", "color": ORANGE, "ms": 6, "mfc": "w"}
     at_edge = [2 * np.pi / wavelength_at(m, edge, producer)]

@@ -12,6 +12,7 @@ from analysis.case import AbsentError
 from analysis.estimators.resonances import long_wave_velocity
 from analysis.measuring import Measuring
 from analysis.quantities import gain, passband, scattering, spectrum, velocity
+from analysis.quantities.passband import Producer, Reference, Whose
 from analysis.quantities.registry import on_request
 from analysis.value import Value, estimate
 
@@ -20,7 +21,11 @@ LOW, HIGH = 0.05, 0.07
 more. The paper has 10 and 15 kHz of 216."""
 PERCENT = "2", "1", "3"
 """The first of the thresholds of f_low-pass, as their quantities are called."""
-MAPS = {"": ("chain", "map"), "own_": ("chain", "own"), "layers_": ("layers", "map")}
+MAPS: dict[str, tuple[Whose, Reference]] = {
+    "": ("chain", "map"),
+    "own_": ("chain", "own"),
+    "layers_": ("layers", "map"),
+}
 """Rules of f_low-pass by their part of a name: whose motion, relative to which maximum."""
 PRODUCERS = {"yade": "run", "linear": "linear wave"}
 Number = Callable[[Measuring], float | Value]
@@ -95,11 +100,11 @@ def _off_linear(m: Measuring) -> float:
     return float(np.linalg.norm(seen - wanted) / np.linalg.norm(wanted))
 
 
-def _low_pass(m: Measuring, producer: str, rule: str, threshold: int) -> Value:
+def _low_pass(m: Measuring, producer: Producer, rule: str, threshold: int) -> Value:
     return passband.edges(m, producer, *MAPS[rule])[threshold]
 
 
-def _wavelength(m: Measuring, producer: str, rule: str, threshold: int) -> Value:
+def _wavelength(m: Measuring, producer: Producer, rule: str, threshold: int) -> Value:
     """lambda / D at the frequency of a rule, with what the frequency's error makes of it."""
     edge = passband.edges(m, producer, *MAPS[rule])[threshold]
     if not np.isfinite(edge.value):
