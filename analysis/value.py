@@ -33,9 +33,9 @@ class Value:
     parts : dict
         Contributions to the error, in the same unit. `fit`: scatter about a fit, or the residual of
         a solver. `chain`: choice of the chain of spheres, of the part of a record, or of its
-        window. `resolution`: width of lines. `length`: that the packing is short. `digits`: overlaps
-        that follow from few digits of positions. `samples`: differences between samples of one
-        state.
+        window. `resolution`: width of lines. `length`: that the packing is short. `digits`: few
+        digits of positions, from which overlaps follow. `samples`: differences between samples of
+        one state.
     caveats : tuple of Caveat
         Facts to know before the value is quoted; `str()` of each is its sentence.
     at : ndarray (n,), Hz, or None

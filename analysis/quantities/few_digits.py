@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.caveats import Caveat
 from analysis.value import Value
 from modal.packing.network import Network
 from modal.packing.precision import overlap_error
@@ -47,5 +48,5 @@ def with_digits(value: Value, network: Network, name: str, unit: str) -> Value:
     if not relative or not value.known:
         return value
     parts = dict(value.parts) | {"digits": relative * np.abs(value.value)}
-    caveat = f"overlaps are known to {overlap_error(network):.2g} by the digits of positions"
+    caveat = Caveat("few_digits", {"error": overlap_error(network)})
     return replace(value, parts=parts).with_caveats(caveat)
