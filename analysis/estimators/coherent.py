@@ -89,7 +89,7 @@ def coherent_wave(
         product = product.sum(axis=1)
         q = -1j * np.log(product / (abs(before) ** 2).sum(axis=1)) / distance
         kappa = q.real
-    power = np.sqrt((abs(before) ** 2).sum(axis=1) * (abs(after) ** 2).sum(axis=1))
+    power = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
     slowness = np.gradient(kappa, 2 * np.pi * frequency)
     lost = (abs(product) < COHERENCE * power) | (slowness <= 0)
     wave = np.array([kappa, q.imag - eta * slowness])

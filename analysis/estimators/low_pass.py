@@ -59,8 +59,10 @@ def last_crossing(
     >>> last_crossing(np.arange(4.0), np.array([[8.0], [8.0], [2.0], [0.1]]), 4.0)
     array([1.5])
     """
-    above = amplitude > level
     count = len(frequency)
+    if count < 2:  # as of a record shorter than a period of the highest frequency
+        return np.full(amplitude.shape[1], np.nan)
+    above = amplitude > level
     last = np.minimum(count - 1 - np.argmax(above[::-1], axis=0), count - 2)
     column = np.arange(amplitude.shape[1])
     tiny = np.finfo(float).tiny
@@ -74,14 +76,19 @@ def last_crossing(
 def spectra(
     time: np.ndarray, displacement: np.ndarray, highest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frequency (nf,) Hz to `highest`, and the amplitudes (nf, p) of `displacement` (nt, p)."""
+    """Return frequencies (nf,), Hz, to `highest`, and the amplitudes (nf, p) of a motion (nt, p).
+
+    Amplitudes are in single precision, hence in units of the largest displacement.
+    """
+    largest = float(abs(displacement).max(initial=0.0)) or 1.0
     step = float(time[1] - time[0])
     frequency = np.arange(0, min(highest, 0.5 / step), 1 / (OVERSAMPLING * len(time) * step))
     kernel = np.exp(-2j * np.pi * frequency[:, None] * time)
     amplitude = np.empty((len(frequency), displacement.shape[1]), np.float32)
     for start in range(0, displacement.shape[1], 4096):  # some spectra at a time: memory
         part = slice(start, start + 4096)
-        u = displacement[:, part]  # two real products: half of the work of a complex one
+        u = displacement[:, part] / largest
+        # Two real products are half of the work of a complex one.
         amplitude[:, part] = np.hypot(kernel.real @ u, kernel.imag @ u)
     return frequency, amplitude
 

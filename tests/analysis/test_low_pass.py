@@ -157,3 +157,9 @@ def test_the_end_of_the_source_is_not_taken_for_the_packings():
         assert edge.codes == ["source_too_weak"]
     heard = lattice_signals(lattice, seen.time, Pulse(frequency=5e5))
     assert band.edges(heard)[0].value == pytest.approx(lattice.low_pass_frequency, rel=0.1)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_record_too_short_for_two_frequencies_has_no_crossing(count):
+    frequency, amplitude = np.arange(float(count)), np.ones((count, 3))
+    assert np.isnan(last_crossing(frequency, amplitude, 0.5)).all()

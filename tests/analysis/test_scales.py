@@ -12,6 +12,7 @@ import pytest
 from changes import in_units
 from packings import slender
 
+import analysis
 import modal
 from analysis.estimators.coherent import Coherent, longest_waves
 from analysis.measuring import Measuring
@@ -19,6 +20,7 @@ from analysis.quantities import QUANTITIES
 from analysis.quantities.amplitude import AMPLITUDE
 from modal.packing import crystal as gallery
 from modal.packing.sample import sample_of_network
+from modal.waves.source import Pulse
 
 DIMENSIONS = {"m/s": (1, 0, -1), "Hz": (0, 0, -1), "1/m": (-1, 0, 0), "Pa": (-1, 1, -2)}
 """Powers of length, mass and time."""
@@ -77,6 +79,19 @@ def test_waves_of_finite_amplitude_scale_with_the_spheres():
         packing = Measuring(network, sample=sample_of_network(network, 0.3), amplitudes=[amplitude])
         parts.append([float(QUANTITIES[name].measured(packing).value[0]) for name in AMPLITUDE])
     assert parts[1] == pytest.approx(parts[0], rel=1e-3, abs=1e-9)
+
+
+@pytest.mark.parametrize("amplitude", [1e-60, 1e60])
+def test_a_linear_wave_does_not_depend_on_the_size_of_its_pulse(amplitude):
+    crystal = modal.fcc(cells=(1, 1, 40))
+    names = ["v_p", "low_pass", "attenuation", "v_p_first_peaks"]
+    frequency = Measuring(crystal).pulse.frequency
+    own, other = (
+        analysis.measure(crystal, source=Pulse(size, frequency), quantities=names)
+        for size in (1e-9, amplitude)
+    )
+    for name in names:
+        np.testing.assert_allclose(other[name].value, own[name].value, rtol=1e-6, err_msg=name)
 
 
 @pytest.mark.parametrize("highest", [1e-3, 1e5, 1e11])
