@@ -85,6 +85,27 @@ def numbers(name, count=1):
     return found
 
 
+def refuse_senseless(settings):
+    """Raise InputError for numbers that no wave can be run with."""
+    fraction = settings["fraction"]
+    if not 0 < fraction <= 1:
+        raise InputError(
+            f"WAVE_FRACTION {fraction}: the time step is stable from 0 to 1 only", code="fraction"
+        )
+    for name in ("duration", "passage"):
+        if settings[name] is not None and not 0 < settings[name] < math.inf:
+            raise InputError(f"{name} {settings[name]:g}: give a number above 0", code=name)
+    if not 0 <= settings["interval"] < math.inf:
+        raise InputError(
+            f"interval {settings['interval']:g}: give seconds, or 0 for every step", code="interval"
+        )
+    if settings["particles"] not in (0, 1):
+        raise InputError(
+            f"particles {settings['particles']:g}: give 1 for a record of every particle, or 0",
+            code="particles",
+        )
+
+
 def highest_frequency(path, packing):
     """Frequency, Hz, of the highest mode of this very packing; InputError for other modes."""
     note = require_same_packing(path, packing)
@@ -103,6 +124,7 @@ def main():
     network_path, modes_path, path = (folder / f"{case}.{kind}.h5" for kind in kinds)
     names = "fraction", "amplitude", "input_frequency", "duration", "interval", "particles"
     settings = {name: next(iter(numbers(name)), None) for name in (*names, "passage")}
+    refuse_senseless(settings)
     direction = text("direction")
     if direction not in DIRECTIONS:
         raise InputError(f"direction {direction!r}: choose x, y or z")
@@ -125,8 +147,6 @@ def main():
         return
     fraction, amplitude, input_frequency = (settings[name] for name in names[:3])
     motion = read_motion(file) if file else Pulse(amplitude, input_frequency)
-    if not 0 < fraction <= 1:
-        raise InputError(f"WAVE_FRACTION {fraction}: the time step is stable from 0 to 1 only")
     network = read_network(network_path)
     highest = highest_frequency(modes_path, packing)
     build_scene(sample_of_network(network, table.mu_wave), margin=0.01, damping=0.0)

@@ -126,6 +126,32 @@ def test_highest_modes_of_another_network_are_refused_with_both_names(products, 
     assert not (tmp_path / "case02.signals.h5").exists()
 
 
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("FRACTION", "1.5"),
+        ("DURATION", "0"),
+        ("DURATION", "-1e-4"),
+        ("DURATION", "inf"),
+        ("PASSAGE", "-1"),
+        ("PASSAGE", "inf"),
+        ("INTERVAL", "-1e-6"),
+        ("INTERVAL", "inf"),
+        ("PARTICLES", "2"),
+    ],
+)
+def test_numbers_without_sense_are_refused_and_the_product_stays(name, number, products, tmp_path):
+    """One line, and neither a wave of other numbers nor a file set aside."""
+    beside(products, tmp_path)
+    shutil.copy(products / "case02.signals.h5", tmp_path)
+    log = batch("wave", tmp_path, **{f"WAVE_{name}": number})
+    errors = [line for line in log.splitlines() if line.startswith("error: ")]
+    assert len(errors) == 1 and name.lower() in errors[0].lower()
+    assert sorted(path.name for path in tmp_path.glob("*.h5*")) == [
+        f"case02.{kind}.h5" for kind in ("highest.modes", "network", "signals")
+    ]
+
+
 CHIRP = chirp(5e-10, 3e4, 1.2e5, 5e-5)
 DAMPED = ContactDamping(0.05, 0.03)
 
