@@ -18,7 +18,7 @@ ORDER = {
         *("elasticity", "preparation", "theory", "exchange", "description", "cli", "__main__"),
     ),
     "analysis": (
-        *("table", "watch", "value", "mean", "estimators", "agreement", "case"),
+        *("table", "watch", "caveats", "value", "mean", "estimators", "agreement", "case"),
         *("same_state", "measuring", "prepare", "quantities", "measurement"),
         *("rows", "frame", "crystal", "figures", "study"),
         *("cli", "__main__"),
