@@ -3,24 +3,20 @@
 And a power law for each group over its stresses, and how the powers change with void ratio.
 """
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from tokenize import TokenError
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from analysis.estimators.fits import power_law, straight_line
+from analysis.expressions import UnknownNameError, evaluate, short
 from analysis.mean import mean_of_values
 from analysis.rows import Row
 from analysis.value import COMMON, Value
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
-
-NO_SUM = SyntaxError, TypeError, ValueError, TokenError
-"""What pandas raises for a text that is no expression."""
 
 
 def frame_of(rows: Iterable[Row], cases: pd.DataFrame | None = None) -> pd.DataFrame:
@@ -67,33 +63,37 @@ def _line(row: Row) -> dict[str, Any]:
     return line | {f"plateau_{name}": flat for name, flat in row.flat.items()}
 
 
-def _named(frame: pd.DataFrame, text: str) -> pd.DataFrame:
-    """The columns that an expression names: pandas looks at each of hundreds in every one."""
-    return frame[[name for name in set(re.findall(r"\w+", text)) if name in frame]]
-
-
 def select(frame: pd.DataFrame, text: str) -> pd.DataFrame:
-    """The cases that an expression of their columns is true of; all for an empty one."""
-    if not text:
+    """Return the cases that an expression of their columns is true of; all for an empty one."""
+    if text == "":
         return frame
-    try:
-        return frame[_named(frame, text).eval(text, engine="python")]
-    except (*NO_SUM, pd.errors.UndefinedVariableError) as error:
-        raise InputError(f"select: {text}: {error}; name columns of the cases") from None
+    chosen = evaluate(text, frame)
+    if not isinstance(chosen, pd.Series) or chosen.dtype != bool:
+        raise InputError(
+            f"select: {short(text)}: is true or false of no case; write as stress == 1e5",
+            code="selection",
+        )
+    return frame[chosen]
 
 
 def numbers(frame: pd.DataFrame, text: str) -> pd.Series:
-    """A quantity of each case, or an expression of quantities; NaN where it is not known."""
-    if text in frame.columns:
+    """Return a quantity of each case, or an expression of quantities; NaN where not known."""
+    unknown = pd.Series(np.nan, frame.index)
+    if isinstance(text, str) and text in frame.columns:
         return pd.to_numeric(frame[text], errors="coerce")
-    if text.isidentifier():
-        return pd.Series(np.nan, frame.index)
+    if isinstance(text, str) and text.isidentifier():
+        return unknown
     try:
-        return _named(frame, text).eval(text, engine="python").astype(float)
-    except pd.errors.UndefinedVariableError:
-        return pd.Series(np.nan, frame.index)
-    except NO_SUM as error:
-        raise InputError(f"quantity {text}: {error}; write names of quantities") from None
+        value = evaluate(text, frame)
+    except UnknownNameError:
+        return unknown
+    if isinstance(value, bool | float):
+        return unknown.fillna(float(value))
+    if isinstance(value, pd.Series) and pd.api.types.is_numeric_dtype(value):
+        return value.astype(float)
+    raise InputError(
+        f"quantity {short(text)}: is no number; write names of quantities", code="quantity"
+    )
 
 
 def spreads(frame: pd.DataFrame, text: str) -> pd.Series:

@@ -19,7 +19,9 @@ from analysis.figures.groups import EDGE, SHADES, STRESS_MARKS
 from analysis.figures.picture import Panel, Picture, merged, read_picture, share_limits
 from analysis.frame import mean_with_error, select
 from analysis.study.description import following
+from analysis.study.fields import inside
 from analysis.study.words import Words
+from analysis.table import cell
 from modal.tools.errors import InputError
 
 Spec = Mapping[str, Any]
@@ -32,7 +34,8 @@ MOST = 4
 
 def wanted(specs: Sequence[Spec], case: pd.DataFrame) -> list[str]:
     """Figures of which a case's panels are kept; `case` is its line of the study."""
-    shown = [spec for spec in specs if "cases" in spec and len(select(case, spec["cases"]))]
+    of_cases = [spec for spec in specs if {"cases", "figure"} <= spec.keys()]
+    shown = [spec for spec in of_cases if len(select(case, spec["cases"]))]
     return list(dict.fromkeys(spec["figure"] for spec in shown))
 
 
@@ -51,7 +54,10 @@ def arrange(
         caption = words(spec["caption"])
         with following(spec):
             if "plot" not in spec and spec.get("figure") not in FIGURES:
-                raise InputError(f"{spec['name']}: its figure is none of {', '.join(FIGURES)}")
+                raise InputError(
+                    f"{spec['name']}: its figure is none of {', '.join(FIGURES)}",
+                    code="unknown_word",
+                )
             try:
                 if "plot" in spec:
                     picture = _plot(spec["plot"], cases[cases["there"]])
@@ -63,7 +69,7 @@ def arrange(
             except InputError as error:
                 absent.append(f"{spec['name']}: {error}")
                 continue
-        stem = output / spec["name"]
+        stem = inside(output, spec["name"])
         pictures[stem], captions[stem] = picture, caption
     with ProcessPoolExecutor(min(MOST, os.cpu_count() or 1)) as processes:
         pngs = [png for png, *_ in processes.map(save, pictures.values(), pictures)]
@@ -82,7 +88,7 @@ def _plot(spec: Spec, cases: pd.DataFrame) -> Picture:
             mean, error = np.reshape(pairs, (-1, 2)).T
             shade = SHADES[2 * k % len(SHADES)]
             style = EDGE | {"color": shade, "mfc": shade, "marker": MARKERS[k % len(MARKERS)]}
-            panel.line(x, mean, f"{spec['by']} {value:g}", **style | {"ls": "-"})
+            panel.line(x, mean, f"{spec['by']} {cell(value)}", **style | {"ls": "-"})
             panel.add("error", x, mean, error, capsize=2, color=shade)
         panels.append(panel)
     if not any(series.y.size for panel in panels for series in panel.series):

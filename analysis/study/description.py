@@ -12,30 +12,31 @@ which is computed; or a mapping with `by`, which a factor's value picks from. Wh
 may be written as `seed: 1 to 8`. `cases` names exceptions.
 """
 
+import io
 import itertools
+import math
 import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
-import yaml
 
-from modal.tools.errors import InputError
+from analysis.expressions import evaluate, short
+from analysis.study.kinds import Number, refuse_other, whole
+from analysis.study.settings import CASE, FILE_NAME, PARTS, STUDY
+from analysis.study.yaml_file import read_small, read_yaml
+from modal.tools.errors import InputError, refuse_unknown
 
 KINDS = "fcc", "random"
 OTHER_NAMES = {"friction": "mu_comp", "wave_friction": "mu_wave"}
 """Words of a study, and what the programs call them."""
 NEEDED = "friction", "wave_friction", "stress"
-WORDS = {"kind", "direction", "sizes", "densities", "contact_model"}
-"""Settings of a case that are no numbers."""
-OF_CASE = {
-    *(*NEEDED, *WORDS, "factors", "width", "seed", "spheres", "layers", "amplitude"),
-    *("input_frequency", "fraction", "passage", "duration", "interval", "particles"),
-    *("approach_rate", "agitated_damping", "inertial_number", "hot_stress", "damping"),
-    *("residual", "periodic", "stress_ratio", "oedometric", "dilate", "time_step_fraction"),
-}
+OF_GROUP = {*CASE, "factors"}
+MAX_CASES = 20_000
+"""Of a study: with more, planning the jobs alone takes hours."""
 DEFAULTS: dict[str, Any] = {
     **dict.fromkeys(("name", "title", "names", "samples"), ""),
     **{name: [] for name in ("groups", "states", "measure", "tables", "figures", "headlines")},
@@ -50,27 +51,8 @@ DEFAULTS: dict[str, Any] = {
     "make": {"fcc": [], "random": []},
     "forget": False,
 }
-
-FORMS = {str: "a text", list: "a list", dict: "lines NAME: VALUE", bool: "true or false"}
-LISTS = {
-    **{"make": (str, "kinds of product"), "measure": (str, "quantities")},
-    **{"headlines": (str, "cases"), "states": (int | float, "stresses, Pa")},
-    **dict.fromkeys(("band", "bands"), (int | float, "two frequencies, Hz")),
-}
-"""Settings that are lists, or whose lines are, and of what."""
-ENTRIES = {
-    "tables": ("name", "title"),
-    "figures": ("name", "caption"),
-    "targets": ("id", "stated", "rule"),
-}
-"""Parts that are lists, and what each of their entries has."""
-
-
-# YAML takes 1e5 for a text; here it is a number.
-_Loader: Any = type("_Loader", (yaml.SafeLoader,), {})
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[+-]?[\d.]+e[+-]?\d+$"), list("+-.0123456789")
-)
+STATED = ["quantity", "select", "value", "low", "high", "unit", "where"]
+"""Columns of stated.csv."""
 
 
 class Study:
@@ -82,94 +64,168 @@ class Study:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.folder = self.path.parent
-        found = self._yaml(self.path)
-        self._known(found, DEFAULTS.keys(), "setting")
-        for name, value in found.items():
-            form = type(DEFAULTS[name])
-            if not isinstance(value, form if form in FORMS else int | float):
-                raise InputError(f"{path}: {name} {value}: give {FORMS.get(form, 'a number')}")
-        if not found.get("groups"):
-            raise InputError(f"{path}: no groups; give at least one, with kind and factors")
-        self.settings = DEFAULTS | {"name": self.path.stem} | found
-        self._known(self.settings["make"], KINDS, "make: kind")
-        for part, (kind, told) in LISTS.items():
-            value = self.settings[part]
-            for name, own in (value if isinstance(value, dict) else {part: value}).items():
-                if not (isinstance(own, list) and all(isinstance(one, kind) for one in own)):
-                    raise InputError(f"{path}: {part}: {name} {own}: give a list of {told}")
-        lines = [line for group in found["groups"] for line in self._group(group)]
+        given = read_yaml(self.path)
+        self._known(given, DEFAULTS.keys(), "setting")
+        for name, value in given.items():
+            refuse_other(str(path), name, value, STUDY[name])
+        if not given.get("groups"):
+            raise InputError(
+                f"{path}: no groups; give at least one, with kind and factors", code="groups"
+            )
+        given = {name: whole(value, STUDY[name]) for name, value in given.items()}
+        self.settings = DEFAULTS | {"name": self.path.stem} | given
+        if self.settings["measure"]:
+            from analysis.quantities import QUANTITIES
+
+            for quantity in self.settings["measure"]:
+                refuse_unknown(f"{path}: measure: quantity", quantity, QUANTITIES)
+        rows = self._named_rows()
+        for name, changes in self.settings["cases"].items():
+            self._refuse_no_case("cases", name, rows)
+            self._known(changes, OF_GROUP - {"factors"}, f"{name}: setting")
+            rows[name] |= changes
+        for name in (*self.settings["bands"], *self.settings["headlines"]):
+            self._refuse_no_case("bands, headlines", name, rows)
+        for low, high in (self.settings["band"], *self.settings["bands"].values()):
+            if low >= high:
+                raise InputError(
+                    f"{path}: band {low:g} to {high:g}: give the lower one first", code="band"
+                )
+        self.rows = {name: self._checked(name, row) for name, row in rows.items()}
+
+    def _known(self, given: Any, known: Collection[str], what: str) -> None:
+        """InputError unless these are lines NAME: VALUE with known names."""
+        if not isinstance(given, Mapping):
+            raise InputError(f"{self.path}: {what}s have names; write NAME: VALUE", code="no_names")
+        if unknown := ", ".join(sorted(short(name) for name in given if name not in known)):
+            names = ", ".join(sorted(known))
+            raise InputError(
+                f"{self.path}: {what} {short(unknown)} is unknown; known are {names}",
+                code="unknown_setting",
+            )
+
+    def _refuse_no_case(self, where: str, name: str, rows: Mapping[str, Any]) -> None:
+        """InputError for a name that no case has."""
+        if name not in rows:
+            first, *_, last = *rows, *rows
+            raise InputError(
+                f"{self.path}: {where}: {short(name)} is none of {first} ... {last}",
+                code="unknown_case",
+            )
+
+    def _named_rows(self) -> dict[str, dict[str, Any]]:
+        """The cases of all groups by name, as their group describes them."""
+        groups = self.settings["groups"]
+        factors = [self._factors(group) for group in groups]
+        count = sum(math.prod(map(len, values.values())) for values in factors)
+        if count > MAX_CASES:
+            raise InputError(
+                f"{self.path}: {count:.3g} cases; a study has {MAX_CASES} at most: leave factors "
+                "out, or make several studies",
+                code="too_many_cases",
+            )
         pattern = self.settings["names"]
-        self.rows: dict[str, dict[str, Any]] = {}
-        for number, line in enumerate(lines, 1):
-            parts = itertools.starmap(part_of_name, line.pop("factors").items())
-            name = pattern.format(number) if pattern else "_".join(parts) or "case"
-            if name in self.rows:
-                raise InputError(f"{path}: two cases of one name; give each its own factors")
-            self.rows[name] = line
-        for name, own in self.settings["cases"].items():
-            if name not in self.rows:
-                known = [*self.rows]
-                raise InputError(f"{path}: cases: {name} is none of {known[0]} ... {known[-1]}")
-            self._known(own, OF_CASE, f"{name}: setting")
-            self.rows[name] |= own
-        self.rows = {name: self._checked(name, line) for name, line in self.rows.items()}
+        rows: dict[str, dict[str, Any]] = {}
+        for group, values in zip(groups, factors, strict=True):
+            for combination, row in self._group(group, values):
+                name = "_".join(itertools.starmap(part_of_name, combination.items())) or "case"
+                if pattern:
+                    name = pattern.format(len(rows) + 1)
+                refuse_other(str(self.path), "a case is called", name, FILE_NAME)
+                if name in rows:
+                    raise InputError(
+                        f"{self.path}: two cases of one name, {name}; give each its own factors",
+                        code="same_name",
+                    )
+                rows[name] = row
+        if not rows:
+            raise InputError(f"{self.path}: no cases; give factors values", code="no_cases")
+        return rows
 
-    def _yaml(self, path: Path) -> Any:
-        try:
-            return yaml.load(path.read_text(), _Loader)
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: cannot be read ({error}); name a study's YAML") from None
-        except yaml.YAMLError as error:
-            text = " ".join(str(error).split())
-            raise InputError(f"{path}: not YAML ({text}); mend the line that it names") from None
+    def _factors(self, group: Any) -> dict[str, list[Any]]:
+        """The values of each factor of a group."""
+        self._known(group, OF_GROUP, "group's setting")
+        kind = group.get("kind")
+        if kind not in KINDS:
+            raise InputError(
+                f"{self.path}: kind {short(kind)} is none of {', '.join(KINDS)}", code="kind"
+            )
+        factors = group.get("factors", {})
+        self._known(factors, OF_GROUP - {"factors"}, "factor")
+        values = {name: self._listed(name, given) for name, given in factors.items()}
+        for name, several in values.items():
+            for value in several:
+                refuse_other(str(self.path), f"factor {name}", value, CASE[name])
+        return values
 
-    def _known(self, found: Any, known: Collection[str], what: str) -> None:
-        if not isinstance(found, Mapping):
-            raise InputError(f"{self.path}: {what}s have names; write NAME: VALUE")
-        if unknown := ", ".join(sorted(map(str, found.keys() - known))):
-            told = ", ".join(sorted(known))
-            raise InputError(f"{self.path}: {what} {unknown} is unknown; known are {told}")
+    def _listed(self, name: str, given: Any) -> list[Any]:
+        """The values of a factor: a list, or the numbers of a text as `1 to 8`."""
+        if isinstance(given, str) and (ends := re.fullmatch(r"(\d{1,9}) to (\d{1,9})", given)):
+            first, last = int(ends[1]), int(ends[2])
+            if last - first >= MAX_CASES:
+                raise InputError(
+                    f"{self.path}: {name} {given}: a study has {MAX_CASES} cases at most",
+                    code="too_many_cases",
+                )
+            given = list(range(first, last + 1))
+        values = given if isinstance(given, list) else [given]
+        if not values:
+            raise InputError(f"{self.path}: factor {name} has no value; add one", code="no_cases")
+        return values
 
-    def _group(self, group: Any) -> Iterator[dict[str, Any]]:
-        """The cases of a group: each combination of its factors, the last one fastest."""
-        self._known(group, OF_CASE, "group's setting")
-        if group.get("kind") not in KINDS:
-            raise InputError(f"{self.path}: kind {group.get('kind')} is none of {', '.join(KINDS)}")
-        self._known(group.get("factors", {}), OF_CASE, "factor")
-        factors = {name: _listed(values) for name, values in group.get("factors", {}).items()}
+    def _group(
+        self, group: Mapping[str, Any], factors: Mapping[str, list[Any]]
+    ) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+        """Each combination of a group's factors, the last one fastest, and the case that it is."""
+        others = group.keys() - {"factors"} - factors.keys()
         for values in itertools.product(*factors.values()):
-            own = dict(zip(factors, values, strict=True))
-            line = group | own
-            for name in group.keys() - {"factors"} - factors.keys():
-                line[name] = self._value(name, group[name], line)
-            yield line | {"factors": own}
+            combination = dict(zip(factors, values, strict=True))
+            line = {name: value for name, value in group.items() if name != "factors"} | combination
+            numbers = {name: value for name, value in line.items() if _is_number(value)}
+            yield combination, line | {n: self._value(n, group[n], line, numbers) for n in others}
 
-    def _value(self, name: str, value: Any, line: Mapping[str, Any]) -> Any:
-        """A setting of one case."""
+    def _value(
+        self, name: str, value: Any, line: Mapping[str, Any], numbers: Mapping[str, float]
+    ) -> Any:
+        """A setting of one case; None where no line of a choice `by` a factor is the case's."""
         if isinstance(value, Mapping):
             by = value.get("by")
-            if by not in line:
-                raise InputError(f"{self.path}: {name}: by {by} is no factor; name one")
+            if not isinstance(by, str) or by not in line:
+                raise InputError(
+                    f"{self.path}: {name}: by {short(by)} is no factor; name one", code="no_factor"
+                )
             return value.get(line[by], value.get("else"))
-        known = {n: v for n, v in line.items() if isinstance(v, int | float)}
-        if isinstance(value, str) and set(re.findall(r"[a-z_]+", value)) & known.keys():
-            try:
-                return round(float(pd.eval(value, local_dict=known)), 12)
-            except (SyntaxError, NameError, TypeError, ValueError) as error:
-                raise InputError(f"{self.path}: {name}: {value} ({error}) is no sum") from None
+        if value is None:
+            raise InputError(
+                f"{self.path}: {name} has no value; give one, or leave it out", code="setting"
+            )
+        if isinstance(value, str) and isinstance(CASE[name], Number):
+            return self._computed(name, value, numbers)
         return value
+
+    def _computed(self, name: str, text: str, numbers: Mapping[str, float]) -> float:
+        """A setting that is a sum of others."""
+        try:
+            value = evaluate(text, numbers)
+        except InputError as error:
+            raise InputError(f"{self.path}: {name}: {error}", code=error.code) from None
+        if not _is_number(value):
+            raise InputError(
+                f"{self.path}: {name}: {short(text)} is no number; write a sum of other settings",
+                code="setting",
+            )
+        return round(float(value), 12)
 
     def _checked(self, name: str, line: Mapping[str, Any]) -> dict[str, Any]:
         """A case as the programs call its settings; InputError where one is missing."""
         for key in NEEDED:
             if line.get(key) is None:
-                raise InputError(f"{self.path}: {name} has no {key}; add it")
+                raise InputError(f"{self.path}: {name} has no {key}; add it", code="no_setting")
+        changes = self.settings["cases"].get(name, {})
         for key, value in line.items():
-            if key not in WORDS and value is not None and not isinstance(value, int | float):
-                raise InputError(f"{self.path}: {name}: {key} {value} is no number")
-        if line["stress"] <= 0:
-            raise InputError(f"{self.path}: {name}: stress {line['stress']} Pa; above 0")
-        return {OTHER_NAMES.get(key, key): value for key, value in line.items()}
+            if value is not None or key in changes:
+                refuse_other(f"{self.path}: {name}", key, value, CASE[key])
+        return {OTHER_NAMES.get(key, key): whole(value, CASE[key]) for key, value in line.items()}
 
     @property
     def cases(self) -> pd.DataFrame:
@@ -179,26 +235,57 @@ class Study:
         frame["name"] = frame.index
         return frame
 
-    def part(self, name: str) -> Any:
+    def part(self, part: str) -> list[dict[str, Any]]:
         """A setting of many lines, or the YAML file of this name beside; empty without either."""
-        path, own = self.folder / f"{name}.yaml", self.settings.get(name)
-        entries = own or (self._yaml(path) if path.is_file() else [])
-        for entry in entries:
-            texts = isinstance(entry, Mapping) and [entry.get(key) for key in ENTRIES[name]]
-            if not texts or not all(isinstance(text, str) for text in texts):
-                lacks = f"{path if not own else self.path}: {name}: {entry}"
-                raise InputError(f"{lacks}: give it, as texts, {', '.join(ENTRIES[name])}")
+        path = self.folder / f"{part}.yaml"
+        entries = self.settings.get(part)
+        where = f"{self.path}: {part}"
+        if not entries:
+            entries = (read_yaml(path) or []) if path.exists() else []
+            where = str(path)
+        if not isinstance(entries, list):
+            raise InputError(f"{where}: give a list, a line - NAME: VALUE ... each", code="setting")
+        names: set[str] = set()
+        for number, entry in enumerate(entries, 1):
+            name = entry.get("name", entry.get("id")) if isinstance(entry, dict) else None
+            if fault := PARTS[part].fault(entry):
+                entry_name = short(name or f"entry {number}")
+                raise InputError(f"{where}: {entry_name}: {fault}", code="setting")
+            if name in names:
+                raise InputError(
+                    f"{where}: {short(name)} stands twice; rename one", code="same_name"
+                )
+            names.add(name)
         return entries
 
     def stated(self) -> pd.DataFrame:
         """Stated numbers: `quantity`, `select` (cases), `value`, its ends `low` and `high`."""
         path = self.folder / "stated.csv"
-        columns = ["quantity", "select", "value", "low", "high", "unit", "where"]
-        found = pd.DataFrame(columns=columns)
-        if path.is_file():
-            found = pd.read_csv(path, dtype={"select": object})
+        found = pd.DataFrame(columns=STATED)
+        if path.exists():
+            found = self._read_stated(path)
         ends = {name: found[name].fillna(found["value"]) for name in ("low", "high")}
         return found.assign(select=found["select"].fillna(""), **ends)
+
+    def _read_stated(self, path: Path) -> pd.DataFrame:
+        """The table of stated numbers as its file has it; InputError where it is none."""
+        text = read_small(path)
+        texts = dict.fromkeys(("quantity", "select"), object)
+        try:
+            found = pd.read_csv(io.StringIO(text), dtype=texts)
+            numbers = {name: pd.to_numeric(found[name]) for name in ("value", "low", "high")}
+            quantities, _ = (found[name].fillna("") for name in texts)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"{path}: no table of {', '.join(STATED)} ({short(str(error))}); mend it",
+                code="stated",
+            ) from None
+        infinite = any(np.isinf(column).any() for column in numbers.values())
+        if infinite or not quantities.map(str.isidentifier).all():
+            raise InputError(
+                f"{path}: give each line a quantity, one word, and finite numbers", code="stated"
+            )
+        return found.assign(**numbers)
 
 
 @contextmanager
@@ -210,7 +297,9 @@ def following(entry: Mapping[str, Any]) -> Iterator[None]:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         name, why = entry.get("name", entry.get("id")), f"{type(error).__name__}: {error}"
-        raise InputError(f"{name}: cannot be made ({why}); mend its entry in the study") from error
+        raise InputError(
+            f"{name}: cannot be made ({short(why, 200)}); mend its entry in the study", code="entry"
+        ) from error
 
 
 def part_of_name(factor: str, value: Any) -> str:
@@ -224,8 +313,6 @@ def part_of_name(factor: str, value: Any) -> str:
     return f"{factor}{value:g}"
 
 
-def _listed(values: Any) -> list[Any]:
-    """The values of a factor: a list, or the numbers of a text as `1 to 8`."""
-    if ends := re.fullmatch(r"(\d+) to (\d+)", str(values)):
-        return list(range(int(ends[1]), int(ends[2]) + 1))
-    return values if isinstance(values, list) else [values]
+def _is_number(value: Any) -> bool:
+    """Whether a value is a number, which true and false are not."""
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -5,7 +5,7 @@ of a number, or `±` for a value to its error's first digit; and a column of yes
 `no` puts a star behind the number.
 """
 
-import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from analysis.estimators.fits import power_law, straight_line
 from analysis.frame import frame_of, mean_with_error, numbers, select, spreads
 from analysis.rows import OF_RECORD, Row, read_results
 from analysis.study.description import Study, following
+from analysis.study.fields import fill, number_format
 from analysis.study.targets import Rules
 from analysis.study.words import UNKNOWN, Words
 from analysis.table import Table, cell, number
@@ -82,7 +83,12 @@ def _column(cases: pd.DataFrame, text: str) -> list[str]:
     if not form and name in cases and not pd.api.types.is_numeric_dtype(cases[name]):
         return [cell(value) for value in cases[name]]
     values = zip(numbers(cases, name), spreads(cases, name), strict=True)
-    cells = [number(*pair) if form == "±" else cell(pair[0], form or "g") for pair in values]
+    if form == "±":
+        cells = [number(*pair) for pair in values]
+    else:
+        digits, *unit = (form or "g").split()
+        shown = " ".join([number_format(digits), *unit])
+        cells = [cell(value, shown) for value, _ in values]
     if not flag:
         return cells
     pairs = zip(cells, cases[flag], strict=True)
@@ -144,15 +150,21 @@ def checks(spec: Spec, rules: Rules) -> Cells:
     """Rules side by side: each line holds its own quantities against the same checks."""
     lines = []
     for line in spec["rows"]:
-        text = json.dumps(list(spec["columns"].values()))
-        names = {name: text.format(**line) for name, text in spec["names"].items()} | line
-        for name, quantity in names.items():
-            text = text.replace(f"<{name}>", quantity)
-        found = [rules.find(check) for check in json.loads(text)]
+        names = {name: fill(text, line) for name, text in spec["names"].items()} | line
+        found = [rules.find(_named(check, names)) for check in spec["columns"].values()]
         cells = [f"{cell(one.met)}: {one.short}" if np.isfinite(one.value) else "" for one in found]
         if any(cells):
             lines.append([line["title"], *cells])
     return ["rule", *spec["columns"]], lines
+
+
+def _named(check: Any, names: Mapping[str, str]) -> Any:
+    """Return a check with quantities in the place of each `<NAME>` that a line gives one."""
+    if isinstance(check, Mapping):
+        return {key: _named(value, names) for key, value in check.items()}
+    if isinstance(check, str):
+        return re.sub(r"<(\w+)>", lambda place: names.get(place[1], place[0]), check)
+    return check
 
 
 def side_by_side(name: str, cases: pd.DataFrame) -> Cells:

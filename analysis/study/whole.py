@@ -5,22 +5,29 @@ A case that is not there is said to be missing; nothing stands in for it.
 
 import base64
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import jinja2
+import numpy as np
 import pandas as pd
 
 from analysis.frame import frame_of, runs
 from analysis.rows import read_results
 from analysis.study.arrangement import arrange
 from analysis.study.description import Study
+from analysis.study.fields import inside
+from analysis.study.page import page
 from analysis.study.tables import tables, whole
-from analysis.study.targets import Rules, answers, second_verdicts, targets
-from analysis.table import Table, number
+from analysis.study.targets import Answer, Rules, answers, second_verdicts, targets
+from analysis.table import Table
 from modal.formats.whole_file import write_text
 from modal.tools.errors import InputError
+
+OF_EVERY_STUDY = "table1", "targets", "second_verdicts", "absent", "study"
+SPLIT = "split_"
+"""Names of files that every study has, and how others of them begin."""
 
 
 def write_study(study: Study, results: Path, output: Path, command: list[str]) -> tuple[Path, int]:
@@ -33,57 +40,96 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
     frame = frame_of(rows, study.cases)
     if not frame["there"].any():
         raise InputError(f"{results}: no result of {study.path}; run its cases first")
+    specs, drawn = study.part("tables"), study.part("figures")
+    _refuse_same_files([*specs, *drawn])
     rules, found = Rules(frame, study.stated()), answers(study, frame)
-    specs, goals = study.part("tables"), targets(found)
+    goals = targets(found)
     shown = [_absent(results / "absent.csv", frame), second_verdicts(found)]
     shown += tables(specs, rules)
     for path in sorted(results.glob("*.agreement.csv")):
         case = path.name.split(".")[0]
         title = f"YADE against the linear wave by cause, {case}"
-        shown.append(Table(title, *_read(path), f"split_{case}"))
+        if case in frame.index:
+            shown.append(Table(title, *_read(path), f"{SPLIT}{case}"))
     shown = [table for table in shown if table.rows]
     of_pages = {"targets", "second_verdicts", *(s["name"] for s in specs if s.get("page"))}
     for table in (each for each in (whole(frame), goals, *shown) if each.rows):
-        table.write_csv(output / f"{table.name}.csv")
+        table.write_csv(inside(output, f"{table.name}.csv"))
         if table.name in of_pages:
-            write_text(output / f"{table.name}.md", table.markdown())
+            write_text(inside(output, f"{table.name}.md"), table.markdown())
     for line, index in rules.lines:
         name = line["quantity"]
         frame.loc[index, [f"{name}_stated", f"{name}_stated_to"]] = line[["low", "high"]].to_list()
-    figures, absent = arrange(study.part("figures"), frame, results, output)
+    figures, absent = arrange(drawn, frame, results, output)
     header = ["file", "SHA-256, first 16 digits", "command", "made from"]
-    provenance = [line for row in rows for line in row.provenance]
+    provenance = Table("Provenance", header, [line for row in rows for line in row.provenance])
     content = {
-        "settings": study.settings,
+        "settings": {name: study.settings[name] for name in ("name", "title", "headlines")},
         "command": _shown(command),
-        "frame": frame,
-        "answers": found,
-        "targets": goals,
-        "tables": shown,
-        "figures": figures,
+        "cases": _plain(frame[frame["there"]]),
+        "counts": _counts(frame, found),
+        "targets": asdict(goals),
+        "tables": list(map(asdict, shown)),
+        "figures": [_figure(png, caption) for png, caption in figures],
         "absent": absent,
         "notes": sorted({f"{row.name}: {note}" for row in rows for note in row.notes}),
-        "provenance": Table("Provenance", header, provenance),
+        "provenance": asdict(provenance),
     }
     path = output / "study.html"
     write_text(path, page(study.folder, content))
     return path, int((~frame["there"]).sum())
 
 
-TEMPLATES = Path(__file__).parent
+def _refuse_same_files(specs: Sequence[Mapping[str, Any]]) -> None:
+    """InputError where two tables or figures would have one file, or one of every study."""
+    taken = set(OF_EVERY_STUDY)
+    for name in (spec["name"] for spec in specs):
+        if name.lower() in taken or name.lower().startswith(SPLIT):
+            raise InputError(f"{name}: another file is called so; rename it", code="same_name")
+        taken.add(name.lower())
 
 
-def page(folder: Path, content: Mapping[str, Any]) -> str:
-    """The page by the study's page.html.j2, which may extend plain.html.j2, else by that.
+def _plain(cases: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """The numbers and texts of each case that are known, by name."""
+    return {
+        str(name): {
+            column: value
+            for column, value in case.items()
+            if isinstance(value, str | int | float | np.number) and value == value
+        }
+        for name, case in cases.iterrows()
+    }
 
-    It refers to nothing outside it.
-    """
-    loader = jinja2.FileSystemLoader([str(folder), str(TEMPLATES)])
-    own = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    own.filters["base64"] = lambda path: base64.b64encode(path.read_bytes()).decode()
-    own.filters["anchor"] = lambda title: "".join(c if c.isalnum() else "-" for c in title.lower())
-    own.globals |= {"runs": runs, "number": number}
-    return own.select_template(["page.html.j2", "plain.html.j2"]).render(content)
+
+def _counts(frame: pd.DataFrame, found: list[Answer]) -> dict[str, Any]:
+    """How many cases and targets there are, and which of them lack what."""
+    there, away = frame[frame["there"]], frame[~frame["there"]]
+    several = there[there["packings"] > 1]
+    absent = there["absent"].str.split().explode().dropna()
+    lacking = {kind: absent.index[absent == kind] for kind in sorted(absent.unique())}
+    still_open = [spec["id"] for spec, finding, _ in found if not finding.met]
+    return {
+        "there": len(there),
+        "all": len(frame),
+        "yade": int((there["record"] == "yade").sum()),
+        "away": runs(away["case"]),
+        "absent": [(kind, runs(there["case"][names])) for kind, names in lacking.items()],
+        "samples": int(there["packings"].max()),
+        "sampled": runs(several["case"]),
+        "unsettled": ", ".join(there.index[there["unsettled"] != ""]),
+        "targets": len(found),
+        "met": len(found) - len(still_open),
+        "open": ", ".join(still_open),
+    }
+
+
+def _figure(png: Path, caption: str) -> dict[str, str]:
+    """A figure as the page has it within itself."""
+    return {
+        "name": png.stem,
+        "caption": caption,
+        "png": base64.b64encode(png.read_bytes()).decode(),
+    }
 
 
 def _absent(path: Path, frame: pd.DataFrame) -> Table:

@@ -1,20 +1,26 @@
 """Sentences with numbers of a study's cases in them: captions, and what is said of the whole.
 
-A sentence is a Jinja template: `{{ value('case06', 'void_ratio') }}` is that number with its error.
-So no number is typed, and none survives the results that it came from.
+`{{ value('case06', 'void_ratio') }}` in a sentence is that number with its error: what stands in
+double braces is an expression (`analysis.expressions`) that calls one of a few functions. So no
+number is typed, and none survives the results that it came from.
 """
 
-import jinja2
+import re
+
 import numpy as np
 import pandas as pd
 
 from analysis.estimators.fits import power_law, straight_line
+from analysis.expressions import evaluate, short
 from analysis.frame import numbers, powers, select, spreads
+from analysis.study.fields import number_format
 from analysis.table import number
 from modal.tools.errors import InputError
 
 UNKNOWN = "(not measured)"
 RANDOM = "kind == 'random'"
+PLACE = re.compile(r"{{(.*?)}}", re.DOTALL)
+"""Where a sentence has a number."""
 
 
 class Words:
@@ -26,11 +32,18 @@ class Words:
         self._known = {name: getattr(self, name) for name in names}
 
     def __call__(self, text: str) -> str:
-        """The sentence."""
-        try:
-            return jinja2.Environment().from_string(text).render(self._known)
-        except (jinja2.TemplateError, TypeError, ValueError) as error:
-            raise InputError(f"{text}: {error}; mend what stands in {{{{ }}}}") from None
+        """Return the sentence with its numbers."""
+        rest = PLACE.sub("", text)
+        if any(mark in rest for mark in ("{{", "}}", "{%", "{#")):
+            raise InputError(
+                f"{short(text)}: write numbers as {{{{ value('case06', 'void_ratio') }}}}",
+                code="sentence",
+            )
+        return PLACE.sub(self._number, text).removesuffix("\n")
+
+    def _number(self, place: re.Match[str]) -> str:
+        """Return what stands in the place of one expression."""
+        return str(evaluate(place[1], {}, self._known))
 
     def value(self, case: str, quantity: str) -> str:
         """A number of one case, with its error where that is known."""
@@ -43,7 +56,7 @@ class Words:
         found = numbers(select(self.frame, which), quantity).dropna()
         if found.empty:
             return UNKNOWN
-        low, high = f"{found.min():{form}}", f"{found.max():{form}}"
+        low, high = (format(end, number_format(form)) for end in (found.min(), found.max()))
         return low if low == high else f"{low} to {high}"
 
     def power(self, x: str, y: str, which: str) -> str:

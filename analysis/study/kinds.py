@@ -1,0 +1,197 @@
+"""Kinds of what a study may say: numbers in a range, words, texts, lists, lines NAME: VALUE."""
+
+import math
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from analysis.expressions import short
+from modal.tools.errors import InputError
+
+
+class Kind(Protocol):
+    """What a setting may be; `told` says so to a user."""
+
+    told: str
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value is of this kind."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A finite number, whole or not, between two bounds, which may belong to it or not."""
+
+    least: float = -math.inf
+    most: float = math.inf
+    above: float = -math.inf
+    below: float = math.inf
+    whole: bool = False
+    finite: bool = True
+
+    @property
+    def told(self) -> str:
+        """What to give, as text."""
+        bounds = {
+            "from": self.least,
+            "above": self.above,
+            "to": self.most,
+            "below": self.below,
+        }
+        words = [f"{word} {bound:g}" for word, bound in bounds.items() if math.isfinite(bound)]
+        return " ".join(["a whole number" if self.whole else "a number", *words])
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value is such a number."""
+        if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+            return False
+        if self.finite and not math.isfinite(value):
+            return False
+        if self.whole and value != int(value):
+            return False
+        inside = self.least <= value <= self.most
+        beyond = math.isinf(self.above) or value > self.above
+        return inside and beyond and (math.isinf(self.below) or value < self.below)
+
+
+@dataclass(frozen=True)
+class Word:
+    """One of several words."""
+
+    words: Collection[str]
+
+    @property
+    def told(self) -> str:
+        """What to give, as text."""
+        return " or ".join(self.words)
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value is one of them."""
+        return isinstance(value, str) and value in self.words
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text, of a pattern if there is one, and of no more than so many characters."""
+
+    told: str = "a text"
+    pattern: str = r"[\s\S]*"
+    length: int = 20_000
+    refused: str = ""
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value is such a text."""
+        if not isinstance(value, str) or len(value) > self.length:
+            return False
+        if self.refused and self.refused in value:
+            return False
+        return re.fullmatch(self.pattern, value, re.ASCII) is not None
+
+
+@dataclass(frozen=True)
+class Anything:
+    """What is looked at later."""
+
+    told: str = "anything"
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value may stand there."""
+        return True
+
+
+@dataclass(frozen=True)
+class Truth:
+    """True or false."""
+
+    told: str = "true or false"
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value is one of both."""
+        return isinstance(value, bool)
+
+
+@dataclass(frozen=True)
+class Several:
+    """A list of values of one kind, of some length."""
+
+    kind: Kind
+    what: str
+    least: int = 0
+    most: int = 20_000
+
+    @property
+    def told(self) -> str:
+        """What to give, as text."""
+        return f"a list of {self.what}"
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value is such a list."""
+        if not isinstance(value, list) or not self.least <= len(value) <= self.most:
+            return False
+        return all(self.kind.holds(member) for member in value)
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines NAME: VALUE, of any texts as names with values of one kind, or of known names."""
+
+    kind: Kind | None = None
+    known: Mapping[str, Kind] = field(default_factory=dict)
+    needed: tuple[str, ...] = ()
+    told: str = "lines NAME: VALUE"
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value is such lines."""
+        return not self.fault(value)
+
+    def fault(self, value: Any) -> str:
+        """Return what is wrong with them, in a few words; empty where nothing is."""
+        if not isinstance(value, Mapping):
+            return f"{short(value)}: give {self.told}"
+        for name in self.needed:
+            if name not in value:
+                return f"{name} is missing; add it"
+        for name, part in value.items():
+            if not isinstance(name, str):
+                return f"{short(name)}: names are texts; write them in quotes"
+            kind = self.known.get(name, self.kind)
+            if kind is None:
+                return f"{short(name)} is unknown; known are {', '.join(self.known)}"
+            if isinstance(kind, Lines) and (fault := kind.fault(part)):
+                return f"{short(name)}: {fault}"
+            if not kind.holds(part):
+                return f"{short(name)} {short(part)}: give {kind.told}"
+        return ""
+
+
+@dataclass(frozen=True)
+class Either:
+    """One of two kinds."""
+
+    first: Kind
+    second: Kind
+
+    @property
+    def told(self) -> str:
+        """What to give, as text."""
+        return f"{self.first.told} or {self.second.told}"
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value is of one of both."""
+        return self.first.holds(value) or self.second.holds(value)
+
+
+def refuse_other(where: str, name: str, value: Any, kind: Kind) -> None:
+    """InputError where a value is not of the kind that its setting has."""
+    if isinstance(kind, Lines) and (fault := kind.fault(value)):
+        raise InputError(f"{where}: {name}: {fault}", code="setting")
+    if not kind.holds(value):
+        raise InputError(f"{where}: {name} {short(value)}: give {kind.told}", code="setting")
+
+
+def whole(value: Any, kind: Kind) -> Any:
+    """Return 1000 for 1e3 where a whole number is due, else the value as it is."""
+    if isinstance(kind, Number) and kind.whole and value is not None:
+        return int(value)
+    return value

@@ -1,0 +1,141 @@
+"""The page of a study: plain.html.j2 filled, or the study's own page.html.j2, which extends it.
+
+A study's template may come from someone else. It sees texts and numbers, no objects; it is filled
+in Jinja's sandbox, with few filters and no functions but `number`; and it has no part that could
+make a text longer without end, or read another file. All that it shows is escaped.
+"""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import jinja2.nodes
+import jinja2.runtime
+import jinja2.sandbox
+
+from analysis.expressions import short
+from analysis.study.fields import number_format
+from analysis.study.yaml_file import read_small
+from analysis.table import number
+from modal.tools.errors import InputError
+
+OWN, PLAIN = "page.html.j2", "plain.html.j2"
+MAX_LOOPS = 2
+"""Loops within one another: rows of a table, and its cells."""
+FILTERS = {
+    *("abs", "default", "e", "escape", "first", "float", "int", "last", "length", "list", "lower"),
+    *("map", "max", "min", "reject", "rejectattr", "round", "select", "selectattr", "sort", "sum"),
+    *("trim", "unique", "upper"),
+}
+"""Of Jinja's filters those whose result is no longer than what they are given."""
+OF_CASES = "items", "keys", "values"
+"""Methods that a template may call."""
+PARTS: tuple[type[jinja2.nodes.Node], ...] = (
+    *(jinja2.nodes.Template, jinja2.nodes.Extends, jinja2.nodes.Block, jinja2.nodes.Output),
+    *(jinja2.nodes.TemplateData, jinja2.nodes.If, jinja2.nodes.For, jinja2.nodes.Assign),
+    *(jinja2.nodes.Name, jinja2.nodes.Const, jinja2.nodes.Getattr, jinja2.nodes.Getitem),
+    *(jinja2.nodes.Call, jinja2.nodes.Filter, jinja2.nodes.Test, jinja2.nodes.Keyword),
+    *(jinja2.nodes.Compare, jinja2.nodes.Operand, jinja2.nodes.And, jinja2.nodes.Or),
+    *(jinja2.nodes.Not, jinja2.nodes.Neg, jinja2.nodes.CondExpr, jinja2.nodes.Tuple),
+    *(jinja2.nodes.Add, jinja2.nodes.Sub, jinja2.nodes.Mul, jinja2.nodes.Div),
+)
+"""What a study's template may be made of."""
+
+
+class Sandbox(jinja2.sandbox.ImmutableSandboxedEnvironment):
+    """Jinja's sandbox, in which sums are of numbers alone, and objects have no attributes."""
+
+    intercepted_binops = frozenset(["+", "-", "*", "/"])
+
+    def is_safe_attribute(self, obj: Any, attr: str, value: Any) -> bool:
+        """Whether a template may take an attribute of an object."""
+        if isinstance(obj, jinja2.runtime.LoopContext):
+            return attr in ("index", "first", "last", "length")
+        return isinstance(obj, Mapping) and attr in OF_CASES
+
+    def call_binop(
+        self, context: jinja2.runtime.Context, operator: str, left: Any, right: Any
+    ) -> Any:
+        """Return a sum, difference, product or quotient of two numbers."""
+        if not (isinstance(left, int | float) and isinstance(right, int | float)):
+            raise jinja2.sandbox.SecurityError("sums are of numbers alone")
+        return super().call_binop(context, operator, float(left), float(right))
+
+
+def page(folder: Path, content: Mapping[str, Any]) -> str:
+    """Return the page of a study in `folder`, of texts and numbers by name.
+
+    It refers to nothing outside it. InputError where the study's own template cannot be filled.
+    """
+    path = folder / OWN
+    sources = {PLAIN: Path(__file__).with_name(PLAIN).read_text()}
+    if not path.exists():
+        return _sandbox(sources).get_template(PLAIN).render(content)
+    sources[OWN] = read_small(path)
+    sandbox = _sandbox(sources)
+    try:
+        _refuse_program(sandbox.parse(sources[OWN]))
+        return sandbox.get_template(OWN).render(content)
+    except (jinja2.TemplateError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
+        raise InputError(
+            f"{path}: cannot be filled ({short(str(error), 200)}); mend it, or leave it out",
+            code="template",
+        ) from None
+
+
+def _sandbox(sources: dict[str, str]) -> Sandbox:
+    """The sandbox in which these templates are filled."""
+    sandbox = Sandbox(
+        loader=jinja2.DictLoader(sources), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    sandbox.filters = {name: sandbox.filters[name] for name in FILTERS}
+    sandbox.filters["anchor"] = anchor
+    sandbox.filters["digits"] = lambda value, form: format(value, number_format(form))
+    sandbox.globals = {"number": _number}
+    return sandbox
+
+
+def anchor(title: str) -> str:
+    """Return the name of a heading in links to it."""
+    return "".join(char if char.isalnum() else "-" for char in title.lower())
+
+
+def _number(value: Any, error: Any = float("nan")) -> str:
+    """Return a value with its error; empty where it is not known."""
+    if isinstance(value, jinja2.Undefined):
+        return ""
+    return number(value, float("nan") if isinstance(error, jinja2.Undefined) else error)
+
+
+def _refuse_program(template: jinja2.nodes.Template) -> None:
+    """InputError where a template has a part that it may not have."""
+    for node, loops in _with_loops(template, 0):
+        allowed = isinstance(node, PARTS) and loops <= MAX_LOOPS
+        match node:
+            case jinja2.nodes.For(recursive=True):
+                allowed = False
+            case jinja2.nodes.Extends():
+                allowed = isinstance(node.template, jinja2.nodes.Const)
+                allowed = allowed and node.template.value == PLAIN
+            case jinja2.nodes.Tuple():
+                allowed = all(isinstance(item, jinja2.nodes.Name) for item in node.items)
+                allowed = allowed and node.ctx == "store"
+            case jinja2.nodes.Call():
+                function = node.node
+                known = isinstance(function, jinja2.nodes.Name) and function.name == "number"
+                method = isinstance(function, jinja2.nodes.Getattr) and function.attr in OF_CASES
+                allowed = known or method
+        if not allowed:
+            kind = type(node).__name__.lower()
+            raise InputError(
+                f"line {node.lineno}: {kind} may not stand in a study's page", code="template"
+            )
+
+
+def _with_loops(node: jinja2.nodes.Node, loops: int) -> Iterator[tuple[jinja2.nodes.Node, int]]:
+    """Each part of a template, and how many loops it stands in."""
+    loops += isinstance(node, jinja2.nodes.For)
+    yield node, loops
+    for child in node.iter_child_nodes():
+        yield from _with_loops(child, loops)
