@@ -23,17 +23,27 @@ number() { [[ "$2" =~ ^[1-9][0-9]{0,7}$ ]] || fail "$1 needs a number, for examp
 study=studies/otsubo2017/study.yaml products=products cases=() stage=result jobs='' only='' config=() profile=local
 while [ $# -gt 0 ]; do
     case "$1" in
-        --case) while [[ "${2:-}" =~ ^[A-Za-z0-9] ]]; do cases+=("$2"); shift; done
+        --case) while [[ "${2:-}" =~ ^[A-Za-z0-9_] ]]; do
+                [[ "$2" =~ ^[A-Za-z0-9_.+-]+$ ]] || fail "--case $2: no name of a case; see the study's cases"
+                cases+=("$2"); shift
+            done
             [ ${#cases[@]} -gt 0 ] || fail "--case needs a number, for example --case 2" ;;
         --all) cases=(fcc) ;;
-        --study) cases=(all) stage=page; [[ "${2:-}" != *.yaml ]] || { study=$2; shift; } ;;
-        --stage) stage=${2:-none}; shift ;;
+        --study) cases=(all) stage=page
+            if [ $# -gt 1 ] && [[ "$2" != -* ]]; then
+                [[ "$2" =~ ^[A-Za-z0-9_./+][A-Za-z0-9_./+-]*\.yaml$ ]] ||
+                    fail "--study $2: give a file *.yaml, whose path has letters, digits and _ . - + / alone"
+                study=$2; shift
+            fi ;;
+        --stage) stage=${2:-none}; shift
+            [[ "$stage" =~ ^[a-z]+$ ]] || fail "--stage $stage: give one word; see --help" ;;
         -j) number -j "${2:-}" 2; jobs=$2; shift ;;
         --spheres) number --spheres "${2:-}" 1000; products+=/${2}_spheres config+=("spheres=$2"); shift ;;
         --seed) number --seed "${2:-}" 2; config+=("seed=$2"); shift ;;
         --from-scratch) config+=(from_scratch=True) ;;
         --slurm) profile=slurm ;;
-        --profile) profile=$(basename "${2:-none}"); shift ;;
+        --profile) profile=${2:-none}; profile=${profile%/}; profile=${profile#workflow/profiles/}; shift
+            [[ "$profile" =~ ^[A-Za-z0-9_-]+$ ]] || fail "--profile $profile: no such folder in workflow/profiles" ;;
         --dry-run) only=dry-run ;;
         --status) only=summary ;;
         --help | -h) sed -n '4,18s/^# \{0,1\}//p' "$0"; exit 0 ;;

@@ -1,5 +1,6 @@
 """Commands of a study's jobs, from the settings of their cases."""
 
+import json
 import os
 import sys
 from collections.abc import Mapping
@@ -43,8 +44,9 @@ class Commands:
             raise InputError(f"{', '.join(own)}: not in YADE's compressions; write prepare: modal")
         own = f"{self.folder}/walks/{walk}.table"
         last = f"{made}/{self.stresses[-1]:g}Pa.sample.h5"
-        job = f"workflow/yade_job.sh {own} {row['mu_comp']} yade_scripts/compress.py"
-        job += f" {self.folder}/walks {self.folder}/log/states/{walk}.yade.log {last}"
+        log = f"{self.folder}/log/states/{walk}.yade.log"
+        job = "workflow/yade_job.sh", own, row["mu_comp"], "yade_scripts/compress.py"
+        job = quoted(*job, f"{self.folder}/walks", log, last)
         return f"{write_line(self.shape_of(row), own)} && {job}"
 
     def pack(self, walk: str) -> str:
@@ -55,9 +57,12 @@ class Commands:
         shape = self.shape_of(row)
         given = {"friction": shape.pop("mu_comp")} | shape
         given |= {name: row[name] for name in COLUMNS["pack"] if row.get(name)}
-        options = [option_of(n) + ("" if x is True else f" {x}") for n, x in given.items()]
-        options.append("--stress " + " ".join(f"{stress:g}" for stress in stresses))
-        return f"modal pack {' '.join(options)} -o {self.walk_folder(walk)}"
+        words = ["modal", "pack"]
+        for name, value in given.items():
+            words.append(option_of(name))
+            words += [] if value is True else str(value).split()
+        words += ["--stress", *(f"{stress:g}" for stress in stresses)]
+        return quoted(*words, "-o", self.walk_folder(walk))
 
     def shape_of(self, row: Mapping[str, Any]) -> dict[str, Any]:
         """What of a case shapes its compression."""
@@ -79,17 +84,20 @@ class Commands:
         folder = f"{self.folder}/waves/{run}" if run else self.folder
         own = f"{folder}/tables/{case}.{parts[-1]}.table"
         line = write_line(self.line(case, *parts, run=run), own)
-        job = f"workflow/yade_job.sh {own} {self.rows[case]['case']} yade_scripts/{script}.py"
-        job += f" {folder} $log {folder}/{case}.{kind}.h5"
-        return f"mkdir -p {folder}/tables; {line}; {job}"
+        number, script = self.rows[case]["case"], f"yade_scripts/{script}.py"
+        job = quoted("workflow/yade_job.sh", own, number, script, folder)
+        job += f' "$log" {quoted(f"{folder}/{case}.{kind}.h5")}'
+        return f"mkdir -p {quoted(f'{folder}/tables')}; {line}; {job}"
 
     def further(self, case: str, run: str) -> str:
         """The same of a further wave, in a folder where wave.py finds the case under its name."""
         folder, kinds = f"{self.folder}/waves/{run}", ("network", "highest.modes")
         wave = self.yade(case, "wave", "signals", "wave", run=run)
-        links = " ".join(f"../../{case}.{kind}.h5" for kind in kinds)
-        move = f"mv {folder}/{case}.signals.h5 {self.product(case, f'{run}.signals')}"
-        return f"unset ${{!WAVE_@}}; mkdir -p {folder}; ln -sf {links} {folder}; {wave} && {move}"
+        links = quoted("ln", "-sf", *(f"../../{case}.{kind}.h5" for kind in kinds), folder)
+        made = f"{folder}/{case}.signals.h5"
+        move = quoted("mv", made, self.product(case, f"{run}.signals"))
+        make = quoted("mkdir", "-p", folder)
+        return f"unset ${{!WAVE_@}}; {make}; {links}; {wave} && {move}"
 
     def product(self, case: str, kind: str) -> str:
         """File of a case's product."""
@@ -98,7 +106,8 @@ class Commands:
     def rest(self, case: str, state: str) -> str:
         """Command that brings a state to rest with the friction of the case's wave."""
         friction, sample = self.rows[case]["mu_wave"], self.product(case, "sample")
-        return f"modal relax {state} --friction {friction} -o {sample} --skip-current"
+        command = quoted("modal", "relax", state, "--friction", friction, "-o", sample)
+        return f"{command} --skip-current"
 
     def of_network(self, rule: str, case: str, packing: str = "network") -> str:
         """Command of one of the rules `OF_NETWORK`, for a network or a sample."""
@@ -110,8 +119,12 @@ class Commands:
             "shear": lambda: self.linear(case, 2, "--direction x"),
         }
         given = {name: of() for name, of in options.items() if f"{{{name}}}" in command}
-        given |= {"network": self.product(case, packing), "product": self.product(case, made[0])}
-        return command.format(folder=self.folder, **given)
+        given |= {
+            "folder": quoted(self.folder),
+            "network": quoted(self.product(case, packing)),
+            "product": quoted(self.product(case, made[0])),
+        }
+        return command.format(**given)
 
     def duration(self, case: str) -> float:
         """Seconds in which a wave goes from wall to wall, and somewhat more."""
@@ -136,16 +149,23 @@ class Commands:
         return "--hours 4 " + (f"--between {low} {high}" if low > 0 else f"--below {high}")
 
 
+def quoted(*words: object) -> str:
+    """Return words as the shell, and `in_turn`, read them: each is one, whatever is in it."""
+    return " ".join(quote(str(word)) for word in words)
+
+
 def write_line(line: Mapping[str, Any], path: str) -> str:
     """Command that writes a table of one line for yade-batch, which takes cells for Python."""
     cells = [
-        f'"{cell.replace(" ", "_")}"' if isinstance(cell, str) else f"{cell:.12g}"
+        json.dumps(cell.replace(" ", "_")) if isinstance(cell, str) else f"{cell:.12g}"
         for cell in line.values()
     ]
-    return f"printf '%s\\n' '{' '.join(line)}' '{' '.join(cells)}' > {path}"
+    write = quoted("printf", "%s\\n", " ".join(line), " ".join(cells))
+    return f"{write} > {quote(path)}"
 
 
 def environment() -> str:
     """Shell's command that sets for YADE's waves what the caller has set."""
-    own = [f"{n}={quote(v)}" for n, v in sorted(os.environ.items()) if n[:5] == "WAVE_"]
-    return f"export {' '.join(own)}" if own else ":"
+    names = sorted(name for name in os.environ if name.startswith("WAVE_") and name.isidentifier())
+    settings = [f"{name}={quote(os.environ[name])}" for name in names]
+    return f"export {' '.join(settings)}" if settings else ":"

@@ -5,15 +5,16 @@ Read by the Snakefile alone. Which cases there are, and their settings, stands i
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
 import h5py
 import pandas as pd
-from commands import COLUMNS, FULL, FURTHER, OF_NETWORK, RULES, Commands
+from commands import COLUMNS, FULL, FURTHER, OF_NETWORK, RULES, Commands, quoted
 
+from analysis.expressions import short
 from analysis.study.description import Study, part_of_name
 from modal.tools.errors import InputError, refuse_unknown
 
@@ -29,6 +30,20 @@ creep so far as they come to rest that a stress can fall by a tenth."""
 SMALL = 3000
 """Spheres, at most, of packings of which half of a job would be the start of its program."""
 STAGES = RULES["stages"]
+AS_TYPED = re.compile(r"[\w./+][\w./+-]*", re.ASCII)
+"""Paths that stand in rules and commands, and in Snakemake's patterns."""
+BEHIND = {
+    *(kind.split(".")[0] for kinds in STAGES.values() for kind in kinds),
+    *(kind.split(".")[0] for rule in OF_NETWORK.values() for kind in rule["makes"]),
+    *(*FURTHER, "network", "agreement", "json", "log", "tsv"),
+}
+"""Words behind a case's name in the names of its files."""
+NO_NAME = rf"\.({'|'.join(map(re.escape, sorted(BEHIND)))})|\dPa"
+"""Ends of names that belong to files of cases, or to states."""
+ANY = "[^/]+" + "".join(rf"(?<!\.{re.escape(word)})" for word in sorted(BEHIND)) + r"(?<!\dPa)"
+"""Pattern of a case's name."""
+NOTHING = "(?!)"
+"""Pattern that nothing is like."""
 ON_REQUEST = "linear.signals", "shear.signals", "moduli"
 
 
@@ -36,19 +51,25 @@ class Jobs(Commands):
     """The jobs of a study in one folder of products; `config` is Snakemake's."""
 
     def __init__(self, config: Mapping[str, Any]) -> None:
+        for name in ("study", "products"):
+            refuse_other_path(f"--{name}", config[name])
         self.study = Study(config["study"])
         own = self.study.settings
         self.folder, self.stage = config["products"], config.get("stage", "page")
         refuse_unknown("--stage", self.stage, (*STAGES, "split", "result", "page"))
         if int(config.get("spheres", LEAST)) < LEAST:
             raise InputError(f"--spheres {config['spheres']}: at least {LEAST}, 4 diameters across")
-        self.reduced, self.seed = "spheres" in config, config.get("seed")
+        self.reduced = "spheres" in config
+        self.seed = int(config["seed"]) if "seed" in config else None
         # All of a case in one process, whose start would be half of each of many jobs.
         few = self.reduced and int(config["spheres"]) <= SMALL and not own["forget"]
         self.at_once = few and self.stage in ("result", "page")
         self.scratch = bool(config.get("from_scratch")) or self.reduced or self.seed is not None
         self.prepare = "modal" if self.reduced else own["prepare"]
         self.rows = self.study.rows
+        for case in self.rows:
+            if re.search(rf"({NO_NAME})$", case):
+                raise InputError(f"case {case}: ends as a file of a case; rename it", code="name")
         for number, row in enumerate(self.rows.values(), 1):
             full = row.setdefault("spheres", own["spheres"])
             row |= {"case": number, "seed": self.seed or row.get("seed", own["seed"])}
@@ -67,7 +88,32 @@ class Jobs(Commands):
 
     def of_kind(self, kind: str) -> list[str]:
         """Names of all cases of a kind."""
-        return [name for name, row in self.rows.items() if row["kind"] == kind]
+        return self._by_kind[kind]
+
+    @cached_property
+    def _by_kind(self) -> dict[str, list[str]]:
+        """Names of all cases of each kind."""
+        return {
+            kind: [name for name, row in self.rows.items() if row["kind"] == kind]
+            for kind in ("fcc", "random")
+        }
+
+    def pattern(self, cases: Iterable[str]) -> str:
+        """Regular expression of the names of some cases.
+
+        Snakemake tries it on each file, so it does not name thousands: of more than half of all
+        cases it names those that are left out.
+        """
+        wanted = set(cases)
+        others = [case for case in self.rows if case not in wanted]
+        if not wanted:
+            return NOTHING
+        if not others:
+            return ANY
+        if len(wanted) <= len(others):
+            return one_of(case for case in self.rows if case in wanted)
+        behind = "|".join(map(re.escape, sorted(BEHIND)))
+        return rf"(?!({one_of(others)})\.({behind})\b){ANY}"
 
     def walk_of(self, case: str) -> str:
         """Name of the compression that a random case's state is of."""
@@ -95,7 +141,7 @@ class Jobs(Commands):
             found.setdefault(self.walk_of(case), []).append(case)
         return found
 
-    @property
+    @cached_property
     def stresses(self) -> list[float]:
         """Stresses, Pa, of the states of every compression."""
         own = {float(self.rows[case]["stress"]) for case in self.of_kind("random")}
@@ -125,7 +171,7 @@ class Jobs(Commands):
         walk = self.walk_of(case)
         return self.committed(case) or self.state(walk, float(self.rows[case]["stress"]))
 
-    @property
+    @cached_property
     def forgotten(self) -> list[str]:
         """Cases whose packings are removed as soon as they are measured."""
         if not self.study.settings["forget"]:
@@ -147,7 +193,7 @@ class Jobs(Commands):
     def outputs(self, rule: str) -> list[str]:
         """Files of a rule that needs a network alone, as a pattern of its cases each."""
         kinds = OF_NETWORK[rule]["cases"]
-        cases = one_of(case for case, row in self.rows.items() if row["kind"] in kinds)
+        cases = self.pattern(case for case, row in self.rows.items() if row["kind"] in kinds)
         return [self.product(f"{{case,{cases}}}", kind) for kind in OF_NETWORK[rule]["makes"]]
 
     def on_the_way(self, case: str) -> list[str]:
@@ -186,8 +232,11 @@ class Jobs(Commands):
     def measure(self, case: str, files: Sequence[str]) -> list[str]:
         """Commands that measure a case from its files, after what they are made by at once."""
         scatter = self.seed is not None and not self.study.settings["measure"]
-        own = f"analysis study {self.study.path} {' '.join(files)} --measure {case}"
-        own += f" --products {self.folder} {'--scatter ' * scatter}-o {self.results}/{case}.json"
+        words = ["analysis", "study", self.study.path, *files, "--measure", case]
+        words += ["--products", self.folder, "-o", f"{self.results}/{case}.json"]
+        if scatter:
+            words.append("--scatter")
+        own = quoted(*words)
         return [*(self.on_the_way(case) if self.at_once else []), own]
 
     def from_cloud(self, case: str) -> list[str]:
@@ -206,7 +255,8 @@ class Jobs(Commands):
     def of_page(self) -> list[str]:
         """Results that the page is made of: of all cases and states, and what else is there."""
         found = [f"{self.results}/{case}.json" for case in self.cases]
-        walks = {self.walk_of(case) for case in self.cases if case in self.of_kind("random")}
+        random = [case for case in self.cases if self.rows[case]["kind"] == "random"]
+        walks = set(map(self.walk_of, random))
         extra = set(map(float, self.study.settings["states"])) if self.seed is None else ()
         # Of a case that starts from a finished sample no compression is made for a state alone.
         found += [
@@ -255,19 +305,34 @@ class Jobs(Commands):
         return {"mem_mb": mem_mb, "runtime": runtime}
 
 
-def one_of(names: Any) -> str:
+def one_of(names: Iterable[str]) -> str:
     """Pattern of a wildcard that is one of these; of none, one that nothing is like."""
-    return "|".join(map(re.escape, names)) or "none"
+    return "|".join(map(re.escape, names)) or NOTHING
+
+
+def refuse_other_path(name: str, path: object) -> None:
+    """InputError for a path that rules and commands cannot have in them as it stands."""
+    if not (isinstance(path, str) and AS_TYPED.fullmatch(path)):
+        raise InputError(
+            f"{name} {short(path)}: give a path of letters, digits and _ . - + /", code="path"
+        )
 
 
 def _chosen(wanted: Any, rows: Mapping[str, Any]) -> list[str]:
     """Cases by name, number or kind; all where none is asked for."""
     called = {name: (name, str(row["case"]), row["kind"], "all") for name, row in rows.items()}
     found: dict[str, None] = {}
+    by_word: dict[str, list[str]] = {}
+    for name, words in called.items():
+        for word in dict.fromkeys(words):
+            by_word.setdefault(word, []).append(name)
     for one in wanted or ["all"]:
-        some = [name for name, words in called.items() if str(one).lstrip("0") in words]
+        some = by_word.get(str(one)) or by_word.get(str(one).lstrip("0"))
         if not some:
-            raise InputError(f"case {one}: none of the study's: {[*rows][0]} to {[*rows][-1]}")
+            raise InputError(
+                f"case {short(one)}: none of the study's: {[*rows][0]} to {[*rows][-1]}",
+                code="unknown_case",
+            )
         found |= dict.fromkeys(some)
     return list(found)
 

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 import yaml
-from commands import PYTHON
+from commands import PYTHON, quoted
 from jobs import Jobs
 
 from analysis.table import Table
@@ -22,12 +22,18 @@ from modal.tools.workload import memory_at_hand
 
 OF_YADE = "crystal", "network", "yade_wave", "further_wave", "states"
 """Rules that may need YADE."""
+MANY = 300
+"""Cases whose jobs take more than some seconds to plan, which is said."""
 
 
 def main(profile: str, only: str, asked: str, *given: str) -> int:
     """Run; the exit status."""
-    config = {name: yaml.safe_load(value) for name, _, value in (t.partition("=") for t in given)}
+    # As Snakemake reads them: what is no number, and no list, is a text.
+    texts = dict(text.split("=", 1) for text in given)
+    config = {name: yaml.load(value, yaml.BaseLoader) for name, value in texts.items()}
     jobs = Jobs(config)
+    if len(jobs.rows) > MANY:
+        print(f"run_cases.sh: {len(jobs.rows)} cases; planning their jobs", flush=True)
     folder, study = Path(jobs.folder), str(config["study"])
     local = profile == "local"
     count = asked or (str(len(os.sched_getaffinity(0))) if local else "20")
@@ -66,8 +72,9 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
     done = subprocess.run([*snakemake, *settings], pass_fds=[lock.fileno()]).returncode
     if jobs.stage == "result" and not jobs.seed:
         there = [case for case in jobs.cases if Path(jobs.results, f"{case}.json").exists()]
-        table = f"analysis study {study} --results {jobs.results} --case"
-        subprocess.run([PYTHON, "-m", "workflow.in_turn", *(f"{table} {case}" for case in there)])
+        table = "analysis", "study", study, "--results", jobs.results, "--case"
+        tables = [quoted(*table, case) for case in there]
+        subprocess.run([PYTHON, "-m", "workflow.in_turn", *tables])
     elif jobs.stage == "page" and not done:
         print(f"{folder}/study/study.html")
         report = str(folder / "study/workflow.html")
