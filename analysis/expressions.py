@@ -202,7 +202,7 @@ class _Evaluation:
         value = self.value(node)
         if isinstance(value, bool):
             return value
-        if isinstance(value, pd.Series) and value.dtype in (bool, object):
+        if isinstance(value, pd.Series) and pd.api.types.infer_dtype(value) == "boolean":
             return value.eq(True).astype(bool)
         raise self._refusal(node, "neither true nor false")
 

@@ -20,7 +20,7 @@ ORDER = {
     "analysis": (
         *("table", "watch", "caveats", "value", "mean", "estimators", "agreement", "case"),
         *("same_state", "measuring", "prepare", "quantities", "measurement"),
-        *("rows", "frame", "crystal", "figures", "study"),
+        *("rows", "expressions", "frame", "crystal", "figures", "study"),
         *("cli", "__main__"),
     ),
 }

@@ -101,12 +101,12 @@ def test_a_tiny_study_from_cloud_to_page_and_again(study, jobs):
     assert planned(study, **tiny)["total"] == 2
     assert all(path.stat().st_mtime == made for path, made in before.items())
     # A case that cannot be made is a row of the page that says why; the others stand as they are.
-    own.write_text(TINY + f"cases: {{{names[1]}: {{wave_friction: -1}}}}\n")
+    own.write_text(TINY + f"cases: {{{names[1]}: {{wave_friction: 0}}}}\n")
     (study / f"tiny/results/{names[1]}.json").unlink()
     for _ in range(2):  # the same command tries it again
         assert driven(study, "", **tiny)[0] == 3
     (line,) = (study / "tiny/study/absent.csv").read_text().splitlines()[1:]
-    assert line.startswith(f"{names[1]},") and "friction -1" in line
+    assert line.startswith(f"{names[1]},") and "friction 0" in line
     assert "No result of case 2" in (study / "tiny/study/study.html").read_text()
 
 

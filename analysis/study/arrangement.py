@@ -67,6 +67,8 @@ def arrange(
                 else:
                     picture = FIGURES[spec["figure"]](cases[cases["there"]])
             except InputError as error:
+                if error.code.startswith("expression"):
+                    raise
                 absent.append(f"{spec['name']}: {error}")
                 continue
         stem = inside(output, spec["name"])
