@@ -52,6 +52,8 @@ FUNCTIONS: dict[str, Callable[..., Value]] = {
     "sqrt": np.sqrt,
 }
 """Of one number or column; `log` is the natural logarithm."""
+WORDS_FOR = {"dict": "lines NAME: VALUE", "list": "a list"}
+"""What stands in an error for a value of several parts."""
 
 
 class UnknownNameError(InputError):
@@ -132,7 +134,7 @@ def short(value: object, length: int = 60) -> str:
     elif isinstance(value, int | float | None):
         start = str(value)[: 4 * length]
     else:
-        start = {dict: "lines NAME: VALUE", list: "a list"}.get(type(value), type(value).__name__)
+        start = WORDS_FOR.get(type(value).__name__, type(value).__name__)
     line = "".join(char if char.isprintable() else " " for char in start)
     return line if len(line) <= length else f"{line[: length - 1]}..."
 

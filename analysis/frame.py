@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimators.fits import power_law, straight_line
-from analysis.expressions import UnknownNameError, evaluate, short
+from analysis.expressions import UnknownNameError, evaluate, names_in, short
 from analysis.mean import mean_of_values
 from analysis.rows import Row
 from analysis.value import COMMON, Value
@@ -127,7 +127,7 @@ def _errors(cases: pd.DataFrame, text: str, value: pd.Series) -> tuple[Floats, F
     """
     squares = np.zeros(len(cases))
     common: dict[str, pd.Series] = {}
-    for name in {*re.findall(r"\w+", text)}:
+    for name in {text} if text in cases else names_in(text):
         if f"{name}_error" not in cases:
             continue
         error = cases[f"{name}_error"].fillna(0.0)

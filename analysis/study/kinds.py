@@ -11,9 +11,11 @@ from modal.tools.errors import InputError
 
 
 class Kind(Protocol):
-    """What a setting may be; `told` says so to a user."""
+    """What a setting may be."""
 
-    told: str
+    @property
+    def told(self) -> str:
+        """What to give, as text."""
 
     def holds(self, value: Any) -> bool:
         """Whether a value is of this kind."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import jinja2.exceptions
 import jinja2.nodes
 import jinja2.runtime
 import jinja2.sandbox
@@ -59,7 +60,7 @@ class Sandbox(jinja2.sandbox.ImmutableSandboxedEnvironment):
     ) -> Any:
         """Return a sum, difference, product or quotient of two numbers."""
         if not (isinstance(left, int | float) and isinstance(right, int | float)):
-            raise jinja2.sandbox.SecurityError("sums are of numbers alone")
+            raise jinja2.exceptions.SecurityError("sums are of numbers alone")
         return super().call_binop(context, operator, float(left), float(right))
 
 
@@ -115,9 +116,10 @@ def _refuse_program(template: jinja2.nodes.Template) -> None:
         match node:
             case jinja2.nodes.For(recursive=True):
                 allowed = False
+            case jinja2.nodes.Extends(template=jinja2.nodes.Const(value=name)):
+                allowed = name == PLAIN
             case jinja2.nodes.Extends():
-                allowed = isinstance(node.template, jinja2.nodes.Const)
-                allowed = allowed and node.template.value == PLAIN
+                allowed = False
             case jinja2.nodes.Tuple():
                 allowed = all(isinstance(item, jinja2.nodes.Name) for item in node.items)
                 allowed = allowed and node.ctx == "store"

@@ -139,7 +139,11 @@ RULE: dict[str, Kind] = {
 }
 """A target's rule, as `analysis.study.targets` follows it."""
 VERDICT = dict.fromkeys(("near", "inside", "power", "apart"), Lines(known=RULE))
-FIT = {**dict.fromkeys(("by", "over", "x"), SENTENCE), "select": EXPRESSION, "of": NAMED}
+FIT: dict[str, Kind] = {
+    **dict.fromkeys(("by", "over", "x"), SENTENCE),
+    "select": EXPRESSION,
+    "of": NAMED,
+}
 PARTS: dict[str, Lines] = {
     "tables": Lines(
         needed=("name", "title"),

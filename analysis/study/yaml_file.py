@@ -66,7 +66,7 @@ def read_small(path: Path) -> str:
         ) from None
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML has no types
     """PyYAML's loader of plain data, with the limits above."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}
