@@ -4,6 +4,7 @@ import importlib
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
@@ -13,6 +14,8 @@ import pytest
 from in_yade import forked
 from places import ROOT
 from study_folder import PAPER, driven, planned, study_folder
+
+from modal.tools.errors import InputError
 
 pytest.importorskip("snakemake")
 TINY = """
@@ -78,12 +81,17 @@ def test_a_dry_run_plans(name, study, jobs):
     assert wanted.items() <= planned(study, **settings).items()
 
 
-def test_a_tiny_study_from_cloud_to_page_and_again(study, jobs):
+def test_a_tiny_study_from_cloud_to_page_and_again(study, jobs, monkeypatch):
     """What changes is made again and nothing else; a page follows its results."""
+    looks: list[object] = []
+    scheduler = importlib.import_module("snakemake.scheduling.job_scheduler").JobScheduler
+    assert hasattr(scheduler, "_schedule_reevalutation")
+    monkeypatch.setattr(scheduler, "_schedule_reevalutation", lambda *given: looks.append(given))
     own = study / "studies/tiny.yaml"
     own.write_text(TINY)
     tiny = {"study": "studies/tiny.yaml", "products": "tiny", "stage": "page"}
     assert driven(study, "", **tiny)[0] == 0
+    assert not looks  # the Snakefile takes away the limit that looks at all jobs again and again
     names = [f"friction0_stress{stress}" for stress in ("1e+06", "2e+06")]
     found = [json.loads((study / f"tiny/results/{name}.json").read_text()) for name in names]
     e = [one["values"]["void_ratio"]["value"] for one in found]
@@ -162,6 +170,99 @@ def test_jobs_of_a_killed_driver_are_known_however_many(jobs, tmp_path, monkeypa
         driver.at_work()
 
 
+@pytest.mark.parametrize("minutes", [1, 10, 30, 59, 60, 61, 90, 1500])
+def test_other_clusters_are_asked_for_the_minutes_of_a_job(minutes):
+    """The line of the generic profile for PBS, by the shell that computes it."""
+    text = (ROOT / "workflow/profiles/generic/config.yaml").read_text()
+    (walltime,) = re.findall(r"walltime=(.*?) -j", text)
+    (seconds,) = re.findall(r"h_rt=(.*?) -j", text)
+    line = f"echo {walltime} {seconds}".replace("{resources.runtime}", str(minutes))
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True)
+    wall, hard = done.stdout.split()
+    hours, rest, none = map(int, wall.split(":"))
+    assert (60 * hours + rest, none, int(hard)) == (minutes, 0, 60 * minutes)
+
+
+ODD = "odd name; touch made_by_the_shell $(id) 'a' \"b\" *"
+
+
+def test_each_word_of_a_command_reaches_its_program_as_it_is(jobs, tmp_path, monkeypatch):
+    """Were a name not refused before, the shell and `in_turn` would still take it for a name."""
+    found = jobs.Jobs({"study": PAPER, "products": "products"})
+    found.rows[ODD] = found.rows["case30"]
+    commands = importlib.import_module("commands")
+    for text in (
+        found.rest(ODD, f"{ODD}.h5"),
+        found.of_network("highest_mode", ODD),
+        found.measure(ODD, [f"{ODD}.h5"])[-1],
+    ):
+        assert any(ODD in word for word in shlex.split(text))
+        assert {len(word.split(ODD)) for word in shlex.split(text) if "odd" in word} == {2}
+    monkeypatch.chdir(tmp_path)
+    shell = commands.write_line({"direction": ODD, "case": 3}, f"{tmp_path}/{ODD}")
+    subprocess.run(["bash", "-c", shell], check=True)
+    head, cells = (tmp_path / ODD).read_text().splitlines()
+    assert head == "direction case" and cells.endswith(" 3")
+    assert [path.name for path in tmp_path.iterdir()] == [ODD]
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"products": "my products"},
+        {"products": "$(id)"},
+        {"products": "{case}"},
+        {"products": "-o"},
+        {"study": "a b.yaml"},
+        {"study": "x';id;'.yaml"},
+        {"study": ["a.yaml"]},
+    ],
+)
+def test_paths_that_rules_cannot_hold_are_refused_before_any_job(settings, jobs):
+    with pytest.raises(InputError) as refused:
+        jobs.Jobs({"study": PAPER, "products": "products"} | settings)
+    assert refused.value.code == "path"
+
+
+def test_cases_are_asked_for_by_number_or_name(jobs):
+    found = {
+        word: jobs.Jobs({"study": PAPER, "products": "products", "cases": [word]}).cases
+        for word in ("8", "010", "case06", "fcc")
+    }
+    assert found["8"] == ["case08"] and found["010"] == ["case10"] and len(found["fcc"]) == 4
+    for word in ("99", "0", "", "$(id)", "case6"):
+        with pytest.raises(InputError) as refused:
+            jobs.Jobs({"study": PAPER, "products": "products", "cases": [word]})
+        assert refused.value.code == "unknown_case"
+
+
+def test_patterns_of_names_hold_whole_names_and_stay_short(jobs, tmp_path):
+    """Each file is of its case alone, and of thousands of cases no pattern names each."""
+    study = tmp_path / "many.yaml"
+    study.write_text(
+        "groups:\n  - {kind: fcc, factors: {friction: [0]}, stress: 1e5, wave_friction: 0.1}\n"
+        "  - {kind: random, factors: {friction: [0.1, 1], seed: 1 to 2000}, stress: 1e5,"
+        " wave_friction: 0.1}\n"
+    )
+    found = jobs.Jobs({"study": str(study), "products": "products"})
+    for kind in ("fcc", "random"):
+        pattern = found.pattern(found.of_kind(kind))
+        assert len(pattern) < 2000
+        file = re.compile(rf"(?P<case>{pattern})\.signals\.h5$")
+        for name in ("friction0", "friction0.1_seed7", "friction1_seed2000"):
+            match = file.match(f"{name}.signals.h5")
+            assert bool(match) == (name in found.of_kind(kind))
+            assert match is None or match["case"] == name
+            assert not file.match(f"{name}.reverse.signals.h5")
+    for name in ("c{}.linear", "c{}Pa"):
+        study.write_text(
+            f"names: '{name}'\ngroups: [{{kind: fcc, friction: 0, stress: 1, wave_friction: 0}}]"
+        )
+        with pytest.raises(InputError) as refused:
+            jobs.Jobs({"study": str(study), "products": "products"})
+        assert refused.value.code == "name"
+
+
 def front_door(*arguments: str) -> subprocess.CompletedProcess:
     command = str(ROOT / "run_cases.sh"), *arguments
     return subprocess.run(command, capture_output=True, text=True, timeout=60)
@@ -188,6 +289,17 @@ def test_another_system_is_told_what_runs_there(tmp_path, monkeypatch):
         (["--spheres", "100"], "at least 750"),
         (["--study", "none.yaml"], "none.yaml: cannot be read"),
         (["--profile", "none"], "--profile none: no such folder"),
+        (["--spheres", "0"], "--spheres needs"),
+        (["-j", "x"], "-j needs"),
+        (["--case", ""], "--case needs"),
+        (["--case", "2;id"], "--case 2;id"),
+        (["--case", "2]"], "--case 2]"),
+        (["--stage", "x: y"], "--stage x: y"),
+        (["--study", "studies"], "--study studies"),
+        (["--study", "a b.yaml"], "--study a b.yaml"),
+        (["--study", "tests/none.yaml"], "tests/none.yaml: "),
+        (["--profile", "../local"], "--profile ../local"),
+        (["--profile", ""], "--profile none"),
         (["--colour"], "unknown option --colour"),
     ],
 )

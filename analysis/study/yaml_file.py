@@ -53,7 +53,9 @@ def read_small(path: Path) -> str:
     """Return a text file of a study; InputError where it cannot be read, or is too large."""
     try:
         if not path.is_file():
-            raise InputError(f"{path}: no such file; name a study's YAML", code="no_file")
+            raise InputError(
+                f"{path}: cannot be read (no such file); name a study's YAML", code="no_file"
+            )
         if path.stat().st_size > MAX_BYTES:
             raise InputError(
                 f"{path}: more than {MAX_BYTES / 1e6:g} MB; a study's file is smaller", code="size"
