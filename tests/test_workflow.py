@@ -170,19 +170,6 @@ def test_jobs_of_a_killed_driver_are_known_however_many(jobs, tmp_path, monkeypa
         driver.at_work()
 
 
-@pytest.mark.parametrize("minutes", [1, 10, 30, 59, 60, 61, 90, 1500])
-def test_other_clusters_are_asked_for_the_minutes_of_a_job(minutes):
-    """The line of the generic profile for PBS, by the shell that computes it."""
-    text = (ROOT / "workflow/profiles/generic/config.yaml").read_text()
-    (walltime,) = re.findall(r"walltime=(.*?) -j", text)
-    (seconds,) = re.findall(r"h_rt=(.*?) -j", text)
-    line = f"echo {walltime} {seconds}".replace("{resources.runtime}", str(minutes))
-    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True)
-    wall, hard = done.stdout.split()
-    hours, rest, none = map(int, wall.split(":"))
-    assert (60 * hours + rest, none, int(hard)) == (minutes, 0, 60 * minutes)
-
-
 ODD = "odd name; touch made_by_the_shell $(id) 'a' \"b\" *"
 
 
