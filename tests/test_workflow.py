@@ -302,7 +302,11 @@ def test_front_door_refuses_in_one_line(arguments, said):
     [
         ("2023.02a", "error: it belongs to another study", True, 1, "error: it belongs"),
         ("2023.02a", "killed", False, 1, "killed"),
-        ("2023.02a", "written", True, 0, "written"),
+        ("2023.02a", "Traceback\nstatus  : 256 (FAILED)", True, 1, "no product"),
+        ("2023.02a", "killed before its summary", True, 1, "no product"),
+        ("2023.02a", "status  : 0 (OK)", False, 1, "no product"),
+        ("2023.02a", "written\nstatus  : 0 (OK)", True, 0, "written"),
+        ("2025.2.0", "written\nstatus  : 0 (OK)", True, 0, "written"),
         ("2025.2.0", "killed", False, 1, "killed"),
         ("2023.02", "killed", False, 1, "killed"),
         ("2018.02b", "", False, 2, "YADE 2018.02b"),

@@ -2,7 +2,7 @@
 # One line of a yade-batch table: yade_job.sh TABLE KEY SCRIPT FOLDER LOG PRODUCT
 # The line is the one whose first column is KEY; FOLDER is where YADE's scripts read and write.
 # yade-batch returns 0 although its job failed: what counts are the PRODUCT, which may be there from
-# before, and that the script names no error. YADE is the program that the variable YADE names, or
+# before, and the status of the job, which yade-batch writes into its log. YADE is the program that the variable YADE names, or
 # the one in PATH.
 set -euo pipefail
 tried=(2023.02 2025.2) # of Debian 12 and of Debian 13
@@ -30,7 +30,7 @@ own=${log%.log}.line%.log
 own=${own//%/$line}
 [ ! -f "$own" ] || { cat "$own" >> "$log"; rm -f "$own"; }
 ! grep -q '^error: ' "$log" || exit 1
-[ -f "$product" ] || {
+{ [ -f "$product" ] && grep -q '^status *: 0 ' "$log"; } || {
     here=$("${batch%-batch}" --version 2> /dev/null | grep -o '20[0-9][0-9][.0-9a-z]*' | head -n 1) || true
     is_tried "$here" || fail "no product; this is YADE ${here:-of no known version}, and ${tried[*]}" \
         "were tried; install one of these, or name it by the variable YADE; see $log"
