@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pandas as pd
@@ -22,6 +22,7 @@ from analysis.quantities import QUANTITIES, gain, records, spectrum
 from analysis.quantities.records import LOW_PASS, PERCENT
 from analysis.quantities.scattering import whole_ridge
 from analysis.quantities.velocity import longest
+from analysis.typed_json import MismatchError, fields_of, parsed, read_text
 from analysis.value import Value, estimate
 from modal.formats.whole_file import write_text
 from modal.tools.display import plain
@@ -198,16 +199,58 @@ def _cell(value: Value) -> dict[str, Any]:
 
 def read_result(path: str | Path) -> Row:
     """A result; InputError where the file is none."""
+    text = read_text(path)
     try:
-        found = json.loads(Path(path).read_text(), object_hook=_known)
-        if (found["schema"], found["version"]) != (SCHEMA, VERSION):
-            raise ValueError(f"schema {found['schema']}, version {found['version']}")
-        row = Row(**{name: own for name, own in found.items() if name not in ("schema", "version")})
-        row.values = {name: estimate(**cell) for name, cell in found["values"].items()}
-        row.curves = {n: tuple(np.array(v, float) for v in c) for n, c in row.curves.items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path}: no result of a case ({error}); measure the case again") from None
+        return _row(parsed(text))
+    except MismatchError as error:
+        reason = f"{path}: no result of a case ({error}); measure the case again"
+        raise InputError(reason, code="result") from None
+
+
+CURVES = {"gain": 2, "first": 1, "resonances": 2, "ridge": 3}
+"""Arrays of the curves that figures take apart; others may have any number, of one length."""
+OF_GAIN = ("first", "resonances")
+"""Curves that a figure of the gain needs."""
+OF_VALUES = {"value": float, "error": float, "common": float}
+
+
+def _row(found: Any) -> Row:
+    """The row that a file's JSON has; `MismatchError` where it is none."""
+    kinds = get_type_hints(Row) | {"schema": str, "version": int, "values": dict[str, Any]}
+    needed = {one.name for one in fields(Row) if one.default is one.default_factory is MISSING}
+    said = fields_of(found, kinds, needed | {"schema", "version"}, "")
+    if (said.pop("schema"), said.pop("version")) != (SCHEMA, VERSION):
+        raise MismatchError(f"it is not of schema {SCHEMA}, version {VERSION}")
+    for name, cell in said.get("values", {}).items():
+        numbers = fields_of(cell, OF_VALUES, {"value", "error"}, f"values.{name}")
+        said["values"][name] = estimate(**numbers)
+    row = Row(**said)
+    for fault, wrong in _faults(row).items():
+        if wrong:
+            raise MismatchError(fault)
     return row
+
+
+def _faults(row: Row) -> dict[str, bool]:
+    """What a row may contradict itself in, and whether it does."""
+    odd = [
+        name
+        for name, curve in row.curves.items()
+        if len(curve) != CURVES.get(name, max(1, len(curve))) or len({len(each) for each in curve}) != 1
+    ]
+    uneven = [name for name, lines in row.tables.items() if len({*map(len, lines)}) != 1]
+    gain = "gain" in row.curves and not all(name in row.curves for name in OF_GAIN)
+    return {
+        f"name {row.name!r} names no case": not row.name,
+        f"record is {row.record!r}": row.record not in PRODUCERS and not row.state,
+        "packings is below 1": row.packings < 1,
+        f"curves.{odd[:1]} is no curve": bool(odd),
+        "curves.first is empty": len(row.curves.get("first", [[0.0]])[0]) == 0,
+        "curves.gain is there without first and resonances": gain,
+        f"tables.{uneven[:1]} has lines of several lengths": bool(uneven),
+        f"tables.{[*row.tables][:1]} is empty": any(not lines[0] for lines in row.tables.values()),
+        "provenance is no table of 4 columns": any(len(line) != 4 for line in row.provenance),
+    }
 
 
 def read_results(folder: Path) -> list[Row]:
@@ -217,16 +260,15 @@ def read_results(folder: Path) -> list[Row]:
     where no other seed is at hand.
     """
     rows = [read_result(path) for path in sorted(folder.glob("*.json"))]
+    names = [row.name for row in rows]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{folder}: two results are of {name}; keep one", code="two_results")
     others = [read_result(path) for path in sorted(folder.glob("seed_*/*.json"))]
     for row in rows:
         if twins := [other for other in others if other.name == row.name]:
             row.samples, row.packings = scatter_of_samples([row, *twins]), 1 + len(twins)
     return rows
-
-
-def _known(found: dict[str, Any]) -> dict[str, Any]:
-    """Numbers by name: what `plain` has made None is NaN again."""
-    return {name: np.nan if value is None else value for name, value in found.items()}
 
 
 def scatter_of_samples(several: Sequence[Row]) -> dict[str, float]:

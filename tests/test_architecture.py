@@ -18,7 +18,8 @@ ORDER = {
         *("elasticity", "preparation", "theory", "exchange", "description", "cli", "__main__"),
     ),
     "analysis": (
-        *("table", "watch", "caveats", "value", "mean", "estimators", "agreement", "case"),
+        *("table", "typed_json", "watch", "caveats", "value", "mean", "estimators"),
+        *("agreement", "case"),
         *("same_state", "measuring", "prepare", "quantities", "measurement"),
         *("rows", "expressions", "frame", "crystal", "figures", "study"),
         *("cli", "__main__"),

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from analysis.case import cases_of_files
 from analysis.figures import FIGURES, compose
+from analysis.figures.looks import refuse_undrawable
 from analysis.figures.picture import read_picture
 from analysis.figures.render import save
 from analysis.measuring import Measuring
@@ -32,6 +33,7 @@ def run(options: Given) -> None:
     cases = cases_of_files(options.file) if options.file else []
     if again:
         picture, stem = read_picture(name), Path(name).stem
+        refuse_undrawable(picture, name)
     else:
         picture = compose(name, [Measuring.of(case) for case in cases])
         stem = ".".join([*(case.name for case in cases), name])

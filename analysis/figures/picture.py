@@ -14,14 +14,18 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from itertools import repeat
 from pathlib import Path
+from typing import Any, get_type_hints
 
 import numpy as np
 
+from analysis.typed_json import MismatchError, by_name, fields_of, parsed, read_text
 from modal.formats.whole_file import write_text
 from modal.tools.errors import InputError
 
 BLUE, ORANGE = "#0060a8", "#c05000"
 """Beside black and greys; the three are told apart without colours, too."""
+COLUMNS = ("panel", "series", "x", "y", "z")
+"""Of the CSV."""
 KINDS = ("line", "map", "spheres", "band", "error", "vline", "hline")
 DIGITS, SHADES = 5, 3
 """Significant digits of coordinates and of a map's values."""
@@ -144,7 +148,7 @@ def share_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
 def write_picture(path: Path, picture: Picture) -> None:
     """Write the CSV."""
     heads: list[dict] = [{"picture": {"columns": picture.columns, "shape": picture.shape}}]
-    rows: list[tuple] = [("panel", "series", "x", "y", "z")]
+    rows: list[tuple] = [COLUMNS]
     for p, panel in enumerate(picture.panels):
         heads.append({"panel": asdict(replace(panel, series=[]))})
         for s, series in enumerate(panel.series):
@@ -165,29 +169,76 @@ def write_picture(path: Path, picture: Picture) -> None:
 
 def read_picture(path: str | Path) -> Picture:
     """The picture that a CSV holds; InputError if it is not one."""
+    lines = read_text(path).splitlines()
     try:
-        lines = Path(path).read_text().splitlines()
-        heads = [json.loads(line[2:]) for line in lines if line.startswith("# ")]
-        rows = list(csv.reader(line for line in lines if not line.startswith("# ")))[1:]
-        points: dict[tuple[int, int], list[list[str]]] = {}
-        for p, s, *values in rows:
-            points.setdefault((int(p), int(s)), []).append(values)
-        picture = Picture([], **heads[0]["picture"])
-        for head in heads[1:]:
-            if "panel" in head:
-                picture.panels.append(Panel(**head["panel"]))
-                continue
-            series = picture.panels[-1].series
-            own = points.get((len(picture.panels) - 1, len(series)), [])
-            x = [float(row[0]) for row in own if row[0]]
-            z = [[float(v) for v in row[2].split()] for row in own if row[2]]
-            found = {"x": x, "y": [float(row[1]) for row in own], "z": z or None}
-            series.append(Series(**found | head["series"]))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error}); check the name") from error
-    except (ValueError, KeyError, IndexError, TypeError) as error:
-        raise InputError(f"{path}: not the CSV of a figure ({error}); draw it again") from error
+        heads = [parsed(line[2:]) for line in lines if line.startswith("# ")]
+        points = _points(line for line in lines if not line.startswith("# "))
+        return _picture(heads, points)
+    except (ValueError, csv.Error) as error:
+        reason = f"{path}: not the CSV of a figure ({error}); draw it again"
+        raise InputError(reason, code="figure") from error
+
+
+Points = dict[tuple[int, int], list[list[str]]]
+"""Rows x, y, z of each series, by the numbers of its panel and its own."""
+
+
+def _points(lines: Iterable[str]) -> Points:
+    """What stands below the heads."""
+    points: Points = {}
+    for number, row in enumerate(csv.reader(lines)):
+        if number == 0:
+            continue
+        if len(row) != len(COLUMNS):
+            raise MismatchError(f"row {number} has {len(row)} cells, not {len(COLUMNS)}")
+        points.setdefault((int(row[0]), int(row[1])), []).append(row[2:])
+    return points
+
+
+def _picture(heads: list[Any], points: Points) -> Picture:
+    """The picture of these heads."""
+    first = _head(heads[0], "picture") if heads else None
+    if first is None:
+        raise MismatchError("its first line has no picture")
+    picture = Picture([], **fields_of(first, _kinds(Picture, "panels"), set(), "picture"))
+    for head in heads[1:]:
+        panel = _head(head, "panel")
+        if panel is not None:
+            said = panel if not panel.get("series") else {}
+            said = {name: value for name, value in said.items() if name != "series"}
+            kinds = _kinds(Panel, "series")
+            picture.panels.append(Panel(**fields_of(said, kinds, {"xlabel", "ylabel"}, "panel")))
+            continue
+        series = _head(head, "series")
+        if series is None or not picture.panels:
+            raise MismatchError("a line is of no picture, panel or series")
+        place = len(picture.panels) - 1, len(picture.panels[-1].series)
+        picture.panels[-1].series.append(_series(series, points.pop(place, [])))
+    if points:
+        raise MismatchError(f"points of series {min(points)}, which has no head")
     return picture
+
+
+def _head(head: Any, name: str) -> dict[str, Any] | None:
+    """What a head says of a picture, a panel or a series; None where it is of another."""
+    if not isinstance(head, dict) or [*head] != [name]:
+        return None
+    return by_name(head[name], Any, name)
+
+
+def _kinds(owner: type, *left: str) -> dict[str, Any]:
+    """Kinds of the fields of a class, but for those that are `left`."""
+    return {name: kind for name, kind in get_type_hints(owner).items() if name not in left}
+
+
+def _series(said: dict[str, Any], rows: list[list[str]]) -> Series:
+    """A series of its head and its points."""
+    kinds = {"kind": str, "label": str, "style": dict[str, Any], "x": list[float]}
+    facts = fields_of(said, kinds, {"kind"}, "series")
+    x = [float(row[0]) for row in rows if row[0]]
+    y = [float(row[1]) for row in rows]
+    z = [[float(value) for value in row[2].split()] for row in rows if row[2]]
+    return Series(**{"x": np.array(x), "y": np.array(y), "z": np.array(z) if z else None} | facts)
 
 
 def _rounded(values: np.ndarray, digits: int = DIGITS) -> np.ndarray:

@@ -15,13 +15,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullFormatter
 from PIL import Image
 
+from analysis.figures.looks import OUTSIDE, drawable_text
 from analysis.figures.picture import Panel, Picture, Series, write_picture
 from modal.formats.whole_file import write_whole
 
 STYLE = Path(__file__).with_name("paper.mplstyle")
 COLOURS = 256
-OUTSIDE = "outside"
-"""A panel's legend that stands beside it, where its entries would cover points."""
 
 
 def draw_panel(ax: Axes, panel: Panel) -> None:
@@ -31,8 +30,9 @@ def draw_panel(ax: Axes, panel: Panel) -> None:
     for series in panel.series:
         _draw_series(ax, series, panel.colour_label)
     limits = {name: getattr(panel, name) for name in ("xlim", "ylim") if getattr(panel, name)}
-    ax.set(xlabel=panel.xlabel, ylabel=panel.ylabel, **limits)
-    ax.set_title(panel.title, loc="left")
+    labels = {name: drawable_text(getattr(panel, name)) for name in ("xlabel", "ylabel")}
+    ax.set(**labels, **limits)
+    ax.set_title(drawable_text(panel.title), loc="left")
     if panel.equal:
         ax.set_aspect("equal")
     if any(series.kind in ("map", "spheres") for series in panel.series):
@@ -69,7 +69,8 @@ def _plain_numbers(axis: Axis) -> None:
 
 def _draw_series(ax: Axes, series: Series, colour_label: str) -> None:
     x, y, z, style = series.x, series.y, series.z, dict(series.style)
-    label = series.label or None
+    label = drawable_text(series.label) or None
+    colour_label = drawable_text(colour_label)
     if series.kind == "line":
         ax.plot(x, y, label=label, **style)
     elif series.kind == "band":

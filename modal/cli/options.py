@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from modal.formats.whole_file import refuse_unwritable
 from modal.tools.errors import InputError, refuse_unknown
+from modal.tools.visible import visible
 
 Given = argparse.Namespace
 """What was typed, by the names of options, and `made`, `remarks`, `groups` of the command."""
@@ -243,8 +244,8 @@ def typed(name: str) -> str:
 
 
 def refused(error: InputError) -> int:
-    """Say it in one line, also where the name of a file has several; the exit status."""
-    say("error: " + str(error).replace("\n", "\\n"))
+    """Say it in one line; the exit status."""
+    say(f"error: {error}")
     return 2
 
 
@@ -253,4 +254,4 @@ def say(text: str) -> None:
     # Closed, or on a full disk: what is computed is worth more than what is said of it.
     with suppress(OSError):
         if sys.stderr:
-            print(text, file=sys.stderr, flush=True)
+            print(visible(text, keep="\n"), file=sys.stderr, flush=True)

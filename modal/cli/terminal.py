@@ -13,6 +13,7 @@ from typing import Any
 
 from modal.tools.display import plain, quantity, scaled, table
 from modal.tools.errors import InputError
+from modal.tools.visible import visible
 
 UNITS = {
     "_kg_per_m3": "kg/m^3",
@@ -40,9 +41,12 @@ COST = ("seconds", "peak_memory_bytes")
 
 
 def put(text: object, end: str = "\n") -> None:
-    """Print; once the reader, `head` for one, has seen enough, nowhere, and the work goes on."""
+    """Print, as a terminal may show it; control characters are written as escapes.
+
+    Once the reader, `head` for one, has seen enough, nowhere, and the work goes on.
+    """
     try:
-        print(text, end=end, flush=True)
+        print(visible(str(text), keep="\n"), end=end, flush=True)
     except OSError as error:
         # Also what Python still writes at its exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
