@@ -17,6 +17,7 @@ TEXTS: Final[Mapping[str, str]] = {
     "one_sample": "one sample: how samples differ is not in the error; measure further seeds",
     "unsettled": "not in equilibrium: {excess}",
     "crystalline": "crystalline: {share:.0%} of the bulk; no random packing",
+    "no_solid": "density of no solid, {density:.4g} kg/m^3: mass in kg, radius in m?",
     "narrow": "narrow: {width:.1f} D wide; waves longer than that feel their images",
     "short": "short: {length:.1f} D long; below {needed:g} D it may be {too_high:.0%} too high",
     "too_short": "too short: {length:.1f} D long, the rule needs {needed:g} D and reads too high",

@@ -27,7 +27,12 @@ from modal.elasticity.moduli import ElasticModuli, elastic_moduli
 from modal.exchange.registry import read_remarked
 from modal.packing import state
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.plausibility import BALANCED, CRYSTALLINE, WIDE, differing_thirds
+from modal.packing.plausibility import (
+    BALANCED,
+    CRYSTALLINE,
+    WIDE,
+    differing_thirds,
+)
 from modal.packing.sample import Sample
 from modal.packing.summary import crystalline_shares
 from modal.preparation.protocol import SETTLED

@@ -236,7 +236,8 @@ def _faults(row: Row) -> dict[str, bool]:
     odd = [
         name
         for name, curve in row.curves.items()
-        if len(curve) != CURVES.get(name, max(1, len(curve))) or len({len(each) for each in curve}) != 1
+        if len(curve) != CURVES.get(name, max(1, len(curve)))
+        or len({len(each) for each in curve}) != 1
     ]
     uneven = [name for name, lines in row.tables.items() if len({*map(len, lines)}) != 1]
     gain = "gain" in row.curves and not all(name in row.curves for name in OF_GAIN)

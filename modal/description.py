@@ -2,6 +2,7 @@
 
 from modal.modes.collective import every_floppy
 from modal.packing.network import Network
+from modal.packing.plausibility import is_of_a_solid, median_density
 from modal.packing.summary import summary
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
@@ -60,7 +61,11 @@ def describe(network: Network) -> str:
     if told["rattlers"]:
         without = told["coordination_number_without_rattlers"]
         rows.append(("rattlers", f"{told['rattlers']}; coordination number {without:.3f} without"))
-    return table([*rows, ("floppy modes", _floppy(network))])
+    rows.append(("floppy modes", _floppy(network)))
+    density = median_density(network)
+    if not is_of_a_solid(density):
+        rows.append(("density", f"{density:.4g} kg/m^3, of no solid: mass in kg, radius in m?"))
+    return table(rows)
 
 
 def _floppy(network: Network) -> str:

@@ -343,5 +343,5 @@ def _noted(path: Path, name: str) -> float | None:
     try:
         with h5py.File(path) as file:
             return float(file["study"].attrs[name])
-    except (OSError, KeyError):
+    except (OSError, KeyError, TypeError, ValueError):
         return None

@@ -11,6 +11,8 @@ from analysis.caveats import Caveat, refusal
 from analysis.measuring import Measuring
 from analysis.quantities.few_digits import with_digits
 from analysis.value import Value, estimate, unknown
+from modal.packing.network import Network
+from modal.packing.plausibility import is_of_a_solid, median_density
 from modal.tools.errors import InputError, UnavailableError
 
 QUANTITIES: dict[str, Quantity] = {}
@@ -61,9 +63,17 @@ class Quantity:
         caveats = found.caveats
         if not found.known and not caveats:
             caveats = (Caveat("absent"),)
-        caveats = (*caveats, *packing.not_kept[kept:])
+        caveats = (*caveats, *_of_units(packing.network), *packing.not_kept[kept:])
         value = replace(found, unit=self.unit, caveats=caveats)
         return with_digits(value, packing.network, self.name, self.unit)
+
+
+def _of_units(network: Network) -> tuple[Caveat, ...]:
+    """Return what to know of every number where no solid has the spheres' density in SI."""
+    density = median_density(network)
+    if is_of_a_solid(density):
+        return ()
+    return (Caveat("no_solid", {"density": density}),)
 
 
 def quantity(

@@ -36,6 +36,7 @@ from modal.tools.arguments import checked
 from modal.tools.arrays import Floats
 from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError, UnavailableError
+from modal.tools.visible import visible
 
 SCHEMA = "granular-moduli"
 VERSION = (1, 2)
@@ -203,8 +204,9 @@ class ElasticModuli(Drawn):
 
     def __repr__(self) -> str:
         return (
-            f"<ElasticModuli of the {self.region}: K {quantity(self.bulk_modulus, 'Pa')}, G "
-            f"{quantity(self.shear_modulus, 'Pa')}, V_P {self.v_p:.4g}, V_S {self.v_s:.4g} m/s>"
+            f"<ElasticModuli of the {visible(self.region)}: "
+            f"K {quantity(self.bulk_modulus, 'Pa')}, "
+            f"G {quantity(self.shear_modulus, 'Pa')}, V_P {self.v_p:.4g}, V_S {self.v_s:.4g} m/s>"
         )
 
     def draw(self, ax: Any) -> None:

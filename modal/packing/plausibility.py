@@ -98,8 +98,22 @@ def _of_densities(density: Floats) -> Remarks:
     """Those of no solid, or of several."""
     low, median, high = _spread(density)
     no_solid = f"density of no solid, {median:.4g} kg/m^3: mass in kg, radius in m?"
-    yield not SOLIDS[0] < median < SOLIDS[1], no_solid
+    yield not is_of_a_solid(median), no_solid
     yield _differ(density), f"densities from {low:.4g} to {high:.4g} kg/m^3"
+
+
+def is_of_a_solid(density: float) -> bool:
+    """Return whether a solid has this density, kg/m^3: in grams and centimetres none has.
+
+    >>> is_of_a_solid(2500.0), is_of_a_solid(2.5)
+    (True, False)
+    """
+    return SOLIDS[0] < density < SOLIDS[1]
+
+
+def median_density(network: Network) -> float:
+    """Return the density of the median sphere, kg/m^3."""
+    return float(np.median(density_of(network)))
 
 
 def _of_shape(network: Network, waves: bool) -> Remarks:

@@ -22,6 +22,7 @@ from modal.formats.provenance import Provenance
 from modal.tools.arrays import Floats, Ints
 from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError
+from modal.tools.visible import visible
 from modal.tools.workload import refuse_above_memory
 from modal.waves.energy_balance import EnergyBalance
 
@@ -172,7 +173,7 @@ class Signals(Recording, Drawn):
     def __repr__(self) -> str:
         return (
             f"<Signals: {len(self.time)} times up to {quantity(float(self.time[-1]), 's')}, "
-            f"{len(self.chain_particle)} particles of the chain, by {self.producer}>"
+            f"{len(self.chain_particle)} particles of the chain, by {visible(self.producer)}>"
         )
 
     @property

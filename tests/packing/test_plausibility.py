@@ -10,7 +10,9 @@ import packings
 import pytest
 from changes import changed, permuted, times
 
+from analysis.measurement import measure
 from modal.__main__ import main
+from modal.description import describe
 from modal.packing import crystal as gallery
 from modal.packing.columns import SOURCE_WALL
 from modal.packing.neighbours import tangents
@@ -159,3 +161,16 @@ def test_every_command_passes_the_remarks_on(command, tmp_path, capsys):
         shape = " diameters (wide|long)"
         remarks = [line for line in lines if str(path) in line and not re.search(shape, line)]
         assert bool(remarks) == any("follow no law" in line for line in remarks) == said
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e-6, 100.0])
+def test_masses_in_other_units_are_remarked_on_wherever_numbers_are_told(factor):
+    """In memory too, where no command has read a file: of grams and centimetres nothing else."""
+    sound = gallery.fcc(cells=(2, 2, 12))
+    other = replace(sound, mass=factor * sound.mass, inertia=factor * sound.inertia, study={})
+    codes = []
+    for network in (sound, other):
+        caveats = measure(network, quantities=["void_ratio"])["void_ratio"].caveats
+        codes.append("no_solid" in {caveat.code for caveat in caveats})
+        codes.append("density" in {line.split()[0] for line in describe(network).split("\n")})
+    assert codes == [False, False, True, True]
