@@ -146,7 +146,10 @@ def read_provenance(path: str | Path) -> Provenance:
     if "settings" in said and "sources" in said:
         with complete(path):
             sources = tuple(_source_of(each) for each in json.loads(said["sources"]))
-            made = replace(made, settings=dict(json.loads(said["settings"])), sources=sources)
+            settings = json.loads(said["settings"])
+            if settings is not None:
+                settings = dict(settings)
+            made = replace(made, settings=settings, sources=sources)
         if digest and digest not in [source.sha256 for source in made.packing[:1]]:
             raise InputError(
                 f"{path}: names a network as its own that is not the packing among its sources; "

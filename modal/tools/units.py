@@ -31,9 +31,9 @@ WORDS = {
     **{"pascal": "Pa", "hertz": "Hz"},
 }
 """Symbols by names, in small letters; with or without an s at the end."""
-NOTHING_SAID = {"", "none", "si", "si units"}
+NOTHING_SAID = {"", "-", "none", "si", "si units"}
 """In small letters: the unit is that of SI."""
-DIMENSIONLESS = {"-", "dimensionless", "unitless"}
+DIMENSIONLESS = {"dimensionless", "unitless"}
 """In small letters: the unit is 1."""
 FREE = ("turn", "cycle")
 """What a text may leave out: N m for N m/rad, 1/s for Hz. Each is no word for the other."""

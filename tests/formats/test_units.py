@@ -14,7 +14,7 @@ from modal.tools.units import says
 
 CRYSTAL = fcc(cells=(1, 1, 6))
 SAME = {
-    "m": ["m", "metre", "Meters", "1 m", "SI", "", "none"],
+    "m": ["m", "metre", "Meters", "1 m", "SI", "", "none", "-"],
     "kg": ["kg", "kilograms"],
     "N/m": ["N m^-1", "N.m-1", "newton / meter", "newton per metre", "kg/s^2", "N·m⁻¹", "N/(m)"],
     "kg m^2": ["kg*m^2", "kg.m2", "kg m²", "kilogram * meter ** 2"],
