@@ -37,7 +37,8 @@ def frame_of(rows: Iterable[Row], cases: pd.DataFrame | None = None) -> pd.DataF
     lines = {row.name: _line(row) for row in rows if not row.state}
     found = pd.DataFrame.from_dict(lines, orient="index").reindex(cases.index)
     found["there"] = cases.index.isin(list(lines))
-    frame = cases.join(found).copy()
+    # A quantity that is called as a setting, `particles`, is what was measured.
+    frame = cases.drop(columns=cases.columns.intersection(found.columns)).join(found).copy()
     for state in sorted((row for row in rows if row.state), key=lambda row: -row.stress):
         same = (frame["mu_comp"] == state.mu_comp) & (frame["kind"] == "random")
         numbers: dict[str, Any] = {name: one.value for name, one in state.values.items()}

@@ -92,6 +92,14 @@ class Study:
                     f"{path}: band {low:g} to {high:g}: give the lower one first", code="band"
                 )
         self.rows = {name: self._checked(name, row) for name, row in rows.items()}
+        settings = set().union(*self.rows.values())
+        for quantity in self.settings["measure"]:
+            if quantity in settings:
+                raise InputError(
+                    f"{path}: measure: {quantity} is a setting of the cases, too, so that tables "
+                    "could not tell which one is meant; leave one out",
+                    code="same_name",
+                )
 
     def _known(self, given: Any, known: Collection[str], what: str) -> None:
         """InputError unless these are lines NAME: VALUE with known names."""

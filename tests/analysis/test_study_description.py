@@ -153,6 +153,22 @@ def test_a_study_that_means_none_is_refused_in_one_line(old, new, code, tmp_path
     one_line(main, ["study", path, "--results", tmp_path])
 
 
+def test_a_quantity_called_as_a_setting_is_what_was_measured(tmp_path):
+    """Where a study asks for both it is refused: a selection could mean either."""
+    path = tmp_path / "sweep.yaml"
+    path.write_text(SWEEP.replace("stress: 1e5", "stress: 1e5\n    particles: 1"))
+    study = Study(path)
+    rows = [_of_sweep(name, case) for name, case in study.cases.iterrows()]
+    for row in rows:
+        row.values["particles"] = estimate(110.0)
+    assert (frame_of(rows, study.cases)["particles"] == 110).all()
+    both = SWEEP.replace("stress: 1e5", "stress: 1e5\n    residual: 1e-3")
+    path.write_text(both.replace("measure: [v_p]", "measure: [residual]"))
+    with pytest.raises(InputError) as refused:
+        Study(path)
+    assert refused.value.code == "same_name"
+
+
 def test_references_that_grow_without_end_are_refused(tmp_path):
     """Nine lines that stand for a thousand million numbers."""
     lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
