@@ -51,8 +51,8 @@ def _theory(m: Measuring) -> Numbers:
     """Of the lattice, and by the rules on its exact signals at the times of the record."""
     lattice, (omega, _) = m.lattice, m.lattice.eigenmodes()
     twin, wall = exact_twin(m.yade or m.cut("linear"), lattice), float(m.network.wall_position[0])
-    exact = Measuring(m.network, [replace(twin, chain_position=wall + twin.chain_position)])
-    exact.linear = m.linear
+    signals = replace(twin, chain_position=wall + twin.chain_position)
+    exact = Measuring(m.network, [signals], linear_record=m.linear)
     read = Row.of(exact)
     read.add(exact, BY_RULE)
     # Eq. 7

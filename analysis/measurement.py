@@ -105,7 +105,8 @@ def measure(
     """
     if isinstance(packing, str | Path):
         (packing,) = cases_of_files([packing])
-    case, sample = None, packing if isinstance(packing, Sample) else None
+    case = Case("packing", Path(), {})
+    sample = packing if isinstance(packing, Sample) else None
     if isinstance(packing, Case):
         case, path = packing, packing.packing_path
         for record in records:

@@ -7,11 +7,12 @@ shorter.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -59,19 +60,33 @@ LINE = 0.005
 """Width of a line of the structure factor and of the density of states, in parts of the highest
 frequency: 1 kHz in the study's packings under 100 kPa."""
 MARK = "not settled"
-Found = TypeVar("Found", bound=Callable[..., Any])
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
-def once(of: Found) -> Found:
-    """What a function finds of a packing, and of further names, is found once."""
+def cached_on_packing(
+    function: Callable[Concatenate[Measuring, P], R],
+) -> Callable[Concatenate[Measuring, P], R]:
+    """Compute a result once for each packing and set of arguments, and keep it on the packing.
 
-    @wraps(of)
-    def found(m: Measuring, *given: Any) -> Any:
-        if (of, *given) not in m.found:
-            m.found[of, *given] = of(m, *given)
-        return m.found[of, *given]
+    The decorated function has the signature of the function. The key of a result is the function
+    with its arguments by name, defaults included: it does not matter how they are passed. Arguments
+    must be hashable.
+    """
+    signature = inspect.signature(function)
 
-    return cast(Found, found)
+    @wraps(function)
+    def cached(packing: Measuring, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        bound = signature.bind(packing, *args, **kwargs)
+        bound.apply_defaults()
+        _, *arguments = bound.arguments.items()
+        key = (function, tuple(arguments))
+        if key not in packing._results:
+            packing._results[key] = function(packing, *args, **kwargs)
+        result: R = packing._results[key]
+        return result
+
+    return cached
 
 
 @dataclass(eq=False)
@@ -81,31 +96,34 @@ class Measuring:
     `given` are waves; None means those among the files of `case`, which has further files of the
     packing. `keep` is a folder in which costly spectra are kept, and found again. `sample` and
     `amplitudes`, m, are for waves of finite amplitude. `stated` are lower and upper ends of what a
-    study states of it, by quantity: figures show it. `found` has what was found of it (`once`),
-    `not_kept` why a spectrum could not be kept.
+    study states of it, by quantity: figures show it. `not_kept` says why a spectrum could not be
+    kept. `linear_record` is the linear wave, where it is computed already; else it is computed,
+    with the motion of every particle unless `every_particle` is False.
     """
 
     network: Network
     given: Sequence[Signals] | None = ()
     source: Motion | None = None
-    case: Case | None = None
+    case: Case = field(default_factory=lambda: Case("packing", Path(), {}))
     keep: str | Path | None = None
     sample: Sample | None = None
     amplitudes: Sequence[float] = ()
     stated: dict[str, tuple[float, float]] = field(default_factory=dict)
-    found: dict[Any, Any] = field(default_factory=dict)
     not_kept: list[Caveat] = field(default_factory=list)
+    linear_record: Signals | None = None
+    every_particle: bool = True
+    _results: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Damaged waves are refused at once."""
-        self.case = self.case or Case("packing", Path(), {})
-        if self.given is not None:
-            self.records = [self._checked(record, "a record") for record in self.given]
+        """Refuse damaged waves at once."""
+        for record in self.given or ():
+            self._checked(record, "a record")
 
     @classmethod
-    def of(cls, case: Case) -> Measuring:
+    def of(cls, case: Case, every_particle: bool = True) -> Measuring:
         """A case with the records among its files."""
-        return cls(read_remarked(case.packing_path, case.notes.append), None, None, case)
+        network = read_remarked(case.packing_path, case.notes.append)
+        return cls(network, None, case=case, every_particle=every_particle)
 
     @cached_property
     def crystal(self) -> bool:
@@ -246,6 +264,8 @@ class Measuring:
     @cached_property
     def records(self) -> list[Signals]:
         """Recorded waves, each checked: S-waves by YADE first."""
+        if self.given is not None:
+            return list(self.given)
         kinds = filter(self.case.has, WAVES)
         return [self._checked(self.case.read(kind), self.case.path(kind)) for kind in kinds]
 
@@ -309,8 +329,10 @@ class Measuring:
 
     @cached_property
     def linear(self) -> Signals:
-        """The P-wave of the springs, on every particle, from wall to wall and back."""
-        return self.linear_wave()
+        """The P-wave of the springs, from wall to wall and back."""
+        if self.linear_record is not None:
+            return self.linear_record
+        return self.linear_wave(particles=self.every_particle)
 
     def linear_wave(
         self, direction: str = "z", *, particles: bool = True, pre_stress: str = "none"
@@ -372,7 +394,7 @@ class Measuring:
             raise AbsentError
         return found
 
-    @once
+    @cached_on_packing
     def cut(self, key: str) -> Signals:
         """A P-wave up to when the affine one has come a third of the way back.
 

@@ -19,7 +19,7 @@ import numpy as np
 from analysis.case import Case
 from analysis.caveats import Caveat
 from analysis.estimators.structure_factor import structure_factor, write_structure
-from analysis.measuring import Measuring, once
+from analysis.measuring import Measuring, cached_on_packing
 from modal.formats.provenance import Provenance, is_current
 from modal.modes.density import density_of_states, write_density
 from modal.packing.network import write_network
@@ -88,7 +88,7 @@ def as_read(kind: str, spectrum: Any) -> Any:
     return grid, spectrum.density(grid)[0][:, 6], spectrum.count_below(grid)[0][:, 6]
 
 
-@once
+@cached_on_packing
 def made(m: Measuring, kind: str) -> Any:
     """Make the spectrum itself."""
     return MADE[kind][0](m.network, **_settings(m, kind))

@@ -17,7 +17,7 @@ from typing import Any, get_type_hints
 import numpy as np
 import pandas as pd
 
-from analysis.measuring import Measuring, once
+from analysis.measuring import Measuring, cached_on_packing
 from analysis.quantities import QUANTITIES, gain, records, spectrum
 from analysis.quantities.records import LOW_PASS, PERCENT
 from analysis.quantities.scattering import whole_ridge
@@ -129,7 +129,7 @@ class Row:
                         self.notes.append(f"{column}: {caveat}")
 
 
-@once
+@cached_on_packing
 def row_of(m: Measuring) -> Row:
     """All numbers that a case's products allow, each measured once."""
     case, row = m.case, Row.of(m)

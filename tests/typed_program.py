@@ -1,4 +1,4 @@
-"""A program that uses modal, which mypy checks with modal itself: types of results, two mistakes.
+"""A program that uses modal, which mypy checks with modal itself: types of results, a few mistakes.
 
 It does not run. A mistake that mypy no longer finds is an ignore without use, which it reports.
 """
@@ -9,6 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import modal
+from analysis.estimators.coherent import Coherent
+from analysis.measuring import Measuring
+from analysis.quantities.velocity import coherent
 from modal.modes.density import DensityOfStates
 from modal.modes.mode_set import ModeSet
 from modal.packing.network import Network
@@ -27,3 +30,7 @@ assert_type(modal.frequency_response(net), Response)
 assert_type(modal.FccLattice(stress=1e5).low_pass_frequency, float)
 modal.eigenmodes(net, lowest="three")  # type: ignore[arg-type]
 modal.eigenmode(net)  # type: ignore[attr-defined]
+packing = Measuring(net)
+assert_type(coherent(packing, "wave", decay=5.0), Coherent)
+coherent(packing, "wave", damping=5.0)  # type: ignore[call-arg]
+coherent(packing, 5.0)  # type: ignore[arg-type]

@@ -14,7 +14,7 @@ import numpy as np
 import modal
 from analysis.caveats import Caveat
 from analysis.estimators.coherent import PASSAGES
-from analysis.measuring import INTERVAL, Measuring, once
+from analysis.measuring import INTERVAL, Measuring, cached_on_packing
 from analysis.quantities.registry import on_request
 from analysis.value import Value
 from modal.tools.arrays import Floats
@@ -40,7 +40,7 @@ COUNTED = "slipping_share", "opening_share", "slip_sharing"
 """What has no error but the choice of the packing."""
 
 
-@once
+@cached_on_packing
 def finite(m: Measuring) -> dict[str, Floats]:
     """Over amplitudes (na,) what waves of the sample do that are pushed both ways by each.
 

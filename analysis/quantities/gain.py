@@ -3,7 +3,7 @@
 import numpy as np
 
 from analysis.caveats import Caveat
-from analysis.measuring import Measuring, once
+from analysis.measuring import Measuring, cached_on_packing
 from analysis.prepare import kept_file, made
 from analysis.quantities.passband import low_pass_2
 from analysis.quantities.registry import on_request
@@ -18,7 +18,7 @@ MISCOUNTED = 0.75
 resonance of two held walls, 1 the next maximum."""
 
 
-@once
+@cached_on_packing
 def gain_of(m: Measuring) -> Response:
     """The response that has the gain factor of P-waves from wall to wall, without damping."""
     m.require_walls()

@@ -9,7 +9,7 @@ from analysis.caveats import Caveat
 from analysis.estimators.coherent import STRETCH
 from analysis.estimators.low_pass import spectra
 from analysis.estimators.structure_factor import Scattering, structure_factor
-from analysis.measuring import Measuring, once
+from analysis.measuring import Measuring, cached_on_packing
 from analysis.prepare import kept_file
 from analysis.quantities.passband import low_pass_2, scale
 from analysis.quantities.registry import on_request, quantity
@@ -30,7 +30,7 @@ COARSE = 2.0
 are a third as wide there as their frequency, hence a tenth of the highest one."""
 
 
-@once
+@cached_on_packing
 def attenuation_of(m: Measuring) -> tuple[Value, np.ndarray]:
     """Decay of the coherent amplitude, 1/m, at independent frequencies, and their group velocity.
 
@@ -164,7 +164,7 @@ for _wave, _polarisation in (("p", "L"), ("s", "T")):
     )
 
 
-@once
+@cached_on_packing
 def scattering(m: Measuring) -> Scattering:
     """Width of the ridge of standing waves over frequency, as far as their limit needs it.
 
@@ -192,7 +192,7 @@ def scattering(m: Measuring) -> Scattering:
     return ridge(np.linspace(0.7 * near, 1.2 * near, 8))
 
 
-@once
+@cached_on_packing
 def whole_ridge(m: Measuring) -> Scattering:
     """The same of all waves of a file's structure factor."""
     return m.case.needed("structure").scattering(longest(m, "linear").value, m.diameter)

@@ -7,7 +7,7 @@ Bouchbinder, Phys. Rev. Lett. 117, 035501 (2016) took small cells for that reaso
 
 import numpy as np
 
-from analysis.measuring import Measuring, once
+from analysis.measuring import Measuring, cached_on_packing
 from analysis.quantities.registry import on_request
 from analysis.value import Value
 from modal.modes.eigenmodes import eigenmodes
@@ -18,7 +18,7 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
 
 
-@once
+@cached_on_packing
 def lowest_wave(m: Measuring) -> float:
     """Hz: of the longest shear wave of a cell without walls, V_S over the cell's side."""
     if not m.network.cell_periodic.all():
@@ -29,7 +29,7 @@ def lowest_wave(m: Measuring) -> float:
     return float(min(m.moduli.velocities(axis)[-1] / side for axis, side in axes))
 
 
-@once
+@cached_on_packing
 def soft_modes(m: Measuring) -> ModeSet:
     """All modes below the first wave, certified; zero modes are not among them."""
     modes = eigenmodes(taken_as_exact(m.network), below=lowest_wave(m))

@@ -8,7 +8,7 @@ from analysis.case import AbsentError
 from analysis.caveats import Caveat
 from analysis.estimators import resonances as resonant
 from analysis.estimators.damped_transform import Dispersion, mode_dispersion
-from analysis.measuring import Measuring, once
+from analysis.measuring import Measuring, cached_on_packing
 from analysis.prepare import as_read, kept_file, made
 from analysis.quantities.registry import on_request, quantity
 from analysis.quantities.velocity import LOW_ORDER, longest
@@ -36,7 +36,7 @@ SAME = 1e-6
 """Relative difference of two frequencies that are one mode's, of two searches."""
 
 
-@once
+@cached_on_packing
 def density(m: Measuring) -> tuple[Floats, Floats, Floats]:
     """Frequency, Hz, modes per Hz and modes below, of the whole spectrum."""
     if (kept := kept_file(m, "density")) is not None:
@@ -44,7 +44,7 @@ def density(m: Measuring) -> tuple[Floats, Floats, Floats]:
     return as_read("density", made(m, "density"))
 
 
-@once
+@cached_on_packing
 def highest(m: Measuring) -> ModeSet:
     """The highest modes of a file, with their shapes; else the highest mode without."""
     if m.case.has("highest.modes"):
@@ -52,13 +52,13 @@ def highest(m: Measuring) -> ModeSet:
     return eigenmodes(taken_as_exact(m.network), highest=1, certify=False, shapes=False)
 
 
-@once
+@cached_on_packing
 def z_shapes(m: Measuring) -> Floats | None:
     """Shape (k, n), kg^-1/2: how each mode of the file moves the particles along z."""
     return read_z_shapes(m.case.product("modes")) if m.case.has("modes") else None
 
 
-@once
+@cached_on_packing
 def lowest_modes(m: Measuring) -> tuple[ModeSet, Floats, list[Caveat]]:
     """The lowest modes, how they move the spheres along z (k, n), and what they lack.
 
@@ -89,7 +89,7 @@ def lowest_modes(m: Measuring) -> tuple[ModeSet, Floats, list[Caveat]]:
     return modes, along_z, lacks
 
 
-@once
+@cached_on_packing
 def standing(m: Measuring) -> resonant.Standing | None:
     """Modes of a file that bear the standing waves of a random packing; None without shapes."""
     if m.crystal or z_shapes(m) is None:
@@ -97,7 +97,7 @@ def standing(m: Measuring) -> resonant.Standing | None:
     return resonant.standing_modes(m.case.read("modes").frequency, z_shapes(m), m.network)
 
 
-@once
+@cached_on_packing
 def standing_waves(m: Measuring) -> tuple[Floats, Floats]:
     """f_r (Hz), kappa_r (1/m, Eq. 4): pure modes of a crystal, else those that bear the waves.
 
@@ -117,7 +117,7 @@ def standing_waves(m: Measuring) -> tuple[Floats, Floats]:
     return own, kappa
 
 
-@once
+@cached_on_packing
 def modal_dispersion(m: Measuring) -> Dispersion:
     """The dispersion of a crystal's pure modes."""
     lattice, modes = m.lattice, m.case.needed("modes")
@@ -140,7 +140,7 @@ def modal_fitted(m: Measuring) -> Value:
     return estimate(*resonant.long_wave_velocity(bearers.frequency[:LOW_ORDER], kappa))
 
 
-@once
+@cached_on_packing
 def f_max(m: Measuring) -> float:
     """Highest natural frequency, Hz: of a list of all, else of the highest modes."""
     modes = m.case.read("modes")
@@ -171,7 +171,7 @@ def natural_frequency(frequency: float, *lists: ModeSet | None) -> Value:
     return estimate(frequency)
 
 
-@once
+@cached_on_packing
 def chi_lists(m: Measuring) -> list[tuple[Floats, Floats, Floats]]:
     """Frequency (k,) Hz, chi_z of all particles and of the chain (k,), of each list of modes.
 
@@ -268,7 +268,7 @@ def excess_of(frequency: Floats, density: Floats, modes: float, highest: float) 
     return Excess(tenth, *((reduced[top], f[top] * highest) if top else (np.nan, np.nan)))
 
 
-@once
+@cached_on_packing
 def excess(m: Measuring) -> Excess:
     """Density of states over that of plane waves."""
     frequency, per_hertz, _ = density(m)

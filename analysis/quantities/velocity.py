@@ -14,7 +14,7 @@ from analysis.caveats import Caveat
 from analysis.estimators.coherent import DECAY, Coherent, coherent_wave, longest_waves
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
 from analysis.estimators.travel_time import first_peaks_of_columns, travelled
-from analysis.measuring import Measuring, once
+from analysis.measuring import Measuring, cached_on_packing
 from analysis.quantities.registry import quantity
 from analysis.value import Value, hertz, unknown
 from modal.elasticity.slab import static_velocity
@@ -41,7 +41,7 @@ TOO_FAST = 1.1
 """Of a crystal's V_P: what is as fast is noise, as of a pulse far off the band, in kHz for Hz."""
 
 
-@once
+@cached_on_packing
 def chain(m: Measuring, key: str, order: int = 0) -> Dispersion:
     """The dispersion of a crystal's chain, to an order of its neighbour ratio."""
     record = m.record(key)
@@ -51,7 +51,7 @@ def chain(m: Measuring, key: str, order: int = 0) -> Dispersion:
     return found
 
 
-@once
+@cached_on_packing
 def coherent(m: Measuring, key: str, decay: float = DECAY) -> Coherent:
     """The coherent wave of a record, of S-waves as far as they are long."""
     record, length = m.record(key), m.network.length
@@ -70,7 +70,7 @@ def coherents(m: Measuring) -> list[Coherent]:
     return [coherent(m, "wave"), *(coherent(m, "wave", decay) for decay in OTHERS)]
 
 
-@once
+@cached_on_packing
 def longest(m: Measuring, key: str) -> Value:
     """Velocity, m/s, of the longest waves of a record, with its errors of the fit and the window.
 
@@ -98,7 +98,7 @@ def _told(value: float, error: float, scatter: float = 0.0) -> Value:
     return Value(value, "m/s", {"fit": error, "chain": float(np.nan_to_num(scatter))})
 
 
-@once
+@cached_on_packing
 def first_peak(m: Measuring, key: str) -> Value:
     """dL/dt of a record's first peaks, middle half of the chain, m/s.
 
@@ -111,7 +111,7 @@ def first_peak(m: Measuring, key: str) -> Value:
     return _told(*travelled(m.cut(key), m.network.wall_position), scatter)
 
 
-@once
+@cached_on_packing
 def columns(m: Measuring, key: str) -> tuple[float, float]:
     """V_P, m/s, of first peaks along every column, a sphere wide: mean and scatter.
 

@@ -53,7 +53,7 @@ def measure_case(
     of_files = {files[0].name.split(".")[-2]: files[0]} if state or quantities else None
     case = Case(name, folder, of_files)
     case.check()
-    m = Measuring.of(case)
+    m = Measuring.of(case, every_particle=not scatter)
     row = Row.of(m)
     if state:
         row.state = True
@@ -61,7 +61,6 @@ def measure_case(
     elif quantities:
         _add_quantities(row, files, quantities)
     elif scatter:
-        m.linear = m.linear_wave(particles=False)
         row.add(m, SCATTERING)
     else:
         m.stated = Rules(study.cases, study.stated()).stated_of(name)

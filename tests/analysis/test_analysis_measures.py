@@ -117,12 +117,12 @@ def test_no_digit_beyond_the_error(value, error, text):
 @pytest.fixture(scope="module")
 def two_producers():
     """FCC at three stresses, one of them with a YADE record 10 % slower than its springs."""
-    cases = [Measuring(fcc(stress, (1, 1, 100))) for stress in (1e4, 1e5, 1e6)]
-    lattice = cases[1].lattice
-    time = np.arange(0, cases[1].network.length / lattice.velocity, 5e-7)
+    soft, middle, stiff = (fcc(stress, (1, 1, 100)) for stress in (1e4, 1e5, 1e6))
+    lattice = Measuring(middle).lattice
+    time = np.arange(0, middle.length / lattice.velocity, 5e-7)
     slow = replace(lattice, mass=lattice.mass / 0.81)
-    cases[1].records = [replace(lattice_signals(slow, time), producer="yade")]
-    return cases
+    record = replace(lattice_signals(slow, time), producer="yade")
+    return [Measuring(soft), Measuring(middle, [record]), Measuring(stiff)]
 
 
 def test_no_exponent_through_two_producers(two_producers):
