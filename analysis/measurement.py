@@ -122,7 +122,7 @@ def measure(
         raise InputError(f"amplitudes {list(amplitudes)}: give positive ones, in m")
     waves = [r if isinstance(r, Signals) else read_signals(r) for r in records]
     m = Measuring(network, waves, source, case, keep, sample, amplitudes)
-    usual = [q.name for q in QUANTITIES.values() if not q.asked]
+    usual = [q.name for q in QUANTITIES.values() if not q.on_request]
     asked = [quantities] if isinstance(quantities, str) else quantities
     names = list(asked or (AMPLITUDE if len(amplitudes) else usual))
     for name in names:

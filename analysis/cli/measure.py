@@ -14,7 +14,7 @@ EXAMPLE = "measure mine.network.h5 --quick"
 OF_PRODUCERS = "_yade", "_linear", "_over_d"
 EPILOG = "\n".join(
     [
-        f"{q.name}: {q.definition} ({q.unit}){', on request' * q.asked}"
+        f"{q.name}: {q.definition} ({q.unit}){', on request' * q.on_request}"
         for q in QUANTITIES.values()
         if not q.name.endswith(OF_PRODUCERS)
     ]

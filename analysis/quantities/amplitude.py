@@ -96,4 +96,4 @@ def _over_amplitudes(name: str, m: Measuring) -> Value:
 
 
 for _name, _definition in AMPLITUDE.items():
-    on_request("1", _name, _definition)(partial(_over_amplitudes, _name))
+    on_request("1", name=_name, definition=_definition)(partial(_over_amplitudes, _name))

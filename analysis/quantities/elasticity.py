@@ -61,11 +61,13 @@ def of_moduli(unit: str, number: Callable[[ElasticModuli], float]) -> Callable[[
 
 
 for _name, (_unit, _number, _definition) in OF_MODULI.items():
-    _asked = _name not in ("bulk_modulus", "shear_modulus")
-    quantity(_unit, _name, _definition, asked=_asked)(of_moduli(_unit, _number))
+    _on_request = _name not in ("bulk_modulus", "shear_modulus")
+    quantity(_unit, name=_name, definition=_definition, on_request=_on_request)(
+        of_moduli(_unit, _number)
+    )
 
 
-@on_request("1")
+@on_request("1", definition="(G D / k) / (h D^3), level in poorly coordinated packings")
 def shear_over_indeterminacy(packing: Measuring) -> Value:
     """(G D / k) / (h D^3), level in poorly coordinated packings.
 

@@ -25,7 +25,7 @@ def gain_of(m: Measuring) -> Response:
     return kept_file(m, "response") or made(m, "response")
 
 
-@on_request("1")
+@on_request("1", definition="stress on the receiver over that on the source wall, over frequency")
 def gain(m: Measuring) -> Value:
     """Stress on the receiver over that on the source wall, over frequency.
 

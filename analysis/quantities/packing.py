@@ -73,11 +73,11 @@ def _exact(number: Callable[[Network], Any]) -> Callable[[Measuring], Value]:
 
 
 for _name, (_number, _definition) in EXACT.items():
-    _asked = _name not in ("void_ratio", "coordination")
-    quantity("1", _name, _definition, asked=_asked)(_exact(_number))
+    _on_request = _name not in ("void_ratio", "coordination")
+    quantity("1", name=_name, definition=_definition, on_request=_on_request)(_exact(_number))
 
 
-@quantity("1")
+@quantity("1", definition="share of spheres in crystalline surroundings")
 def crystalline_share(packing: Measuring) -> Value:
     """Share of spheres in crystalline surroundings.
 
@@ -91,7 +91,7 @@ def crystalline_share(packing: Measuring) -> Value:
     return Value(packing.crystalline["crystalline_share"], "1")
 
 
-@on_request("1")
+@on_request("1", definition="void ratio away from the walls")
 def void_ratio_of_bulk(packing: Measuring) -> Value:
     """Void ratio away from the walls.
 
@@ -103,7 +103,7 @@ def void_ratio_of_bulk(packing: Measuring) -> Value:
     return Value(float(1 / (1 / (1 + layers.void_ratio[layers.bulk])).mean() - 1), "1")
 
 
-@on_request("1")
+@on_request("1", definition="largest deviation of a principal stress from its target")
 def stress_error(packing: Measuring) -> Value:
     """Largest deviation of a principal stress from its target.
 

@@ -208,7 +208,7 @@ for _producer, _told in PRODUCERS.items():
             FOUND[_names[0]] = "Hz", f"f_low-pass, {_text}", _by(_low_pass, *_which)
             FOUND[_names[1]] = "1", f"wavelength there, D, {_text}", _by(_wavelength, *_which)
 for _name, (_unit, _text, _number) in FOUND.items():
-    on_request(_unit, _name, _text)(_number)
+    on_request(_unit, name=_name, definition=_text)(_number)
 OF_MODULI = "bulk_modulus", "shear_modulus", "poisson", "v_p_moduli", "v_s_moduli"
 OF_PACKING = "void_ratio", "coordination", "coordination_of_bearing", "v_p_static"
 OF_CASE = *OF_PACKING, *FOUND, *OF_MODULI

@@ -1,4 +1,4 @@
-"""The list of quantities: name, unit, definition and the function that measures it."""
+"""List all quantities: name, unit, definition and the function that measures each."""
 
 from __future__ import annotations
 
@@ -21,55 +21,80 @@ QUICK = (
     *("void_ratio", "coordination", "crystalline_share"),
     *("v_p", "v_s", "low_pass", "highest_frequency"),
 )
-"""Those that take a wave or less, of 35,201 spheres half a minute together."""
-MISTAKES = "argument", "unknown_word"
-"""Codes of refusals that no file and no packing cause: only the call of a quantity can."""
-Of = TypeVar("Of", bound=Callable[[Measuring], Value | float])
+"""Quantities that need one wave or less. For 35,201 spheres they take half a minute together."""
+CODES_OF_MISTAKES = "argument", "unknown_word"
+"""Codes of refusals that only the call of a quantity can cause, and no file and no packing."""
+Function = TypeVar("Function", bound=Callable[[Measuring], Value | float])
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """`of` measures it; `unit` is SI, "1" for a number; `definition` says what it is.
+    """A quantity that can be measured of a packing.
 
-    `asked` is measured on request alone.
+    Attributes
+    ----------
+    name : str
+        The name by which it is requested, as in `measure(quantities=[name])`.
+    unit : str
+        SI unit of its values, "1" for a number.
+    definition : str
+        What it is, in one line of help.
+    measure : callable
+        Function that measures it: takes a packing, returns a `Value` or a number in `unit`.
+    on_request : bool
+        Whether it is measured only if its name is given.
     """
 
     name: str
     unit: str
     definition: str
-    of: Callable[[Measuring], Value | float]
-    asked: bool = False
+    measure: Callable[[Measuring], Value | float]
+    on_request: bool = False
 
     def measured(self, packing: Measuring) -> Value:
-        """Return its value; where the packing does not have it, no number but the reason.
+        """Return the value in the registered unit; if the packing does not have it, the reason.
 
         Raises
         ------
         InputError
-            Where the reason is a file that was given.
+            If a file is the reason that it cannot be measured.
         RuntimeError
-            For a mistake of the quantity itself, which no user can mend.
+            If the quantity itself is wrong, which no user can mend: it measures in another unit, or
+            calls a function with arguments that this refuses.
         """
-        kept = len(packing.not_kept)
+        already_not_kept = len(packing.not_kept)
         try:
-            found = self.of(packing)
+            result = self.measure(packing)
         except UnavailableError as error:
             return unknown(self.unit, refusal(error))
         except InputError as error:
-            if error.code in MISTAKES:
+            if error.code in CODES_OF_MISTAKES:
                 raise RuntimeError(f"{self.name}: {error}") from error
             raise
-        found = found if isinstance(found, Value) else estimate(found)
-        caveats = found.caveats
-        if not found.known and not caveats:
+        value = self._in_registered_unit(result)
+        caveats = value.caveats
+        if not value.known and not caveats:
             caveats = (Caveat("absent"),)
-        caveats = (*caveats, *_of_units(packing.network), *packing.not_kept[kept:])
-        value = replace(found, unit=self.unit, caveats=caveats)
+        caveats += _caveats_of_density(packing.network)
+        caveats += tuple(packing.not_kept[already_not_kept:])
+        value = replace(value, caveats=caveats)
         return with_digits(value, packing.network, self.name, self.unit)
 
+    def _in_registered_unit(self, result: Value | float) -> Value:
+        """Return a result as a `Value`; a number without unit is in the registered one."""
+        if not isinstance(result, Value):
+            result = estimate(result)
+        if result.unit == "":
+            return replace(result, unit=self.unit)
+        if result.unit != self.unit:
+            raise RuntimeError(
+                f"{self.name}: measured in {result.unit!r}, but registered in {self.unit!r}"
+            )
+        return result
 
-def _of_units(network: Network) -> tuple[Caveat, ...]:
-    """Return what to know of every number where no solid has the spheres' density in SI."""
+
+def _caveats_of_density(network: Network) -> tuple[Caveat, ...]:
+    """Return a caveat if no solid has the density of the spheres in SI units."""
     density = median_density(network)
     if is_of_a_solid(density):
         return ()
@@ -77,21 +102,36 @@ def _of_units(network: Network) -> tuple[Caveat, ...]:
 
 
 def quantity(
-    unit: str, name: str = "", definition: str = "", asked: bool = False
-) -> Callable[[Of], Of]:
-    """Register a function as the one that measures a quantity: a `Value`, or its number alone.
+    unit: str, *, definition: str, name: str = "", on_request: bool = False
+) -> Callable[[Function], Function]:
+    """Register a function as the one that measures a quantity; use it as a decorator.
 
-    The quantity has the function's name, and the first line of its docstring says what it is, where
-    no others are given.
+    Parameters
+    ----------
+    unit : str
+        SI unit of the values, "1" for a number.
+    definition : str
+        What the quantity is, in one line of help without a full stop.
+    name : str, optional
+        By default the name of the function.
+    on_request : bool
+        Whether the quantity is measured only if its name is given.
+
+    Raises
+    ------
+    RuntimeError
+        If there is a quantity of this name already.
     """
 
-    def register(of: Of) -> Of:
-        called, said = name or of.__name__, (of.__doc__ or "").split("\n")[0].rstrip(".")
-        told = definition or said[:1].lower() + said[1:]
-        QUANTITIES[called] = Quantity(called, unit, told, of, asked)
-        return of
+    def register(function: Function) -> Function:
+        key = name or function.__name__
+        if key in QUANTITIES:
+            raise RuntimeError(f"quantity {key!r} is registered already; choose another name")
+        QUANTITIES[key] = Quantity(key, unit, definition, function, on_request)
+        return function
 
     return register
 
 
-on_request = partial(quantity, asked=True)
+on_request = partial(quantity, on_request=True)
+"""`quantity` for one that is measured only if its name is given."""

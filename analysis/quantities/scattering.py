@@ -66,7 +66,7 @@ def _sent_to(m: Measuring, highest: float) -> float:
     return float(frequency[lost[0]]) if len(lost) else highest
 
 
-@quantity("1/m")
+@quantity("1/m", definition="decay of the coherent wave's amplitude along z, over frequency")
 def attenuation(m: Measuring) -> Value:
     """Decay of the coherent wave's amplitude along z, over frequency.
 
@@ -75,7 +75,7 @@ def attenuation(m: Measuring) -> Value:
     return attenuation_of(m)[0]
 
 
-@quantity("1")
+@quantity("1", definition="quality factor omega / (2 alpha v) of the coherent wave, over frequency")
 def quality(m: Measuring) -> Value:
     """Quality factor omega / (2 alpha v) of the coherent wave, over frequency.
 
@@ -93,7 +93,7 @@ def quality(m: Measuring) -> Value:
     return Value(value, "1", parts, alpha.caveats, alpha.at)
 
 
-@quantity("Hz")
+@quantity("Hz", definition="frequency at which the mean free path falls to half a wavelength")
 def ioffe_regel(m: Measuring) -> Value:
     """Frequency at which the mean free path falls to half a wavelength.
 
@@ -110,7 +110,7 @@ def ioffe_regel(m: Measuring) -> Value:
     return Value(found.limit, "Hz", {"resolution": near / 2}, caveats)
 
 
-@on_request("Hz")
+@on_request("Hz", definition="width of the line that a pulse's decay makes, alpha v / pi")
 def scattering_of_pulse(m: Measuring) -> Value:
     """Width of the line that a pulse's decay makes, alpha v / pi.
 
@@ -159,7 +159,7 @@ def _width_of_lines(packing: Measuring, polarisation: str) -> Value:
 # 2 pi times it is the rate at which disorder takes the energy of a plane wave.
 for _wave, _polarisation in (("p", "L"), ("s", "T")):
     _text = f"full width of the line of plane {_wave.upper()}-waves, over its frequency"
-    on_request("Hz", f"scattering_of_{_wave}", _text)(
+    on_request("Hz", name=f"scattering_of_{_wave}", definition=_text)(
         partial(_width_of_lines, polarisation=_polarisation)
     )
 

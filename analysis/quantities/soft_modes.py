@@ -40,7 +40,7 @@ def soft_modes(m: Measuring) -> ModeSet:
     return modes
 
 
-@on_request("Hz")
+@on_request("Hz", definition="slowest V_S along an axis over the side of a periodic cell")
 def first_wave(packing: Measuring) -> Value:
     """Slowest V_S along an axis over the side of a periodic cell.
 
@@ -54,7 +54,7 @@ def _over_modes(packing: Measuring, value: Floats) -> Value:
     return Value(value, "1", {}, packing.of_one_sample, soft_modes(packing).frequency)
 
 
-@on_request("1")
+@on_request("1", definition="spheres that take part in each mode below the first wave")
 def soft_participation(packing: Measuring) -> Value:
     """Spheres that take part in each mode below the first wave.
 
@@ -64,7 +64,7 @@ def soft_participation(packing: Measuring) -> Value:
     return _over_modes(packing, share * packing.network.n_particles)
 
 
-@on_request("1")
+@on_request("1", definition="part of the kinetic energy in rotations, of the same modes")
 def soft_rotation(packing: Measuring) -> Value:
     """Part of the kinetic energy in rotations, of the same modes.
 
@@ -73,7 +73,7 @@ def soft_rotation(packing: Measuring) -> Value:
     return _over_modes(packing, soft_modes(packing).rotation_share)
 
 
-@on_request("1")
+@on_request("1", definition="contacts of the sphere that moves most, of the same modes")
 def soft_contacts(packing: Measuring) -> Value:
     """Contacts of the sphere that moves most, of the same modes.
 

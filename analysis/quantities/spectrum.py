@@ -279,7 +279,7 @@ HIGHEST_BRANCH = 0.15
 """Of the highest frequency: the modes of a narrow cell are not listed beyond."""
 
 
-@quantity("Hz")
+@quantity("Hz", definition="highest natural frequency")
 def highest_frequency(m: Measuring) -> Value:
     """Highest natural frequency.
 
@@ -290,7 +290,7 @@ def highest_frequency(m: Measuring) -> Value:
     return Value(value, "Hz", {"fit": residual * value / 2})
 
 
-@quantity("Hz")
+@quantity("Hz", definition="frequency at which D(f) / f^2 is largest: where soft modes are")
 def excess_peak(m: Measuring) -> Value:
     """Frequency at which D(f) / f^2 is largest: where soft modes are.
 
@@ -314,7 +314,7 @@ def excess_peak(m: Measuring) -> Value:
     return Value(found.peak_frequency, "Hz", {"resolution": line / 2}, m.of_one_sample)
 
 
-@on_request("Hz")
+@on_request("Hz", definition="of standing P-waves r = 1, 2, ... among the lowest modes")
 def resonances(m: Measuring) -> Value:
     """Of standing P-waves r = 1, 2, ... among the lowest modes.
 
@@ -329,7 +329,7 @@ def resonances(m: Measuring) -> Value:
     return Value(np.asarray(f), "Hz", {}).with_caveats(*m.of_waves, *lacks)
 
 
-@on_request("1")
+@on_request("1", definition="share of a mode's motion that is along z, over frequency (Eq. 2)")
 def chi_z(m: Measuring) -> Value:
     """Share of a mode's motion that is along z, over frequency (Eq. 2).
 
@@ -340,7 +340,7 @@ def chi_z(m: Measuring) -> Value:
     return Value(modes.chi_z, "1", {}, caveats, modes.frequency)
 
 
-@on_request("1")
+@on_request("1", definition="chi_z of every mode up to 1.5 V_P / W, W the cell's width")
 def chi_z_of_branches(packing: Measuring) -> Value:
     """chi_z of every mode up to 1.5 V_P / W, W the cell's width.
 

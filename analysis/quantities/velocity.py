@@ -146,7 +146,7 @@ def _quoted(m: Measuring, key: str, places: slice) -> Value:
     return Value(value, "m/s", {"fit": 0.5 * value * m.moduli.error}, (why, *m.of_one_sample))
 
 
-@quantity("m/s")
+@quantity("m/s", definition="velocity of the longest P-waves along z; the one to quote")
 def v_p(m: Measuring) -> Value:
     """Velocity of the longest P-waves along z; the one to quote.
 
@@ -155,7 +155,7 @@ def v_p(m: Measuring) -> Value:
     return _quoted(m, "wave", slice(0, 1))
 
 
-@quantity("m/s")
+@quantity("m/s", definition="velocity of the longest S-waves along z; the one to quote")
 def v_s(m: Measuring) -> Value:
     """Velocity of the longest S-waves along z; the one to quote.
 
@@ -164,7 +164,7 @@ def v_s(m: Measuring) -> Value:
     return _quoted(m, "shear_wave", slice(1, 3))
 
 
-@quantity("m/s")
+@quantity("m/s", definition="velocity of P-waves by the springs' answer to a steady push")
 def v_p_static(m: Measuring) -> Value:
     """Velocity of P-waves by the springs' answer to a steady push.
 
@@ -175,7 +175,7 @@ def v_p_static(m: Measuring) -> Value:
     return Value(bulk.velocity, "m/s", {"fit": bulk.error}, m.of_one_sample)
 
 
-@quantity("m/s")
+@quantity("m/s", definition="velocity of first peaks along the chain, as of the paper")
 def v_p_first_peaks(m: Measuring) -> Value:
     """Velocity of first peaks along the chain, as of the paper.
 

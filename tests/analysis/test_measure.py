@@ -10,12 +10,13 @@ from changes import in_units, stiffer
 import analysis
 import modal
 from analysis.__main__ import main
+from analysis.caveats import Caveat
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.measurement import Measurement, mean_of
 from analysis.measuring import Measuring
 from analysis.quantities import QUANTITIES, QUICK
-from analysis.quantities.registry import quantity
-from analysis.value import Value, unknown
+from analysis.quantities.registry import Quantity, quantity
+from analysis.value import Value, estimate, unknown
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
@@ -168,7 +169,7 @@ def test_mean_of_lists_and_of_what_one_packing_alone_has():
 def test_a_quantity_is_one_function(random, monkeypatch):
     """Registered under its name, measured with the others; what is not known is refused."""
 
-    @quantity("1")
+    @quantity("1", definition="how many spheres there are")
     def spheres(packing: Measuring) -> Value:
         """How many spheres there are."""
         return Value(packing.network.n_particles, "1")
@@ -176,10 +177,28 @@ def test_a_quantity_is_one_function(random, monkeypatch):
     try:
         assert analysis.measure(random, quantities=["spheres"])["spheres"].value == 2000
         assert QUANTITIES["spheres"].definition == "how many spheres there are"
+        assert not QUANTITIES["spheres"].on_request
+        with pytest.raises(RuntimeError, match="spheres"):
+            quantity("1", name="spheres", definition="another")(lambda packing: 1.0)
+        assert QUANTITIES["spheres"].measure is spheres
     finally:
         del QUANTITIES["spheres"]
     with pytest.raises(InputError, match="quantity 'spheres': unknown; did you mean"):
         analysis.measure(random, quantities=["spheres"])
+
+
+@pytest.mark.parametrize("result", [Value(3.0, "m/s"), unknown("Hz", Caveat("absent"))])
+def test_a_value_in_another_unit_is_a_mistake(random, result):
+    pressure = Quantity("pressure", "Pa", "a pressure", lambda packing: result)
+    with pytest.raises(RuntimeError, match=f"pressure.*'{result.unit}'.*'Pa'"):
+        pressure.measured(Measuring(random))
+
+
+@pytest.mark.parametrize("result", [3.0, estimate(3.0), Value(3.0, "Pa")])
+def test_a_number_without_unit_is_in_the_registered_one(random, result):
+    pressure = Quantity("pressure", "Pa", "a pressure", lambda packing: result)
+    value = pressure.measured(Measuring(random))
+    assert (value.value, value.unit) == (3.0, "Pa")
 
 
 def test_a_wave_that_nothing_resists_has_no_velocity():
