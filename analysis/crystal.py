@@ -15,7 +15,7 @@ from analysis.estimators import damped_transform as disp
 from analysis.estimators import low_pass
 from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.travel_time import arrival_times, travelled
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities.spectrum import modal_dispersion
 from analysis.quantities.velocity import chain
 from analysis.rows import Row, row_of
@@ -30,7 +30,7 @@ BY_RULE = "v_p_first_peaks_yade", "f_low_pass_2_yade", "f_low_pass_1_yade"
 Numbers = dict[str, float]
 
 
-def compare(m: Measuring) -> list[list[str]]:
+def compare(m: PackingData) -> list[list[str]]:
     """Rows for one crystal: id, quantity, unit, what `COLUMNS` has, as far as it is known; note."""
     known = {name: value.value for name, value in row_of(m).values.items()}
     own = {"theory": _theory(m), "modal": _modes(m), "linear": _of_wave(m, "linear")}
@@ -47,12 +47,12 @@ def compare(m: Measuring) -> list[list[str]]:
     return lines
 
 
-def _theory(m: Measuring) -> Numbers:
+def _theory(m: PackingData) -> Numbers:
     """Of the lattice, and by the rules on its exact signals at the times of the record."""
     lattice, (omega, _) = m.lattice, m.lattice.eigenmodes()
     twin, wall = exact_twin(m.yade or m.cut("linear"), lattice), float(m.network.wall_position[0])
     signals = replace(twin, chain_position=wall + twin.chain_position)
-    exact = Measuring(m.network, [signals], linear_record=m.linear)
+    exact = PackingData(m.network, [signals], linear_record=m.linear)
     read = Row.of(exact)
     read.add(exact, BY_RULE)
     # Eq. 7
@@ -66,7 +66,7 @@ def _theory(m: Measuring) -> Numbers:
     }
 
 
-def _modes(m: Measuring) -> Numbers:
+def _modes(m: PackingData) -> Numbers:
     modes = m.case.read("modes")
     if modes is None or modes.resonance_frequency is None:
         return {}
@@ -78,7 +78,7 @@ def _modes(m: Measuring) -> Numbers:
     }
 
 
-def _of_wave(m: Measuring, key: str) -> Numbers:
+def _of_wave(m: PackingData, key: str) -> Numbers:
     found = {"arrival": _arrival(m, key), "off_theory": _off_theory(m, chain(m, key))}
     if key == "linear":
         full = m.linear_wave(particles=False, pre_stress="full")
@@ -86,10 +86,10 @@ def _of_wave(m: Measuring, key: str) -> Numbers:
     return found
 
 
-def _off_theory(m: Measuring, measured: disp.Dispersion) -> float:
+def _off_theory(m: PackingData, measured: disp.Dispersion) -> float:
     """Deviation of a dispersion relation from Eq. 9, %."""
     return 100 * disp.rms_deviation(measured, m.lattice.velocity, m.lattice.low_pass_frequency)
 
 
-def _arrival(m: Measuring, key: str) -> float:
+def _arrival(m: PackingData, key: str) -> float:
     return travelled(m.cut(key), m.network.wall_position, arrival_times)[0]

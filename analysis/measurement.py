@@ -9,7 +9,7 @@ import numpy as np
 from analysis.case import WAVES, Case, cases_of_files, kind_of, owner_of
 from analysis.caveats import Caveat
 from analysis.mean import mean_of_values
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities import QUANTITIES
 from analysis.quantities.amplitude import AMPLITUDE
 from analysis.same_state import Difference, State, differences, state_of
@@ -121,7 +121,7 @@ def measure(
     if not all(0 < size < np.inf for size in amplitudes):
         raise InputError(f"amplitudes {list(amplitudes)}: give positive ones, in m")
     waves = [r if isinstance(r, Signals) else read_signals(r) for r in records]
-    m = Measuring(network, waves, source, case, keep, sample, amplitudes)
+    m = PackingData(network, waves, source, case, keep, sample, amplitudes)
     usual = [q.name for q in QUANTITIES.values() if not q.on_request]
     asked = [quantities] if isinstance(quantities, str) else quantities
     names = list(asked or (AMPLITUDE if len(amplitudes) else usual))

@@ -19,7 +19,7 @@ import numpy as np
 from analysis.case import Case
 from analysis.caveats import Caveat
 from analysis.estimators.structure_factor import structure_factor, write_structure
-from analysis.measuring import Measuring, cached_on_packing
+from analysis.packing_data import PackingData, cached_on_packing
 from modal.formats.provenance import Provenance, is_current
 from modal.modes.density import density_of_states, write_density
 from modal.packing.network import write_network
@@ -40,7 +40,7 @@ MADE: dict[str, tuple[Callable[..., Any], Callable[..., None]]] = {
 """Kind of file: what makes its spectrum, and what writes it."""
 
 
-def kept_file(m: Measuring, kind: str) -> Any:
+def kept_file(m: PackingData, kind: str) -> Any:
     """What a file of this kind holds, given, or kept in a folder; None without one.
 
     One that lies in that folder and is stale is made again; a crystal has the response alone. Where
@@ -89,12 +89,12 @@ def as_read(kind: str, spectrum: Any) -> Any:
 
 
 @cached_on_packing
-def made(m: Measuring, kind: str) -> Any:
+def made(m: PackingData, kind: str) -> Any:
     """Make the spectrum itself."""
     return MADE[kind][0](m.network, **_settings(m, kind))
 
 
-def _settings(m: Measuring, kind: str) -> dict[str, Any]:
+def _settings(m: PackingData, kind: str) -> dict[str, Any]:
     """Resolution and highest frequency, Hz, and what else a spectrum needs."""
     if kind == "response":
         highest = REACH * (m.network.length / m.diameter) / m.affine_passage

@@ -17,7 +17,7 @@ from typing import Any, get_type_hints
 import numpy as np
 import pandas as pd
 
-from analysis.measuring import Measuring, cached_on_packing
+from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities import QUANTITIES, gain, records, spectrum
 from analysis.quantities.records import LOW_PASS, PERCENT
 from analysis.quantities.scattering import whole_ridge
@@ -85,7 +85,7 @@ class Row:
     provenance: list[list[str]] = field(default_factory=list)
 
     @classmethod
-    def of(cls, m: Measuring) -> Row:
+    def of(cls, m: PackingData) -> Row:
         """Of a case of which nothing has been measured."""
         mu = 0.0 if m.crystal else m.mu_comp
         about = m.case.number, m.case.name, m.label, m.crystal, m.stress, mu
@@ -108,7 +108,7 @@ class Row:
         """What the paper joins by lines: FCC, or a friction."""
         return "FCC" if self.crystal else f"random, mu_comp {self.mu_comp:g}"
 
-    def add(self, m: Measuring, names: Iterable[str]) -> None:
+    def add(self, m: PackingData, names: Iterable[str]) -> None:
         """Add quantities by name; those of S-waves and moduli where their files are there."""
         keys = {name: key for key, (name, _) in LOW_PASS.items()}
         recorded = {"", *m.shear}
@@ -130,7 +130,7 @@ class Row:
 
 
 @cached_on_packing
-def row_of(m: Measuring) -> Row:
+def row_of(m: PackingData) -> Row:
     """All numbers that a case's products allow, each measured once."""
     case, row = m.case, Row.of(m)
     row.add(m, records.OF_CASE)
@@ -149,7 +149,7 @@ def row_of(m: Measuring) -> Row:
     return row
 
 
-def _curves(m: Measuring, row: Row) -> None:
+def _curves(m: PackingData, row: Row) -> None:
     """What figures over several cases draw."""
     row.curves["gain"] = (gain.gain_of(m).frequency, gain.gain_of(m).gain)
     orders = enumerate(gain.orders(m)[:5], 1)

@@ -20,7 +20,7 @@ ORDER = {
     "analysis": (
         *("table", "typed_json", "watch", "caveats", "value", "mean", "estimators"),
         *("agreement", "case"),
-        *("same_state", "measuring", "prepare", "quantities", "measurement"),
+        *("same_state", "packing_data", "prepare", "quantities", "measurement"),
         *("rows", "expressions", "frame", "crystal", "figures", "study"),
         *("cli", "__main__"),
     ),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import modal
 from analysis.estimators.coherent import Coherent
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities.velocity import coherent
 from modal.modes.density import DensityOfStates
 from modal.modes.mode_set import ModeSet
@@ -30,7 +30,7 @@ assert_type(modal.frequency_response(net), Response)
 assert_type(modal.FccLattice(stress=1e5).low_pass_frequency, float)
 modal.eigenmodes(net, lowest="three")  # type: ignore[arg-type]
 modal.eigenmode(net)  # type: ignore[attr-defined]
-packing = Measuring(net)
+packing = PackingData(net)
 assert_type(coherent(packing, "wave", decay=5.0), Coherent)
 coherent(packing, "wave", damping=5.0)  # type: ignore[call-arg]
 coherent(packing, 5.0)  # type: ignore[arg-type]

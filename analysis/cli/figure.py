@@ -7,7 +7,7 @@ from analysis.figures import FIGURES, compose
 from analysis.figures.looks import refuse_undrawable
 from analysis.figures.picture import read_picture
 from analysis.figures.render import save
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from modal.cli.options import Given, Option, output
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
@@ -35,7 +35,7 @@ def run(options: Given) -> None:
         picture, stem = read_picture(name), Path(name).stem
         refuse_undrawable(picture, name)
     else:
-        picture = compose(name, [Measuring.of(case) for case in cases])
+        picture = compose(name, [PackingData.of(case) for case in cases])
         stem = ".".join([*(case.name for case in cases), name])
     paths = save(picture, Path(options.output) / stem)
     put("\n".join(map(str, paths)))

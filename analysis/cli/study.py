@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from analysis.study.description import Study
-from analysis.study.measuring import measure_case
+from analysis.study.measure_case import measure_case
 from analysis.study.tables import table_of
 from analysis.study.whole import write_study
 from modal.cli.options import Given, Group, NewFile, NewFolder, Option, flag, output

@@ -7,7 +7,7 @@ from analysis.figures import cases as of_cases
 from analysis.figures import modes, spectra, waves
 from analysis.figures.picture import Picture, columns_for, merged
 from analysis.frame import frame_of
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.rows import row_of
 from modal.tools.errors import InputError, refuse_unknown
 
@@ -28,7 +28,7 @@ OF_CASES: tuple[Figure, ...] = (
 FIGURES = {figure.__name__: figure for figure in (*OF_CASES, *OF_ROWS)}
 
 
-def compose(name: str, cases: list[Measuring]) -> Picture:
+def compose(name: str, cases: list[PackingData]) -> Picture:
     """One figure of the given cases; InputError where its name or a product is missing.
 
     Of several cases those panels that have one title become one.

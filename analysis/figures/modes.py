@@ -3,7 +3,7 @@
 import numpy as np
 
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities.records import HIGH, LOW
 from analysis.quantities.spectrum import chi_lists, density, f_max, standing, z_shapes
 from analysis.quantities.velocity import longest
@@ -15,7 +15,7 @@ TOP = 0.03
 """Highest density that is drawn, 1/kHz; the crystal's narrow peaks go on beyond it."""
 
 
-def natural_frequencies(m: Measuring) -> Picture:
+def natural_frequencies(m: PackingData) -> Picture:
     """Fig. 7: cumulative share and density of the natural frequencies, with and without rotations.
 
     Of all modes where the file has them; else of the density of states.
@@ -55,7 +55,7 @@ def _spectrum(left: Panel, right: Panel, frequency: np.ndarray, label: str, **lo
     right.line(np.repeat(edges, 2)[1:-1], np.repeat(share, 2), **look)
 
 
-def chi_z(m: Measuring) -> Panel:
+def chi_z(m: PackingData) -> Panel:
     """Fig. 9: chi_z (Eq. 2) of the modes in the files; all particles, the chain, and the paper's.
 
     Where no mode of a random packing was computed, up to 20 kHz, the panel is shaded.
@@ -85,7 +85,7 @@ def chi_z(m: Measuring) -> Panel:
     return panel
 
 
-def _across(panel: Panel, m: Measuring) -> None:
+def _across(panel: Panel, m: PackingData) -> None:
     """Where the first waves fit across a random packing: below them only waves along it exist."""
     width = float(min(m.network.cell_size[:2]))
     moduli = m.case.read("moduli")
@@ -102,7 +102,7 @@ TO = 2e4
 """Hz up to which the paper shows chi_z of a random packing."""
 
 
-def _not_computed(panel: Panel, m: Measuring) -> None:
+def _not_computed(panel: Panel, m: PackingData) -> None:
     """Shade frequencies of a random packing, up to `TO`, between and beyond the lists of modes."""
     ends = [(float(f[0]), float(f[-1])) for f, _, _ in chi_lists(m)]
     above = [first for first, _ in ends[1:]] + [TO]
@@ -122,7 +122,7 @@ def _distinct(frequency: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np
     return frequency[kept], values[kept]
 
 
-def mode_shapes(m: Measuring) -> Picture:
+def mode_shapes(m: PackingData) -> Picture:
     """Fig. 10: z-shapes along the chain of the P resonances r = 1, 2, 5, 10, ..., and the sine."""
     panels, modes, bearers = [], m.case.needed("modes"), standing(m)
     f, shapes = modes.resonance_frequency, modes.resonance_shape

@@ -8,7 +8,7 @@ from analysis.estimators import damped_transform as disp
 from analysis.estimators.wavenumber import frequency_wavenumber
 from analysis.figures.picture import BLUE, ORANGE, Panel
 from analysis.figures.waves import producer_name
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities.passband import Producer, band_edge, edges, scale, wavelength_at
 from analysis.quantities.spectrum import standing_waves
 from analysis.quantities.velocity import LOW_ORDER, coherent, first_peak, longest
@@ -19,7 +19,7 @@ KHZ = 2e3 * np.pi
 """rad/s."""
 
 
-def velocity_frequency(m: Measuring) -> Panel:
+def velocity_frequency(m: PackingData) -> Panel:
     """Fig. 11: phase and group velocity of the linear wave (layers) and of modes; dL/dt."""
     top, speed = 0.9 * scale(m), longest(m, "linear").value
     low = LOW_ORDER * speed / (2 * m.network.length)
@@ -49,7 +49,7 @@ def velocity_frequency(m: Measuring) -> Panel:
     return panel
 
 
-def dispersion(m: Measuring) -> Panel:
+def dispersion(m: PackingData) -> Panel:
     """Figs. 14 and 15: f-k amplitude with theory, resonances, and the unbiased estimates."""
     record, top = m.shown, 1.1 * band_edge(m, "linear") if m.crystal else 2.2 * scale(m)
     if not m.crystal:  # the means of layers; a chain's scatter hides the ridge
@@ -83,7 +83,7 @@ def dispersion(m: Measuring) -> Panel:
     return panel
 
 
-def _of_crystal(panel: Panel, m: Measuring, record: Signals, kappa: np.ndarray) -> None:
+def _of_crystal(panel: Panel, m: PackingData, record: Signals, kappa: np.ndarray) -> None:
     """Theory, and what the damped transform reads of the record, at wave numbers (k,), rad/m."""
     theory = eq_9(kappa, m.lattice.stiffness, m.lattice.mass, m.lattice.distance) / KHZ
     panel.line_on_map(kappa, theory, "theory (Eq. 9)", 1.0, color="k")
@@ -92,7 +92,7 @@ def _of_crystal(panel: Panel, m: Measuring, record: Signals, kappa: np.ndarray) 
     panel.line(kappa[:98], ridge, text, color=ORANGE, ls="--", lw=2)
 
 
-def _of_random(panel: Panel, m: Measuring, record: Signals, kappa: np.ndarray) -> None:
+def _of_random(panel: Panel, m: PackingData, record: Signals, kappa: np.ndarray) -> None:
     """The coherent wave, that of long waves, and f_low-pass."""
     wave = coherent(m, "linear")
     kept = wave.frequency <= _leaves(m)
@@ -107,7 +107,7 @@ def _of_random(panel: Panel, m: Measuring, record: Signals, kappa: np.ndarray) -
     panel.line(at_edge, [edge / 1e3], "$f_{low-pass}$ 2 %, one chain", **style)
 
 
-def _leaves(m: Measuring) -> float:
+def _leaves(m: PackingData) -> float:
     """Frequency, Hz, at which the coherent wave leaves the modes' ridge by 5 %; else infinity.
 
     Beyond it the layers' means hold no wave of one wave number.

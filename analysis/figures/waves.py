@@ -8,7 +8,7 @@ from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.low_pass import threshold_curves
 from analysis.estimators.source_motion import cut
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities.passband import edges, passband
 from analysis.quantities.velocity import longest
 from modal.packing.rattlers import firmly_held
@@ -23,7 +23,7 @@ SHOWN = 1.3
 """Longest time that is drawn, in passages of the affine wave from wall to wall."""
 
 
-def samples(m: Measuring) -> Picture:
+def samples(m: PackingData) -> Picture:
     """Fig. 1: spheres of a slab one diameter thick, by their number of contacts."""
     network, d = m.network, m.diameter
     off = abs(network.position[:, 1] % network.cell_size[1] - 0.5 * network.cell_size[1])
@@ -44,7 +44,7 @@ def samples(m: Measuring) -> Picture:
     return Picture([panel], shape=(11, 2.0))
 
 
-def source(m: Measuring) -> Picture:
+def source(m: PackingData) -> Picture:
     """Fig. 2: displacement of the source wall, a pulse, and its spectrum."""
     left = Panel("time (µs)", "source wall $u$ (nm)", xlim=(0, 20))
     right = Panel("frequency (kHz)", "amplitude over its maximum", xlim=(0, 500))
@@ -67,19 +67,19 @@ def producer_name(producer: str) -> str:
     return {"yade": "YADE", "linear": "linear wave"}.get(producer, producer)
 
 
-def _nearest(m: Measuring, record: Signals, wanted: float) -> tuple[int, float]:
+def _nearest(m: PackingData, record: Signals, wanted: float) -> tuple[int, float]:
     """Place in the record's chain of the particle nearest to `wanted` diameters; its depth in D."""
     depth = (record.chain_position - m.network.wall_position[0]) / m.diameter
     n = int(np.argmin(abs(depth - wanted)))
     return n, float(depth[n])
 
 
-def _end(m: Measuring, record: Signals) -> float:
+def _end(m: PackingData, record: Signals) -> float:
     """Time, s, up to which motions are drawn: before the reflection comes back to 100 D."""
     return min(float(record.time[-1]), SHOWN * m.affine_passage)
 
 
-def _signal(m: Measuring, wanted: float) -> Panel:
+def _signal(m: PackingData, wanted: float) -> Panel:
     """The chain particle nearest to `wanted` diameters: the record, and theory or linear wave."""
     record = m.shown
     n, depth = _nearest(m, record, wanted)
@@ -111,13 +111,13 @@ DISTANCES = np.array([10.0, 50.0, 100.0])
 """From the source wall, D, of the particles that are shown (Fig. 3)."""
 
 
-def distances(m: Measuring) -> np.ndarray:
+def distances(m: PackingData) -> np.ndarray:
     """`DISTANCES`, D; of a sample that is too short for them, the same parts of the length."""
     length = m.network.length / m.diameter
     return DISTANCES * min(1.0, length / 140)
 
 
-def signals(m: Measuring) -> Picture:
+def signals(m: PackingData) -> Picture:
     """Fig. 3: displacement of particles of the chain at 10, 50 and 100 D from the source wall."""
     return Picture([_signal(m, wanted) for wanted in distances(m)], 3, (11, 2.8))
 
@@ -126,7 +126,7 @@ LOOKS = ("0.5", "-"), ("k", "-"), (BLUE, "--"), (ORANGE, ":")
 """Colour and line of a stress, by its power of ten."""
 
 
-def signals_stress(m: Measuring) -> Picture:
+def signals_stress(m: PackingData) -> Picture:
     """Fig. 4: displacement at 50 D from the source wall, pulse 100 kHz; a panel a friction.
 
     Time is over that of long waves, by which the first arrivals of all stresses are at one place.
@@ -148,7 +148,7 @@ def signals_stress(m: Measuring) -> Picture:
     return Picture([panel], shape=(12, 3.6))
 
 
-def space_time(m: Measuring) -> Panel:
+def space_time(m: PackingData) -> Panel:
     """Fig. 5: displacement over distance and time, and the line of the long-wave velocity."""
     record = cut(m.shown, _end(m, m.shown))
     z = 1e3 * (record.chain_position - m.network.wall_position[0])
@@ -166,7 +166,7 @@ def space_time(m: Measuring) -> Panel:
     return panel
 
 
-def spectrum_distance(m: Measuring) -> Panel:
+def spectrum_distance(m: PackingData) -> Panel:
     """Figs. 12 and 13: spectra of one chain over distance, and where they fall to 2 % and 1 %."""
     band = passband(m)
     record, falls = m.shown, edges(m, "yade" if m.yade else "linear")

@@ -14,7 +14,7 @@ import numpy as np
 import modal
 from analysis.caveats import Caveat
 from analysis.estimators.coherent import PASSAGES
-from analysis.measuring import INTERVAL, Measuring, cached_on_packing
+from analysis.packing_data import INTERVAL, PackingData, cached_on_packing
 from analysis.quantities.registry import on_request
 from analysis.value import Value
 from modal.tools.arrays import Floats
@@ -41,7 +41,7 @@ COUNTED = "slipping_share", "opening_share", "slip_sharing"
 
 
 @cached_on_packing
-def finite(m: Measuring) -> dict[str, Floats]:
+def finite(m: PackingData) -> dict[str, Floats]:
     """Over amplitudes (na,) what waves of the sample do that are pushed both ways by each.
 
     Pulses u = A (1 - cos 2 pi f t) with +A and with -A; and `error` (na,): of the time steps, and
@@ -88,7 +88,7 @@ def _sharing(energy: Floats | None) -> float:
     return float(energy.sum() ** 2 / (energy**2).sum())
 
 
-def _over_amplitudes(name: str, m: Measuring) -> Value:
+def _over_amplitudes(name: str, m: PackingData) -> Value:
     values = finite(m)[name]
     sizes = ", ".join(f"{size:.3g}" for size in m.amplitudes)
     error = 0 * values if name in COUNTED else finite(m)["error"]

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from analysis.caveats import Caveat
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities.registry import on_request, quantity
 from analysis.value import Value, unknown
 from modal.elasticity.moduli import ElasticModuli
@@ -43,10 +43,12 @@ Of the bulk, where walls bound the packing; anisotropy as `modal.elasticity.plan
 """
 
 
-def of_moduli(unit: str, number: Callable[[ElasticModuli], float]) -> Callable[[Measuring], Value]:
+def of_moduli(
+    unit: str, number: Callable[[ElasticModuli], float]
+) -> Callable[[PackingData], Value]:
     """A number of the moduli, with what the solver has left of them."""
 
-    def measured(m: Measuring) -> Value:
+    def measured(m: PackingData) -> Value:
         value = float(number(m.moduli))
         if unit == "m/s" and not value > SOFT * m.moduli.velocities(ALONG_Z)[0]:
             return unknown(unit, Caveat("no_stiffness"))
@@ -68,7 +70,7 @@ for _name, (_unit, _number, _definition) in OF_MODULI.items():
 
 
 @on_request("1", definition="(G D / k) / (h D^3), level in poorly coordinated packings")
-def shear_over_indeterminacy(packing: Measuring) -> Value:
+def shear_over_indeterminacy(packing: PackingData) -> Value:
     """(G D / k) / (h D^3), level in poorly coordinated packings.
 
     Shear modulus in units of mean contact stiffness k over diameter D, over indeterminacy.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from analysis.caveats import Caveat
-from analysis.measuring import Measuring, cached_on_packing
+from analysis.packing_data import PackingData, cached_on_packing
 from analysis.prepare import kept_file, made
 from analysis.quantities.passband import low_pass_2
 from analysis.quantities.registry import on_request
@@ -19,14 +19,14 @@ resonance of two held walls, 1 the next maximum."""
 
 
 @cached_on_packing
-def gain_of(m: Measuring) -> Response:
+def gain_of(m: PackingData) -> Response:
     """The response that has the gain factor of P-waves from wall to wall, without damping."""
     m.require_walls()
     return kept_file(m, "response") or made(m, "response")
 
 
 @on_request("1", definition="stress on the receiver over that on the source wall, over frequency")
-def gain(m: Measuring) -> Value:
+def gain(m: PackingData) -> Value:
     """Stress on the receiver over that on the source wall, over frequency.
 
     Of P-waves, without damping.
@@ -36,18 +36,18 @@ def gain(m: Measuring) -> Value:
     return Value(found.gain, "1", {}, (caveat, *m.of_waves), found.frequency)
 
 
-def passage(m: Measuring) -> float:
+def passage(m: PackingData) -> float:
     """Time, s, of the longest waves from wall to wall."""
     return m.network.length / longest(m, "linear").value
 
 
-def first_resonance(m: Measuring) -> float:
+def first_resonance(m: PackingData) -> float:
     """f_1, Hz, of the first P resonance: of its mode, else V_P / 2 L of the long waves."""
     f = standing_waves(m)[0]
     return float(f[0]) if len(f) else 0.5 / passage(m)
 
 
-def orders(m: Measuring) -> Floats:
+def orders(m: PackingData) -> Floats:
     """The gain's maxima (k,) as orders r of a column with both walls held: f = r f_1.
 
     Each is looked up among the measured resonances r f_1, which bend with dispersion: the order r
@@ -68,7 +68,7 @@ def orders(m: Measuring) -> Floats:
     return found[: lost[0] if len(lost) else None]
 
 
-def height(m: Measuring) -> str:
+def height(m: PackingData) -> str:
     """The gain at its first maximum with its resolution, and an undamped column's under it."""
     found = gain_of(m)
     same = 1 / np.sinh(np.pi * found.resolution * passage(m))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from analysis.caveats import Caveat
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities.registry import on_request, quantity
 from analysis.same_state import note
 from analysis.value import Value, unknown
@@ -68,7 +68,7 @@ EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
 """Numbers without an error, exact for the packing, and what they are."""
 
 
-def _exact(number: Callable[[Network], Any]) -> Callable[[Measuring], Value]:
+def _exact(number: Callable[[Network], Any]) -> Callable[[PackingData], Value]:
     return lambda packing: Value(float(number(packing.network)), "1")
 
 
@@ -78,7 +78,7 @@ for _name, (_number, _definition) in EXACT.items():
 
 
 @quantity("1", definition="share of spheres in crystalline surroundings")
-def crystalline_share(packing: Measuring) -> Value:
+def crystalline_share(packing: PackingData) -> Value:
     """Share of spheres in crystalline surroundings.
 
     Of all spheres; a random packing has few.
@@ -92,7 +92,7 @@ def crystalline_share(packing: Measuring) -> Value:
 
 
 @on_request("1", definition="void ratio away from the walls")
-def void_ratio_of_bulk(packing: Measuring) -> Value:
+def void_ratio_of_bulk(packing: PackingData) -> Value:
     """Void ratio away from the walls.
 
     Mean over the layers that no wall orders.
@@ -104,7 +104,7 @@ def void_ratio_of_bulk(packing: Measuring) -> Value:
 
 
 @on_request("1", definition="largest deviation of a principal stress from its target")
-def stress_error(packing: Measuring) -> Value:
+def stress_error(packing: PackingData) -> Value:
     """Largest deviation of a principal stress from its target.
 
     Of the stress that the packing says it was made for.

@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis.case import AbsentError
 from analysis.estimators.resonances import long_wave_velocity
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities import gain, passband, scattering, spectrum, velocity
 from analysis.quantities.passband import Producer, Reference, Whose
 from analysis.quantities.registry import on_request
@@ -28,7 +28,7 @@ MAPS: dict[str, tuple[Whose, Reference]] = {
 }
 """Rules of f_low-pass by their part of a name: whose motion, relative to which maximum."""
 PRODUCERS = {"yade": "run", "linear": "linear wave"}
-Number = Callable[[Measuring], float | Value]
+Number = Callable[[PackingData], float | Value]
 
 
 def _by(function: Callable[..., float | Value], *given: object) -> Number:
@@ -36,17 +36,17 @@ def _by(function: Callable[..., float | Value], *given: object) -> Number:
     return lambda m: function(m, *given)
 
 
-def _f_max(m: Measuring) -> Value:
+def _f_max(m: PackingData) -> Value:
     lists = m.case.read("highest.modes"), m.case.read("modes")
     return spectrum.natural_frequency(spectrum.f_max(m), *lists)
 
 
-def _f_min(m: Measuring) -> Value:
+def _f_min(m: PackingData) -> Value:
     modes = m.case.needed("modes")
     return spectrum.natural_frequency(modes.frequency[0], modes)
 
 
-def _resonance(m: Measuring, r: int) -> Value:
+def _resonance(m: PackingData, r: int) -> Value:
     """The r-th P resonance: of its mode, or of the structure factor's ridge."""
     f = spectrum.standing_waves(m)[0]
     if len(f) < r:
@@ -54,38 +54,38 @@ def _resonance(m: Measuring, r: int) -> Value:
     return spectrum.natural_frequency(float(f[r - 1]), m.case.read("modes"))
 
 
-def _resonances(m: Measuring) -> float:
+def _resonances(m: PackingData) -> float:
     m.case.needed("modes")
     return len(spectrum.standing_waves(m)[0])
 
 
-def _last_of_crystal(m: Measuring) -> Value:
+def _last_of_crystal(m: PackingData) -> Value:
     m.require_crystal()
     return _resonance(m, 200)
 
 
-def _translations(m: Measuring) -> float:
+def _translations(m: PackingData) -> float:
     highest = m.case.needed("translations.modes").frequency[-1]
     return float(highest / m.lattice.low_pass_frequency)
 
 
-def _chi(m: Measuring, low: float, high: float, chain: bool = True) -> float:
+def _chi(m: PackingData, low: float, high: float, chain: bool = True) -> float:
     top = spectrum.f_max(m)
     return spectrum.largest_chi(m, low * top, high * top, chain)[0]
 
 
-def _excess(m: Measuring, name: str) -> float:
+def _excess(m: PackingData, name: str) -> float:
     """A number of the density of states in a file."""
     m.case.needed("density")
     return float(getattr(spectrum.excess(m), name))
 
 
-def _of_balance(m: Measuring, name: str) -> float:
+def _of_balance(m: PackingData, name: str) -> float:
     """A number of the energy balance of the YADE run."""
     return float(getattr(m.record("yade").balance, name, np.nan))
 
 
-def _off_linear(m: Measuring) -> float:
+def _off_linear(m: PackingData) -> float:
     """YADE less the linear wave at the times of both, relative L2: layers' means, or a chain's.
 
     Over the whole record.
@@ -100,11 +100,11 @@ def _off_linear(m: Measuring) -> float:
     return float(np.linalg.norm(seen - wanted) / np.linalg.norm(wanted))
 
 
-def _low_pass(m: Measuring, producer: Producer, rule: str, threshold: int) -> Value:
+def _low_pass(m: PackingData, producer: Producer, rule: str, threshold: int) -> Value:
     return passband.edges(m, producer, *MAPS[rule])[threshold]
 
 
-def _wavelength(m: Measuring, producer: Producer, rule: str, threshold: int) -> Value:
+def _wavelength(m: PackingData, producer: Producer, rule: str, threshold: int) -> Value:
     """lambda / D at the frequency of a rule, with what the frequency's error makes of it."""
     edge = passband.edges(m, producer, *MAPS[rule])[threshold]
     if not np.isfinite(edge.value):
@@ -114,7 +114,7 @@ def _wavelength(m: Measuring, producer: Producer, rule: str, threshold: int) -> 
     return estimate(here, 0.5 * abs(low - high))
 
 
-def _shear_edge(m: Measuring, key: str) -> Value:
+def _shear_edge(m: PackingData, key: str) -> Value:
     return passband.passband(m, key).low_pass[0]
 
 

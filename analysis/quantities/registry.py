@@ -8,7 +8,7 @@ from functools import partial
 from typing import TypeVar
 
 from analysis.caveats import Caveat, refusal
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities.few_digits import with_digits
 from analysis.value import Value, estimate, unknown
 from modal.packing.network import Network
@@ -24,7 +24,7 @@ QUICK = (
 """Quantities that need one wave or less. For 35,201 spheres they take half a minute together."""
 CODES_OF_MISTAKES = "argument", "unknown_word"
 """Codes of refusals that only the call of a quantity can cause, and no file and no packing."""
-Function = TypeVar("Function", bound=Callable[[Measuring], Value | float])
+Function = TypeVar("Function", bound=Callable[[PackingData], Value | float])
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,10 @@ class Quantity:
     name: str
     unit: str
     definition: str
-    measure: Callable[[Measuring], Value | float]
+    measure: Callable[[PackingData], Value | float]
     on_request: bool = False
 
-    def measured(self, packing: Measuring) -> Value:
+    def measured(self, packing: PackingData) -> Value:
         """Return the value in the registered unit; if the packing does not have it, the reason.
 
         Raises

@@ -9,7 +9,7 @@ from analysis.caveats import Caveat
 from analysis.estimators.coherent import STRETCH
 from analysis.estimators.low_pass import spectra
 from analysis.estimators.structure_factor import Scattering, structure_factor
-from analysis.measuring import Measuring, cached_on_packing
+from analysis.packing_data import PackingData, cached_on_packing
 from analysis.prepare import kept_file
 from analysis.quantities.passband import low_pass_2, scale
 from analysis.quantities.registry import on_request, quantity
@@ -31,7 +31,7 @@ are a third as wide there as their frequency, hence a tenth of the highest one."
 
 
 @cached_on_packing
-def attenuation_of(m: Measuring) -> tuple[Value, np.ndarray]:
+def attenuation_of(m: PackingData) -> tuple[Value, np.ndarray]:
     """Decay of the coherent amplitude, 1/m, at independent frequencies, and their group velocity.
 
     A window of another damping cuts the record elsewhere and passes on other noise: what it changes
@@ -57,7 +57,7 @@ def attenuation_of(m: Measuring) -> tuple[Value, np.ndarray]:
     return value, wave.group_velocity[some]
 
 
-def _sent_to(m: Measuring, highest: float) -> float:
+def _sent_to(m: PackingData, highest: float) -> float:
     """The frequency, Hz, up to which the source sends something, or `highest`."""
     record = m.wave
     frequency, sent = spectra(record.time, record.source_displacement[:, None], 1.01 * highest)
@@ -67,7 +67,7 @@ def _sent_to(m: Measuring, highest: float) -> float:
 
 
 @quantity("1/m", definition="decay of the coherent wave's amplitude along z, over frequency")
-def attenuation(m: Measuring) -> Value:
+def attenuation(m: PackingData) -> Value:
     """Decay of the coherent wave's amplitude along z, over frequency.
 
     Of means over layers, from a pulse of the wall.
@@ -76,7 +76,7 @@ def attenuation(m: Measuring) -> Value:
 
 
 @quantity("1", definition="quality factor omega / (2 alpha v) of the coherent wave, over frequency")
-def quality(m: Measuring) -> Value:
+def quality(m: PackingData) -> Value:
     """Quality factor omega / (2 alpha v) of the coherent wave, over frequency.
 
     alpha the attenuation, v the group velocity; unknown where alpha is not told from zero.
@@ -94,7 +94,7 @@ def quality(m: Measuring) -> Value:
 
 
 @quantity("Hz", definition="frequency at which the mean free path falls to half a wavelength")
-def ioffe_regel(m: Measuring) -> Value:
+def ioffe_regel(m: PackingData) -> Value:
     """Frequency at which the mean free path falls to half a wavelength.
 
     Between two standing waves; half of their distance is the error.
@@ -111,7 +111,7 @@ def ioffe_regel(m: Measuring) -> Value:
 
 
 @on_request("Hz", definition="width of the line that a pulse's decay makes, alpha v / pi")
-def scattering_of_pulse(m: Measuring) -> Value:
+def scattering_of_pulse(m: PackingData) -> Value:
     """Width of the line that a pulse's decay makes, alpha v / pi.
 
     Over frequency; v is the measured group velocity, at which the energy moves on.
@@ -130,7 +130,7 @@ def scattering_of_pulse(m: Measuring) -> Value:
     return Value(value, "Hz", parts, alpha.caveats, alpha.at)
 
 
-def _width_of_lines(packing: Measuring, polarisation: str) -> Value:
+def _width_of_lines(packing: PackingData, polarisation: str) -> Value:
     """Full width of the line of plane waves along the three axes of a periodic cell, Hz.
 
     The waves of one number of periods along x, y and z are one line. The error is how its widths
@@ -165,7 +165,7 @@ for _wave, _polarisation in (("p", "L"), ("s", "T")):
 
 
 @cached_on_packing
-def scattering(m: Measuring) -> Scattering:
+def scattering(m: PackingData) -> Scattering:
     """Width of the ridge of standing waves over frequency, as far as their limit needs it.
 
     Of some waves first, then of those on both sides of where the width reaches the frequency.
@@ -193,17 +193,17 @@ def scattering(m: Measuring) -> Scattering:
 
 
 @cached_on_packing
-def whole_ridge(m: Measuring) -> Scattering:
+def whole_ridge(m: PackingData) -> Scattering:
     """The same of all waves of a file's structure factor."""
     return m.case.needed("structure").scattering(longest(m, "linear").value, m.diameter)
 
 
-def free_path(m: Measuring) -> float:
+def free_path(m: PackingData) -> float:
     """Mean free path of the coherent wave at f_low-pass, 2 %, in diameters."""
     return whole_ridge(m).free_path(low_pass_2(m))
 
 
-def width_power(m: Measuring) -> Value:
+def width_power(m: PackingData) -> Value:
     """Power of the frequency that the ridge's width follows about f_low-pass of the linear wave."""
     law = whole_ridge(m).power(scale(m))
     return estimate(law.exponent, law.error)

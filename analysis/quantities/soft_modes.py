@@ -7,7 +7,7 @@ Bouchbinder, Phys. Rev. Lett. 117, 035501 (2016) took small cells for that reaso
 
 import numpy as np
 
-from analysis.measuring import Measuring, cached_on_packing
+from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request
 from analysis.value import Value
 from modal.modes.eigenmodes import eigenmodes
@@ -19,7 +19,7 @@ from modal.tools.errors import UnavailableError
 
 
 @cached_on_packing
-def lowest_wave(m: Measuring) -> float:
+def lowest_wave(m: PackingData) -> float:
     """Hz: of the longest shear wave of a cell without walls, V_S over the cell's side."""
     if not m.network.cell_periodic.all():
         raise UnavailableError(
@@ -30,7 +30,7 @@ def lowest_wave(m: Measuring) -> float:
 
 
 @cached_on_packing
-def soft_modes(m: Measuring) -> ModeSet:
+def soft_modes(m: PackingData) -> ModeSet:
     """All modes below the first wave, certified; zero modes are not among them."""
     modes = eigenmodes(taken_as_exact(m.network), below=lowest_wave(m))
     if modes.missing or not len(modes.frequency):
@@ -41,7 +41,7 @@ def soft_modes(m: Measuring) -> ModeSet:
 
 
 @on_request("Hz", definition="slowest V_S along an axis over the side of a periodic cell")
-def first_wave(packing: Measuring) -> Value:
+def first_wave(packing: PackingData) -> Value:
     """Slowest V_S along an axis over the side of a periodic cell.
 
     By the moduli.
@@ -49,13 +49,13 @@ def first_wave(packing: Measuring) -> Value:
     return Value(lowest_wave(packing), "Hz")
 
 
-def _over_modes(packing: Measuring, value: Floats) -> Value:
+def _over_modes(packing: PackingData, value: Floats) -> Value:
     """A number of each mode below the first wave, over their frequencies."""
     return Value(value, "1", {}, packing.of_one_sample, soft_modes(packing).frequency)
 
 
 @on_request("1", definition="spheres that take part in each mode below the first wave")
-def soft_participation(packing: Measuring) -> Value:
+def soft_participation(packing: PackingData) -> Value:
     """Spheres that take part in each mode below the first wave.
 
     (sum e)^2 / sum e^2, e the kinetic energy of each, rotations included.
@@ -65,7 +65,7 @@ def soft_participation(packing: Measuring) -> Value:
 
 
 @on_request("1", definition="part of the kinetic energy in rotations, of the same modes")
-def soft_rotation(packing: Measuring) -> Value:
+def soft_rotation(packing: PackingData) -> Value:
     """Part of the kinetic energy in rotations, of the same modes.
 
     Of all spheres.
@@ -74,7 +74,7 @@ def soft_rotation(packing: Measuring) -> Value:
 
 
 @on_request("1", definition="contacts of the sphere that moves most, of the same modes")
-def soft_contacts(packing: Measuring) -> Value:
+def soft_contacts(packing: PackingData) -> Value:
     """Contacts of the sphere that moves most, of the same modes.
 
     One with two or three is held loosely, whatever its surroundings.

@@ -8,7 +8,7 @@ from analysis.case import AbsentError
 from analysis.caveats import Caveat
 from analysis.estimators import resonances as resonant
 from analysis.estimators.damped_transform import Dispersion, mode_dispersion
-from analysis.measuring import Measuring, cached_on_packing
+from analysis.packing_data import PackingData, cached_on_packing
 from analysis.prepare import as_read, kept_file, made
 from analysis.quantities.registry import on_request, quantity
 from analysis.quantities.velocity import LOW_ORDER, longest
@@ -37,7 +37,7 @@ SAME = 1e-6
 
 
 @cached_on_packing
-def density(m: Measuring) -> tuple[Floats, Floats, Floats]:
+def density(m: PackingData) -> tuple[Floats, Floats, Floats]:
     """Frequency, Hz, modes per Hz and modes below, of the whole spectrum."""
     if (kept := kept_file(m, "density")) is not None:
         return kept
@@ -45,7 +45,7 @@ def density(m: Measuring) -> tuple[Floats, Floats, Floats]:
 
 
 @cached_on_packing
-def highest(m: Measuring) -> ModeSet:
+def highest(m: PackingData) -> ModeSet:
     """The highest modes of a file, with their shapes; else the highest mode without."""
     if m.case.has("highest.modes"):
         return m.case.read("highest.modes")
@@ -53,13 +53,13 @@ def highest(m: Measuring) -> ModeSet:
 
 
 @cached_on_packing
-def z_shapes(m: Measuring) -> Floats | None:
+def z_shapes(m: PackingData) -> Floats | None:
     """Shape (k, n), kg^-1/2: how each mode of the file moves the particles along z."""
     return read_z_shapes(m.case.product("modes")) if m.case.has("modes") else None
 
 
 @cached_on_packing
-def lowest_modes(m: Measuring) -> tuple[ModeSet, Floats, list[Caveat]]:
+def lowest_modes(m: PackingData) -> tuple[ModeSet, Floats, list[Caveat]]:
     """The lowest modes, how they move the spheres along z (k, n), and what they lack.
 
     Of a file where there is one with shapes, else some that are searched for.
@@ -90,7 +90,7 @@ def lowest_modes(m: Measuring) -> tuple[ModeSet, Floats, list[Caveat]]:
 
 
 @cached_on_packing
-def standing(m: Measuring) -> resonant.Standing | None:
+def standing(m: PackingData) -> resonant.Standing | None:
     """Modes of a file that bear the standing waves of a random packing; None without shapes."""
     if m.crystal or z_shapes(m) is None:
         return None
@@ -98,7 +98,7 @@ def standing(m: Measuring) -> resonant.Standing | None:
 
 
 @cached_on_packing
-def standing_waves(m: Measuring) -> tuple[Floats, Floats]:
+def standing_waves(m: PackingData) -> tuple[Floats, Floats]:
     """f_r (Hz), kappa_r (1/m, Eq. 4): pure modes of a crystal, else those that bear the waves.
 
     Of files: beyond the modes that can be told, and without their shapes, the structure factor's
@@ -118,7 +118,7 @@ def standing_waves(m: Measuring) -> tuple[Floats, Floats]:
 
 
 @cached_on_packing
-def modal_dispersion(m: Measuring) -> Dispersion:
+def modal_dispersion(m: PackingData) -> Dispersion:
     """The dispersion of a crystal's pure modes."""
     lattice, modes = m.lattice, m.case.needed("modes")
     if modes.resonance_shape is None:
@@ -126,7 +126,7 @@ def modal_dispersion(m: Measuring) -> Dispersion:
     return mode_dispersion(modes.resonance_frequency, modes.resonance_shape, lattice.distance)
 
 
-def modal_fitted(m: Measuring) -> Value:
+def modal_fitted(m: PackingData) -> Value:
     """V_P, m/s, of wave numbers that are fitted to the modes' shapes."""
     if m.crystal:
         return estimate(modal_dispersion(m).velocity)
@@ -141,14 +141,14 @@ def modal_fitted(m: Measuring) -> Value:
 
 
 @cached_on_packing
-def f_max(m: Measuring) -> float:
+def f_max(m: PackingData) -> float:
     """Highest natural frequency, Hz: of a list of all, else of the highest modes."""
     modes = m.case.read("modes")
     complete = modes is not None and len(modes.frequency) == 6 * m.network.n_particles
     return float((modes if complete else highest(m)).frequency[-1])
 
 
-def highest_seat(m: Measuring) -> tuple[float, float]:
+def highest_seat(m: PackingData) -> tuple[float, float]:
     """How many spheres move in the highest mode (participation), contacts of the first."""
     found = m.case.needed("highest.modes")
     if found.mode_shape is None:
@@ -172,7 +172,7 @@ def natural_frequency(frequency: float, *lists: ModeSet | None) -> Value:
 
 
 @cached_on_packing
-def chi_lists(m: Measuring) -> list[tuple[Floats, Floats, Floats]]:
+def chi_lists(m: PackingData) -> list[tuple[Floats, Floats, Floats]]:
     """Frequency (k,) Hz, chi_z of all particles and of the chain (k,), of each list of modes.
 
     Lists are complete in their intervals: of a later one only what lies beyond the one before.
@@ -188,7 +188,7 @@ def chi_lists(m: Measuring) -> list[tuple[Floats, Floats, Floats]]:
     return found
 
 
-def chi_between(m: Measuring, low: float, high: float, chain: bool) -> tuple[Floats, Floats]:
+def chi_between(m: PackingData, low: float, high: float, chain: bool) -> tuple[Floats, Floats]:
     """Natural frequencies (k,) between two Hz, and chi_z of each (k,).
 
     Of the chain, as in the paper, or of all particles; empty where no mode is at hand.
@@ -200,7 +200,7 @@ def chi_between(m: Measuring, low: float, high: float, chain: bool) -> tuple[Flo
     return f[inside], (along if chain else every)[inside]
 
 
-def largest_chi(m: Measuring, low: float, high: float, chain: bool = True) -> tuple[float, str]:
+def largest_chi(m: PackingData, low: float, high: float, chain: bool = True) -> tuple[float, str]:
     """Largest chi_z between two Hz, and of which modes."""
     f, chi = chi_between(m, low, high, chain)
     if not len(f):
@@ -208,7 +208,7 @@ def largest_chi(m: Measuring, low: float, high: float, chain: bool = True) -> tu
     return float(chi.max()), f"{len(f)} modes, {f.min() / 1e3:.2f}-{f.max() / 1e3:.2f} kHz"
 
 
-def mean_chi(m: Measuring, low: float, high: float) -> Value:
+def mean_chi(m: PackingData, low: float, high: float) -> Value:
     """Mean chi_z of the chain between two Hz, 1/3 where motion has no direction.
 
     Its error is the standard error of as many independent modes.
@@ -223,7 +223,7 @@ PURE = 0.9
 """Least chi_z of a mode that is a P-wave, in the paper."""
 
 
-def last_pure(m: Measuring) -> Value:
+def last_pure(m: PackingData) -> Value:
     """Highest frequency, Hz, of a mode of the chain with chi_z above 0.9.
 
     There is one such mode a resonance, so that their distance is the error. Unknown where the list
@@ -269,7 +269,7 @@ def excess_of(frequency: Floats, density: Floats, modes: float, highest: float) 
 
 
 @cached_on_packing
-def excess(m: Measuring) -> Excess:
+def excess(m: PackingData) -> Excess:
     """Density of states over that of plane waves."""
     frequency, per_hertz, _ = density(m)
     return excess_of(frequency, per_hertz, 6 * m.network.n_particles, f_max(m))
@@ -280,7 +280,7 @@ HIGHEST_BRANCH = 0.15
 
 
 @quantity("Hz", definition="highest natural frequency")
-def highest_frequency(m: Measuring) -> Value:
+def highest_frequency(m: PackingData) -> Value:
     """Highest natural frequency.
 
     Of the mode that products with K find at the top; its residual bounds its error.
@@ -291,7 +291,7 @@ def highest_frequency(m: Measuring) -> Value:
 
 
 @quantity("Hz", definition="frequency at which D(f) / f^2 is largest: where soft modes are")
-def excess_peak(m: Measuring) -> Value:
+def excess_peak(m: PackingData) -> Value:
     """Frequency at which D(f) / f^2 is largest: where soft modes are.
 
     The boson peak; its error is half the width of a line of the density.
@@ -315,7 +315,7 @@ def excess_peak(m: Measuring) -> Value:
 
 
 @on_request("Hz", definition="of standing P-waves r = 1, 2, ... among the lowest modes")
-def resonances(m: Measuring) -> Value:
+def resonances(m: PackingData) -> Value:
     """Of standing P-waves r = 1, 2, ... among the lowest modes.
 
     Of a crystal its pure modes, else the modes that bear the largest share of each wave.
@@ -330,7 +330,7 @@ def resonances(m: Measuring) -> Value:
 
 
 @on_request("1", definition="share of a mode's motion that is along z, over frequency (Eq. 2)")
-def chi_z(m: Measuring) -> Value:
+def chi_z(m: PackingData) -> Value:
     """Share of a mode's motion that is along z, over frequency (Eq. 2).
 
     Of all spheres, of each of the lowest modes.
@@ -341,7 +341,7 @@ def chi_z(m: Measuring) -> Value:
 
 
 @on_request("1", definition="chi_z of every mode up to 1.5 V_P / W, W the cell's width")
-def chi_z_of_branches(packing: Measuring) -> Value:
+def chi_z_of_branches(packing: PackingData) -> Value:
     """chi_z of every mode up to 1.5 V_P / W, W the cell's width.
 
     Of all spheres. V_S / W and V_P / W are where further waves set in along a cell W wide.

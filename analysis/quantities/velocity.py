@@ -2,7 +2,7 @@
 
 The one to quote is that of the coherent wave extrapolated to zero frequency: it does not depend on
 a threshold, a chain or the pulse. `v_p_static` comes from no wave at all and should agree. Waves
-are called by their names, of `Measuring.record`.
+are called by their names, of `PackingData.record`.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ from analysis.caveats import Caveat
 from analysis.estimators.coherent import DECAY, Coherent, coherent_wave, longest_waves
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
 from analysis.estimators.travel_time import first_peaks_of_columns, travelled
-from analysis.measuring import Measuring, cached_on_packing
+from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import quantity
 from analysis.value import Value, hertz, unknown
 from modal.elasticity.slab import static_velocity
@@ -42,7 +42,7 @@ TOO_FAST = 1.1
 
 
 @cached_on_packing
-def chain(m: Measuring, key: str, order: int = 0) -> Dispersion:
+def chain(m: PackingData, key: str, order: int = 0) -> Dispersion:
     """The dispersion of a crystal's chain, to an order of its neighbour ratio."""
     record = m.record(key)
     found = chain_dispersion(record, order=order or ORDERS[record.direction][0])
@@ -52,7 +52,7 @@ def chain(m: Measuring, key: str, order: int = 0) -> Dispersion:
 
 
 @cached_on_packing
-def coherent(m: Measuring, key: str, decay: float = DECAY) -> Coherent:
+def coherent(m: PackingData, key: str, decay: float = DECAY) -> Coherent:
     """The coherent wave of a record, of S-waves as far as they are long."""
     record, length = m.record(key), m.network.length
     if record.direction != "z":
@@ -65,13 +65,13 @@ def coherent(m: Measuring, key: str, decay: float = DECAY) -> Coherent:
     return coherent_wave(record, length, highest=highest, decay=decay)
 
 
-def coherents(m: Measuring) -> list[Coherent]:
+def coherents(m: PackingData) -> list[Coherent]:
     """That of the P-wave under windows of three dampings: how far the window decides."""
     return [coherent(m, "wave"), *(coherent(m, "wave", decay) for decay in OTHERS)]
 
 
 @cached_on_packing
-def longest(m: Measuring, key: str) -> Value:
+def longest(m: PackingData, key: str) -> Value:
     """Velocity, m/s, of the longest waves of a record, with its errors of the fit and the window.
 
     A window moves a velocity in proportion to its damping: by so much from none to its own. Of 30
@@ -99,7 +99,7 @@ def _told(value: float, error: float, scatter: float = 0.0) -> Value:
 
 
 @cached_on_packing
-def first_peak(m: Measuring, key: str) -> Value:
+def first_peak(m: PackingData, key: str) -> Value:
     """dL/dt of a record's first peaks, middle half of the chain, m/s.
 
     Of P-waves with the error of the fit and of the choice of the chain.
@@ -112,7 +112,7 @@ def first_peak(m: Measuring, key: str) -> Value:
 
 
 @cached_on_packing
-def columns(m: Measuring, key: str) -> tuple[float, float]:
+def columns(m: PackingData, key: str) -> tuple[float, float]:
     """V_P, m/s, of first peaks along every column, a sphere wide: mean and scatter.
 
     NaN where single particles are not recorded.
@@ -120,7 +120,7 @@ def columns(m: Measuring, key: str) -> tuple[float, float]:
     return first_peaks_of_columns(m.cut(key), m.network)
 
 
-def of_frequency(m: Measuring, frequency: float) -> tuple[Caveat, ...]:
+def of_frequency(m: PackingData, frequency: float) -> tuple[Caveat, ...]:
     """What to know of what is read at a frequency, Hz, where the wave may be wider than the cell.
 
     As the wave of V_P has it, of which none is shorter at this frequency.
@@ -132,7 +132,7 @@ def of_frequency(m: Measuring, frequency: float) -> tuple[Caveat, ...]:
     return (*m.of_waves, Caveat("wavelength_above_width", values))
 
 
-def _quoted(m: Measuring, key: str, places: slice) -> Value:
+def _quoted(m: PackingData, key: str, places: slice) -> Value:
     """By a wave; of a cell without walls, that no wall can push, by its moduli."""
     if m.walls:
         found, length = longest(m, key).with_caveats(*m.of_waves), m.network.length / m.diameter
@@ -147,7 +147,7 @@ def _quoted(m: Measuring, key: str, places: slice) -> Value:
 
 
 @quantity("m/s", definition="velocity of the longest P-waves along z; the one to quote")
-def v_p(m: Measuring) -> Value:
+def v_p(m: PackingData) -> Value:
     """Velocity of the longest P-waves along z; the one to quote.
 
     Of the coherent wave from the wall; of a cell without walls by its moduli.
@@ -156,7 +156,7 @@ def v_p(m: Measuring) -> Value:
 
 
 @quantity("m/s", definition="velocity of the longest S-waves along z; the one to quote")
-def v_s(m: Measuring) -> Value:
+def v_s(m: PackingData) -> Value:
     """Velocity of the longest S-waves along z; the one to quote.
 
     As `v_p`, of a wall that slides along x.
@@ -165,7 +165,7 @@ def v_s(m: Measuring) -> Value:
 
 
 @quantity("m/s", definition="velocity of P-waves by the springs' answer to a steady push")
-def v_p_static(m: Measuring) -> Value:
+def v_p_static(m: PackingData) -> Value:
     """Velocity of P-waves by the springs' answer to a steady push.
 
     Independent of every rule that reads waves.
@@ -176,7 +176,7 @@ def v_p_static(m: Measuring) -> Value:
 
 
 @quantity("m/s", definition="velocity of first peaks along the chain, as of the paper")
-def v_p_first_peaks(m: Measuring) -> Value:
+def v_p_first_peaks(m: PackingData) -> Value:
     """Velocity of first peaks along the chain, as of the paper.
 
     Depends on pulse and chain: of disorder the first peak broadens on its way.

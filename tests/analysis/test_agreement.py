@@ -8,7 +8,7 @@ from oracles import stepped
 from analysis.__main__ import main
 from analysis.agreement import Agreement, compare, split_by_cause
 from analysis.case import Case
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
@@ -131,7 +131,7 @@ def test_the_recorded_motion_of_the_source_is_sent_again(motion, within, produce
     wave = propagate(NETWORK, 3e-4, motion=motion, interval=1e-6, pre_stress="full").signals
     springs = propagate(NETWORK, 3e-4, motion=motion, interval=1e-6).signals
     write_signals(tmp_path / "a.signals.h5", replace(springs, producer=producer))
-    again = Measuring.of(Case("a", tmp_path)).linear
+    again = PackingData.of(Case("a", tmp_path)).linear
     every = round(again.time[1] / 1e-6)
     again = again.chain_displacement[: 1 + 300 // every]
     difference = again - springs.chain_displacement[::every][: len(again)]

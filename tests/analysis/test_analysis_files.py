@@ -13,7 +13,7 @@ from analysis.case import cases_of_files
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.figures.picture import Panel, Picture, write_picture
 from analysis.figures.render import to_figure, write_png
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.rows import row_of
 from analysis.table import Table
 from modal.__main__ import main as modal_main
@@ -64,7 +64,7 @@ def files(folder, *names):
 def test_numbers_of_a_crystal_that_is_no_case(folder):
     """Its theory is found from the packing; every value is that of its own stress."""
     names = "quartz.network.h5", "run7.h5", "quartz_all.h5"
-    row = row_of(Measuring.of(cases_of_files(files(folder, *names))[0]))
+    row = row_of(PackingData.of(cases_of_files(files(folder, *names))[0]))
     assert row.label == "FCC, 250 kPa (quartz)" and row.number is None
     chain = LayerLattice.of_network(fcc(STRESS, (1, 1, 120)))
     # The damped transform's bias is below 1e-5, the modes' 1e-6.
@@ -77,7 +77,7 @@ def test_numbers_of_a_crystal_that_is_no_case(folder):
 def test_numbers_of_a_random_packing_that_is_no_case(folder):
     """Without stress or friction in its study: its contacts tell the one; f_max is its file's."""
     (case,) = cases_of_files(files(folder, "heap.h5", "heap.signals.h5", "low.h5", "top.h5"))
-    row = row_of(Measuring.of(case))
+    row = row_of(PackingData.of(case))
     assert row.label == "random, 100 kPa (heap)" and row.record == "yade"
     assert row.value("f_max_khz") == case.read("highest.modes").frequency[-1] / 1e3
 
@@ -98,7 +98,7 @@ def test_a_sample_alone_and_beside_its_network(folder, tmp_path):
     sample = tmp_path / "grains.sample.h5"
     write_sample(sample, sample_of_network(frictionless(), 0.1))
     (case,) = cases_of_files([sample])
-    m = Measuring.of(case)
+    m = PackingData.of(case)
     assert case.name == "grains" and m.network.n_particles == 150 and not m.crystal
     both = cases_of_files([sample, folder / "heap.h5"])  # not exported from it: two packings
     assert [case.name for case in both] == ["heap", "grains"]
@@ -107,13 +107,13 @@ def test_a_sample_alone_and_beside_its_network(folder, tmp_path):
 def test_stress_of_a_packing_that_states_none_is_what_its_contacts_bear(folder, tmp_path):
     """The packing was made at 100 kPa; its file here does not say so, and may hold no forces."""
     (case,) = cases_of_files([folder / "heap.h5"])
-    heap = Measuring.of(case)
+    heap = PackingData.of(case)
     assert "stress" not in heap.network.study
     assert heap.stress == 1e5 and heap.label.startswith("random, 100 kPa")
     bare = replace(heap.network, force_normal=None, force_tangential=None)
     write_network(tmp_path / "bare.network.h5", bare)
     (case,) = cases_of_files([tmp_path / "bare.network.h5"])
-    unknown = Measuring.of(case)
+    unknown = PackingData.of(case)
     assert np.isnan(unknown.stress) and unknown.label == "random (bare)"
 
 
@@ -142,11 +142,11 @@ def test_linear_waves_are_no_record(folder, tmp_path):
     command = ["wave", str(folder / "heap.h5"), "--duration", "1e-4", "-o", str(wave)]
     assert modal_main(command) == 0
     (case,) = cases_of_files([folder / "heap.h5", wave])
-    assert Measuring.of(case).yade is None
+    assert PackingData.of(case).yade is None
     assert any("linear wave" in note for note in case.notes)
     # The other program's record, which lies beside the packing, is one.
     (case,) = cases_of_files([folder / "heap.h5"])
-    assert Measuring.of(case).yade.producer == "other DEM"
+    assert PackingData.of(case).yade.producer == "other DEM"
 
 
 def test_what_does_not_belong_is_refused(folder, tmp_path, one_line):

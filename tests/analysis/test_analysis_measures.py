@@ -14,7 +14,7 @@ from analysis.estimators.layer_lattice import lattice_signals
 from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.resonances import standing_modes
 from analysis.frame import frame_of, numbers
-from analysis.measuring import Measuring, why_unsettled
+from analysis.packing_data import PackingData, why_unsettled
 from analysis.quantities import QUANTITIES, passband, spectrum, velocity
 from analysis.rows import of_one_producer, row_of
 from analysis.table import number
@@ -32,7 +32,7 @@ from modal.waves.signals import write_signals
 
 @pytest.fixture(scope="module")
 def crystal():
-    return Measuring(fcc(cells=(1, 1, 200)))
+    return PackingData(fcc(cells=(1, 1, 200)))
 
 
 def test_standing_waves_of_a_crystal_are_its_pure_modes():
@@ -40,7 +40,7 @@ def test_standing_waves_of_a_crystal_are_its_pure_modes():
     network = fcc(cells=(1, 1, 40))
     modes = modes_of(LinearSystem.of(network), all=True)
     found = standing_modes(modes.frequency, modes.shapes()[:, :, 2], network)
-    exact = Measuring(network).lattice.eigenmodes()[0][:10] / (2 * np.pi)
+    exact = PackingData(network).lattice.eigenmodes()[0][:10] / (2 * np.pi)
     assert found.frequency[:10] == pytest.approx(exact, rel=1e-6)
     # The wall springs are not rigid, so the modes are sines of a length that is about a layer
     # longer: what is missing grows as (r / layers)^2, 6 % at r = 5 of 40 layers.
@@ -92,7 +92,7 @@ def test_crystal_is_found_from_the_packing_not_from_its_number():
         (column(9), False),  # layers of equal distance, but of straight springs
         (shaken, False),
     ):
-        m = Measuring(network, case=Case("case30", None, {}))
+        m = PackingData(network, case=Case("case30", None, {}))
         assert m.crystal == crystal
         if not crystal:
             with pytest.raises(InputError, match="no FCC crystal"):
@@ -118,11 +118,11 @@ def test_no_digit_beyond_the_error(value, error, text):
 def two_producers():
     """FCC at three stresses, one of them with a YADE record 10 % slower than its springs."""
     soft, middle, stiff = (fcc(stress, (1, 1, 100)) for stress in (1e4, 1e5, 1e6))
-    lattice = Measuring(middle).lattice
+    lattice = PackingData(middle).lattice
     time = np.arange(0, middle.length / lattice.velocity, 5e-7)
     slow = replace(lattice, mass=lattice.mass / 0.81)
     record = replace(lattice_signals(slow, time), producer="yade")
-    return [Measuring(soft), Measuring(middle, [record]), Measuring(stiff)]
+    return [PackingData(soft), PackingData(middle, [record]), PackingData(stiff)]
 
 
 def test_no_exponent_through_two_producers(two_producers):
@@ -149,7 +149,8 @@ def test_modes_are_pure_up_to_a_frequency_that_the_list_must_pass(two_producers)
     network, lattice = two_producers[1].network, two_producers[1].lattice
     modes = some([1e3, 2e3, 4e4, 9e5], [1.9, 1.84, 1.7, 0.6]), some([1e3, 9e5], [1.9, 1.9])
     found, ends = (
-        Measuring(network, case=Case("case06", None, {}, held={"modes": list_})) for list_ in modes
+        PackingData(network, case=Case("case06", None, {}, held={"modes": list_}))
+        for list_ in modes
     )
     last, apart = spectrum.last_pure(found), lattice.velocity / 2 / network.length
     assert (last.value, last.error) == pytest.approx((2e3, apart), rel=0.01)
@@ -164,7 +165,7 @@ def some(frequency, chi):
 
 def with_modes(modes, band):
     held = {"modes": modes, "band.modes": band}
-    return Measuring(frictionless(), case=Case("case06", None, {}, held=held))
+    return PackingData(frictionless(), case=Case("case06", None, {}, held=held))
 
 
 def test_modes_that_two_lists_share_count_once():
@@ -193,7 +194,7 @@ def test_a_run_that_is_the_linear_wave_does_not_differ_from_it(tmp_path):
     write_network(tmp_path / "case06.network.h5", network)
     own = propagate(network, 2e-4, interval=1e-6).signals
     write_signals(tmp_path / "case06.signals.h5", replace(own, producer="yade"))
-    m = Measuring.of(Case("case06", tmp_path))
+    m = PackingData.of(Case("case06", tmp_path))
     assert QUANTITIES["yade_less_linear_layers"].of(m) < 1e-6  # the record is that very wave
 
 
@@ -212,14 +213,14 @@ def test_a_state_is_marked_in_its_label_unless_at_rest_under_its_stress(sample):
     moved = sample.position + shake
     moved[:, :2] %= sample.side
     for state, marked in ((network, False), (replace(sample, position=moved).network(), True)):
-        assert ("not settled" in Measuring(state).label) == marked
+        assert ("not settled" in PackingData(state).label) == marked
     assert why_unsettled(network, 1e3) == why_unsettled(network) == ""  # on target, without one
     assert re.search("stress (1.0|0.9)", why_unsettled(network, 1.01e3))
 
 
 def test_crystal_is_settled_without_its_lateral_stress():
     """Its walls, not its sides, have the stated stress: 4.5 % less between the layers of 20."""
-    m = Measuring(fcc(cells=(2, 2, 20)))
+    m = PackingData(fcc(cells=(2, 2, 20)))
     assert m.unsettled == "" and "settled" not in m.label
 
 

@@ -19,7 +19,7 @@ from analysis.estimators.low_pass import Passband, at_stretch
 from analysis.estimators.ridge import ridge
 from analysis.estimators.travel_time import arrival_times, first_peak_times, travelled
 from analysis.estimators.wavenumber import chain_wavenumber
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
@@ -171,4 +171,4 @@ def test_a_chain_that_leaves_out_layers_is_refused(tmp_path):
     write_network(tmp_path / "a.network.h5", network)
     write_signals(tmp_path / "a.signals.h5", part_of_chain(whole, slice(None, None, 2)))
     with pytest.raises(InputError, match="in every 2 layers"):
-        _ = Measuring.of(Case("a", tmp_path)).yade
+        _ = PackingData.of(Case("a", tmp_path)).yade

@@ -13,7 +13,7 @@ from analysis.__main__ import main
 from analysis.caveats import Caveat
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.measurement import Measurement, mean_of
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.registry import Quantity, quantity
 from analysis.value import Value, estimate, unknown
@@ -170,7 +170,7 @@ def test_a_quantity_is_one_function(random, monkeypatch):
     """Registered under its name, measured with the others; what is not known is refused."""
 
     @quantity("1", definition="how many spheres there are")
-    def spheres(packing: Measuring) -> Value:
+    def spheres(packing: PackingData) -> Value:
         """How many spheres there are."""
         return Value(packing.network.n_particles, "1")
 
@@ -191,13 +191,13 @@ def test_a_quantity_is_one_function(random, monkeypatch):
 def test_a_value_in_another_unit_is_a_mistake(random, result):
     pressure = Quantity("pressure", "Pa", "a pressure", lambda packing: result)
     with pytest.raises(RuntimeError, match=f"pressure.*'{result.unit}'.*'Pa'"):
-        pressure.measured(Measuring(random))
+        pressure.measured(PackingData(random))
 
 
 @pytest.mark.parametrize("result", [3.0, estimate(3.0), Value(3.0, "Pa")])
 def test_a_number_without_unit_is_in_the_registered_one(random, result):
     pressure = Quantity("pressure", "Pa", "a pressure", lambda packing: result)
-    value = pressure.measured(Measuring(random))
+    value = pressure.measured(PackingData(random))
     assert (value.value, value.unit) == (3.0, "Pa")
 
 
@@ -229,8 +229,8 @@ def test_any_motion_of_the_wall_gives_the_same_answers(random, found):
     looked for; 1e-7 is allowed.
     """
     names = ["v_p", "v_s", "v_p_first_peaks", "low_pass", "low_pass_unbiased"]
-    frequency = Measuring(random).affine_frequency
-    for name, motion in _motions(frequency, Measuring(random).linear.time[-1]).items():
+    frequency = PackingData(random).affine_frequency
+    for name, motion in _motions(frequency, PackingData(random).linear.time[-1]).items():
         given = analysis.measure(random, source=motion, quantities=names)
         for key in names:
             off = abs(given[key].value - found[key].value)
@@ -242,7 +242,9 @@ def test_a_faint_source_is_said(random):
 
     Of one so slow that it is longer than the packing no velocity is told without an error.
     """
-    slow, slower = (Pulse(frequency=p * Measuring(random).affine_frequency) for p in (0.05, 0.004))
+    slow, slower = (
+        Pulse(frequency=p * PackingData(random).affine_frequency) for p in (0.05, 0.004)
+    )
     alpha = analysis.measure(random, source=slow, quantities=["attenuation"])["attenuation"]
     assert alpha.at[-1] < 2 * slow.frequency and "faint_source" in alpha.codes
     assert not analysis.measure(random, source=slower, quantities=["v_p"])["v_p"].known
@@ -266,7 +268,7 @@ def test_a_quantity_holds_on_exact_signals(name, of_lattice, bias):
     """
     crystal = modal.fcc()
     lattice = LayerLattice.of_network(crystal)
-    frequency = Measuring(crystal).affine_frequency
+    frequency = PackingData(crystal).affine_frequency
     time = np.arange(0, 1.9 * crystal.length / lattice.velocity, 0.4 / frequency)
     for motion in list(_motions(frequency, time[-1]).values())[:3]:
         record = lattice_signals(lattice, time, motion)
@@ -285,7 +287,7 @@ def fading(network, power, loss, seed=0):
     Without dispersion: each layer has the source's spectrum times exp(i q z).
     """
     diameter, velocity = 2 * float(network.radius.mean()), 500.0
-    own = Measuring(network).linear
+    own = PackingData(network).linear
     time, z = own.time, own.layer_position
     count = 8 * len(time)
     f = np.fft.rfftfreq(count, time[1])

@@ -8,7 +8,7 @@ from changes import bare
 from packings import polydisperse
 
 import modal
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities import QUANTITIES
 from analysis.quantities.registry import Quantity
 from modal.packing import crystal as gallery
@@ -43,7 +43,7 @@ ODD = {
 
 @pytest.mark.parametrize("kind", ODD)
 def test_of_odd_packings_every_quantity_is_known_or_says_why(kind):
-    packing = Measuring(ODD[kind]())
+    packing = PackingData(ODD[kind]())
     for quantity in QUANTITIES.values():
         value = quantity.measured(packing)
         assert value.known or value.caveats, quantity.name
@@ -63,7 +63,7 @@ MISTAKES = {
 @pytest.mark.parametrize("call", MISTAKES.values(), ids=MISTAKES)
 def test_a_mistake_in_a_quantity_is_a_traceback(call):
     with pytest.raises(Exception) as raised:
-        of_a_call(call).measured(Measuring(gallery.fcc(cells=(1, 1, 6))))
+        of_a_call(call).measured(PackingData(gallery.fcc(cells=(1, 1, 6))))
     assert not isinstance(raised.value, InputError)
 
 
@@ -71,7 +71,7 @@ def test_what_a_packing_lacks_is_not_known_whatever_the_words_of_the_refusal():
     def refuse(network):
         raise UnavailableError("packing: of no kind that has it", code="no_walls")
 
-    value = of_a_call(refuse).measured(Measuring(gallery.fcc(cells=(1, 1, 6))))
+    value = of_a_call(refuse).measured(PackingData(gallery.fcc(cells=(1, 1, 6))))
     assert not value.known and len(value.caveats) == 1
 
 
@@ -80,5 +80,5 @@ def test_a_refusal_of_the_input_ends_the_measurement():
         raise InputError("damaged", code="damaged_file")
 
     with pytest.raises(InputError) as refused:
-        of_a_call(refuse).measured(Measuring(gallery.fcc(cells=(1, 1, 6))))
+        of_a_call(refuse).measured(PackingData(gallery.fcc(cells=(1, 1, 6))))
     assert refused.value.code == "damaged_file"

@@ -6,13 +6,13 @@ import pytest
 
 import modal
 from analysis.estimators.coherent import DECAY
-from analysis.measuring import Measuring, cached_on_packing
+from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.velocity import coherent
 
 
 @pytest.fixture(scope="module")
 def crystal():
-    return Measuring(modal.fcc(cells=(1, 1, 40)))
+    return PackingData(modal.fcc(cells=(1, 1, 40)))
 
 
 def test_each_set_of_arguments_is_computed_once_however_it_is_passed(crystal):
@@ -39,7 +39,7 @@ def test_each_set_of_arguments_is_computed_once_however_it_is_passed(crystal):
 def test_packings_and_functions_share_nothing(crystal):
     first = cached_on_packing(lambda packing: object())
     second = cached_on_packing(lambda packing: object())
-    other = Measuring(crystal.network)
+    other = PackingData(crystal.network)
     assert first(crystal) is first(crystal)
     assert first(crystal) is not first(other)
     assert first(crystal) is not second(crystal)
@@ -72,12 +72,12 @@ def test_the_signature_and_the_name_are_those_of_the_function():
     assert list(inspect.signature(coherent).parameters)[1:] == ["key", "decay"]
     assert coherent.__name__ == "coherent"
     with pytest.raises(TypeError, match="damping"):
-        coherent(Measuring(modal.fcc(cells=(1, 1, 6))), "wave", damping=5.0)
+        coherent(PackingData(modal.fcc(cells=(1, 1, 6))), "wave", damping=5.0)
 
 
 def test_a_linear_wave_that_is_at_hand_is_not_computed_again(crystal):
     wave = crystal.linear
-    assert Measuring(crystal.network, linear_record=wave).linear is wave
-    chain_alone = Measuring(crystal.network, every_particle=False)
+    assert PackingData(crystal.network, linear_record=wave).linear is wave
+    chain_alone = PackingData(crystal.network, every_particle=False)
     assert chain_alone.linear.particle_displacement is None
     assert (chain_alone.linear.chain_displacement == wave.chain_displacement).all()

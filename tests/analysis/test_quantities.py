@@ -6,7 +6,7 @@ import pytest
 import analysis
 import modal
 from analysis.__main__ import main
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities.amplitude import AMPLITUDE
 from modal.elasticity.plane_waves import isotropic_mean
 from modal.packing import crystal as gallery
@@ -82,7 +82,7 @@ def test_a_crystal_does_not_scatter_and_its_lines_lie_on_the_branches():
     """Frequencies of a cubic lattice, along all axes, by its velocities: 1 % at ten layers."""
     net = modal.fcc(cells=(10, 10, 14), periodic_z=True)
     found = analysis.measure(net, quantities=[*LINES, "v_p_moduli"])
-    line = Measuring(net).line
+    line = PackingData(net).line
     for name in LINES:
         narrow = np.hypot(0.3 * line, 3 * found[name].error)
         assert (found[name].value < narrow).all() and (found[name].error < 0.5 * line).all()
@@ -95,7 +95,7 @@ def test_the_width_of_a_random_packing_is_that_of_its_modes():
     """Line and width of the longest waves from all modes, each as wide as the resolution."""
     net = modal.random_packing(spheres=500, friction=0.3, seed=1, aspect=1, periodic=True)
     found = analysis.measure(net, quantities=["scattering_of_p"])["scattering_of_p"]
-    line = Measuring(net).line
+    line = PackingData(net).line
     modes = modal.eigenmodes(net, all=True)
     f = np.arange(0, 4 * found.at[0], line / 20)
     total = np.zeros(len(f))

@@ -8,7 +8,7 @@ from shear_lattice import driven_by_pulse
 
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.ridge import ridge
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities.passband import edge_wavelength, wavelength_at
 from modal.packing.crystal import fcc
 from modal.waves.signals import Signals
@@ -77,7 +77,7 @@ def test_noise_that_hides_the_edge_gives_none_rather_than_another():
 
 def test_measured_case_has_no_wavelength_above_its_edge():
     """The linear wave of an FCC column: sqrt 2 measured at its edge, and nothing above."""
-    m = Measuring(fcc(cells=(1, 1, 200)))
+    m = PackingData(fcc(cells=(1, 1, 200)))
     assert edge_wavelength(m, "linear") == pytest.approx(np.sqrt(2), rel=1e-2)
     edge = m.lattice.low_pass_frequency
     assert np.isnan([wavelength_at(m, part * edge, "linear") for part in (1.01, 1.2, 2)]).all()

@@ -11,7 +11,7 @@ from packings import polydisperse, slender
 import modal
 from analysis.__main__ import main
 from analysis.measurement import Measurement, mean_of
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.same_state import differences, state_of
 from analysis.value import Value
 from modal.packing.network import Network, write_network
@@ -161,7 +161,7 @@ NOTES = {
 @pytest.mark.parametrize("note", NOTES.values(), ids=NOTES)
 def test_a_note_that_is_no_number_counts_as_none(note, name):
     """What the packing bears is then measured on its contacts; nothing is refused."""
-    packing = Measuring(replace(slender(), study={name: note}))
+    packing = PackingData(replace(slender(), study={name: note}))
     assert packing.stress == pytest.approx(1e5, rel=5e-3)
     assert np.isnan(packing.mu_comp) and packing.unsettled == "" and packing.label
     assert packing.of_one_sample and not codes(packing.network, slender())

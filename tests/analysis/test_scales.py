@@ -15,7 +15,7 @@ from packings import slender
 import analysis
 import modal
 from analysis.estimators.coherent import Coherent, longest_waves
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities import QUANTITIES
 from analysis.quantities.amplitude import AMPLITUDE
 from modal.packing import crystal as gallery
@@ -43,7 +43,7 @@ NO_SCALE = "residual", "stress_error"
 
 def measured(network):
     """All quantities but those over amplitudes."""
-    packing = Measuring(replace(network, study={}))
+    packing = PackingData(replace(network, study={}))
     names = [name for name in QUANTITIES if name not in (*AMPLITUDE, *NO_SCALE)]
     return {name: QUANTITIES[name].measured(packing) for name in names}
 
@@ -76,7 +76,9 @@ def test_waves_of_finite_amplitude_scale_with_the_spheres():
     push = 0.01 * column.overlap[1]
     parts = []
     for network, amplitude in ((column, push), (small, 1e-6 * push)):
-        packing = Measuring(network, sample=sample_of_network(network, 0.3), amplitudes=[amplitude])
+        packing = PackingData(
+            network, sample=sample_of_network(network, 0.3), amplitudes=[amplitude]
+        )
         parts.append([float(QUANTITIES[name].measured(packing).value[0]) for name in AMPLITUDE])
     assert parts[1] == pytest.approx(parts[0], rel=1e-3, abs=1e-9)
 
@@ -85,7 +87,7 @@ def test_waves_of_finite_amplitude_scale_with_the_spheres():
 def test_a_linear_wave_does_not_depend_on_the_size_of_its_pulse(amplitude):
     crystal = modal.fcc(cells=(1, 1, 40))
     names = ["v_p", "low_pass", "attenuation", "v_p_first_peaks"]
-    frequency = Measuring(crystal).pulse.frequency
+    frequency = PackingData(crystal).pulse.frequency
     own, other = (
         analysis.measure(crystal, source=Pulse(size, frequency), quantities=names)
         for size in (1e-9, amplitude)

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.estimators.resonances import fitted_wavenumbers, long_wave_velocity
 from analysis.estimators.structure_factor import Scattering, StructureFactor
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities import gain
 from modal.packing.crystal import fcc
 from modal.waves.response import maxima
@@ -82,9 +82,9 @@ def test_maxima_of_the_crystals_gain_are_modes_of_a_free_source():
     Exactly so without a window; that of 0.38 f_1 moves the maxima by its square over the orders'
     curvature, a thousandth of f_1 (the grid of the gain is 0.1 f_1).
     """
-    m = Measuring(fcc(cells=(1, 1, 100)))
+    m = PackingData(fcc(cells=(1, 1, 100)))
     # In symmetric modes of a crystal twice as long the bond in the middle bears nothing.
-    free = Measuring(fcc(cells=(1, 1, 200))).lattice.eigenmodes()[0][::2] / (2 * np.pi)
+    free = PackingData(fcc(cells=(1, 1, 200))).lattice.eigenmodes()[0][::2] / (2 * np.pi)
     found = gain.gain_of(m).gain_maxima()
     assert len(found) > 11
     assert abs(found[:12] - free[:12]).max() < 2e-3 * gain.first_resonance(m)

@@ -11,7 +11,7 @@ from study_folder import measured
 import modal
 from analysis.agreement import Agreement, relative
 from analysis.case import Case, kind_of
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities.velocity import chain, first_peak, longest
 from modal.elasticity.moduli import write_moduli
 from modal.packing.network import write_network
@@ -39,7 +39,7 @@ def made(tmp_path_factory):
 
 
 def test_a_run_whose_wall_slid_is_no_p_wave(made):
-    m = Measuring.of(Case("case02", made))
+    m = PackingData.of(Case("case02", made))
     assert m.yade is None and m.shown is m.linear and m.linear.direction == "z"
     assert m.shear.keys() == {"yade", "linear"}
     assert kind_of(made / "case02.signals.h5") == "shear_yade.signals"
@@ -49,7 +49,7 @@ def test_a_run_whose_wall_slid_is_no_p_wave(made):
 
 def test_numbers_of_the_crystals_s_wave(made):
     """V_S, band edge and dispersion against the closed form of its layers."""
-    m = Measuring.of(Case("case02", made))
+    m = PackingData.of(Case("case02", made))
     for key in ("shear_yade", "shear_linear"):
         assert longest(m, key).value == pytest.approx(EXACT.velocity, rel=1e-3)
         edge = EXACT.branches(np.array([np.pi / EXACT.crystal.layer_distance]))[0, 0]

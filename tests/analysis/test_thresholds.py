@@ -9,7 +9,7 @@ from changes import bare
 from packings import slender
 
 import modal
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities import QUANTITIES
 from modal.packing.plausibility import LONG_FOR_LOW_PASS, LONG_FOR_VELOCITY, WIDE
 from modal.preparation.protocol import NOMINAL_FRACTION
@@ -56,12 +56,12 @@ def test_as_many_spheres_as_the_documents_say_make_that_length(page, pattern, le
 
 
 def caveats(network, name):
-    return QUANTITIES[name].measured(Measuring(network)).caveats
+    return QUANTITIES[name].measured(PackingData(network)).caveats
 
 
 def test_a_narrow_cell_is_said_where_a_wave_is_read_and_nowhere_else():
     """Of 200 spheres 3.5 D wide: what differs between waves and the packing itself is the width."""
-    packing = Measuring(slender())
+    packing = PackingData(slender())
     assert packing.width < WIDE
     (narrow,) = set(packing.of_waves) - set(packing.of_one_sample)
     assert narrow in caveats(slender(), "v_p")
@@ -71,6 +71,6 @@ def test_a_narrow_cell_is_said_where_a_wave_is_read_and_nowhere_else():
 
 def test_a_velocity_by_the_moduli_is_of_no_wave():
     cell = modal.random_packing(110, seed=2, friction=0.6, aspect=1, periodic=True)
-    packing = Measuring(bare(cell, "cell_shift"))
+    packing = PackingData(bare(cell, "cell_shift"))
     (narrow,) = set(packing.of_waves) - set(packing.of_one_sample)
     assert narrow not in QUANTITIES["v_p"].measured(packing).caveats

@@ -15,7 +15,7 @@ from study_folder import measured
 
 from analysis.__main__ import main as analysis_main
 from analysis.case import Case
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities import QUANTITIES
 from modal.__main__ import main
 from modal.formats.provenance import read_provenance
@@ -114,7 +114,7 @@ def test_energy_balance_survives_the_file_and_is_shown(folder):
         again = read_signals(path).balance
         assert np.array_equal([*vars(again).values()], [*vars(balance).values()], equal_nan=True)
         case = Case("case02", folder)
-        m = Measuring.of(case)
+        m = PackingData.of(case)
         assert QUANTITIES["contacts_opened"].of(m) == 17
         for name in ("drift", "gap"):
             found = QUANTITIES[f"energy_{name}"].measured(m).value

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities import gain
 from modal.packing import crystal as gallery
 from modal.waves.propagate import propagate
@@ -76,6 +76,6 @@ def test_height_of_the_gain_is_the_windows(travels):
 
 
 def test_height_of_the_gain_is_told_with_its_resolution():
-    shown = gain.height(Measuring(gallery.fcc(cells=(1, 1, 200))))
+    shown = gain.height(PackingData(gallery.fcc(cells=(1, 1, 200))))
     assert "Hz (undamped column: 1.6" in shown
     assert float(shown.split()[0]) == pytest.approx(1.588, rel=5e-3)  # dense solve of the chain

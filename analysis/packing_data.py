@@ -65,8 +65,8 @@ R = TypeVar("R")
 
 
 def cached_on_packing(
-    function: Callable[Concatenate[Measuring, P], R],
-) -> Callable[Concatenate[Measuring, P], R]:
+    function: Callable[Concatenate[PackingData, P], R],
+) -> Callable[Concatenate[PackingData, P], R]:
     """Compute a result once for each packing and set of arguments, and keep it on the packing.
 
     The decorated function has the signature of the function. The key of a result is the function
@@ -76,7 +76,7 @@ def cached_on_packing(
     signature = inspect.signature(function)
 
     @wraps(function)
-    def cached(packing: Measuring, /, *args: P.args, **kwargs: P.kwargs) -> R:
+    def cached(packing: PackingData, /, *args: P.args, **kwargs: P.kwargs) -> R:
         bound = signature.bind(packing, *args, **kwargs)
         bound.apply_defaults()
         _, *arguments = bound.arguments.items()
@@ -90,7 +90,7 @@ def cached_on_packing(
 
 
 @dataclass(eq=False)
-class Measuring:
+class PackingData:
     """One packing with what was recorded of it; what is missing is made from its contacts.
 
     `given` are waves; None means those among the files of `case`, which has further files of the
@@ -120,7 +120,7 @@ class Measuring:
             self._checked(record, "a record")
 
     @classmethod
-    def of(cls, case: Case, every_particle: bool = True) -> Measuring:
+    def of(cls, case: Case, every_particle: bool = True) -> PackingData:
         """A case with the records among its files."""
         network = read_remarked(case.packing_path, case.notes.append)
         return cls(network, None, case=case, every_particle=every_particle)

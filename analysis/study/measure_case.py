@@ -11,7 +11,7 @@ from analysis.crystal import compare
 from analysis.figures import compose
 from analysis.figures.picture import write_picture
 from analysis.measurement import measure
-from analysis.measuring import Measuring
+from analysis.packing_data import PackingData
 from analysis.quantities.passband import passband
 from analysis.quantities.records import LOW_PASS
 from analysis.quantities.spectrum import standing, standing_waves
@@ -53,7 +53,7 @@ def measure_case(
     of_files = {files[0].name.split(".")[-2]: files[0]} if state or quantities else None
     case = Case(name, folder, of_files)
     case.check()
-    m = Measuring.of(case, every_particle=not scatter)
+    m = PackingData.of(case, every_particle=not scatter)
     row = Row.of(m)
     if state:
         row.state = True
@@ -88,7 +88,7 @@ def _add_quantities(row: Row, files: Sequence[Path], quantities: Sequence[str]) 
         row.notes += [f"{quantity}: {caveat}" for caveat in value.caveats]
 
 
-def _add_tables(row: Row, m: Measuring) -> None:
+def _add_tables(row: Row, m: PackingData) -> None:
     """Tables of a case by itself: resonances, choices of the threshold's rule, a theory."""
     (f, kappa), bearers = standing_waves(m), standing(m)
     if len(f):
