@@ -222,7 +222,7 @@ class PackingData:
     @cached_property
     def line(self) -> float:
         """`LINE` of the highest frequency, Hz, to three digits: an iteration bounds it."""
-        top = LinearSystem.of(self.network).top
+        top = LinearSystem.of(self.network).spectral_bound
         if not top > 0:
             raise UnavailableError("the network has no stiffness", code="no_stiffness")
         return float(f"{LINE * np.sqrt(top) / (2 * np.pi):.3g}")

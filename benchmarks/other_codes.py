@@ -50,7 +50,7 @@ def quadratic(path: str) -> Task:
     network = read_network(path)
 
     def action() -> list[float]:
-        K = LinearSystem.of(network).scaled.toarray()
+        K = LinearSystem.of(network).dynamical_matrix.toarray()
         one, none = np.eye(len(K)), np.zeros_like(K)
         left = np.block([[none, one], [-K, none]])
         right = np.block([[one, none], [none, one]])

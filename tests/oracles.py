@@ -14,7 +14,7 @@ from modal.waves.signals import Signals
 
 def dense_squares(system: LinearSystem) -> np.ndarray:
     """All omega^2, ascending, by a dense solver."""
-    return np.linalg.eigvalsh(system.scaled.toarray())
+    return np.linalg.eigvalsh(system.dynamical_matrix.toarray())
 
 
 def wall_pattern(network: Network, wall: int, pre_stress: str = "none", axis: int = 2):

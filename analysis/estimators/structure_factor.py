@@ -155,7 +155,7 @@ def _patterns(network: Network, waves: np.ndarray, directions: np.ndarray) -> np
     pattern = np.zeros((network.n_particles, 6, len(directions) * waves.shape[1]))
     moving = (waves * bearing[:, None])[:, None, None] * directions.T[:, :, None]
     pattern[:, :3] = moving.reshape(network.n_particles, 3, -1)
-    return LinearSystem.of(network).root.times(pattern.reshape(6 * network.n_particles, -1))
+    return LinearSystem.of(network).sqrt_mass.times(pattern.reshape(6 * network.n_particles, -1))
 
 
 def standing_waves(network: Network, orders: np.ndarray) -> np.ndarray:
@@ -226,7 +226,7 @@ def structure_factor(
         return np.column_stack([plane_waves(network, each, polarisation) for each in some])
 
     system = LinearSystem.of(network)
-    operator, top = system.renumbered, system.top
+    operator, top = system.renumbered, system.spectral_bound
     if top <= 0:
         raise UnavailableError(
             "the network has no stiffness; all its modes are at zero", code="no_stiffness"

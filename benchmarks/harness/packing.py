@@ -60,8 +60,8 @@ def by_energy(system: LinearSystem, first: int, count: int) -> np.ndarray:
     elongations d = B u of a low mode are small differences of its displacements, right to the unit
     round-off times f_max / f; a matrix K holds their squares, and only to that factor squared.
     """
-    _, vectors = eigh(system.scaled.toarray(), subset_by_index=[first, first + count - 1])
-    u = system.root.over(vectors).reshape(-1, 6, count)
+    _, vectors = eigh(system.dynamical_matrix.toarray(), subset_by_index=[first, first + count - 1])
+    u = system.sqrt_mass.over(vectors).reshape(-1, 6, count)
     network = system.network
     motion = np.stack([motion_of_contacts(network, mode) for mode in np.moveaxis(u, 2, 0)], axis=2)
     d = slip(network) @ motion
@@ -71,7 +71,7 @@ def by_energy(system: LinearSystem, first: int, count: int) -> np.ndarray:
 
 def spectrum(system: LinearSystem) -> np.ndarray:
     """All frequencies, Hz, ascending, from the dense mass-scaled matrix."""
-    return frequency_of(eigh(system.scaled.toarray(), eigvals_only=True))
+    return frequency_of(eigh(system.dynamical_matrix.toarray(), eigvals_only=True))
 
 
 def sample_or_small(spheres: int, quick: bool, aspect: float = ASPECT) -> Network:

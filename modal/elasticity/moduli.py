@@ -356,10 +356,10 @@ def elastic_moduli(
 
 def _without_floppy(system: LinearSystem, motion: Floats) -> Floats:
     """Shape (6, n, 6): the motions (6n, 6) without what costs no energy."""
-    scaled = system.root.times(motion)
+    scaled = system.sqrt_mass.times(motion)
     basis = by_structure(system).basis
     scaled -= basis @ (basis.T @ scaled)
-    return system.root.over(scaled).T.reshape(6, system.network.n_particles, 6)
+    return system.sqrt_mass.over(scaled).T.reshape(6, system.network.n_particles, 6)
 
 
 def write_moduli(path: str | Path, moduli: ElasticModuli, made: Provenance | None = None) -> None:

@@ -66,7 +66,7 @@ def steady_motion(
     if solver is None:
         solver = _faster_solver(system)
     refuse_unknown("solver", solver, SOLVERS)
-    root = system.root
+    root = system.sqrt_mass
     operator = system.renumbered
     if solver == "pardiso":
         # Spheres that touch only their own images have no stiffness at all: any shift will do.

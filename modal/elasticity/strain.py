@@ -75,7 +75,7 @@ def stressed_stiffness(system: LinearSystem, non_affine: Floats) -> Floats:
     """
     coupling = system.put_on(ALL_GRADIENTS)
     motion = non_affine[INDEX.ravel()].reshape(9, -1).T
-    force = system.root.times(system.operator.apply(system.root.times(motion)))
+    force = system.sqrt_mass.times(system.operator.apply(system.sqrt_mass.times(motion)))
     energy = coupling.held - motion.T @ coupling.push - coupling.pull.T @ motion + motion.T @ force
     volume = system.network.area * system.network.length
     return (energy / volume).reshape(3, 3, 3, 3)

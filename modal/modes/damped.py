@@ -116,8 +116,8 @@ def damped_modes(
     if not frequencies(near) > 0:
         raise InputError(f"modes near {near:g} Hz: give a frequency above 0")
     check_count(system, count, system.size - (0 if system.size <= FEW else 2))
-    A = system.assembled()
-    C = system.root.around(stiffness_matrix(damping.dashpots(network)))  # M^-1/2 C M^-1/2, 1/s
+    A = system.assemble_dynamical_matrix()
+    C = system.sqrt_mass.around(stiffness_matrix(damping.dashpots(network)))  # M^-1/2 C M^-1/2, 1/s
     shift = 2j * np.pi * near
     slow = max(STANDS * abs(shift), 10 * np.sqrt(system.resolution))
     if system.size <= FEW:
@@ -130,7 +130,7 @@ def damped_modes(
     order = nearest[np.argsort(rate[nearest].imag)]
     rate, phi = rate[order], phi[:, order] / np.linalg.norm(phi[:, order], axis=0)
     left = A @ phi + (C @ phi) * rate + phi * rate**2
-    shape = system.root.over(phi).T.reshape(count, -1, 6)
+    shape = system.sqrt_mass.over(phi).T.reshape(count, -1, 6)
     residual = np.linalg.norm(left, axis=0) / abs(rate) ** 2
     return DampedModes(rate.imag / (2 * np.pi), -rate.real, shape, residual)
 

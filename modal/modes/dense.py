@@ -116,4 +116,4 @@ def _blocks(
         values = np.repeat(phase / np.sqrt(len(orbit)), size)
         places = rows.ravel(), np.tile(np.arange(size), len(orbit))
         U = sp.csr_matrix((values, places), shape=(system.size, size))
-        yield (U.conj().T @ system.scaled @ U).toarray(), U
+        yield (U.conj().T @ system.dynamical_matrix @ U).toarray(), U

@@ -266,7 +266,7 @@ def _density(
     system: LinearSystem, resolution: float, tolerance: float, seed: int
 ) -> DensityOfStates:
     """As `density_of_states`, of a system."""
-    operator, size, (top, products) = system.renumbered, system.size, system.end
+    operator, size, (top, products) = system.renumbered, system.size, system.spectral_bound_and_cost
     if top <= 0:
         raise UnavailableError(
             "the network has no stiffness; all its modes are at zero", code="no_stiffness"
@@ -316,7 +316,7 @@ def _density(
 
 def _exact_moments(system: LinearSystem, top: float, count: int) -> tuple[Floats, Floats]:
     """Shape (1, 6, count): the traces themselves, of elastic modes; (6,): those of zero modes."""
-    square, vector = eigh(system.scaled.toarray(), overwrite_a=True)
+    square, vector = eigh(system.dynamical_matrix.toarray(), overwrite_a=True)
     zero = square <= system.zero_threshold
     angle = np.arccos(np.clip(2 * square[~zero] / top - 1, -1, 1))
     share = np.einsum("ncv,ncv->cv", *2 * [vector.reshape(-1, 6, len(square))])

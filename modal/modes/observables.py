@@ -30,7 +30,7 @@ def observables(
     """
     count, n, dof = len(square), system.network.n_particles, system.dof
     shape = np.zeros((count, n, 6), unit.dtype)
-    shape[:, :, :dof] = system.root.over(unit).T.reshape(count, n, dof)
+    shape[:, :, :dof] = system.sqrt_mass.over(unit).T.reshape(count, n, dof)
     # Real and imaginary parts lie beside each other, as columns.
     moved = system.operator.apply(unit.view(float)).view(unit.dtype)
     misfit = moved - unit * square

@@ -60,7 +60,7 @@ def modes_at_an_end(system: LinearSystem, choice: Choice) -> ModeSet:
     # Motions that no contact meets are rows of zeros: they are left out of the matrix.
     unmet = by_structure(system)
     met = np.flatnonzero(np.asarray(unmet.basis.sum(axis=1)).ravel() == 0)
-    A, given = system.scaled[met][:, met].tocsc(), dict[str, Any]()
+    A, given = system.dynamical_matrix[met][:, met].tocsc(), dict[str, Any]()
     if choice.kind == "lowest":
         remedy = "take pre-stress normal or a smaller packing"
         sigma = -SHIFT * system.diagonal.max()

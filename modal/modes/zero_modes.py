@@ -98,7 +98,11 @@ def _by_structure(system: LinearSystem) -> FloppyModes:
         rows.append(index)
         nulls.append(null)
     # An empty row elsewhere: a sphere without tangential springs turns freely.
-    largest = system.diagonal if sure else abs(system.assembled()).max(axis=1).toarray().ravel()
+    largest = (
+        system.diagonal
+        if sure
+        else abs(system.assemble_dynamical_matrix()).max(axis=1).toarray().ravel()
+    )
     spins = np.flatnonzero((largest <= zero) & met)
     blocks = sp.block_diag([*nulls, sp.identity(len(spins))], format="coo")
     at = np.concatenate([*rows, spins])[blocks.row], blocks.col
@@ -135,7 +139,7 @@ def _stiffness_among(system: LinearSystem, spheres: Ints) -> sp.csr_matrix:
     near = chosen[network.particle_i] | (~network.with_wall & chosen[network.partner])
     rows = _rows(spheres, dof)
     K = stiffness_matrix(network.some(near), dof)[rows][:, rows]
-    return system.root.some(spheres, dof).around(K)
+    return system.sqrt_mass.some(spheres, dof).around(K)
 
 
 def _loose_parts(touching: sp.csr_matrix, loose: Bools) -> list[Ints]:
@@ -162,7 +166,7 @@ def _rigid_motions(system: LinearSystem, touching: sp.csr_matrix, members: Bools
     position = _unwrapped(network, touching, members)
     position[members] -= position[members].mean(axis=0)
     # To load the compiled loops takes longer than all else that is asked of a small packing.
-    product = system.scaled if system.size <= system.limits.dense else system.operator
+    product = system.dynamical_matrix if system.size <= system.limits.dense else system.operator
     found = []
     # One motion after the other: of millions of spheres six fill the memory.
     for k in range(dof):
@@ -170,7 +174,7 @@ def _rigid_motions(system: LinearSystem, touching: sp.csr_matrix, members: Bools
         motion[members, k] = 1
         if k >= 3:
             motion[members, :3] = np.cross(np.eye(3)[k - 3], position[members])
-        vector = system.root.times(motion.ravel())
+        vector = system.sqrt_mass.times(motion.ravel())
         vector /= norm(vector)
         if dot(vector, product @ vector) <= system.zero_threshold:
             found.append(vector)

@@ -242,7 +242,7 @@ def elastic_motion(contacts: MovingContacts, sample: Sample) -> Floats | None:
 
 def _balance(system: LinearSystem, load: Floats) -> Floats:
     """Shape (n, 6), m and rad: where the springs, all spheres held a little, balance `load`."""
-    root, blocks, operator = system.root, system.own_blocks, system.renumbered
+    root, blocks, operator = system.sqrt_mass, system.own_blocks, system.renumbered
     held = HELD * float(np.einsum("nii->ni", blocks).mean())
     inverse = np.linalg.inv(blocks + held * np.eye(6))
     if operator.order is not None:

@@ -135,7 +135,7 @@ class LinearSystem:
         return self.pre_stress == "none" and min(k.min(initial=0.0) for k in springs) >= 0
 
     @property
-    def root(self) -> RootMass:
+    def sqrt_mass(self) -> RootMass:
         """M^1/2."""
         return self.cached("root of the mass", lambda: RootMass.of(self.network, self.dof))
 
@@ -150,32 +150,32 @@ class LinearSystem:
         """Shape (size,): the diagonal of A = M^-1/2 K M^-1/2."""
         return self.cached("diagonal", lambda: np.einsum("naa->na", self.own_blocks).ravel())
 
-    def assembled(self) -> sp.csr_matrix:
+    def assemble_dynamical_matrix(self) -> sp.csr_matrix:
         """A = M^-1/2 K M^-1/2, sparse (size, size), 1/s^2; assembled at every call.
 
         It is not kept, so that its memory is free while a factorisation is in use.
         """
-        return self.root.around(stiffness_matrix(self.network, self.dof, self.pre_stress))
+        return self.sqrt_mass.around(stiffness_matrix(self.network, self.dof, self.pre_stress))
 
     @cached_property
-    def scaled(self) -> sp.csr_matrix:
-        """The matrix that `assembled` gives, kept for callers that use it repeatedly."""
-        return self.assembled()
+    def dynamical_matrix(self) -> sp.csr_matrix:
+        """A as from `assemble_dynamical_matrix`, kept for callers that use it repeatedly."""
+        return self.assemble_dynamical_matrix()
 
     @cached_property
     def bound(self) -> float:
         """Largest row sum of A: an upper bound of the largest omega^2."""
-        return float(abs(self.assembled()).sum(axis=1).max())
+        return float(abs(self.assemble_dynamical_matrix()).sum(axis=1).max())
 
     @property
-    def end(self) -> tuple[float, int]:
+    def spectral_bound_and_cost(self) -> tuple[float, int]:
         """An upper bound of omega^2, or of its real part, by some 4 %, and its products."""
         return self.cached("end", lambda: bound_of_spectrum(self.renumbered.symmetric_part()))
 
     @property
-    def top(self) -> float:
+    def spectral_bound(self) -> float:
         """That bound alone."""
-        return self.end[0]
+        return self.spectral_bound_and_cost[0]
 
     def count_uncertainty(self, square: float) -> float:
         """Relative distance from a frequency within which an exact count is uncertain.
@@ -233,7 +233,9 @@ class LinearSystem:
 
     def shifted(self, square: float) -> sp.csr_matrix:
         """A - square times the identity, sparse (size, size); `square` is an omega^2, 1/s^2."""
-        return (self.assembled() - square * sp.identity(self.size, format="csr")).tocsr()
+        return (
+            self.assemble_dynamical_matrix() - square * sp.identity(self.size, format="csr")
+        ).tocsr()
 
     def factorised(self, square: float, **options: Any) -> Factor:
         """A factorisation of A - `square`, `options` as of `modal.solvers.factor.factorise`.

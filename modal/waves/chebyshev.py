@@ -81,7 +81,7 @@ def summed(
     leaves more. GrowthError if K has negative directions, InputError if there is no stiffness.
     """
     operator = forced.springs.operator
-    top, products = forced.system.end
+    top, products = forced.system.spectral_bound_and_cost
     if top == 0:
         raise UnavailableError(
             "the network has no stiffness; no wave goes through it", code="no_stiffness"

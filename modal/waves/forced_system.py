@@ -53,7 +53,7 @@ def one_part(
     repeats = lateral_repeats(network, pre_stress=system.pre_stress != "none")
     if repeats.count > 1:
         part = replace(system, network=repeats.part)
-        difference = repeats.difference * float(np.sqrt(part.top)) * duration
+        difference = repeats.difference * float(np.sqrt(part.spectral_bound)) * duration
         if difference <= tolerance:
             return part, replace(repeats, difference=difference)
     return system, undivided(network)
@@ -138,7 +138,7 @@ class ForcedSystem:
         if source.alike and not whole:
             part_system, part = one_part(system, duration, tolerance)
         builder = _CouplingBuilder(
-            root_under=system.root.under,
+            root_under=system.sqrt_mass.under,
             motion_of_part=_motion_of_part(part_system, part),
             parts=part.count,
             forces=_wall_forces(source, receivers, network),

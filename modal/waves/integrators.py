@@ -267,14 +267,14 @@ class _TaylorStep:
 
 def _fastest_rate(forced: ForcedSystem) -> float:
     """Return a bound of the rates lambda, 1/s: |lambda|^2 <= omega^2 + |lambda| gamma."""
-    stiff = forced.system.top
+    stiff = forced.system.spectral_bound
     if stiff <= 0:
         raise UnavailableError(
             "the network has no stiffness; no wave goes through it", code="no_stiffness"
         )
     viscous = 0.0
     if forced.system.dashpots:
-        viscous = forced.system.dashpots.top
+        viscous = forced.system.dashpots.spectral_bound
     return float(viscous / 2 + np.sqrt(viscous**2 / 4 + stiff))
 
 

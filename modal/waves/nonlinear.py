@@ -140,7 +140,7 @@ class NonlinearRuns:
             )
         self.load = self.source.load(self.network, direction).reshape(-1, 6)
         self.system = LinearSystem(self.network)
-        top = self.system.top
+        top = self.system.spectral_bound
         self.limit = 2 / math.sqrt(top) if top > 0 else math.inf
         self.first = math.ceil(self.interval / (FIRST * self.limit))
 

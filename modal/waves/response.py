@@ -281,7 +281,7 @@ def _damped(
     """
     system, springs, dashpots = forced.system, forced.springs, forced.dashpots
     assert dashpots and system.dashpots
-    end = _end(system.top, highest, resolution)
+    end = _end(system.spectral_bound, highest, resolution)
     count = 4 * end / resolution
 
     def refuse(seconds: float) -> None:
@@ -290,7 +290,7 @@ def _damped(
 
     refuse(0.0)
     frequency = np.arange(resolution / 4, end, resolution / 4)
-    A, C = system.assembled(), system.dashpots.assembled()
+    A, C = system.assemble_dynamical_matrix(), system.dashpots.assemble_dynamical_matrix()
     identity = sp.identity(system.size, format="csr")
     record: Complex = forced.blank(np.ones(len(frequency), complex))
     started = clock.perf_counter()

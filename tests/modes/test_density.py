@@ -183,7 +183,7 @@ def test_coarsest_resolution_knows_the_mean_of_omega_squared(tolerance):
     moments, size = states.moments.sum(axis=1), 6 * network.n_particles
     assert moments.shape[1] == 2
     assert moments[:, 0] == pytest.approx(size, rel=1e-12)
-    A = LinearSystem.of(network).scaled.toarray() / (2 * np.pi * states.highest) ** 2
+    A = LinearSystem.of(network).dynamical_matrix.toarray() / (2 * np.pi * states.highest) ** 2
     wanted = 2 * A.trace() - size
     np.fill_diagonal(A, 0)
     # The standard deviation of r^T 2 A r for a vector r of signs; the mean of six has less.

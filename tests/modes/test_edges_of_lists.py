@@ -42,7 +42,7 @@ def test_unstable_modes_are_counted_and_left_out_of_lists_at_any_size(cells, sol
     network = unstable(cells)
     system = LinearSystem.of(network, solver=solver)
     assert (system.size <= system.limits.small) == (cells[2] == 5)
-    square = np.linalg.eigvalsh(system.scaled.toarray())
+    square = np.linalg.eigvalsh(system.dynamical_matrix.toarray())
     square[abs(square) < 1e-11 * square[-1]] = 0.0
     negative = int((square < 0).sum())
     assert negative > 0 and (square == 0).sum() == 6
@@ -75,7 +75,7 @@ def test_an_interval_that_ends_on_a_mode_ends_its_search_and_is_complete(end, wi
     """Of single modes and of sixty of one frequency: whether those at the end are in the list is
     round-off of 1e-9, all between them are."""
     network = diluted(0.1, 3, 7) if width == 1 else columns_side_by_side(60, 3)
-    exact = frequency_of(np.linalg.eigvalsh(LinearSystem.of(network).scaled.toarray()))
+    exact = frequency_of(np.linalg.eigvalsh(LinearSystem.of(network).dynamical_matrix.toarray()))
     some = np.flatnonzero(exact > 0.1 * exact[-1])[0]
     first, last = exact[some], exact[some + 90]
     low = first if end != "high" else 0.999 * first
@@ -98,7 +98,7 @@ def test_a_count_on_a_mode_is_refused(network, solver):
     if not available(solver):
         pytest.skip("pypardiso is not installed")
     system = LinearSystem.of(network, solver=solver)
-    square = np.linalg.eigvalsh(system.scaled.toarray())
+    square = np.linalg.eigvalsh(system.dynamical_matrix.toarray())
     gap, zero = 1e-6 * square[-1], system.zero_threshold
     apart = np.flatnonzero((np.diff(square) > gap) & (square[:-1] > 10 * zero))
     for k, away in zip(apart[:: max(1, len(apart) // 6)], cycle([0.7, 0.0, -0.7]), strict=False):
@@ -116,7 +116,7 @@ def test_a_singular_block_on_the_way_does_not_spoil_the_count(solver, which):
     if not available(solver):
         pytest.skip("pypardiso is not installed")
     system = LinearSystem.of(gallery.column(120), solver=solver)
-    block = system.scaled[78:84, 78:84].toarray()
+    block = system.dynamical_matrix[78:84, 78:84].toarray()
     square = np.linalg.eigvalsh(block)[which]
     exact = dense_squares(system)
     assert abs(exact - square).min() > 1e-4 * exact[-1]
@@ -132,7 +132,7 @@ def test_the_threshold_of_zero_is_one(factor, cells):
     below, everything = int(factor < 1), LinearSystem.of(network)
     soft = factor * everything.zero_threshold
     round_off = everything.size * np.finfo(float).eps * everything.bound
-    found = np.linalg.eigvalsh(everything.scaled.toarray())[:2]
+    found = np.linalg.eigvalsh(everything.dynamical_matrix.toarray())[:2]
     assert found == pytest.approx(soft, rel=1e-4, abs=round_off) and round_off < 0.2 * soft
     for floppy in (
         by_structure(everything).total,
@@ -151,9 +151,9 @@ def test_residuals_where_a_symmetry_is_used_are_those_of_the_whole():
     system = LinearSystem.of(network)
     found = modes_of(system, all=True)
     assert found.attributes["solver"] == "symmetry 3x3"
-    vector = system.root.times(found.shapes().reshape(len(found.frequency), -1).T)
+    vector = system.sqrt_mass.times(found.shapes().reshape(len(found.frequency), -1).T)
     square = (2 * np.pi * found.frequency) ** 2
-    own = np.linalg.norm(system.scaled @ vector - square * vector, axis=0) / square
+    own = np.linalg.norm(system.dynamical_matrix @ vector - square * vector, axis=0) / square
     # Standing waves are halves of travelling ones: their residual differs by sqrt(2) at most.
     alone = abs(np.diff(square, prepend=0, append=2e30)) > 1e-6 * square[-1]
     alone = alone[:-1] & alone[1:]

@@ -134,7 +134,7 @@ def test_a_top_too_dense_for_products_is_refused_before_a_matrix_is_made(monkeyp
     def refuse(*_):
         raise AssertionError("a matrix was assembled")
 
-    monkeypatch.setattr(LinearSystem, "assembled", refuse)
+    monkeypatch.setattr(LinearSystem, "assemble_dynamical_matrix", refuse)
     monkeypatch.setattr(search, "MAX_PRODUCTS", 20)
     monkeypatch.setattr(search, "PRODUCTS", 5)
     monkeypatch.setattr(search, "PRODUCTS_EACH", 5)

@@ -127,7 +127,7 @@ def test_pairs_of_a_crystal_have_the_chi_z_of_the_wave_that_they_make():
 def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
     """12 modes asked of which 8 at the end converge: 8 in the file, 4 missing, status 3."""
     network, highest = disordered((2, 2, 27)), path == "highest"
-    square = np.linalg.eigvalsh(LinearSystem.of(network).scaled.toarray())
+    square = np.linalg.eigvalsh(LinearSystem.of(network).dynamical_matrix.toarray())
     frequency = frequency_of(square)
 
     def short(search):

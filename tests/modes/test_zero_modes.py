@@ -35,7 +35,7 @@ def without_walls(system: LinearSystem) -> int:
     network = system.network
     part = connected_components(_touching(network), directed=False)[1]
     rows = np.repeat(~np.isin(part, part[network.particle_i[network.with_wall]]), system.dof)
-    square = np.linalg.eigvalsh(system.scaled.toarray()[rows][:, rows])
+    square = np.linalg.eigvalsh(system.dynamical_matrix.toarray()[rows][:, rows])
     return int((square < 1e-11 * system.bound).sum())
 
 
@@ -50,8 +50,8 @@ def test_floppy_modes_of_a_diluted_crystal(share, seed, translations_only):
     Without rotations a single contact with both springs holds a sphere: only clusters are free.
     """
     system = LinearSystem.of(diluted(share, seed), translations_only=translations_only)
-    floppy, scale = by_structure(system), system.scaled.diagonal().max()
-    assert abs((system.scaled @ floppy.basis).toarray()).max(initial=0.0) < 1e-11 * scale
+    floppy, scale = by_structure(system), system.dynamical_matrix.diagonal().max()
+    assert abs((system.dynamical_matrix @ floppy.basis).toarray()).max(initial=0.0) < 1e-11 * scale
     gram = (floppy.basis.T @ floppy.basis).toarray()
     assert gram == pytest.approx(np.eye(len(gram)), abs=1e-10)
     assert sum(floppy.kinds.values()) == floppy.total == zero_modes(system)
@@ -67,8 +67,8 @@ def test_parts_too_large_for_a_dense_null_space_count_as_held():
     system = LinearSystem.of(diluted(0.5, 1), limits=Limits(piece=1))
     assert 0 < by_structure(system).kinds["hinged"] < everything.kinds["hinged"]
     assert by_structure(system).kinds["free_particles"] == everything.kinds["free_particles"]
-    basis, scale = by_structure(system).basis, system.scaled.diagonal().max()
-    assert abs((system.scaled @ basis).toarray()).max() < 1e-11 * scale
+    basis, scale = by_structure(system).basis, system.dynamical_matrix.diagonal().max()
+    assert abs((system.dynamical_matrix @ basis).toarray()).max() < 1e-11 * scale
     assert count_below(system, 1.0) == everything.total
 
 
@@ -127,7 +127,7 @@ def by_dense_solver(case: float | tuple[float, int]) -> tuple[int, np.ndarray]:
     """How many zero modes there are, and the frequencies of all others, Hz."""
     system = LinearSystem.of(packing(case))
     assert system.size > Limits().small
-    square = np.linalg.eigvalsh(system.scaled.toarray())
+    square = np.linalg.eigvalsh(system.dynamical_matrix.toarray())
     zero = int((abs(square) < 1e-12 * square[-1]).sum())
     assert square[zero] > 1e-8 * square[-1]  # nothing between
     return zero, frequency_of(square[zero:])
@@ -177,7 +177,10 @@ def test_basis_with_collective_modes_is_exact_and_orthonormal(case, monkeypatch)
     floppy = every_floppy(system)
     assert floppy.kinds["collective"] == CASES[case] == floppy.total - by_structure(system).total
     assert sum(floppy.kinds.values()) == floppy.total == by_dense_solver(case)[0]
-    assert abs((system.scaled @ floppy.basis).toarray()).max() < 1e-13 * system.diagonal.max()
+    assert (
+        abs((system.dynamical_matrix @ floppy.basis).toarray()).max()
+        < 1e-13 * system.diagonal.max()
+    )
     gram = (floppy.basis.T @ floppy.basis).toarray()
     assert gram == pytest.approx(np.eye(floppy.total), abs=1e-12)
 

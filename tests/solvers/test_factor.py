@@ -43,7 +43,7 @@ def test_solutions_and_inertia_of_real_matrices(systems, solver, place):
     hundred times over."""
     promised = 1e-13 if solver == "blocks" else registry.BACKWARD
     for system in systems:
-        exact = np.linalg.eigvalsh(system.scaled.toarray())
+        exact = np.linalg.eigvalsh(system.dynamical_matrix.toarray())
         shift = place * exact[-1]
         matrix = system.shifted(shift)
         rhs = np.random.default_rng(1).standard_normal((system.size, 5))
@@ -70,7 +70,7 @@ def test_solutions_of_complex_and_of_unsymmetric_matrices(systems, solver):
     size = systems[0].size
     real, random = systems[0].shifted(2e11), np.random.default_rng(2)
     rhs = random.standard_normal((size, 3))
-    damped = (real + 0.1j * systems[0].scaled).tocsr()
+    damped = (real + 0.1j * systems[0].dynamical_matrix).tocsr()
     skewed = real.copy()
     skewed.data *= 1 + 0.1 * random.random(real.nnz)
     for matrix, symmetric, loads in ((damped, True, rhs + 1j * rhs[::-1]), (skewed, False, rhs)):

@@ -72,9 +72,9 @@ def test_bound_holds_for_a_mode_that_the_start_hardly_contains(name, beyond, mon
 def test_bound_of_a_packing_is_above_the_real_parts(make, pre_stress):
     """And above the symmetric part, by the margin, a tenth here."""
     system = LinearSystem(make(), pre_stress=pre_stress)
-    A = system.scaled.toarray()
+    A = system.dynamical_matrix.toarray()
     top = np.linalg.eigvalsh((A + A.T) / 2)[-1]
-    assert np.linalg.eigvals(A).real.max() <= top * (1 + 1e-12) < system.top < 1.15 * top
+    assert np.linalg.eigvals(A).real.max() <= top * (1 + 1e-12) < system.spectral_bound < 1.15 * top
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_value_vector_and_products(steps, monkeypatch):
     """
     monkeypatch.setattr("modal.solvers.spectrum.STEPS_BETWEEN_CHECKS", steps)
     system = LinearSystem.of(disordered())
-    matrix = system.scaled.toarray()
+    matrix = system.dynamical_matrix.toarray()
     square, vector = eigh(matrix, subset_by_index=[system.size - 2, system.size - 1])
     found = top_mode(system.operator, 330)
     assert found.converged.all() and 2 * steps <= found.products <= 2 * max(90, steps)

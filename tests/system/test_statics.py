@@ -25,10 +25,12 @@ def test_motion_is_that_of_the_least_squares_solution():
     network = random_sample(150, 1e6, aspect=1.5).network()
     system = LinearSystem.of(network)
     push = wall_pattern(network, SOURCE_WALL)[0]
-    exact = np.linalg.pinv(system.scaled.toarray(), rcond=1e-11) @ system.root.over(push)
+    exact = np.linalg.pinv(system.dynamical_matrix.toarray(), rcond=1e-11) @ system.sqrt_mass.over(
+        push
+    )
     wall = system.put_on(WallMoves(SOURCE_WALL))
     found, _ = steady_motion(system, wall, lambda work: 1e-18 * work, "gradients")
-    wrong, A = system.root.times(found.motion.ravel()) - exact, system.scaled
+    wrong, A = system.sqrt_mass.times(found.motion.ravel()) - exact, system.dynamical_matrix
     assert wrong @ (A @ wrong) < 1e-16 * (exact @ (A @ exact))
 
 

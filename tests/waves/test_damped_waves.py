@@ -28,7 +28,7 @@ def layer_dashpot(damping: ContactDamping) -> float:
 def test_complex_modes_against_a_dense_quadratic_eigenproblem():
     network = modal.random_packing(spheres=60, seed=5)
     system = LinearSystem.of(network)
-    A, size = system.scaled.toarray(), system.size
+    A, size = system.dynamical_matrix.toarray(), system.size
     scale = 1 / np.sqrt(mass_diagonal(network))
     C = scale[:, None] * stiffness_matrix(DAMPING.dashpots(network)).toarray() * scale
     w = 1e6  # a unit of rate in which both halves of the companion are of one size

@@ -36,7 +36,7 @@ def test_products_are_those_of_the_orders_and_an_interval_too_small_is_refused(m
     finds the top; where that were too low by a tenth, no wave and no response."""
     network = with_one_stiff_contact(11, 3.0)
     found = propagate(network, 3e-4, tolerance=1e-12)
-    top = np.linalg.eigvalsh(LinearSystem.of(network).scaled.toarray())[-1]
+    top = np.linalg.eigvalsh(LinearSystem.of(network).dynamical_matrix.toarray())[-1]
     assert found.products <= 1.15 * np.sqrt(top) * 3e-4 / 2 + 130
     monkeypatch.setattr(linear_system, "bound_of_spectrum", lambda _: (0.9 * top, 1))
     for ask in (
@@ -87,7 +87,7 @@ def test_unstable_network_is_refused_by_both(pre_stress):
 def test_leapfrog_is_that_of_a_loop_over_its_steps(share, corners, pre_stress):
     """Near the limit of the step, and with a wall that jerks: state k, forces at k dt."""
     system = LinearSystem.of(read_sample(SHEARED).network(), pre_stress=pre_stress)
-    dt, every, records = share * 2 / np.sqrt(system.top), 4, 50
+    dt, every, records = share * 2 / np.sqrt(system.spectral_bound), 4, 50
     motion = Pulse()
     if corners:
         rng = np.random.default_rng(corners)
@@ -97,7 +97,7 @@ def test_leapfrog_is_that_of_a_loop_over_its_steps(share, corners, pre_stress):
     times["pre_stress"] = pre_stress
     found = propagate(system.network, every * records * dt, motion=motion, **times)
     push, pull, held = wall_pattern(system.network, SOURCE_WALL, pre_stress)
-    A, root = system.scaled, system.root
+    A, root = system.dynamical_matrix, system.sqrt_mass
     v, speed = np.zeros((2, system.size))
     moved = motion.displacement(dt * np.arange(every * records + 1))
     for k, d in enumerate(moved):

@@ -66,7 +66,10 @@ def test_stress_that_has_not_come_yet_counts_beside_the_sources():
     assert abs(wave.signals.receiver_stress).max() < 1e-9 * abs(wave.signals.source_stress).max()
     assert 1e-12 < wave.truncation <= 1e-6
     # Beside those of the end of the spectrum, which both have.
-    end, closer = LinearSystem.of(crystal).end[1], modal.propagate(crystal, 1e-5, tolerance=1e-12)
+    end, closer = (
+        LinearSystem.of(crystal).spectral_bound_and_cost[1],
+        modal.propagate(crystal, 1e-5, tolerance=1e-12),
+    )
     assert wave.products - end < 0.9 * (closer.products - end)
 
 
