@@ -154,6 +154,23 @@ def test_a_reduced_study_is_as_slender_and_needs_no_yade_for_its_walks(jobs):
     assert "--spheres 35201" in full.walk_command("mu0")
 
 
+@pytest.mark.parametrize("home", ["/proc/none", None])
+def test_a_user_without_a_home_gets_one(home, jobs, tmp_path, monkeypatch):
+    """No folder can be made in /proc, even by root; YADE ends where HOME is not set at all."""
+    monkeypatch.setenv("HOME", home or "")
+    if home is None:
+        monkeypatch.delenv("HOME")
+    monkeypatch.chdir(tmp_path)
+    importlib.import_module("run").take_a_home()
+    assert Path(os.environ["HOME"]).is_absolute() and os.access(os.environ["HOME"], os.W_OK)
+
+
+def test_the_home_of_a_user_stays(jobs, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    importlib.import_module("run").take_a_home()
+    assert os.environ["HOME"] == str(tmp_path)
+
+
 def test_jobs_of_a_killed_driver_are_known_however_many(jobs, tmp_path, monkeypatch):
     """Two thousand in the queue; not the job that the driver runs in; no answer is said."""
     driver = importlib.import_module("run")
@@ -272,6 +289,7 @@ def test_another_system_is_told_what_runs_there(tmp_path, monkeypatch):
         (["--case", "33", "--dry-run"], "case 33: none of the study's"),
         (["--case"], "--case needs a number"),
         (["--stage", "lunch"], "--stage 'lunch': unknown"),
+        (["--stage", "sample", "--case", "2"], "--stage sample: "),  # a crystal has none
         (["-j", "0"], "-j needs a number"),
         (["--spheres", "100"], "at least 750"),
         (["--study", "none.yaml"], "none.yaml: cannot be read"),

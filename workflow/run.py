@@ -32,10 +32,16 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
     texts = dict(text.split("=", 1) for text in given)
     config = {name: yaml.load(value, yaml.BaseLoader) for name, value in texts.items()}
     jobs = Jobs(config)
+    if not jobs.targets():
+        raise InputError(
+            f"--stage {jobs.stage}: makes no file of {', '.join(jobs.cases)}; choose another stage",
+            code="stage",
+        )
     if len(jobs.rows) > MANY:
         print(f"run_cases.sh: {len(jobs.rows)} cases; planning their jobs", flush=True)
     folder, study = Path(jobs.folder), str(config["study"])
     local = profile == "local"
+    take_a_home()
     count = asked or (str(len(os.sched_getaffinity(0))) if local else "20")
     snakemake = [sys.executable, "-m", "snakemake", "-s", "workflow/Snakefile"]
     snakemake += ["--workflow-profile", f"workflow/profiles/{profile}"]
@@ -86,6 +92,19 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
     if done and reasons and jobs.stage == "page":
         return page_without(jobs, study, reasons) or int(status_)
     return int(status_) if done else 0
+
+
+def take_a_home() -> None:
+    """Set HOME for what runs here: YADE ends without, Snakemake and numba keep their caches there.
+
+    Where the user has no home that can be written to, as in a container, it is a folder of this
+    project.
+    """
+    home = os.path.abspath(os.path.expanduser("~"))
+    if not os.access(home, os.W_OK):
+        home = os.path.abspath(".snakemake/home")
+        os.makedirs(home, exist_ok=True)
+    os.environ["HOME"] = home
 
 
 def page_without(jobs: Jobs, study: str, reasons: list[str]) -> int:
