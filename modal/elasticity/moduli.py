@@ -312,7 +312,7 @@ def elastic_moduli(
         return np.maximum(tolerance * left(work, SOFT), np.finfo(float).eps * most)
 
     found, solver = system.cached(
-        f"balance under strains to {tolerance:g}, {solver}",
+        f"balance under strains to {tolerance!r}, {solver}",
         lambda: steady_motion(system, coupling, allowed, solver),
         COPIES * load.nbytes,
     )

@@ -110,13 +110,16 @@ class LinearSystem:
         return self.asked_of or self.network
 
     def cached(self, name: str, make: Callable[[], Made], bytes: float = 0.0) -> Made:
-        """What does not depend on the solver, made once for all systems of a network.
+        """Return what `make` returns, made once for all systems that differ by the solver alone.
 
-        And at every call where it takes more than `KEPT` bytes.
+        The network keeps the result under the name together with the degrees of freedom, the
+        pre-stress and the limits, on all of which it may depend. A result of more than `KEPT`
+        bytes is made again at every call.
         """
         if bytes > KEPT:
             return make()
-        return self.network.cached(f"{name}, {self.dof} a particle, {self.pre_stress}", make)
+        key = f"{name}, {self.dof} a particle, {self.pre_stress}, {self.limits}"
+        return self.network.cached(key, make)
 
     @property
     def size(self) -> int:

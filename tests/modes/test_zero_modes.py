@@ -72,6 +72,14 @@ def test_parts_too_large_for_a_dense_null_space_count_as_held():
     assert count_below(system, 1.0) == everything.total
 
 
+def test_zero_modes_are_kept_for_their_limits():
+    """A network keeps what it was asked with one size of parts apart from that with another."""
+    network = diluted(0.5, 1)
+    systems = [LinearSystem.of(network, limits=limits) for limits in (Limits(), Limits(piece=1))]
+    hinged = [by_structure(system).kinds["hinged"] for system in systems]
+    assert hinged == [5, 4]
+
+
 def test_each_kind_is_named():
     """A free sphere has six zero modes, one on one contact three, one on two contacts one."""
     network = gallery.column(4)
