@@ -36,7 +36,7 @@ def compare(m: PackingData) -> list[list[str]]:
     own = {"theory": _theory(m), "modal": _modes(m), "linear": _of_wave(m, "linear")}
     own |= {"yade": _of_wave(m, "yade")} if m.yade else {}
     values = {name: known | numbers for name, numbers in own.items()}
-    stretch = "at {:g}-{:g} % of the length".format(*(100 * p for p in low_pass.STRETCH[True]))
+    stretch = "at {:g}-{:g} % of the length".format(*(100 * p for p in low_pass.CRYSTAL_STRETCH))
     lines = []
     for line in csv.DictReader(TABLE.read_text().splitlines()):
         names = [line.get(name, line["wave"]).format(record=name) for name in COLUMNS]

@@ -1,11 +1,11 @@
-"""The coherent wave: wave number, attenuation, velocities over frequency from means of layers.
+"""Measure the coherent wave: wave number, attenuation and velocities from means over layers.
 
 Means over slabs average away most of what disorder scatters. Under a window exp(-eta t) the
-transform U(z, s), s = eta - i omega, of a wave that runs one way is U exp(i q z), Re q = kappa the
-wave number, Im q the decay; the ratio of neighbouring layers gives exp(i q l), by least squares
-over a stretch that the reflected wave has not reached when the record is cut. The window's own
-share of Im q, eta over the group velocity, is taken off; to first order in eta it leaves kappa as
-it is.
+transform U(z, s), s = eta - i omega, of a wave that runs one way varies as exp(i q z): Re q is the
+wave number kappa, Im q the decay. The ratio of neighbouring layers gives exp(i q l), by least
+squares over a stretch that the reflected wave has not reached when the record is cut. The window
+adds eta divided by the group velocity to Im q, which is subtracted; to first order in eta it does
+not change kappa.
 """
 
 from dataclasses import dataclass, replace
@@ -18,19 +18,34 @@ from modal.waves.signals import Signals
 DECAY = 4.0
 """eta T: the cut at the record's end is damped to e^-4."""
 STRETCH = (0.1, 0.6)
-"""Part of the length that is used: behind the source wall's own field, ahead of the reflection."""
+"""Part of the length that is used: beyond the near field of the source wall, and where the
+reflection has not come."""
 PASSAGES = 1.3
 """Longest record, in passages of the measured wave: the reflection is at 0.6 L after 1.4. A record
 of 1.73 passages gives V_P 0.4 % too high, one of 1.95 passages 0.9 %."""
-COHERENCE = 0.9
-"""Least correlation of neighbouring layers for which a wave number is given."""
+MIN_CORRELATION = 0.9
+"""Least correlation of neighbouring layers for which a wave number is known."""
+MIN_LAYERS = 3
+SPACING_PASSES = 4
+"""Passes that correct the wave number for unequal distances of layers."""
+SKIPPED_FREQUENCIES = 2
+"""Lowest frequencies that are left out of the extrapolation to zero."""
+MIN_FREQUENCIES = 5
+"""Fewest frequencies from which the velocity is extrapolated."""
 
 
 @dataclass(frozen=True)
 class Coherent:
-    """frequency (nf,) Hz; wavenumber, attenuation (nf,) 1/m; NaN where no coherent wave is left.
+    """The coherent wave over frequency; NaN where none is left.
 
-    Of frequencies nearer to each other than `resolution`, Hz, the record says the same once only.
+    Attributes
+    ----------
+    frequency : ndarray (nf,)
+        Hz.
+    wavenumber, attenuation : ndarray (nf,)
+        1/m.
+    resolution : float
+        Hz. Values at frequencies that are closer to each other are not independent.
     """
 
     frequency: np.ndarray
@@ -40,12 +55,12 @@ class Coherent:
 
     @property
     def phase_velocity(self) -> np.ndarray:
-        """omega / kappa (nf,), m/s."""
+        """Return omega / kappa (nf,), m/s."""
         return 2 * np.pi * self.frequency / self.wavenumber
 
     @property
     def group_velocity(self) -> np.ndarray:
-        """d omega / d kappa (nf,), m/s, by central differences."""
+        """Return d omega / d kappa (nf,), m/s, by central differences."""
         return np.gradient(2 * np.pi * self.frequency) / np.gradient(self.wavenumber)
 
 
@@ -57,65 +72,104 @@ def coherent_wave(
     points: int = 120,
     decay: float = DECAY,
 ) -> Coherent:
-    """Wave number of a record in a sample of `length` (m), to `highest` Hz (the whole pulse).
+    """Measure the coherent wave of a record.
 
-    Layer means where the record has them, else the chain, whose distances must then be equal. A
-    record that holds the reflection is cut before it, by the speed of its own first peaks.
+    Parameters
+    ----------
+    signals : Signals
+        A record of layer means; without them, of a chain, whose distances must be equal. If it
+        contains the reflection, it is cut before, by the velocity of its first peaks.
+    length : float
+        From wall to wall, m.
+    highest : float, optional
+        Highest frequency, Hz; by default twice the pulse's, where its spectrum ends.
+    points : int
+        Number of frequencies.
+    decay : float
+        eta T of the window.
     """
-    z, u = signals.chain_position, signals.chain_displacement
-    if signals.layer_displacement is not None:
-        z, u = signals.layer_position, signals.layer_displacement
-    order, depth = np.argsort(z), (z - z.min()) / length
-    part = order[((depth >= STRETCH[0]) & (depth <= STRETCH[1]))[order]]
-    nan = np.full(points, np.nan)
-    highest = highest or 2 * signals.input_frequency
+    if not highest:
+        highest = 2 * signals.input_frequency
     frequency = np.linspace(highest / points, highest, points)
-    if len(part) < 3:
-        return Coherent(frequency, nan, nan, np.nan)
-    z, u = z[part], u[:, part]
-    speed, _ = travel_velocity(z, first_peak_times(replace(signals, chain_displacement=u)))
-    reflected = PASSAGES * length / speed if speed > 0 else np.inf
-    kept = signals.time - signals.time[0] <= reflected
-    time, u = signals.time[kept], u[kept]
+    z, u = _used_layers(signals, length)
+    if len(z) < MIN_LAYERS:
+        unknown = np.full(points, np.nan)
+        return Coherent(frequency, unknown, unknown, np.nan)
+    velocity, _ = travel_velocity(z, first_peak_times(replace(signals, chain_displacement=u)))
+    end = np.inf
+    if velocity > 0:
+        end = PASSAGES * length / velocity
+    used = signals.time - signals.time[0] <= end
+    time = signals.time[used]
+    u = u[used]
     eta = decay / (time[-1] - time[0])
     kernel = np.exp((2j * np.pi * frequency[:, None] - eta) * time)
     field = kernel @ u
-    before, after = field[:, :-1], field[:, 1:]
+    q, incoherent = _wavenumber_of_neighbours(field, z)
+    slowness = np.gradient(q.real, 2 * np.pi * frequency)
+    lost = incoherent | (slowness <= 0)
+    known = ~np.logical_or.accumulate(lost)
+    wavenumber = np.where(known, q.real, np.nan)
+    attenuation = np.where(known, q.imag - eta * slowness, np.nan)
+    # Noise under the window is correlated as 1 / (1 + (pi df / eta)^2), whose integral is eta.
+    return Coherent(frequency, wavenumber, attenuation, eta)
+
+
+def _used_layers(signals: Signals, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return position (k,), m, and displacement (nt, k) of the layers in `STRETCH`, ascending."""
+    z = signals.chain_position
+    u = signals.chain_displacement
+    if signals.layer_displacement is not None:
+        z = signals.layer_position
+        u = signals.layer_displacement
+    order = np.argsort(z)
+    depth = ((z - z.min()) / length)[order]
+    used = order[(depth >= STRETCH[0]) & (depth <= STRETCH[1])]
+    return z[used], u[:, used]
+
+
+def _wavenumber_of_neighbours(field: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the complex wave number q (nf,), 1/m, and where neighbours are incoherent (nf,).
+
+    `field` (nf, k) has the transforms of layers at `z` (k,), m. Neighbours are incoherent if their
+    correlation is below `MIN_CORRELATION`.
+    """
+    before = field[:, :-1]
+    after = field[:, 1:]
+    power_before = (abs(before) ** 2).sum(axis=1)
+    power = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
     distance = float(np.mean(np.diff(z)))
     # Layers are not quite equally far apart: each step is turned back to the mean distance.
-    excess, kappa = np.diff(z) - distance, np.zeros(points)
-    for _ in range(4):
+    excess = np.diff(z) - distance
+    kappa = np.zeros(len(field))
+    for _ in range(SPACING_PASSES):
         product = before.conj() * after * np.exp(-1j * kappa[:, None] * excess)
         product = product.sum(axis=1)
-        q = -1j * np.log(product / (abs(before) ** 2).sum(axis=1)) / distance
+        q = -1j * np.log(product / power_before) / distance
         kappa = q.real
-    power = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
-    slowness = np.gradient(kappa, 2 * np.pi * frequency)
-    lost = (abs(product) < COHERENCE * power) | (slowness <= 0)
-    wave = np.array([kappa, q.imag - eta * slowness])
-    wave[:, np.logical_or.accumulate(lost)] = np.nan
-    # Noise under the window is correlated as 1 / (1 + (pi df / eta)^2), whose integral is eta.
-    return Coherent(frequency, wave[0], wave[1], eta)
+    return q, abs(product) < MIN_CORRELATION * power
 
 
 def longest_waves(wave: Coherent) -> tuple[float, float]:
-    """V_P, m/s, and its standard error: kappa over omega, extrapolated in f^2 to zero.
+    """Return V_P of the longest waves and its standard error, m/s.
 
-    From the lowest third of the frequencies. An error of kappa that is the same at all of them goes
-    as 1 / f in the slowness; as many points are independent as `resolution` has room for.
-    The error so found is 1.2 times the scatter of records with white noise.
+    kappa / omega is extrapolated linearly in f^2 to zero, from the lowest third of the frequencies.
+    An error of kappa that is equal at all of them makes an error of the slowness that falls as
+    1 / f. As many points are independent as are `resolution` apart. The stated error is 1.2 times
+    the scatter of records with white noise. NaN for fewer than `MIN_FREQUENCIES` frequencies.
     """
     slowness = 1 / wave.phase_velocity
     known = np.flatnonzero(np.isfinite(slowness))
-    known = known[2 : max(8, len(known) // 3)]
-    if len(known) < 5:
+    known = known[SKIPPED_FREQUENCIES : max(8, len(known) // 3)]
+    if len(known) < MIN_FREQUENCIES:
         return np.nan, np.nan
     frequency = wave.frequency[known]
-    # Squares of Hz beside 1 would lose the intercept to round-off where waves are fast or small.
+    # Squares in Hz^2, beside 1, would lose the intercept to round-off for fast waves.
     square = (frequency / frequency[-1]) ** 2
-    fit = np.linalg.pinv(np.stack([square, np.ones(len(known))], axis=1))
-    curvature, intercept = fit @ slowness[known]
-    off = (slowness[known] - curvature * square - intercept) * frequency
-    together = max(1.0, wave.resolution / (wave.frequency[1] - wave.frequency[0]))
-    variance = together * (off**2).sum() / (len(known) - 2) * ((fit[1] / frequency) ** 2).sum()
+    solve = np.linalg.pinv(np.stack([square, np.ones(len(known))], axis=1))
+    curvature, intercept = solve @ slowness[known]
+    residual = (slowness[known] - curvature * square - intercept) * frequency
+    dependent_points = max(1.0, wave.resolution / (wave.frequency[1] - wave.frequency[0]))
+    wavenumber_variance = dependent_points * (residual**2).sum() / (len(known) - 2)
+    variance = wavenumber_variance * ((solve[1] / frequency) ** 2).sum()
     return float(1 / intercept), float(np.sqrt(variance) / intercept**2)

@@ -1,149 +1,219 @@
-"""Dispersion relation of the chain by a nearly unbiased estimator: the damped transform.
+"""Measure the dispersion relation of a chain almost without bias, by a damped transform.
 
-The record ends before the reflection returns, so a Fourier transform in time truncates the slow,
-high frequencies and biases whatever is read from it. A damped transform (Laplace, s = eta + i
-omega) does not: exp(-eta T) makes the cut negligible. In a periodic medium whose layers act on
-their nearest neighbours, (U[n+1] + U[n-1]) / (2 U[n]) = cosh(q l) is the same for all n, and an
-analytic function of s^2 that tends to 1. It is measured at many s, fitted by a polynomial in s^2
-without assuming the law, and continued to the real frequency axis: cos(kappa l) = G(-omega^2).
-A pure sine (an eigenmode) has the same ratio, so modes are measured in the same way.
+The record ends before the reflection returns. A Fourier transform in time therefore truncates the
+slow waves of high frequency and biases what is read from it. A damped transform (Laplace, s = eta +
+i omega) does not, as exp(-eta T) makes the cut negligible. In a periodic medium whose layers act on
+their nearest neighbours, (U[n+1] + U[n-1]) / (2 U[n]) = cosh(q l) is equal for all n, and is an
+analytic function of s^2 that tends to 1. It is measured at many s, fitted by a polynomial in s^2,
+without assuming the law, and continued to the real frequency axis: cos(kappa l) = G(-omega^2). A
+pure sine (an eigenmode) has this ratio too, so modes are measured in the same way.
 
-Least squares of the ratio is biased by noise, which stands on both sides. So the equation is
-weighted by U[n] as its neighbours two to forty layers away predict it from the G found before,
-whose noise is another: an instrumental variable, as in errors-in-variables regression.
+Least squares of the ratio is biased by noise, which is in the numerator and the denominator. The
+equation is therefore weighted by U[n] as its neighbours two to forty layers away predict it from
+the G of the pass before. Their noise is independent: this is an instrumental variable, as in
+errors-in-variables regression.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.polynomial import polyroots, polyval
 
 from modal.tools.errors import UnavailableError
 from modal.waves.signals import Signals
 
-INSTRUMENT = 40
-"""Layers away whose displacement predicts a layer's."""
-LAST = 120
-"""Layers up to which the chain is used: the record has little of those farther."""
+INSTRUMENT_REACH = 40
+"""Layers up to this distance predict the displacement of a layer."""
+LAST_LAYER = 120
+"""Layers that are used; the record has little motion of those farther from the source."""
+FIRST_PASSES = 3
+"""Passes with the nearest-neighbour law, which find the band."""
 PASSES = 6
-"""Three passes of the nearest-neighbour law, which finds the band, and three of the full order."""
-
-OF_MODES = 3
+"""All passes; those after the first have the full order."""
+FREQUENCIES = 160
+LOWEST_FREQUENCY_RATIO = 0.02
+"""Lowest frequency, relative to the highest one."""
+FIRST_BAND_RATIO = 0.9
+"""Highest frequency before the band is known, relative to the end of the pulse's spectrum, which is
+twice the pulse's frequency."""
+BAND_RATIO = 1.02
+"""Highest frequency once the band edge is known, relative to it."""
+MODE_ORDER = 3
 """Order of the polynomial that is fitted to modes, which have no noise."""
-REACH = 0.9
-"""Of pi / l: wave numbers up to which a dispersion relation is held against Eq. 9."""
-SHORTEST = 10
+MAX_PHASE_RATIO = 0.9
+"""Largest wave number, relative to pi / l, at which a relation is compared with Eq. 9."""
+MIN_PARTICLES = 10
 """Particles of the shortest chain that is evaluated."""
 UNEVEN = 0.1
-"""Deviation of a spacing from their mean; a missing particle doubles one."""
-MOVED = 0.15
-"""Mean displacement of the chain where the record begins, in parts of the largest one."""
-CLIPPED = 3
-"""Samples at exactly the largest value that no wave has by chance."""
+"""Largest deviation of a spacing from the mean, relative to it; a missing particle doubles one."""
+MAX_INITIAL_DISPLACEMENT = 0.15
+"""Largest mean displacement where the record begins, relative to the largest displacement."""
+MIN_CLIPPED_SAMPLES = 3
+"""Samples at exactly the largest value, which no wave has by chance."""
 
 
 @dataclass(frozen=True)
 class Dispersion:
-    """G = cos(kappa l) = 1 + x (c0 + c1 x + ...), x = -(omega / scale)^2; scale in rad/s."""
+    """A dispersion relation G = cos(kappa l) = 1 + x (c0 + c1 x + ...), x = -(omega / scale)^2.
+
+    Attributes
+    ----------
+    coefficients : ndarray (order,)
+        c0, c1, ...
+    scale : float
+        rad/s.
+    distance : float
+        l, the distance of layers, m.
+    """
 
     coefficients: np.ndarray
     scale: float
     distance: float
 
     def cosine(self, omega: np.ndarray | float) -> np.ndarray:
-        """cos(kappa l) at angular frequencies, rad/s; with omega = -i s, cosh(q l) at s."""
+        """Return cos(kappa l) at angular frequencies, rad/s; for omega = -i s this is cosh(q l)."""
         x = -((np.asarray(omega) / self.scale) ** 2)
-        return 1 + x * np.polynomial.polynomial.polyval(x, self.coefficients)
+        return 1 + x * polyval(x, self.coefficients)
 
     @property
     def velocity(self) -> float:
-        """Long-wave velocity, m/s: the slope at omega -> 0; NaN where noise has it fall."""
+        """Return the long-wave velocity, m/s, from the slope of G at 0.
+
+        NaN if noise reverses the slope.
+        """
         with np.errstate(invalid="ignore"):
             return float(self.distance * self.scale / np.sqrt(2 * self.coefficients[0]))
 
     @property
     def low_pass_frequency(self) -> float:
-        """Band edge, Hz: the lowest frequency at which cos(kappa l) = -1."""
-        powers = np.concatenate([[2.0], self.coefficients])  # 1 + G as a polynomial in x
-        roots = np.polynomial.polynomial.polyroots(powers)
-        real = -roots.real[(np.abs(roots.imag) < 1e-6 * np.abs(roots)) & (roots.real < 0)]
-        return float(self.scale * np.sqrt(real.min()) / (2 * np.pi)) if real.size else np.nan
+        """Return the band edge, Hz: the lowest frequency at which cos(kappa l) = -1, or NaN."""
+        one_plus_cosine = np.concatenate([[2.0], self.coefficients])  # a polynomial in x
+        roots = polyroots(one_plus_cosine)
+        is_real = np.abs(roots.imag) < 1e-6 * np.abs(roots)
+        square = -roots.real[is_real & (roots.real < 0)]
+        if not square.size:
+            return np.nan
+        return float(self.scale * np.sqrt(square.min()) / (2 * np.pi))
 
     def omega(self, kappa: np.ndarray) -> np.ndarray:
-        """omega(kappa), rad/s, for wavenumbers (k,) 1/m below pi / l."""
+        """Return omega (k,), rad/s, for wave numbers (k,), 1/m, below pi / l."""
         grid = np.linspace(0, 2 * np.pi * self.low_pass_frequency, 4001)
         phase = np.arccos(np.clip(self.cosine(grid), -1, 1))
         return np.interp(np.asarray(kappa) * self.distance, np.maximum.accumulate(phase), grid)
 
 
-def laplace_ratio(
+def neighbour_ratio(
     field: np.ndarray, cosine: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Neighbour ratio G (k,) and its weight (k,) from transforms U (k, nc) of a chain.
+    """Return the ratio G (k,) of neighbours and its weight (k,) from transforms U (k, nc).
 
-    By least squares, or with `cosine` (k,), an estimate of G, by the instrument that it predicts.
+    G is that of least squares, or, with an estimate `cosine` (k,) of G, that of the instrument
+    which the estimate predicts.
     """
-    reach = min(INSTRUMENT, field.shape[1] // 5)
-    middle = np.arange(reach, min(LAST, field.shape[1] - reach))
-    u, sides = field[:, middle], field[:, middle - 1] + field[:, middle + 1]
+    reach = min(INSTRUMENT_REACH, field.shape[1] // 5)
+    middle = np.arange(reach, min(LAST_LAYER, field.shape[1] - reach))
+    u = field[:, middle]
+    neighbours = field[:, middle - 1] + field[:, middle + 1]
     instrument = u
     if cosine is not None:
-        instrument, total = np.zeros_like(u), np.zeros(len(cosine))
-        before, now = np.ones_like(cosine), cosine  # T_j(G): U[n+j] + U[n-j] = 2 T_j(G) U[n]
-        for j in range(2, reach + 1):
-            before, now = now, 2 * cosine * now - before
-            instrument += now.conj()[:, None] * (field[:, middle + j] + field[:, middle - j]) / 2
-            total = total + abs(now) ** 2
-        instrument /= total[:, None]
+        instrument = _predict_from_neighbours(field, middle, reach, cosine)
     power = (instrument.conj() * u).sum(axis=1)
-    return (instrument.conj() * sides).sum(axis=1) / (2 * power), np.sqrt(abs(power))
+    ratio = (instrument.conj() * neighbours).sum(axis=1) / (2 * power)
+    return ratio, np.sqrt(abs(power))
 
 
-def _fit(
+def _predict_from_neighbours(
+    field: np.ndarray, middle: np.ndarray, reach: int, cosine: np.ndarray
+) -> np.ndarray:
+    """Return the displacement (k, m) of the `middle` layers (m,), predicted from others.
+
+    The others are 2 to `reach` layers away: U[n+j] + U[n-j] = 2 T_j(G) U[n], with the Chebyshev
+    polynomials T_j.
+    """
+    prediction = np.zeros_like(field[:, middle])
+    total = np.zeros(len(cosine))
+    previous = np.ones_like(cosine)
+    polynomial = cosine
+    for j in range(2, reach + 1):
+        following = 2 * cosine * polynomial - previous
+        previous = polynomial
+        polynomial = following
+        pair = field[:, middle + j] + field[:, middle - j]
+        prediction += polynomial.conj()[:, None] * pair / 2
+        total = total + abs(polynomial) ** 2
+    prediction /= total[:, None]
+    return prediction
+
+
+def _fit_polynomial(
     square: np.ndarray, ratio: np.ndarray, weight: np.ndarray, order: int
 ) -> tuple[np.ndarray, float]:
-    """Weighted least squares of G = 1 + x p(x), x = square / scale^2, real coefficients."""
+    """Fit G = 1 + x p(x), x = square / scale^2, by weighted least squares.
+
+    Returns the real coefficients (order,) of p, and the scale, rad/s.
+    """
     scale = np.sqrt(np.abs(square).max())
     x = square / scale**2
     matrix = weight[:, None] * x[:, None] ** np.arange(1, order + 1)
     target = weight * (ratio - 1)
-    rows = np.concatenate([matrix.real, matrix.imag])
-    coefficients = np.linalg.lstsq(rows, np.concatenate([target.real, target.imag]), rcond=None)[0]
+    real_matrix = np.concatenate([matrix.real, matrix.imag])
+    real_target = np.concatenate([target.real, target.imag])
+    coefficients = np.linalg.lstsq(real_matrix, real_target, rcond=None)[0]
     return coefficients, float(scale)
 
 
 def chain_dispersion(signals: Signals, order: int = 2, decay: float = 3.0) -> Dispersion:
-    """Dispersion from recorded chain signals; band and instrument are found by repeated passes.
+    """Measure the dispersion relation of a recorded chain.
 
-    decay = eta T, what the cut at the record's end T is damped by. On exact signals the bias is
-    below 1e-5; 5 % of white noise scatters V_P by 0.3 % and the band edge by 0.6 %, and biases
-    neither. Higher orders and stronger damping pass on more noise.
+    Repeated passes find the band and the instrument. On exact signals the bias is below 1e-5; white
+    noise of 5 % scatters V_P by 0.3 % and the band edge by 0.6 %, and biases neither.
+
+    Parameters
+    ----------
+    signals : Signals
+        UnavailableError if the record is damaged: its chain is short, uneven, still, clipped or not
+        at rest at the beginning.
+    order : int
+        Order of the polynomial. Higher orders pass on more noise.
+    decay : float
+        eta T, by which the cut at the record's end T is damped. Stronger damping passes on more
+        noise.
     """
     _refuse_damaged(signals)
     time = signals.time - signals.time[0]
-    eta, step = decay / time[-1], np.gradient(time)
-    top = 2 * np.pi * 2 * signals.input_frequency * 0.9
-    result = None
-    for done in range(PASSES):
-        s = eta + 1j * np.linspace(0.02, 1.0, 160) * top
+    eta = decay / time[-1]
+    step = np.gradient(time)
+    top = 2 * np.pi * 2 * signals.input_frequency * FIRST_BAND_RATIO
+    dispersion = None
+    for number in range(PASSES):
+        s = eta + 1j * np.linspace(LOWEST_FREQUENCY_RATIO, 1.0, FREQUENCIES) * top
         field = np.exp(-np.outer(s, time)) * step @ signals.chain_displacement
-        guess = None if result is None else result.cosine(-1j * s)
-        ratio, weight = laplace_ratio(field, guess)
-        scale = np.abs(s) ** 2  # relative accuracy at small s, where G - 1 itself is small
-        weight = weight / weight.max() / (scale / scale.max() + 0.1)
-        coefficients, unit = _fit(s**2, ratio, weight, order if done > 2 else 1)
-        result = Dispersion(coefficients, unit, layer_distance(signals))
-        edge = result.low_pass_frequency
+        estimate = None
+        if dispersion is not None:
+            estimate = dispersion.cosine(-1j * s)
+        ratio, weight = neighbour_ratio(field, estimate)
+        size = np.abs(s) ** 2  # relative accuracy at small s, where G - 1 itself is small
+        weight = weight / weight.max() / (size / size.max() + 0.1)
+        pass_order = 1
+        if number >= FIRST_PASSES:
+            pass_order = order
+        coefficients, scale = _fit_polynomial(s**2, ratio, weight, pass_order)
+        dispersion = Dispersion(coefficients, scale, layer_distance(signals))
+        edge = dispersion.low_pass_frequency
         if np.isfinite(edge):
-            top = 2 * np.pi * edge * 1.02
-    return result
+            top = 2 * np.pi * edge * BAND_RATIO
+    assert dispersion is not None
+    return dispersion
 
 
 def _refuse_damaged(signals: Signals) -> None:
-    """InputError for records that the neighbour ratio would take for another dispersion."""
-    z, u = signals.chain_position, signals.chain_displacement
-    if len(z) < SHORTEST:
+    """Raise UnavailableError for records that would give a wrong dispersion relation."""
+    z = signals.chain_position
+    u = signals.chain_displacement
+    if len(z) < MIN_PARTICLES:
         raise UnavailableError(
-            f"the chain has {len(z)} particles; a dispersion needs {SHORTEST}", code="short_chain"
+            f"the chain has {len(z)} particles; a dispersion needs {MIN_PARTICLES}",
+            code="short_chain",
         )
     spacing = np.diff(z)
     if not abs(spacing - spacing.mean()).max() < UNEVEN * spacing.mean():
@@ -157,13 +227,13 @@ def _refuse_damaged(signals: Signals) -> None:
         raise UnavailableError(
             "the chain does not move: there is no wave in the record", code="no_wave"
         )
-    if abs(u[0].mean()) > MOVED * size.max():
+    if abs(u[0].mean()) > MAX_INITIAL_DISPLACEMENT * size.max():
         raise UnavailableError(
             "the chain is not at rest where the record begins; record the wave from its source's "
             "first motion on, displacements from where the particles were then",
             code="not_from_rest",
         )
-    if (size == size.max()).sum() >= CLIPPED:
+    if (size == size.max()).sum() >= MIN_CLIPPED_SAMPLES:
         raise UnavailableError(
             "the record is clipped: its largest value repeats; record a smaller wave",
             code="clipped_record",
@@ -171,30 +241,37 @@ def _refuse_damaged(signals: Signals) -> None:
 
 
 def mode_dispersion(frequency: np.ndarray, shape: np.ndarray, distance: float) -> Dispersion:
-    """Dispersion from P resonances: frequency (k,) Hz and z shapes along the chain (k, nc)."""
+    """Fit the dispersion relation of P resonances.
+
+    `frequency` (k,) is in Hz; `shape` (k, nc) are displacements along z of a chain whose layers are
+    a `distance`, m, apart.
+    """
     ratio = mode_cosine(shape)
     square = -((2 * np.pi * np.asarray(frequency)) ** 2) + 0j
-    coefficients, unit = _fit(square, ratio + 0j, 1 / np.abs(square), OF_MODES)
-    return Dispersion(coefficients, unit, distance)
+    weight = 1 / np.abs(square)
+    coefficients, scale = _fit_polynomial(square, ratio + 0j, weight, MODE_ORDER)
+    return Dispersion(coefficients, scale, distance)
 
 
 def mode_cosine(shape: np.ndarray) -> np.ndarray:
-    """cos(kappa l) of each resonance (k,), from its shape along the chain (k, nc)."""
+    """Return cos(kappa l) (k,) of resonances, from their shapes along the chain (k, nc)."""
     middle = shape[:, 1:-1]
-    return (middle * (shape[:, 2:] + shape[:, :-2])).sum(axis=1) / (2 * (middle**2).sum(axis=1))
+    neighbours = shape[:, 2:] + shape[:, :-2]
+    return (middle * neighbours).sum(axis=1) / (2 * (middle**2).sum(axis=1))
 
 
 def layer_distance(signals: Signals) -> float:
-    """Mean distance of neighbours along the chain, m."""
+    """Return the mean distance of neighbours along the chain, m."""
     return float(np.ptp(signals.chain_position) / (len(signals.chain_position) - 1))
 
 
 def rms_deviation(measured: Dispersion, velocity: float, f_low_pass: float) -> float:
-    """RMS relative deviation of omega(kappa) from Eq. 9, up to kappa l = `REACH` pi.
+    """Return the RMS relative deviation of omega(kappa) from Eq. 9.
 
-    Eq. 9 is taken as omega = 2 pi f_low_pass sin(kappa l / 2), l = velocity / (pi f_low_pass).
+    Eq. 9 is omega = 2 pi f_low_pass sin(kappa l / 2), with l = velocity / (pi f_low_pass), m/s and
+    Hz. They are compared up to kappa l = `MAX_PHASE_RATIO` pi.
     """
     distance = velocity / (np.pi * f_low_pass)
-    kappa = np.linspace(0.02, REACH, 200) * np.pi / distance
+    kappa = np.linspace(0.02, MAX_PHASE_RATIO, 200) * np.pi / distance
     exact = 2 * np.pi * f_low_pass * np.sin(kappa * distance / 2)
     return float(np.sqrt(np.mean((measured.omega(kappa) / exact - 1) ** 2)))

@@ -1,7 +1,7 @@
-"""Effective medium theory: the velocity if every sphere followed the mean strain.
+"""Estimate the velocity by effective medium theory, in which every sphere follows the mean strain.
 
-Exact for the FCC crystal along [001]; an upper bound for a random packing, whose spheres relax from
-the mean strain (Otsubo et al. 2017, section 2, refs. 16 and 22).
+The theory is exact for the FCC crystal along [001]. For a random packing, whose spheres relax from
+the mean strain, it is an upper bound (Otsubo et al. 2017, section 2, refs. 16 and 22).
 """
 
 import numpy as np
@@ -11,36 +11,45 @@ from modal.packing.rattlers import force_bearing
 from modal.packing.state import affine_stiffness
 from modal.tools.errors import UnavailableError
 
-MARGIN = 5.0
-"""Mean diameters next to each wall that do not count."""
+WALL_ZONE_IN_DIAMETERS = 5.0
+"""Thickness of the zone next to each wall that is left out, in mean diameters."""
 
 
 def velocity_of_contacts(network: Network) -> float:
-    """V_P, m/s: mean strain imposed on the very contacts, `MARGIN` diameters from the walls.
+    """Return V_P, m/s, if the mean strain is imposed on the contacts away from the walls.
 
-    With spheres that neither relax nor turn, M is the sum of `affine_stiffness` over the volume, a
-    contact counting by the part of its branch that lies inside. The density is that of the
-    force-bearing spheres, from the slope of their number over z, which a crystal's layers do not
-    disturb. InputError if nothing is inside.
+    If spheres neither relax nor turn, the modulus M is the sum of `affine_stiffness` divided by the
+    volume. A contact counts with the part of its branch that lies inside, `WALL_ZONE_IN_DIAMETERS`
+    from the walls. The density is that of the force-bearing spheres, from the slope of their number
+    over z, which the layers of a crystal do not disturb. UnavailableError if nothing is inside.
     """
-    zone = MARGIN * 2 * float(network.radius.mean())
+    mean_radius = float(network.radius.mean())
+    zone = WALL_ZONE_IN_DIAMETERS * 2 * mean_radius
     low, high = network.wall_position + np.array([zone, -zone])
-    bearing = force_bearing(network)
-    z = np.sort(network.position[bearing, 2])
+    z = np.sort(network.position[force_bearing(network), 2])
     inside = (z > low) & (z < high)
-    pair = ~network.with_wall
-    branch = network.branch[pair]
-    start = network.position[network.particle_i[pair], 2]
-    ends = np.sort(np.column_stack([start, start + branch[:, 2]]), axis=1)
-    span = np.maximum(ends[:, 1] - ends[:, 0], 1e-12 * network.radius.mean())
-    part = np.clip(np.minimum(ends[:, 1], high) - np.maximum(ends[:, 0], low), 0, None) / span
-    if inside.sum() < 2 or not part.any():
+    inside_share = _share_of_branches(network, low, high)
+    if inside.sum() < 2 or not inside_share.any():
         raise UnavailableError(
-            f"the packing is {network.length / (zone / MARGIN):.1f} diameters long: it has no bulk "
-            f"{MARGIN:g} diameters away from both walls; take one of more than {2 * MARGIN:g}",
+            f"the packing is {network.length / (2 * mean_radius):.1f} diameters long: it has no "
+            f"bulk {WALL_ZONE_IN_DIAMETERS:g} diameters away from both walls; take one of more "
+            f"than {2 * WALL_ZONE_IN_DIAMETERS:g}",
             code="too_short",
         )
-    per_length = np.polyfit(z[inside], np.flatnonzero(inside), 1)[0]
-    density = float(network.mass.mean()) * per_length / network.area
-    modulus = part @ affine_stiffness(network) / (network.area * (high - low))
+    spheres_per_length = np.polyfit(z[inside], np.flatnonzero(inside), 1)[0]
+    density = float(network.mass.mean()) * spheres_per_length / network.area
+    modulus = inside_share @ affine_stiffness(network) / (network.area * (high - low))
     return float(np.sqrt(modulus / density))
+
+
+def _share_of_branches(network: Network, low: float, high: float) -> np.ndarray:
+    """Return, for each contact of two spheres, the share of its branch between two z, m."""
+    pair = ~network.with_wall
+    start = network.position[network.particle_i[pair], 2]
+    end = start + network.branch[pair, 2]
+    bottom = np.minimum(start, end)
+    top = np.maximum(start, end)
+    # A horizontal branch has no extent along z; the floor keeps its share a number.
+    extent = np.maximum(top - bottom, 1e-12 * network.radius.mean())
+    extent_inside = np.clip(np.minimum(top, high) - np.maximum(bottom, low), 0, None)
+    return extent_inside / extent

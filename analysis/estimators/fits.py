@@ -1,4 +1,4 @@
-"""Straight lines, weighted or not, with the errors of what is read of them; power laws; summits."""
+"""Fit straight lines and power laws, with the errors of what is read from them; find summits."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,7 +9,10 @@ from modal.tools.arrays import Floats
 
 
 class PowerLaw(NamedTuple):
-    """y = factor x^exponent; the exponent's standard error, NaN from fewer than three points."""
+    """A power law y = factor x^exponent.
+
+    error: the standard error of the exponent, NaN for fewer than three points.
+    """
 
     factor: float
     exponent: float
@@ -17,16 +20,23 @@ class PowerLaw(NamedTuple):
 
     def __str__(self) -> str:
         text = f"b = {self.exponent:.4f}"
-        return f"{text} ± {self.error:.1g}" if np.isfinite(self.error) else text
+        if np.isfinite(self.error):
+            text += f" ± {self.error:.1g}"
+        return text
 
 
 @dataclass(frozen=True)
 class Line:
-    """A straight line by least squares, and the `covariance` (2, 2) of its slope and offset.
+    """A straight line by least squares, value = slope x + offset.
 
-    Where points have errors, `chi` is chi^2 a point to spare, NaN where there are two. Where it
-    exceeds 1, they scatter about the line by more than their errors say, and the covariance is
-    enlarged by it.
+    Attributes
+    ----------
+    slope, offset : float
+    covariance : ndarray (2, 2)
+        Covariance of slope and offset. If `chi` exceeds 1, the points scatter about the line by
+        more than their errors say, and the covariance has been multiplied by it.
+    chi : float
+        chi^2 per degree of freedom; NaN for two points and for points without errors.
     """
 
     slope: float
@@ -36,30 +46,36 @@ class Line:
 
     @property
     def error(self) -> float:
-        """Standard error of the slope."""
+        """Return the standard error of the slope."""
         return float(np.sqrt(self.covariance[0, 0]))
 
     def at(self, x: float) -> tuple[float, float]:
-        """The value at x, and its standard error."""
-        there = np.array([x, 1.0])
-        value = there @ [self.slope, self.offset]
-        return float(value), float(np.sqrt(there @ self.covariance @ there))
+        """Return the value of the line at x, and its standard error."""
+        gradient = np.array([x, 1.0])
+        value = gradient @ [self.slope, self.offset]
+        return float(value), float(np.sqrt(gradient @ self.covariance @ gradient))
 
     def distance(self, x: float, value: float, error: float) -> float:
-        """How far one of the points lies from the value at 0, in standard errors of the difference.
+        """Return how far a fitted point lies from the offset, in standard errors of the difference.
 
-        The point has drawn the line towards itself: the two share a part of their errors, whose
-        covariance is that of the line's values at 0 and at x.
+        The point at x, with its `value` and `error`, has drawn the line towards itself: offset and
+        point share a part of their errors, whose covariance is that of the line's values at 0 and
+        x. NaN if the difference has no positive variance.
         """
-        own, shared = np.fmax(1.0, self.chi) * error**2, self.covariance[1] @ [x, 1.0]
-        variance = own + self.covariance[1, 1] - 2 * shared
-        return float((value - self.offset) / np.sqrt(variance)) if variance > 0 else np.nan
+        point_variance = np.fmax(1.0, self.chi) * error**2
+        shared = self.covariance[1] @ [x, 1.0]
+        variance = point_variance + self.covariance[1, 1] - 2 * shared
+        if not variance > 0:
+            return np.nan
+        return float((value - self.offset) / np.sqrt(variance))
 
 
 def straight_line(x: Floats, y: Floats, error: Floats | None = None) -> Line:
-    """The line through the points that are known, weighted where y has standard errors `error`.
+    """Fit a line to the points (n,) whose coordinates are finite.
 
-    NaN of fewer than two points and of a single x; without errors, of two points the covariance.
+    With standard errors `error` (n,) of y, points are weighted, and those without a positive error
+    are left out. All numbers are NaN for fewer than two points and for a single x; without errors
+    the covariance is NaN for two points.
 
     >>> line = straight_line(np.array([0.0, 1.0]), np.array([0.0, 3.0]))
     >>> "{:.1f} {:.1f}".format(*line.at(4.0))
@@ -68,21 +84,32 @@ def straight_line(x: Floats, y: Floats, error: Floats | None = None) -> Line:
     known = np.isfinite(x) & np.isfinite(y)
     if error is not None:
         known &= np.isfinite(error) & (error > 0)
-    x, y = np.asarray(x)[known], np.asarray(y)[known]
+    x = np.asarray(x)[known]
+    y = np.asarray(y)[known]
     if len(x) < 2 or np.ptp(x) == 0:
         return Line(np.nan, np.nan, np.full((2, 2), np.nan))
-    weight = np.ones(len(x)) if error is None else 1 / error[known]
+    weight = np.ones(len(x))
+    if error is not None:
+        weight = 1 / error[known]
     (slope, offset), covariance = np.polyfit(x, y, 1, w=weight, cov="unscaled")
-    left, spare = weight * (y - slope * x - offset), len(x) - 2
-    chi = float((left**2).sum() / spare) if spare else np.nan
-    if error is None:  # the scatter alone says what it is
+    residual = weight * (y - slope * x - offset)
+    degrees_of_freedom = len(x) - 2
+    chi = np.nan
+    if degrees_of_freedom:
+        chi = float((residual**2).sum() / degrees_of_freedom)
+    if error is None:  # the scatter alone gives the errors
         return Line(slope, offset, chi * covariance)
     return Line(slope, offset, np.fmax(1.0, chi) * covariance, chi)
 
 
 def power_law(x: Floats, y: Floats) -> PowerLaw:
-    """Least squares of the logarithms; NaN from a single x, and of what has no logarithm."""
-    x, y = np.asarray(x, float), np.asarray(y, float)
+    """Fit a power law to points (n,) by least squares of the logarithms.
+
+    Points that are not finite are left out. The law is NaN for a single x, and if any other x or y
+    is not positive.
+    """
+    x = np.asarray(x, float)
+    y = np.asarray(y, float)
     known = np.isfinite(x) & np.isfinite(y)
     if (np.minimum(x, y)[known] <= 0).any():
         return PowerLaw(np.nan, np.nan)
@@ -91,5 +118,5 @@ def power_law(x: Floats, y: Floats) -> PowerLaw:
 
 
 def summit(before: Floats, top: Floats, behind: Floats) -> Floats:
-    """Where the parabola through three values at -1, 0, 1 has its extreme value."""
+    """Return where the parabola through three values at -1, 0 and 1 has its extreme value."""
     return 0.5 * (before - behind) / (before - 2 * top + behind)

@@ -1,18 +1,19 @@
-"""Which frequencies a packing lets through: the paper's threshold rule, and what its choices do.
+"""Find which frequencies a packing lets through, by the paper's threshold rule and its choices.
 
-The rule (section 5.1 of Otsubo et al. 2017): on a map of frequency over distance from the source,
-shaded by the amplitude of the displacement of one chain of particles, f_low-pass is the frequency
+The rule (section 5.1 of Otsubo et al. 2017) uses a map of frequency over distance from the source,
+shaded by the amplitude of the displacement of one chain of particles. f_low-pass is the frequency
 at which the amplitude falls to 2 % (or 1 %) of the maximum value, where it no longer varies with
-distance; the record ends before the reflection. Here the map is that of the chain's force-bearing
-particles, the maximum that of the whole map, the record ends after `PASSAGES` of the measured wave,
-and the value is the median over one `STRETCH` for all thresholds. Its free choices are whose
-displacement is taken, relative to what, and how long the record is: `Passband` varies every one.
-The unbiased band edge of a crystal is in `damped_transform`.
+distance; the record ends before the reflection. Here the map has the chain's force-bearing
+particles, the maximum is that of the whole map, the record ends after `PASSAGES` of the measured
+wave, and the value is the median over one stretch of the chain, equal for all thresholds. The free
+choices of the rule are whose displacement is taken, relative to what, and how long the record is:
+`Passband` varies each of them. The unbiased band edge of a crystal is in `damped_transform`.
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from typing import Literal
 
 import numpy as np
 
@@ -23,54 +24,83 @@ from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.waves.signals import Signals
 
+Whose = Literal["chain", "layers"]
+"""Whose displacement is taken."""
+Reference = Literal["map", "own"]
+"""Whether the threshold is relative to the maximum of the whole map, or of each own spectrum."""
+WHOSE: tuple[Whose, ...] = ("chain", "layers")
+REFERENCES: tuple[Reference, ...] = ("map", "own")
+
 THRESHOLDS = (0.02, 0.01, 0.03, 0.05)
-"""The paper's two first."""
+"""Amplitudes at f_low-pass, relative to the maximum; the paper's two come first."""
 PASSAGES = 0.95
 """Longest record, in passages of the long waves from wall to wall: the front is then at 0.95 L."""
-STRETCH = {True: (0.05, 0.15), False: (0.5, 0.6)}
-"""Part of the length whose median counts, of a crystal or not. A crystal's value falls from the
-source on, because the waves of its band edge are slow and the record is short (section 5.1)."""
-NEAR = 0.02
-"""Part of the length next to the source wall that never counts: there its own field is seen."""
-FLAT = 0.1
-"""Largest relative change to the stretches before and behind that still counts as a plateau."""
-REACH = {True: 0.7, False: 0.4}
-"""Highest frequency that is looked at, V_P / D, of a crystal, whose band ends at 0.45, or not."""
-SENT = 3.0
-"""Least part of the source's largest amplitude that is sent at f_low-pass, in thresholds: where the
-source has less, it is its own end that is seen."""
-SURE = 0.9
-"""Part of the spectrum below whose end it is seen that nothing more follows."""
-WHOSE, REFERENCES = ("chain", "layers"), ("map", "own")
-"""Whose displacement; relative to the maximum of the whole map, or of the own spectrum."""
+OTHER_PASSAGES = (0.7, 1.15, 1.73)
+"""Lengths of record that are tried beside it."""
+CRYSTAL_STRETCH = (0.05, 0.15)
+"""Part of a crystal's length whose median counts. The value falls from the source on, because the
+waves of the band edge are slow and the record is short (section 5.1)."""
+STRETCH = (0.5, 0.6)
+"""Part of the length of other packings whose median counts."""
+NEAR_FIELD = 0.02
+"""Part of the length next to the source wall that never counts: the wall's near field."""
+MAX_PLATEAU_CHANGE = 0.1
+"""Largest relative change to the stretches before and behind of a value on a plateau."""
+CRYSTAL_RANGE_IN_V_PER_D = 0.7
+"""Highest frequency that is computed for a crystal, in V_P / D; its band ends at 0.45."""
+RANGE_IN_V_PER_D = 0.4
+"""Highest frequency that is computed for other packings, in V_P / D."""
+SOURCE_THRESHOLDS = 3.0
+"""Least amplitude of the source at f_low-pass, relative to the source's largest amplitude and in
+thresholds. With less, the end of the source's own spectrum is seen."""
+KNOWN_RANGE = 0.9
+"""Part of the computed frequencies in which a crossing must lie, so that nothing more follows."""
 OVERSAMPLING = 4
-"""Frequencies a record length."""
+"""Frequencies per reciprocal length of the record."""
+PARTICLES_TOGETHER = 4096
+"""Particles whose spectra are computed in one product, which bounds the memory."""
+MIN_PARTICLES = 3
+"""Fewest particles of a stretch that need a value."""
+MIN_PARTICLES_OF_COLUMN = 5
+"""Fewest particles in the stretch that make a column count."""
 
 
 def last_crossing(
     frequency: np.ndarray, amplitude: np.ndarray, level: np.ndarray | float
 ) -> np.ndarray:
-    """Highest frequency (nc,) Hz at which each column falls through its level, interpolated.
+    """Return the highest frequency (nc,), Hz, at which each column falls through its level.
 
-    frequency (nf,) Hz, amplitude (nf, nc), level (nc,) or a number. Between two frequencies the
-    logarithm of the amplitude is taken as straight. NaN where a column is above its level close to
-    the last frequency, or nowhere.
+    The logarithm of the amplitude is interpolated linearly. NaN if a column is nowhere above its
+    level, or still above it beyond `KNOWN_RANGE`.
 
+    Parameters
+    ----------
+    frequency : ndarray (nf,)
+        Hz, equally spaced.
+    amplitude : ndarray (nf, nc)
+    level : ndarray (nc,) or float
+        In the unit of the amplitude.
+
+    Examples
+    --------
     >>> last_crossing(np.arange(4.0), np.array([[8.0], [8.0], [2.0], [0.1]]), 4.0)
     array([1.5])
     """
     count = len(frequency)
-    if count < 2:  # as of a record shorter than a period of the highest frequency
+    if count < 2:  # the record is shorter than a period of the highest frequency
         return np.full(amplitude.shape[1], np.nan)
     above = amplitude > level
-    last = np.minimum(count - 1 - np.argmax(above[::-1], axis=0), count - 2)
+    last_above = np.minimum(count - 1 - np.argmax(above[::-1], axis=0), count - 2)
     column = np.arange(amplitude.shape[1])
     tiny = np.finfo(float).tiny
-    here, next_ = (np.log(np.maximum(amplitude[last + k, column], tiny)) for k in (0, 1))
-    wanted = np.log(np.maximum(np.broadcast_to(level, here.shape), tiny))
-    part = (here - wanted) / np.maximum(here - next_, 1e-12)
-    found = frequency[last] + (frequency[1] - frequency[0]) * np.clip(part, 0, 1)
-    return np.where(above.any(axis=0) & (last <= SURE * (count - 1)), found, np.nan)
+    log_above = np.log(np.maximum(amplitude[last_above, column], tiny))
+    log_below = np.log(np.maximum(amplitude[last_above + 1, column], tiny))
+    log_level = np.log(np.maximum(np.broadcast_to(level, log_above.shape), tiny))
+    share = (log_above - log_level) / np.maximum(log_above - log_below, 1e-12)
+    step = frequency[1] - frequency[0]
+    crossing = frequency[last_above] + step * np.clip(share, 0, 1)
+    known = above.any(axis=0) & (last_above <= KNOWN_RANGE * (count - 1))
+    return np.where(known, crossing, np.nan)
 
 
 def spectra(
@@ -85,8 +115,8 @@ def spectra(
     frequency = np.arange(0, min(highest, 0.5 / step), 1 / (OVERSAMPLING * len(time) * step))
     kernel = np.exp(-2j * np.pi * frequency[:, None] * time)
     amplitude = np.empty((len(frequency), displacement.shape[1]), np.float32)
-    for start in range(0, displacement.shape[1], 4096):  # some spectra at a time: memory
-        part = slice(start, start + 4096)
+    for start in range(0, displacement.shape[1], PARTICLES_TOGETHER):
+        part = slice(start, start + PARTICLES_TOGETHER)
         u = displacement[:, part] / largest
         # Two real products are half of the work of a complex one.
         amplitude[:, part] = np.hypot(kernel.real @ u, kernel.imag @ u)
@@ -94,57 +124,99 @@ def spectra(
 
 
 def threshold_curves(
-    frequency: np.ndarray, amplitude: np.ndarray, reference: str = "map"
+    frequency: np.ndarray, amplitude: np.ndarray, reference: Reference = "map"
 ) -> np.ndarray:
-    """The rule for every column and each of `THRESHOLDS`; shape (thresholds, p), Hz.
+    """Return the last crossing (thresholds, p), Hz, of each of `THRESHOLDS` for each particle.
 
-    Relative to the maximum of the whole map (`map`), or of each column (`own`).
+    `frequency` (nf,) is in Hz; the `amplitude` (nf, p) is relative to the maximum of the whole map
+    ("map") or of each particle ("own").
     """
-    top = amplitude.max() if reference == "map" else amplitude.max(axis=0)
-    return np.array([last_crossing(frequency, amplitude, t * top) for t in THRESHOLDS])
+    maximum = amplitude.max(axis=0)
+    if reference == "map":
+        maximum = amplitude.max()
+    return np.array([last_crossing(frequency, amplitude, t * maximum) for t in THRESHOLDS])
 
 
 def at_stretch(
     distance: np.ndarray, values: np.ndarray, length: float, stretch: tuple[float, float]
 ) -> Value:
-    """The value, Hz, of a curve (nc,) over distance (nc,) on a stretch, in parts of `length`, m.
+    """Return the median value, Hz, over a stretch of the chain, and whether it is on a plateau.
 
-    The median over the stretch, half the quartile distance as its error; unknown where fewer than
-    three particles, or less than half of them, have a value. It stands on a plateau if it
-    is that of the stretches of equal width before and behind. Else the rule has no
-    answer of its own.
+    The error is half of the quartile distance. The value is unknown if fewer than `MIN_PARTICLES`,
+    or less than half of the particles, have one. It is on a plateau if the stretches of equal width
+    before and behind have nearly equal medians; otherwise the rule has no definite answer.
+
+    Parameters
+    ----------
+    distance : ndarray (nc,)
+        From the source wall, m.
+    values : ndarray (nc,)
+        Hz.
+    length : float
+        From wall to wall, m.
+    stretch : tuple of float
+        Its ends, in parts of the length.
     """
     low, high = stretch
-    medians = []
-    for shift in (-1, 0, 1):
-        first, last = low + shift * (high - low), high + shift * (high - low)
-        inside = (distance >= max(NEAR, first) * length) & (distance < last * length)
-        seen = values[inside & np.isfinite(values)]
-        told = len(seen) > 2 and 2 * len(seen) > inside.sum()
-        medians.append(float(np.median(seen)) if told else np.nan)
-        if shift == 0 and not told:
-            counts = {"seen": len(seen), "particles": int(inside.sum())}
-            return unknown("Hz", Caveat("few_particles", counts))
-        if shift == 0:
-            error = float(np.subtract(*np.percentile(seen, [75, 25]))) / 2
-    before, value, behind = medians
-    found = Value(value, "Hz", {"fit": error})
-    change = float(np.max(abs(np.array([before, behind]) / value - 1)))
-    if change <= FLAT:
-        return replace(found, plateau=True)
+    width = high - low
+    known, particles = _known_values(distance, values, length, (low, high))
+    if not _are_enough(known, particles):
+        counts = {"seen": len(known), "particles": particles}
+        return unknown("Hz", Caveat("few_particles", counts))
+    value = float(np.median(known))
+    upper_quartile, lower_quartile = np.percentile(known, [75, 25])
+    error = float(upper_quartile - lower_quartile) / 2
+    changes = []
+    for beside in ((low - width, high - width), (low + width, high + width)):
+        known, particles = _known_values(distance, values, length, beside)
+        median = np.nan
+        if _are_enough(known, particles):
+            median = float(np.median(known))
+        changes.append(abs(median / value - 1))
+    change = float(np.max(changes))
+    if change <= MAX_PLATEAU_CHANGE:
+        return Value(value, "Hz", {"fit": error}, plateau=True)
     caveat = Caveat("no_plateau_beside")
     if np.isfinite(change):
         caveat = Caveat("no_plateau", {"change": change})
-    return replace(found, plateau=False, caveats=(caveat,))
+    return Value(value, "Hz", {"fit": error}, (caveat,), plateau=False)
+
+
+def _known_values(
+    distance: np.ndarray, values: np.ndarray, length: float, stretch: tuple[float, float]
+) -> tuple[np.ndarray, int]:
+    """Return the finite values (k,) on a stretch, in parts of `length`, and its particles."""
+    low, high = stretch
+    inside = (distance >= max(NEAR_FIELD, low) * length) & (distance < high * length)
+    return values[inside & np.isfinite(values)], int(inside.sum())
+
+
+def _are_enough(known: np.ndarray, particles: int) -> bool:
+    """Return whether the known values (k,) represent all `particles`: more than half of them."""
+    return len(known) >= MIN_PARTICLES and 2 * len(known) > particles
 
 
 @dataclass
 class Passband:
-    """The threshold rule on a packing's records: `run` of YADE, or None, and the linear `wave`.
+    """The threshold rule on the records of a packing.
 
-    `velocity` (m/s) is that of the long waves. The linear wave is recorded on every particle, so
-    that the rule can be had along every column of the sample. A crystal has its own layers; in
-    other packings layers are slabs a diameter thick.
+    Attributes
+    ----------
+    network : Network
+    wave : Signals
+        The linear wave. If every particle was recorded, the rule is also applied along every column
+        of the packing.
+    run : Signals or None
+        The run of YADE.
+    velocity : float
+        Of the long waves, m/s.
+    crystal : bool
+        Whether the packing is a crystal, whose chain has one particle of each layer. In other
+        packings layers are slabs a diameter thick.
+    highest : float
+        Highest frequency that is computed, Hz.
+    stretch : tuple of float
+        Part of the length whose median counts.
     """
 
     network: Network
@@ -154,119 +226,143 @@ class Passband:
     crystal: bool
 
     def __post_init__(self) -> None:
-        self.highest = REACH[self.crystal] * self.velocity / float(2 * self.network.radius.mean())
-        self.stretch = STRETCH[self.crystal]
+        self.stretch = STRETCH
+        range_in_v_per_d = RANGE_IN_V_PER_D
+        if self.crystal:
+            self.stretch = CRYSTAL_STRETCH
+            range_in_v_per_d = CRYSTAL_RANGE_IN_V_PER_D
+        self.highest = range_in_v_per_d * self.velocity / float(2 * self.network.radius.mean())
         self._bearing = force_bearing(self.network)
         self._maps: dict[tuple, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
     def end(self, record: Signals, passages: float = PASSAGES) -> float:
-        """Where a record ends for the rule, s: so many passages after the wave has set out.
-
-        Or as long as it is.
-        """
-        passed = passages * self.network.length / self.velocity
-        return min(float(record.time[-1]), sets_out(record) + passed)
+        """Return the time, s, of so many `passages` after the start, or of the record's end."""
+        duration = passages * self.network.length / self.velocity
+        return min(float(record.time[-1]), sets_out(record) + duration)
 
     def passages(self, record: Signals) -> float:
-        """That end in passages of the long waves."""
+        """Return the length of a record, cut for the rule, in passages of the long waves."""
         return (self.end(record) - sets_out(record)) * self.velocity / self.network.length
 
     def map(
-        self, record: Signals, whose: str = "chain", passages: float = PASSAGES
+        self, record: Signals, whose: Whose = "chain", passages: float = PASSAGES
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Distance (nc,) m, frequency (nf,) Hz and amplitude (nf, nc) of a record cut short."""
+        """Return distance (nc,), m, frequency (nf,), Hz, and amplitude (nf, nc) of a cut record."""
         key = id(record), whose, passages
         if key not in self._maps:
-            z, u = record.chain_position, record.chain_displacement
+            z = record.chain_position
+            u = record.chain_displacement
             if whose == "chain":
                 bearing = self._bearing[record.chain_particle]
-                z, u = z[bearing], u[:, bearing]
+                z = z[bearing]
+                u = u[:, bearing]
             elif not self.crystal:
-                z, u = record.layer_position, record.layer_displacement
-            found = self._spectra(record, u, passages)
-            self._maps[key] = z - self.network.wall_position[0], *found
+                z = record.layer_position
+                u = record.layer_displacement
+            frequency, amplitude = self._spectra(record, u, passages)
+            distance = z - self.network.wall_position[0]
+            self._maps[key] = distance, frequency, amplitude
         return self._maps[key]
 
     def _spectra(
-        self, record: Signals, u: np.ndarray, passages: float
+        self, record: Signals, displacement: np.ndarray, passages: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Of motions u (nt, p) of a record cut short: `spectra`."""
-        kept = slice(int((record.time <= self.end(record, passages) * (1 + 1e-9)).sum()))
-        return spectra(record.time[kept], u[kept], self.highest)
+        """Return the `spectra` of displacements (nt, p) of a record that is cut for the rule."""
+        end = self.end(record, passages)
+        count = int((record.time <= end * (1 + 1e-9)).sum())
+        return spectra(record.time[:count], displacement[:count], self.highest)
 
     def edges(
         self,
         record: Signals | None,
-        whose: str = "chain",
-        reference: str = "map",
+        whose: Whose = "chain",
+        reference: Reference = "map",
         passages: float = PASSAGES,
     ) -> list[Value]:
-        """f_low-pass for each of `THRESHOLDS`; unknown without a record, or one of layers."""
-        if record is None or (
-            whose == "layers" and not self.crystal and record.layer_displacement is None
-        ):
+        """Return f_low-pass, Hz, for each of `THRESHOLDS`.
+
+        Values are unknown if there is no record, or none of layers, and where the source is too
+        weak. `reference` is that of `threshold_curves`.
+        """
+        needs_layers = whose == "layers" and not self.crystal
+        if record is None or (needs_layers and record.layer_displacement is None):
             return [unknown("Hz")] * len(THRESHOLDS)
         distance, frequency, amplitude = self.map(record, whose, passages)
         curves = threshold_curves(frequency, amplitude, reference)
-        found = [at_stretch(distance, row, self.network.length, self.stretch) for row in curves]
-        at, sent = self._spectra(record, record.source_displacement[:, None], passages)
-        ends = [last_crossing(at, sent, SENT * t * sent.max())[0] for t in THRESHOLDS]
-        return [
-            unknown("Hz", Caveat("source_too_weak", {"frequency": hertz(end)}))
-            if edge.value > end
-            else edge
-            for edge, end in zip(found, ends, strict=True)
-        ]
+        source = record.source_displacement[:, None]
+        source_frequency, sent = self._spectra(record, source, passages)
+        edges = []
+        for threshold, curve in zip(THRESHOLDS, curves, strict=True):
+            edge = at_stretch(distance, curve, self.network.length, self.stretch)
+            level = SOURCE_THRESHOLDS * threshold * sent.max()
+            source_end = last_crossing(source_frequency, sent, level)[0]
+            if edge.value > source_end:
+                edge = unknown("Hz", Caveat("source_too_weak", {"frequency": hertz(source_end)}))
+            edges.append(edge)
+        return edges
 
     @cached_property
     def low_pass(self) -> list[Value]:
-        """By the paper's words, of the linear wave cut as the run is."""
-        return self.of_any_chain(self.edges(self.wave, passages=self.common))
+        """Return f_low-pass, Hz, by the paper's choices from the linear wave, cut as the run is."""
+        return self.with_chain_scatter(self.edges(self.wave, passages=self.common))
 
-    def of_any_chain(self, edges: list[Value]) -> list[Value]:
-        """With the error of the choice of the chain, where that is known and larger."""
-        return [
-            replace(edge, parts={"fit": float(np.fmax(edge.error, scatter))})
-            for edge, scatter in zip(edges, self.chain_scatter, strict=True)
-        ]
+    def with_chain_scatter(self, edges: list[Value]) -> list[Value]:
+        """Return values whose error is the scatter between chains, if it is known and larger."""
+        widened = []
+        for edge, scatter in zip(edges, self.chain_scatter, strict=True):
+            error = float(np.fmax(edge.error, scatter))
+            widened.append(replace(edge, parts={"fit": error}))
+        return widened
 
     @property
     def common(self) -> float:
-        """Passages of the record: those of the run, where it is shorter than `PASSAGES`."""
-        return PASSAGES if self.run is None else min(PASSAGES, self.passages(self.run))
+        """Return the length, in passages, to which run and wave are cut: at most `PASSAGES`."""
+        if self.run is None:
+            return PASSAGES
+        return min(PASSAGES, self.passages(self.run))
 
     @cached_property
     def of_columns(self) -> np.ndarray:
-        """f_low-pass (columns, thresholds), Hz, along each column of the linear wave.
+        """Return f_low-pass (columns, thresholds), Hz, along each column of the linear wave.
 
-        A column is a diameter wide. Their scatter says how much the value depends on which chain is
-        taken. NaN where unknown; none where single particles are not recorded.
+        A column is a diameter wide. The scatter of columns says how much the value depends on the
+        choice of the chain. Unknown values are NaN; there are no rows if single particles are not
+        recorded.
         """
         if self.wave.particle_displacement is None:
             return np.empty((0, len(THRESHOLDS)))
-        network, found = self.network, list[np.ndarray]()
-        bearing = np.flatnonzero(self._bearing)
-        u = self.wave.particle_displacement[:, bearing]
-        frequency, amplitude = self._spectra(self.wave, u, self.common)
-        distance = network.position[bearing, 2] - network.wall_position[0]
+        network = self.network
+        particles = np.flatnonzero(self._bearing)
+        displacement = self.wave.particle_displacement[:, particles]
+        frequency, amplitude = self._spectra(self.wave, displacement, self.common)
+        distance = network.position[particles, 2] - network.wall_position[0]
         low, high = np.array(self.stretch) * network.length
         inside = (distance >= low) & (distance < high)
-        for own in columns_of(network, bearing):
-            top, part = amplitude[:, own].max(), amplitude[:, own[inside[own]]]
-            if part.shape[1] > 4:
-                curves = [last_crossing(frequency, part, t * top) for t in THRESHOLDS]
-                found.append(np.median(curves, axis=1))
-        return np.array(found).reshape(-1, len(THRESHOLDS))
+        medians = []
+        for column in columns_of(network, particles):
+            maximum = amplitude[:, column].max()
+            in_stretch = amplitude[:, column[inside[column]]]
+            if in_stretch.shape[1] >= MIN_PARTICLES_OF_COLUMN:
+                curves = [last_crossing(frequency, in_stretch, t * maximum) for t in THRESHOLDS]
+                medians.append(np.median(curves, axis=1))
+        return np.array(medians).reshape(-1, len(THRESHOLDS))
 
     @cached_property
     def chain_scatter(self) -> np.ndarray:
-        """Standard deviation over the columns (thresholds,), Hz; NaN from fewer than two."""
-        known = [values[np.isfinite(values)] for values in self.of_columns.T]
-        return np.array([np.std(v, ddof=1) if len(v) > 1 else np.nan for v in known])
+        """Return the standard deviation between columns (thresholds,), Hz; NaN for fewer than 2."""
+        scatter = np.full(len(THRESHOLDS), np.nan)
+        for n, values in enumerate(self.of_columns.T):
+            known = values[np.isfinite(values)]
+            if len(known) > 1:
+                scatter[n] = np.std(known, ddof=1)
+        return scatter
 
     @cached_property
     def mean_of_columns(self) -> Value:
-        """The 2 % rule, Hz: mean over all columns, and their scatter."""
+        """Return f_low-pass, Hz, by the 2 % rule as the mean over columns, with their scatter.
+
+        The value is unknown if half of the columns, or fewer, have one.
+        """
         columns = self.of_columns[:, 0]
         known = columns[np.isfinite(columns)]
         if 2 * len(known) <= len(columns):
@@ -275,25 +371,27 @@ class Passband:
         return Value(float(known.mean()), "Hz", {"chain": float(self.chain_scatter[0])})
 
     def choices(self) -> list[tuple[str, Value]]:
-        """What each choice makes of f_low-pass, the others kept."""
+        """Return f_low-pass, Hz, for each choice of the rule, with a text that names the choice."""
         rows = []
-        records = ("YADE", self.run), ("linear wave", self.wave)
+        records = (("YADE", self.run), ("linear wave", self.wave))
         for (name, record), whose, reference in product(records, WHOSE, REFERENCES):
-            of = "the whole map" if reference == "map" else f"each of the {whose}"
+            maximum = f"each of the {whose}"
+            if reference == "map":
+                maximum = "the whole map"
             edges = self.edges(record, whose, reference, self.common)
             for threshold, edge in zip(THRESHOLDS, edges, strict=True):
-                text = f"{name}, {whose}, {100 * threshold:g} % of the maximum of {of}"
+                text = f"{name}, {whose}, {100 * threshold:g} % of the maximum of {maximum}"
                 rows.append((text, edge))
-        for passages in (0.7, 1.15, 1.73):
+        for passages in OTHER_PASSAGES:
             text = f"linear wave, chain, 2 % of the map, record of {passages:g} passages"
             rows.append((text, self.edges(self.wave, passages=passages)[0]))
         return rows
 
 
 def columns_of(network: Network, particles: np.ndarray) -> list[np.ndarray]:
-    """Of each column, a diameter wide: which of the particles (p,) stand in it."""
+    """Return the rows of the `particles` (p,) that stand in each column a diameter wide."""
     diameter = 2 * float(network.radius.mean())
-    # A crystal's cell, pressed together, is little less than whole diameters wide.
+    # The width of a crystal's cell is slightly less than whole diameters under pressure.
     cells = np.maximum(1, (network.cell_size[:2] / diameter + 0.05).astype(int))
     place = (network.position[particles, :2] / network.cell_size[:2] % 1 * cells).astype(int)
     column = place[:, 0] * cells[1] + place[:, 1]

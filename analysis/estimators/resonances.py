@@ -1,9 +1,9 @@
-"""The standing waves sin(pi r z / L) among the modes of a disordered packing (Fig. 10, Table 2).
+"""Find the standing waves sin(pi r z / L) among the modes of a packing (Fig. 10, Table 2).
 
-A crystal's P resonances are pure. In a random packing the r-th standing wave is shared by many
-modes; its share in mode i is <e_r|i>^2, with e_r the pattern of all force-bearing spheres,
-normalised in the mass. The r-th resonance is the mode with the largest share, which is what a
-reader of mode shapes would choose, with the share as the measure of how far it is one.
+The P resonances of a crystal are pure. In a random packing many modes share the r-th standing wave;
+the share of mode i is <e_r|i>^2, where e_r is the pattern of all force-bearing spheres, normalised
+with the mass. The r-th resonance is the mode with the largest share, which is what a reader of mode
+shapes would choose; the share measures how pure the resonance is.
 """
 
 from dataclasses import dataclass
@@ -14,16 +14,31 @@ from analysis.estimators.fits import straight_line, summit
 from analysis.estimators.structure_factor import standing_waves
 from modal.packing.network import Network
 
-LEAST_SHARE = 0.25
-"""Below it the standing wave belongs to no mode."""
+MIN_SHARE = 0.25
+"""A standing wave whose largest share is smaller belongs to no mode."""
 HIGHEST_ORDER = 40
-LONG = 1, 10
-"""Of r - 1: the orders that the velocity of long waves is fitted to."""
+FITTED_ROWS = slice(1, 10)
+"""Rows of the orders r = 2 ... 10, to which the velocity of long waves is fitted."""
+MIN_FITTED_ORDERS = 5
+MIN_ORDER = 0.6
+"""Lowest order, pi / length, of a fitted sine; a longer one could be an offset as well."""
+ORDER_OFFSETS = np.linspace(-0.5, 0.5, 101)
+"""Orders of the fitted sines, relative to the whole number r."""
 
 
 @dataclass(frozen=True)
 class Standing:
-    """Of r = 1 ... R: frequency (R,) Hz, share (R,) of the pattern, row (R,) in the mode set."""
+    """The resonances of the orders r = 1 ... R.
+
+    Attributes
+    ----------
+    frequency : ndarray (R,)
+        Hz.
+    share : ndarray (R,)
+        Share of the standing wave's pattern that the mode has, at most 1.
+    row : ndarray (R,) of int
+        Row of the mode in the mode set.
+    """
 
     frequency: np.ndarray
     share: np.ndarray
@@ -31,58 +46,64 @@ class Standing:
 
 
 def standing_modes(frequency: np.ndarray, z_shape: np.ndarray, network: Network) -> Standing:
-    """The resonances r = 1, 2, ... up to the first that no mode bears.
+    """Find the resonances r = 1, 2, ... up to the first standing wave that belongs to no mode.
 
-    Of modes: frequency (k,) Hz, and their mass-normalised displacements along z, `z_shape` (k, n).
+    `frequency` (k,), Hz, and `z_shape` (k, n), the mass-normalised displacements along z, are those
+    of the modes.
     """
     orders = np.arange(1, HIGHEST_ORDER + 1)
     along_z = standing_waves(network, orders).reshape(network.n_particles, 6, -1)[:, 2]
     share = (z_shape @ (along_z * np.sqrt(network.mass)[:, None])) ** 2
     row = np.argmax(share, axis=0)
     largest = share[row, np.arange(len(orders))]
-    lost = np.flatnonzero(largest < LEAST_SHARE)
-    kept = slice(0, lost[0] if len(lost) else len(orders))
-    return Standing(frequency[row[kept]], largest[kept], row[kept])
+    without_mode = np.flatnonzero(largest < MIN_SHARE)
+    count = len(orders)
+    if len(without_mode):
+        count = without_mode[0]
+    return Standing(frequency[row[:count]], largest[:count], row[:count])
 
 
 def fitted_wavenumbers(shape: np.ndarray, depth: np.ndarray, length: float) -> np.ndarray:
-    """kappa (R,) 1/m of the sine that fits each of the shapes (R, p) best, r = 1 ... R in order.
+    """Return the wave number kappa (R,), 1/m, of the sine that fits each shape best.
 
-    `depth` (p,) from the source wall and `length` from wall to wall, m. Phase and wave number are
-    free: walls that give way make the standing waves longer than Eq. 4 has them. NaN where the best
-    is more than half an order off.
+    `shape` (R, p) are those of the orders r = 1 ... R, `depth` (p,) is the distance from the source
+    wall and `length` that from wall to wall, m. Phase and wave number are free, as walls that yield
+    make standing waves longer than Eq. 4 says. NaN if the best sine is more than half an order off.
     """
-    found = np.full(len(shape), np.nan)
-    offsets = np.linspace(-0.5, 0.5, 101)
+    wavenumbers = np.full(len(shape), np.nan)
     angle = np.pi * depth / length
-    # exp(i kappa z) of all offsets from an order; its square has the sums of products in it.
-    aside = np.exp(1j * np.outer(angle, offsets))
-    twice = aside**2
-    for k, u in enumerate(shape):
-        middle = np.exp(1j * (k + 1) * angle)
-        both, products = (u * middle) @ aside, middle**2 @ twice
+    # exp(i kappa z) for all offsets from an order; the sums of its square give those of products.
+    offset_wave = np.exp(1j * np.outer(angle, ORDER_OFFSETS))
+    offset_wave_squared = offset_wave**2
+    for row, u in enumerate(shape):
+        order_wave = np.exp(1j * (row + 1) * angle)
+        overlap = (u * order_wave) @ offset_wave
+        products = order_wave**2 @ offset_wave_squared
         # What the best a sin(kappa z) + b cos(kappa z) explains of the sum of u^2.
-        explained = 2 * (len(u) * abs(both) ** 2 - (products.conj() * both**2).real)
+        explained = 2 * (len(u) * abs(overlap) ** 2 - (products.conj() * overlap**2).real)
         explained /= len(u) ** 2 - abs(products) ** 2
-        kappa = np.pi * (k + 1 + offsets) / length
-        kept = kappa > 0.6 * np.pi / length
-        kappa, explained = kappa[kept], explained[kept]
-        at = int(np.argmax(explained))
-        if 0 < at < len(kappa) - 1:
-            shift = summit(*explained[at - 1 : at + 2])
-            found[k] = kappa[at] + shift * (kappa[1] - kappa[0])
-    return found
+        kappa = np.pi * (row + 1 + ORDER_OFFSETS) / length
+        allowed = kappa > MIN_ORDER * np.pi / length
+        kappa = kappa[allowed]
+        explained = explained[allowed]
+        top = int(np.argmax(explained))
+        if 0 < top < len(kappa) - 1:
+            shift = summit(explained[top - 1], explained[top], explained[top + 1])
+            wavenumbers[row] = kappa[top] + shift * (kappa[1] - kappa[0])
+    return wavenumbers
 
 
 def long_wave_velocity(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[float, float]:
-    """V_P, m/s, and its standard error: omega / kappa = V (1 + b kappa^2), r = 2 ... 10.
+    """Return V_P of the longest waves and its standard error, m/s.
 
-    frequency (R,) Hz and wavenumber (R,) 1/m of r = 1 ... R; NaN with fewer than ten.
+    It is the V of omega / kappa = V (1 + b kappa^2), fitted to r = 2 ... 10. `frequency` (R,), Hz,
+    and `wavenumber` (R,), 1/m, are those of r = 1 ... R. NaN if R is below ten, or if fewer than
+    `MIN_FITTED_ORDERS` of the nine are known.
     """
-    if len(frequency) < LONG[1]:
+    if len(frequency) < FITTED_ROWS.stop:
         return np.nan, np.nan
-    f, kappa = frequency[slice(*LONG)], wavenumber[slice(*LONG)]
-    velocity = 2 * np.pi * f / kappa
-    if np.isfinite(velocity).sum() < 5:
+    kappa = wavenumber[FITTED_ROWS]
+    velocity = 2 * np.pi * frequency[FITTED_ROWS] / kappa
+    if np.isfinite(velocity).sum() < MIN_FITTED_ORDERS:
         return np.nan, np.nan
     return straight_line(kappa**2, velocity).at(0.0)

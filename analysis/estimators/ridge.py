@@ -1,11 +1,11 @@
-"""Frequency of the wave of each wave number, and the wavelength at the band edge, from a record.
+"""Find the frequency for each wave number of a record, and the wavelength at the band edge.
 
-The sum over the chain of u exp(-i kappa z) turns at the frequency of the wave number kappa. It is
-read after the source wall has come to rest and before the far end has turned the waves. No law of
-the lattice enters: a wave that leaves the source has a positive group velocity, hence turns forward
-up to the wave number of the highest frequency; beyond it the same energy is seen to turn backward.
-There the band ends, and its wavelength is whatever the record has: 2 l only where neighbours alone
-act on each other.
+The sum over the chain of u exp(-i kappa z) turns in the complex plane at the frequency of the wave
+number kappa. It is read after the source wall has come to rest and before the far end has turned
+the waves back. No law of the lattice is assumed: a wave that leaves the source has a positive group
+velocity, hence turns forward up to the wave number of the highest frequency; beyond this wave
+number the same energy appears to turn backward. There the band ends, at the wavelength that the
+record shows: it is 2 l only if each layer acts on its nearest neighbours alone.
 """
 
 from dataclasses import dataclass
@@ -18,27 +18,47 @@ from analysis.estimators.source_motion import at_rest
 from modal.waves.signals import Signals
 
 POINTS = 260
-"""Wave numbers, to `REACH` times that of two particles a wavelength."""
-REACH = 1.3
+"""Wave numbers of the ridge."""
+HIGHEST_WAVENUMBER_RATIO = 1.3
+"""Highest wave number, relative to that of two particles per wavelength."""
+LONG_WAVES = slice(POINTS // 50, POINTS // 10)
+"""Points from which the velocity of long waves is taken."""
+MIN_TIMES = 16
 PADDING = 4
-AROUND = 0.25
-"""Part of the edge's wave number, to both sides, whose points decide where the highest is."""
-SURE = 0.9
-"""Least agreement of the senses of turning: 1 where all below turn forward and all above back."""
-REFUSED, ROUGH = 4.0, 3e-3
-"""Distance from the curve, in median ones, of a point that is none of the ridge; and the median
-one, relative, from which on the points are no curve."""
-LEAST = 12
-"""Points that a curve of the fourth order is trusted with."""
+"""Length of the padded record, in lengths of the record."""
+EDGE_RANGE = 0.25
+"""Part of the edge's wave number, to both sides, whose points decide where the edge is."""
+MIN_POINTS_BELOW_EDGE = 4
+MIN_AGREEMENT = 0.9
+"""Least agreement of the senses of turning around the edge: 1 if all points below it turn forward
+and all above it backward."""
+CURVE_DEGREE = 4
+MIN_CURVE_POINTS = 12
+"""Fewest points for a curve of the fourth degree."""
+CURVE_PASSES = 4
+"""Fits of the curve, each without the outliers of the one before."""
+CURVE_SAMPLES = 2001
+OUTLIER_DISTANCE = 4.0
+"""Distance from the curve, relative to the median distance, beyond which a point is an outlier."""
+MAX_RELATIVE_SCATTER = 3e-3
+"""Largest median distance of points from the curve, relative to the frequency, for which the curve
+is trusted."""
 PASSAGES = 1.3
 """Length of the record that is used, in passages along the chain: the far end turns waves back."""
 
 
 @dataclass(frozen=True)
 class Ridge:
-    """wavenumber (n,) 1/m; frequency (n,) Hz, positive where the wave turns forward.
+    """Frequencies over wave numbers, and the band edge.
 
-    edge_wavenumber (1/m) and edge_frequency (Hz): where the band ends; NaN where it is not seen.
+    Attributes
+    ----------
+    wavenumber : ndarray (n,)
+        1/m, ascending.
+    frequency : ndarray (n,)
+        Hz, positive where the wave turns forward.
+    edge_wavenumber, edge_frequency : float
+        Where the band ends, 1/m and Hz; NaN if the record does not show it.
     """
 
     wavenumber: np.ndarray
@@ -48,44 +68,57 @@ class Ridge:
 
     @property
     def edge_wavelength(self) -> float:
-        """Wavelength at the band edge, m: the shortest that leaves the source."""
+        """Return the wavelength at the band edge, m: the shortest that leaves the source."""
         return 2 * np.pi / self.edge_wavenumber
 
     def wavelength(self, frequency: float) -> float:
-        """Wavelength, m, at a frequency, Hz; NaN beyond the band edge, where no wave travels."""
+        """Return the wavelength, m, at a frequency, Hz.
+
+        NaN below the first frequency of the ridge and above the band edge, where no wave travels.
+        """
         inside = (self.wavenumber < self.edge_wavenumber) & (self.frequency > 0)
-        f = np.append(self.frequency[inside], self.edge_frequency)
+        frequencies = np.append(self.frequency[inside], self.edge_frequency)
         kappa = np.append(self.wavenumber[inside], self.edge_wavenumber)
-        if not f[0] <= frequency <= self.edge_frequency:
+        if not frequencies[0] <= frequency <= self.edge_frequency:
             return np.nan
-        return float(2 * np.pi / np.interp(frequency, np.maximum.accumulate(f), kappa))
+        rising = np.maximum.accumulate(frequencies)
+        return float(2 * np.pi / np.interp(frequency, rising, kappa))
 
 
 def ridge(signals: Signals) -> Ridge:
-    """The ridge of a chain of equal distances, e.g. of one particle a layer of a crystal.
+    """Find the ridge of a chain of equal distances, such as one particle per layer of a crystal.
 
-    Waves above the pulse's spectrum, which ends at twice its frequency, are not looked for.
+    The search ends at twice the pulse's frequency, where its spectrum ends. All frequencies are NaN
+    if there is no wave in the record.
     """
-    highest = REACH * np.pi / layer_distance(signals)
+    highest = HIGHEST_WAVENUMBER_RATIO * np.pi / layer_distance(signals)
     kappa = np.linspace(highest / POINTS, highest, POINTS)
     start = at_rest(signals) - float(signals.time[0])
-    whole = _frequencies(signals, kappa, start, np.inf)
-    long = slice(POINTS // 50, POINTS // 10)
-    velocity = 2 * np.pi * float(np.median(abs(whole[long]) / kappa[long]))
-    if not velocity > 0:  # nothing turns: no wave is in the record
+    frequency = _turning_frequencies(signals, kappa, start, np.inf)
+    phase_velocity = abs(frequency[LONG_WAVES]) / kappa[LONG_WAVES]
+    velocity = 2 * np.pi * float(np.median(phase_velocity))
+    if not velocity > 0:  # the sums do not turn
         return Ridge(kappa, np.full(POINTS, np.nan), np.nan, np.nan)
-    span = float(np.ptp(signals.chain_position))
-    cut = _frequencies(signals, kappa, start, start + PASSAGES * span / velocity)
-    frequency = cut if np.isfinite(cut).all() else whole
-    return Ridge(kappa, frequency, *_edge(kappa, frequency))
+    passage = float(np.ptp(signals.chain_position)) / velocity
+    before_reflection = _turning_frequencies(signals, kappa, start, start + PASSAGES * passage)
+    if np.isfinite(before_reflection).all():
+        frequency = before_reflection
+    edge_wavenumber, edge_frequency = _find_edge(kappa, frequency)
+    return Ridge(kappa, frequency, edge_wavenumber, edge_frequency)
 
 
-def _frequencies(signals: Signals, kappa: np.ndarray, start: float, end: float) -> np.ndarray:
-    """Shape (n,), Hz, of wave numbers (n,) between two times, s; NaN if there are too few."""
+def _turning_frequencies(
+    signals: Signals, kappa: np.ndarray, start: float, end: float
+) -> np.ndarray:
+    """Return the frequencies (n,), Hz, at which the sums of wave numbers `kappa` (n,), 1/m, turn.
+
+    Only times from `start` to `end`, s after the record begins, are used. NaN if there are fewer
+    than `MIN_TIMES` of them.
+    """
     time = signals.time - signals.time[0]
     used = (time >= start) & (time <= end)
     count = int(used.sum())
-    if count < 16:
+    if count < MIN_TIMES:
         return np.full(len(kappa), np.nan)
     z = signals.chain_position - signals.chain_position[0]
     window = np.hanning(count + 2)[1:-1]
@@ -93,43 +126,66 @@ def _frequencies(signals: Signals, kappa: np.ndarray, start: float, end: float) 
     turning = (signals.chain_displacement[used] @ np.exp(-1j * np.outer(z, kappa))).conj()
     length = PADDING * count
     spectrum = abs(np.fft.fft(window[:, None] * turning, length, axis=0))
-    f = np.fft.fftfreq(length, time[1] - time[0])
-    spectrum[abs(f) > 2 * signals.input_frequency] = 0
+    frequency = np.fft.fftfreq(length, time[1] - time[0])
+    spectrum[abs(frequency) > 2 * signals.input_frequency] = 0
     power = np.log(spectrum + np.finfo(float).tiny)
-    top, column = np.argmax(power, axis=0), np.arange(len(kappa))
-    before, peak, behind = (power[(top + d) % length, column] for d in (-1, 0, 1))
+    top = np.argmax(power, axis=0)
+    column = np.arange(len(kappa))
+    before = power[(top - 1) % length, column]
+    peak = power[top, column]
+    behind = power[(top + 1) % length, column]
+    # As `summit`, but the denominator stays negative where the spectrum is flat.
     shift = 0.5 * (before - behind) / np.minimum(before - 2 * peak + behind, -1e-12)
-    return f[top] + f[1] * np.clip(shift, -0.5, 0.5)
+    return frequency[top] + frequency[1] * np.clip(shift, -0.5, 0.5)
 
 
-def _edge(kappa: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
-    """Wave number and frequency of the highest point where the sense of turning changes."""
+def _find_edge(kappa: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
+    """Return wave number, 1/m, and frequency, Hz, of the highest point, where the turning reverses.
+
+    Both are NaN if no reversal is clear, or if the points around it do not lie on a curve.
+    """
+    edge = _count_forward_points(frequency)
+    if edge is None:
+        return np.nan, np.nan
+    low, high = np.round(edge * np.array([1 - EDGE_RANGE, 1 + EDGE_RANGE])).astype(int)
+    edge_kappa = kappa[edge - 1]
+    x = kappa[low:high] / edge_kappa - 1
+    f = abs(frequency[low:high])
+    kept = abs(f / np.median(f) - 1) < EDGE_RANGE
+    for _ in range(CURVE_PASSES):
+        if kept.sum() < MIN_CURVE_POINTS:
+            return np.nan, np.nan
+        curve = np.polyfit(x[kept], f[kept], CURVE_DEGREE)
+        distance = abs(np.polyval(curve, x) - f) / np.median(f)
+        median_distance = float(np.median(distance[kept]))
+        kept = distance <= OUTLIER_DISTANCE * median_distance + 1e-9
+    fine = np.linspace(x[0], x[-1], CURVE_SAMPLES)
+    values = np.polyval(curve, fine)
+    top = int(np.argmax(values))
+    if top in (0, len(fine) - 1) or median_distance > MAX_RELATIVE_SCATTER:
+        return np.nan, np.nan
+    # Without the parabola, round-off would choose among the points of the grid.
+    shift = summit(values[top - 1], values[top], values[top + 1]) * (fine[1] - fine[0])
+    return float(edge_kappa * (1 + fine[top] + shift)), float(values[top])
+
+
+def _count_forward_points(frequency: np.ndarray) -> int | None:
+    """Return how many points (n,) turn forward before the sense of turning reverses.
+
+    None if the senses of turning agree with no reversal by `MIN_AGREEMENT`.
+    """
     sense = np.append(0, np.cumsum(np.sign(frequency)))
     count = np.arange(POINTS + 1)
-    low, high = (np.round((1 + side) * count).astype(int) for side in (-AROUND, AROUND))
-    fits = (high <= POINTS) & (count - low >= 4)
+    low = np.round((1 - EDGE_RANGE) * count).astype(int)
+    high = np.round((1 + EDGE_RANGE) * count).astype(int)
+    possible = (high <= POINTS) & (count - low >= MIN_POINTS_BELOW_EDGE)
+    count = count[possible]
+    low = low[possible]
+    high = high[possible]
     agreement = np.full(POINTS + 1, -1.0)
-    k, low, high = count[fits], low[fits], high[fits]
-    agreement[fits] = (2 * sense[k] - sense[low] - sense[high]) / (high - low)
-    if agreement.max() < SURE:
-        return np.nan, np.nan
-    first = int(np.argmax(agreement >= SURE))
-    middle = first + int(np.argmax(agreement[first : int((1 + AROUND) * first)]))
-    near = slice(*np.round(middle * np.array([1 - AROUND, 1 + AROUND])).astype(int))
-    x, f = kappa[near] / kappa[middle - 1] - 1, abs(frequency[near])
-    kept = abs(f / np.median(f) - 1) < AROUND
-    for _ in range(4):
-        if kept.sum() < LEAST:
-            return np.nan, np.nan
-        curve = np.polyfit(x[kept], f[kept], 4)
-        off = abs(np.polyval(curve, x) - f) / np.median(f)
-        middling = float(np.median(off[kept]))
-        kept = off <= REFUSED * middling + 1e-9
-    fine = np.linspace(x[0], x[-1], 2001)
-    values = np.polyval(curve, fine)
-    at = int(np.argmax(values))
-    if at in (0, len(fine) - 1) or middling > ROUGH:
-        return np.nan, np.nan
-    # Between the points of the grid, which round-off else chooses among.
-    shift = summit(*values[at - 1 : at + 2]) * (fine[1] - fine[0])
-    return float(kappa[middle - 1] * (1 + fine[at] + shift)), float(values[at])
+    agreement[possible] = (2 * sense[count] - sense[low] - sense[high]) / (high - low)
+    if agreement.max() < MIN_AGREEMENT:
+        return None
+    first = int(np.argmax(agreement >= MIN_AGREEMENT))
+    end = int((1 + EDGE_RANGE) * first)
+    return first + int(np.argmax(agreement[first:end]))

@@ -1,22 +1,24 @@
-"""Dynamic structure factor: how much of a standing or a plane wave lies at each frequency.
+"""Compute the dynamic structure factor: how much of a wave lies at each frequency.
 
-S_r(f) = sum_i <e_r|i>^2 delta(f - f_i), over all modes i of the packing, where e_r is the pattern
-sin(pi r z / L) of every force-bearing sphere, normalised in the mass. Its ridge over kappa_r is the
-dispersion relation of a random packing far beyond the modes that can be told by eye, and its width
-is the rate at which disorder scatters the wave. Of a periodic cell e is a plane wave exp(i k x)
-that fits into it, of equal displacement along k (longitudinal, S_L) or across (transverse, S_T, the
-mean over both directions across). Weights add up to 1, and their mean omega^2 is e's own.
+For a standing wave, S_r(f) = sum_i <e_r|i>^2 delta(f - f_i) over all modes i of the packing, where
+e_r is the pattern sin(pi r z / L) of every force-bearing sphere, normalised with the mass. The
+ridge of S over kappa_r is the dispersion relation of a random packing, far beyond the modes that
+can be identified by eye; its width is the rate at which disorder scatters the wave. In a periodic
+cell e is a plane wave exp(i k x) that fits into the cell, with equal displacement along k
+(longitudinal, S_L) or across k (transverse, S_T, the mean over both directions). S integrates to 1,
+and its mean omega^2 is that of e.
 
 No mode is computed: S is the expansion of the delta function in Chebyshev polynomials of the
 operator (kernel polynomials: Weisse et al., Rev. Mod. Phys. 78, 275, 2006), in omega as in
-`modal.modes.density`. "granular-structure-factor", version 1.
+`modal.modes.density`. The files are "granular-structure-factor", version 1.
 
-The full width of the ridge of the dynamic structure factor is the rate, in Hz, at which a standing
-wave loses its energy to others, over 2 pi. The mean free path is the velocity over that rate. Where
-it falls to half a wavelength, l = lambda / 2 (pi times the width is then the frequency), a plane
-wave is no longer one: the limit of Ioffe and Regel, a low-pass that needs no threshold.
+A wave loses its energy to others at a rate of 2 pi times the full width, in Hz, of the ridge. The
+mean free path is the velocity divided by this rate. Where it falls to half a wavelength, l = lambda
+/ 2 (pi times the width is then the frequency), there is no plane wave any more: this is the limit
+of Ioffe and Regel, a low-pass frequency that needs no threshold.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -36,16 +38,34 @@ from modal.tools.errors import InputError, UnavailableError, refuse_unknown
 SCHEMA = "granular-structure-factor"
 VERSION = 1
 POLARISATIONS = {"L": 2, "T": 4}
-"""Patterns of one plane wave: cosine and sine, of transverse ones along both directions across."""
-AROUND = 0.7, 1.3
-"""Part of a frequency between which the width's power of the frequency is fitted."""
+"""Number of patterns of one plane wave: a cosine and a sine, for transverse waves along both
+directions across the wave vector."""
+POWER_RANGE = (0.7, 1.3)
+"""Range of frequencies, relative to a central one, in which the width's power law is fitted."""
+SMALLEST_WIDTH_RATIO = 0.5
+"""Least width, relative to the resolution, that counts as a width of the wave."""
+LOST_WIDTH_RATIO = 0.5
+"""A width below this part of the largest one at lower frequencies is no width of a ridge."""
+LINES_PER_RESOLUTION = 5
+"""Frequencies per width of a line."""
+HIGHEST_FREQUENCY_RATIO = 0.999
+"""Highest frequency, relative to that of the spectral bound, where the density diverges."""
 
 
 @dataclass(frozen=True)
 class Scattering:
-    """frequency (n,) Hz of the ridge, rising; width (n,) Hz, full at half height; velocity m/s.
+    """The ridge of a structure factor, as far as its width is larger than the resolution.
 
-    diameter in m. Of the waves whose widths are told from zero.
+    Attributes
+    ----------
+    frequency : ndarray (n,)
+        Hz, rising.
+    width : ndarray (n,)
+        Full width at half height, Hz.
+    velocity : float
+        Of the long waves, m/s.
+    diameter : float
+        Mean diameter of the spheres, m.
     """
 
     frequency: np.ndarray
@@ -54,53 +74,70 @@ class Scattering:
     diameter: float
 
     def free_path(self, frequency: float) -> float:
-        """Mean free path at a frequency (Hz), in diameters: V / (2 pi width).
+        """Return the mean free path at a frequency, Hz, in diameters: V / (2 pi width).
 
-        The width is straight between the ridge's logarithms; NaN outside.
+        The logarithm of the width is interpolated linearly in that of the frequency; NaN outside
+        the ridge.
         """
         if len(self.width) < 2 or not np.isfinite(frequency) or frequency <= 0:
             return np.nan
-        f, width = np.log(self.frequency), np.log(self.width)
-        there = np.exp(np.interp(np.log(frequency), f, width, np.nan, np.nan))
-        return float(self.velocity / (2 * np.pi * there) / self.diameter)
+        log_width = np.interp(
+            np.log(frequency), np.log(self.frequency), np.log(self.width), np.nan, np.nan
+        )
+        return float(self.velocity / (2 * np.pi * np.exp(log_width)) / self.diameter)
 
     @property
     def limit(self) -> float:
-        """Ioffe-Regel frequency, Hz: the first at which pi times the width reaches it; else NaN."""
-        f, excess = self.frequency, np.pi * self.width / self.frequency
+        """Return the Ioffe-Regel frequency, Hz: the first that pi times the width reaches.
+
+        NaN if the width reaches it nowhere, or at the first point already.
+        """
+        excess = np.pi * self.width / self.frequency
         beyond = np.flatnonzero(excess >= 1)
         if not len(beyond) or beyond[0] == 0:
             return np.nan
         pair = [beyond[0] - 1, beyond[0]]
-        return float(np.exp(np.interp(0, np.log(excess[pair]), np.log(f[pair]))))
+        log_frequency = np.interp(0, np.log(excess[pair]), np.log(self.frequency[pair]))
+        return float(np.exp(log_frequency))
 
     def of_waves(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Frequency, Hz, width, Hz, and mean free path, D, up to the Ioffe-Regel frequency.
+        """Return frequency, Hz, width, Hz, and mean free path, D, up to the Ioffe-Regel frequency.
 
-        Or up to where the width falls back to half of its largest: what stands out is then no ridge
-        but a single line of its noise.
+        They end before it where the width falls below half of its largest: the maximum is then no
+        ridge but a single line of noise.
         """
-        f, width = self.frequency, self.width
-        lost = np.append(width < 0.5 * np.maximum.accumulate(width), True)
-        beyond = np.append(np.pi * width >= f, True)
-        kept = slice(0, min(int(np.argmax(lost)), int(np.argmax(beyond)) + 1))
-        f, width = f[kept], width[kept]
-        return f, width, self.velocity / (2 * np.pi * width) / self.diameter
+        largest_width = np.maximum.accumulate(self.width)
+        lost = np.append(self.width < LOST_WIDTH_RATIO * largest_width, True)
+        beyond = np.append(np.pi * self.width >= self.frequency, True)
+        count = min(int(np.argmax(lost)), int(np.argmax(beyond)) + 1)
+        width = self.width[:count]
+        free_path = self.velocity / (2 * np.pi * width) / self.diameter
+        return self.frequency[:count], width, free_path
 
     def power(self, frequency: float) -> PowerLaw:
-        """The width as a power of the frequency, about a frequency in Hz."""
-        low, high = (part * frequency for part in AROUND)
-        steep = (self.frequency > low) & (self.frequency < high)
-        return power_law(self.frequency[steep], self.width[steep])
+        """Fit the width as a power of the frequency, within `POWER_RANGE` of a frequency in Hz."""
+        low = POWER_RANGE[0] * frequency
+        high = POWER_RANGE[1] * frequency
+        near = (self.frequency > low) & (self.frequency < high)
+        return power_law(self.frequency[near], self.width[near])
 
 
 @dataclass(frozen=True)
 class StructureFactor:
-    """power (R, nf), 1/Hz, at frequency (nf,) Hz of standing waves; each row integrates to 1.
+    """The dynamic structure factor of standing or plane waves.
 
-    order (R,) r, wavenumber (R,) pi r / L, rad/m (Eq. 4); of plane waves order (R, 3), the periods
-    along x, y and z, and wavenumber the length of the wave vector; `resolution` Hz, the full width
-    at half height that a single mode has.
+    Attributes
+    ----------
+    frequency : ndarray (nf,)
+        Hz.
+    order : ndarray (R,) or (R, 3)
+        r of standing waves; of plane waves the periods in the cell along x, y and z.
+    wavenumber : ndarray (R,)
+        pi r / L (Eq. 4), or the length of the wave vector, rad/m.
+    power : ndarray (R, nf)
+        1/Hz; each row integrates to 1.
+    resolution : float
+        Full width at half height of a single mode, Hz.
     """
 
     frequency: Annotated[np.ndarray, stored("", "f", "nf", unit="Hz")]
@@ -110,42 +147,60 @@ class StructureFactor:
     resolution: float
 
     def ridge(self) -> tuple[np.ndarray, np.ndarray]:
-        """Frequency (R,) Hz of each row's maximum, and its width (R,), the resolution taken off.
+        """Return the frequency (R,), Hz, of each row's maximum and its width (R,), Hz.
 
-        Widths are full at half height; both lines are near-Gaussian, so squares subtract. What is
-        below a fifth of the resolution is not told from zero. NaN where half height is outside.
+        Widths are full widths at half height, less the resolution: both lines are near-Gaussian, so
+        that squares subtract. A width below a fifth of the resolution cannot be distinguished from
+        zero. NaN if the maximum or half of its height lies outside the frequencies.
         """
-        peak, width = np.full((2, len(self.order)), np.nan)
-        f, step = self.frequency, self.frequency[1] - self.frequency[0]
+        peak = np.full(len(self.order), np.nan)
+        width = np.full(len(self.order), np.nan)
+        step = self.frequency[1] - self.frequency[0]
         for n, row in enumerate(self.power):
-            k = int(np.argmax(row))
-            if not 0 < k < len(row) - 1:
+            top = int(np.argmax(row))
+            if not 0 < top < len(row) - 1:
                 continue
-            near = np.log(np.maximum(row[k - 1 : k + 2], np.finfo(float).tiny))
-            peak[n] = f[k] + step * summit(*near)
-            low, high = np.flatnonzero(row[:k] < row[k] / 2), np.flatnonzero(row[k:] < row[k] / 2)
-            if len(low) and len(high):
-                a, b = low[-1], k + high[0]
-                left = np.interp(row[k] / 2, row[[a, a + 1]], f[[a, a + 1]])
-                right = np.interp(row[k] / 2, row[[b, b - 1]], f[[b, b - 1]])
-                width[n] = np.sqrt(max((right - left) ** 2 - self.resolution**2, 0))
+            before, maximum, behind = np.log(
+                np.maximum(row[top - 1 : top + 2], np.finfo(float).tiny)
+            )
+            peak[n] = self.frequency[top] + step * summit(before, maximum, behind)
+            width[n] = self._width(row, top)
         return peak, width
 
+    def _width(self, row: np.ndarray, top: int) -> float:
+        """Return the full width at half height, Hz, of a row (nf,) whose maximum is at `top`."""
+        half = row[top] / 2
+        below_before = np.flatnonzero(row[:top] < half)
+        below_behind = np.flatnonzero(row[top:] < half)
+        if not len(below_before) or not len(below_behind):
+            return np.nan
+        first = below_before[-1]
+        rise = [first, first + 1]
+        last = top + below_behind[0]
+        fall = [last, last - 1]
+        left = np.interp(half, row[rise], self.frequency[rise])
+        right = np.interp(half, row[fall], self.frequency[fall])
+        return np.sqrt(max((right - left) ** 2 - self.resolution**2, 0))
+
     def scattering(self, velocity: float, diameter: float) -> Scattering:
-        """What the ridge tells, as far as its frequency rises; `velocity` m/s, `diameter` m."""
+        """Return the ridge where its frequency rises and its width is known.
+
+        `velocity` is that of the long waves, m/s, `diameter` that of the spheres, m.
+        """
         peak, width = self.ridge()
-        rising = np.isfinite(peak) & (np.maximum.accumulate(np.nan_to_num(peak)) == peak)
-        told = rising & (width > self.resolution / 2)
-        return Scattering(peak[told], width[told], velocity, diameter)
+        highest_peak = np.maximum.accumulate(np.nan_to_num(peak))
+        rising = np.isfinite(peak) & (highest_peak == peak)
+        used = rising & (width > self.resolution * SMALLEST_WIDTH_RATIO)
+        return Scattering(peak[used], width[used], velocity, diameter)
 
 
 FORMAT = product_of(SCHEMA, StructureFactor)
 
 
 def _patterns(network: Network, waves: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Shape (6n, d w): `waves` (n, w) of force-bearing spheres along each of `directions` (d, 3).
+    """Return patterns (6n, d w), scaled by M^1/2, of force-bearing spheres.
 
-    Scaled by M^1/2.
+    Each of the `waves` (n, w) moves spheres along each of the `directions` (d, 3).
     """
     bearing = force_bearing(network)
     if not bearing.any():
@@ -153,13 +208,17 @@ def _patterns(network: Network, waves: np.ndarray, directions: np.ndarray) -> np
             "no particle has two contacts; such a packing carries no wave", code="carries_no_wave"
         )
     pattern = np.zeros((network.n_particles, 6, len(directions) * waves.shape[1]))
-    moving = (waves * bearing[:, None])[:, None, None] * directions.T[:, :, None]
-    pattern[:, :3] = moving.reshape(network.n_particles, 3, -1)
+    displacement = (waves * bearing[:, None])[:, None, None] * directions.T[:, :, None]
+    pattern[:, :3] = displacement.reshape(network.n_particles, 3, -1)
     return LinearSystem.of(network).sqrt_mass.times(pattern.reshape(6 * network.n_particles, -1))
 
 
 def standing_waves(network: Network, orders: np.ndarray) -> np.ndarray:
-    """Shape (6n, R): sin(pi r z / L) along z of force-bearing spheres, scaled by M^1/2, unit."""
+    """Return the patterns (6n, R) of standing waves: sin(pi r z / L) along z, scaled by M^1/2.
+
+    Only force-bearing spheres move; each pattern has the norm 1. UnavailableError if the walls are
+    in one place.
+    """
     if not network.length > 0:
         raise UnavailableError("the walls are in one place: no wave stands", code="no_volume")
     depth = (network.position[:, 2] - network.wall_position[0]) / network.length
@@ -168,32 +227,42 @@ def standing_waves(network: Network, orders: np.ndarray) -> np.ndarray:
 
 
 def wave_vectors(network: Network, orders: np.ndarray) -> np.ndarray:
-    """Shape (R, 3), rad/m: those with `orders` (R, 3) periods along x, y and z of the cell."""
+    """Return the wave vectors (R, 3), rad/m, with `orders` (R, 3) periods along x, y and z.
+
+    InputError if orders are not three whole numbers each or all zero, UnavailableError along an
+    axis on which the packing is not periodic.
+    """
     orders = np.asarray(orders)
     if orders.ndim != 2 or orders.shape[1] != 3 or orders.dtype.kind != "i" or len(orders) == 0:
-        raise InputError("wave vectors: give three whole numbers of periods for each")
-    walls = np.flatnonzero(orders.any(axis=0) & ~np.asarray(network.cell_periodic))
-    if len(walls):
+        raise InputError(
+            "wave vectors: give three whole numbers of periods for each", code="wave_vector"
+        )
+    not_periodic = np.flatnonzero(orders.any(axis=0) & ~np.asarray(network.cell_periodic))
+    if len(not_periodic):
         raise UnavailableError(
-            f"no plane wave goes along {'xyz'[walls[0]]}, where the packing is not periodic; take "
-            "standing waves (whole numbers r) between walls",
+            f"no plane wave goes along {'xyz'[not_periodic[0]]}, where the packing is not "
+            "periodic; take standing waves (whole numbers r) between walls",
             code="not_periodic",
         )
     if not orders.any(axis=1).all():
-        raise InputError("wave vectors: 0 0 0 is no wave")
+        raise InputError("wave vectors: 0 0 0 is no wave", code="zero_wave_vector")
     return 2 * np.pi * orders / np.where(network.cell_periodic, network.cell_size, 1.0)
 
 
 def plane_waves(network: Network, vector: np.ndarray, polarisation: str) -> np.ndarray:
-    """Shape (6n, 2) or (6n, 4): cosine and sine of one wave, scaled by M^1/2, squares adding to 1.
+    """Return the patterns of a plane wave, scaled by M^1/2, whose squares add to 1.
 
-    `vector` (3,), rad/m; of transverse waves both directions across it, with half the weight each.
+    Longitudinal waves ("L") have a cosine and a sine, (6n, 2). Transverse ones ("T") have them
+    along both directions across the `vector` (3,), rad/m, with half the weight each, (6n, 4).
     """
     refuse_unknown("polarisation", polarisation, POLARISATIONS)
     frame = np.linalg.svd((vector / np.linalg.norm(vector))[None])[2]
+    directions = frame[:1]
+    if polarisation == "T":
+        directions = frame[1:]
     phase = network.position @ vector
     waves = np.column_stack([np.cos(phase), np.sin(phase)])
-    pattern = _patterns(network, waves, frame[:1] if polarisation == "L" else frame[1:])
+    pattern = _patterns(network, waves, directions)
     return pattern / np.linalg.norm(pattern)
 
 
@@ -204,60 +273,95 @@ def structure_factor(
     highest: float | None = None,
     polarisation: str = "L",
 ) -> StructureFactor:
-    """S of standing waves r in `orders` (R,), or of plane waves, `orders` (R, 3) periods in a cell.
+    """Compute the dynamic structure factor of standing waves or of plane waves.
 
-    To `highest`, Hz (default: the whole band). Plane waves are longitudinal or transverse
-    (`POLARISATIONS`). About 1.2 f_max / resolution products with K for each r, twice as many for a
-    longitudinal plane wave, four times for a transverse one.
+    This takes about 1.2 f_max / resolution products with K for each standing wave, twice as many
+    for a longitudinal plane wave, four times as many for a transverse one.
+
+    Parameters
+    ----------
+    network : Network
+    orders : ndarray (R,) or (R, 3) of int
+        r of standing waves, or periods of plane waves in the cell along x, y and z.
+    resolution : float
+        Full width at half height of a single mode, Hz.
+    highest : float, optional
+        Highest frequency, Hz; by default that of the whole band.
+    polarisation : {"L", "T"}
+        Whether plane waves are longitudinal or transverse.
     """
     orders = np.asarray(orders)
     if not 0 < resolution < np.inf or len(orders) == 0 or (orders.ndim == 1 and orders.min() < 1):
-        raise InputError("resolution must be a positive number of Hz, the orders 1 or more")
+        raise InputError(
+            "resolution must be a positive number of Hz, the orders 1 or more",
+            code="resolution_or_orders",
+        )
     if orders.ndim == 1:
-        of, columns = orders, 1
+        waves = orders
+        patterns_per_wave = 1
         wavenumber = np.pi * orders / network.length
     else:
-        of, columns = wave_vectors(network, orders), POLARISATIONS[polarisation]
-        wavenumber = np.linalg.norm(of, axis=1)
+        refuse_unknown("polarisation", polarisation, POLARISATIONS)
+        waves = wave_vectors(network, orders)
+        patterns_per_wave = POLARISATIONS[polarisation]
+        wavenumber = np.linalg.norm(waves, axis=1)
 
-    def waves(some: np.ndarray) -> np.ndarray:
+    def patterns(part: np.ndarray) -> np.ndarray:
         if orders.ndim == 1:
-            return standing_waves(network, some)
-        return np.column_stack([plane_waves(network, each, polarisation) for each in some])
+            return standing_waves(network, part)
+        return np.column_stack([plane_waves(network, vector, polarisation) for vector in part])
 
     system = LinearSystem.of(network)
-    operator, top = system.renumbered, system.spectral_bound
-    if top <= 0:
+    if system.spectral_bound <= 0:
         raise UnavailableError(
             "the network has no stiffness; all its modes are at zero", code="no_stiffness"
         )
-    f_top = float(np.sqrt(top) / (2 * np.pi))
+    f_top = float(np.sqrt(system.spectral_bound) / (2 * np.pi))
     # A line's standard deviation in omega / omega_max is pi over the orders, odd ones included.
     count = max(2, int(np.ceil(np.pi * FULL_WIDTH * f_top / resolution / 2)))
-    some = max(1, block_width(system.size) // columns)
-    moments = [
-        moments_of(
-            *(operator, waves(of[first : first + some]), top, count),
-            f"structure {first + 1}/{len(of)}",
-        ).sum(axis=1)
-        for first in range(0, len(of), some)
-    ]
-    frequency = np.arange(resolution / 5, min(highest or f_top, 0.999 * f_top), resolution / 5)
+    waves_together = max(1, block_width(system.size) // patterns_per_wave)
+    moments = _moments(system, patterns, waves, waves_together, count)
+    step = resolution / LINES_PER_RESOLUTION
+    if not highest:
+        highest = f_top
+    frequency = np.arange(step, min(highest, HIGHEST_FREQUENCY_RATIO * f_top), step)
     angle = np.arccos(frequency / f_top)
-    wave = np.cos(2 * angle[:, None] * np.arange(count)) * jackson(count)
-    wave[:, 1:] *= 2
-    power = np.concatenate(moments) @ (wave * (2 / (np.pi * f_top * np.sin(angle)))[:, None]).T
+    kernel = np.cos(2 * angle[:, None] * np.arange(count)) * jackson(count)
+    kernel[:, 1:] *= 2
+    power = moments @ (kernel * (2 / (np.pi * f_top * np.sin(angle)))[:, None]).T
     power = power.reshape(len(orders), -1, len(frequency)).sum(axis=1)
     return StructureFactor(frequency, orders, wavenumber, power, resolution)
+
+
+def _moments(
+    system: LinearSystem,
+    patterns: Callable[[np.ndarray], np.ndarray],
+    waves: np.ndarray,
+    waves_together: int,
+    count: int,
+) -> np.ndarray:
+    """Return the first `count` Chebyshev moments of each pattern of the `waves` (R, ...).
+
+    `patterns` returns the patterns of some of the waves; `waves_together` are computed at once.
+    """
+    moments = []
+    for first in range(0, len(waves), waves_together):
+        part = waves[first : first + waves_together]
+        label = f"structure {first + 1}/{len(waves)}"
+        by_component = moments_of(
+            system.renumbered, patterns(part), system.spectral_bound, count, label
+        )
+        moments.append(by_component.sum(axis=1))
+    return np.concatenate(moments)
 
 
 def write_structure(
     path: str | Path, found: StructureFactor, made: Provenance | None = None
 ) -> None:
-    """Write atomically, of standing waves."""
+    """Write the structure factor of standing waves, with its provenance, atomically."""
     FORMAT.write(path, vars(found), made)
 
 
 def read_structure(path: str | Path) -> StructureFactor:
-    """Read and validate; InputError with one line for anything wrong."""
+    """Read and validate a structure factor; InputError of one line for anything wrong."""
     return StructureFactor(**FORMAT.read(path))

@@ -1,4 +1,4 @@
-"""When a wave comes: first peaks and arrivals along a chain, and the velocity of their times."""
+"""Find when a wave reaches each particle of a chain, and the velocity that these times give."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,70 +12,92 @@ from modal.packing.rattlers import force_bearing
 from modal.tools.arrays import Floats
 from modal.waves.signals import Signals
 
-MIDDLE = 0.25, 0.75
-"""Part of the length over which times are fitted: off both walls, layers 50 to 149 of 200."""
-LEAST = 5
-"""Times that a fit needs."""
-FAINT = 1e-3
-"""Part of the chain's largest motion below which a particle has not been reached."""
-SURE = 0.2
-"""Largest standard error of a velocity, relative: times beyond it are of no wave that passes."""
-LEVEL = 0.05
-"""Of a particle's largest motion, at which it counts as reached."""
+FITTED_STRETCH = (0.25, 0.75)
+"""Part of the length over which times are fitted, away from both walls: layers 50 to 149 of 200, as
+in Fig. 5."""
+MIN_TIMES = 5
+"""Fewest times to which a line is fitted."""
+MIN_PARTICLES_OF_COLUMN = 10
+"""Fewest particles with a known time that make a column count."""
+MIN_MOTION_RATIO = 1e-3
+"""Largest displacement of a particle, relative to the largest of the chain, up to which the wave
+has not reached the particle."""
+MAX_RELATIVE_ERROR = 0.2
+"""Largest standard error of a velocity, relative to it. Times that scatter more belong to no wave
+that travels from the source."""
+ARRIVAL_LEVEL = 0.05
+"""Displacement, relative to a particle's largest, at which the wave arrives at the particle."""
+WALL_MOVES_LEVEL = 0.1
+"""Displacement of the wall, relative to its largest, at which its first direction is read."""
 
 
-def outward(signals: Signals) -> np.ndarray:
-    """Shape (nt, nc), m: displacements, turned round where the wall goes backward.
+def _orient_forward(signals: Signals) -> np.ndarray:
+    """Return the displacements (nt, nc), m, with a positive sign along the wall's first motion.
 
-    NaN of particles that the wave has not reached.
+    Particles that the wave has not reached have NaN.
     """
     wall = signals.source_displacement
-    first = np.argmax(abs(wall) > 0.1 * abs(wall).max())
-    back = wall[first] < 0 if wall.any() else signals.amplitude < 0
-    u = -signals.chain_displacement if back else signals.chain_displacement
-    reached = u.max(axis=0) > FAINT * u.max()
-    return np.where(reached, u, np.nan)
+    backward = signals.amplitude < 0
+    if wall.any():
+        first = np.argmax(abs(wall) > WALL_MOVES_LEVEL * abs(wall).max())
+        backward = wall[first] < 0
+    displacement = signals.chain_displacement
+    if backward:
+        displacement = -displacement
+    reached = displacement.max(axis=0) > MIN_MOTION_RATIO * displacement.max()
+    return np.where(reached, displacement, np.nan)
 
 
 def first_peak_times(signals: Signals) -> np.ndarray:
-    """Time (nc,) s of each chain particle's first peak, by a parabola through three samples.
+    """Return the time (nc,), s, of each chain particle's first peak.
 
-    A peak is one of the wall's own direction, and counts when it exceeds half the particle's
-    maximum; NaN if the record ends before.
+    A peak has the direction of the wall's first motion and more than half of the particle's largest
+    displacement. Its time is that of the parabola through three samples; NaN without a peak.
     """
-    u, times = outward(signals), np.full(signals.chain_displacement.shape[1], np.nan)
-    top = (u[1:-1] > u[:-2]) & (u[1:-1] >= u[2:]) & (u[1:-1] > 0.5 * u.max(axis=0))
-    n = np.flatnonzero(top.any(axis=0))
-    k = np.argmax(top[:, n], axis=0) + 1
+    u = _orient_forward(signals)
+    high = u[1:-1] > 0.5 * u.max(axis=0)
+    is_peak = (u[1:-1] > u[:-2]) & (u[1:-1] >= u[2:]) & high
+    particle = np.flatnonzero(is_peak.any(axis=0))
+    sample = np.argmax(is_peak[:, particle], axis=0) + 1
+    shift = summit(u[sample - 1, particle], u[sample, particle], u[sample + 1, particle])
     step = signals.time[1] - signals.time[0]
-    times[n] = signals.time[k] + step * summit(u[k - 1, n], u[k, n], u[k + 1, n])
+    times = np.full(u.shape[1], np.nan)
+    times[particle] = signals.time[sample] + step * shift
     return times
 
 
 def arrival_times(signals: Signals) -> np.ndarray:
-    """Time (nc,) s at which each particle first exceeds `LEVEL` of its maximum, interpolated.
+    """Return the time (nc,), s, at which each particle first exceeds `ARRIVAL_LEVEL`.
 
-    The maximum is that in the wall's own direction; NaN where it is not passed in the record.
+    The level is relative to the particle's largest displacement along the wall's first motion;
+    times are interpolated. NaN if the record begins above the level, or if its last sample is the
+    largest.
     """
-    u, times = outward(signals), np.full(signals.chain_displacement.shape[1], np.nan)
-    level, k = LEVEL * u.max(axis=0), np.argmax(u > LEVEL * u.max(axis=0), axis=0)
-    n = np.flatnonzero((k > 0) & (np.argmax(u, axis=0) < len(u) - 1))
-    before, behind = u[k[n] - 1, n], u[k[n], n]
-    first, last = signals.time[k[n] - 1], signals.time[k[n]]
-    times[n] = first + (level[n] - before) / (behind - before) * (last - first)
+    u = _orient_forward(signals)
+    level = ARRIVAL_LEVEL * u.max(axis=0)
+    first_above = np.argmax(u > level, axis=0)
+    ends_below_maximum = np.argmax(u, axis=0) < len(u) - 1
+    particle = np.flatnonzero((first_above > 0) & ends_below_maximum)
+    after = first_above[particle]
+    before = after - 1
+    rise = u[after, particle] - u[before, particle]
+    share = (level[particle] - u[before, particle]) / rise
+    interval = signals.time[after] - signals.time[before]
+    times = np.full(u.shape[1], np.nan)
+    times[particle] = signals.time[before] + share * interval
     return times
 
 
 def travel_velocity(distance: np.ndarray, times: np.ndarray) -> tuple[float, float]:
-    """dL/dt, m/s, of `times` (nc,) s at `distance` (nc,) m, and the standard error of its fit.
+    """Fit a line to `times` (nc,), s, at `distance` (nc,), m; return velocity and error, m/s.
 
-    NaN where fewer than `LEAST` times are known, and where they do not rise with the distance by
-    more than their scatter: then no wave goes from the source on.
+    Both are NaN if fewer than `MIN_TIMES` times are known, or if times do not rise with distance by
+    more than their scatter, as without a wave from the source.
     """
-    if np.isfinite(times).sum() < LEAST:
+    if np.isfinite(times).sum() < MIN_TIMES:
         return np.nan, np.nan
     line = straight_line(distance, times)
-    if not line.error < SURE * line.slope:
+    if not line.error < MAX_RELATIVE_ERROR * line.slope:
         return np.nan, np.nan
     return float(1 / line.slope), float(line.error / line.slope**2)
 
@@ -83,34 +105,45 @@ def travel_velocity(distance: np.ndarray, times: np.ndarray) -> tuple[float, flo
 def travelled(
     record: Signals, walls: Floats, times: Callable[[Signals], np.ndarray] = first_peak_times
 ) -> tuple[float, float]:
-    """dL/dt, m/s, of first peaks or arrivals along the chain's middle half, its standard error.
+    """Return the velocity along the middle half of the chain and its standard error, m/s.
 
-    The rule of Fig. 5. `walls` are the z, m, of the source's wall and of the receiver's.
+    This is the rule of Fig. 5. `walls` are the z, m, of the source wall and the receiver wall;
+    `times` returns the time of each particle: `first_peak_times` or `arrival_times`.
     """
     distance = record.chain_position - walls[0]
-    inside = _middle(distance, walls[1] - walls[0])
+    inside = _in_fitted_stretch(distance, walls[1] - walls[0])
     return travel_velocity(distance[inside], times(record)[inside])
 
 
-def _middle(distance: np.ndarray, length: float) -> np.ndarray:
-    return (distance > MIDDLE[0] * length) & (distance < MIDDLE[1] * length)
+def _in_fitted_stretch(distance: np.ndarray, length: float) -> np.ndarray:
+    """Return which distances (n,) from the source wall, m, lie in `FITTED_STRETCH` of a length."""
+    low, high = FITTED_STRETCH
+    return (distance > low * length) & (distance < high * length)
 
 
 def first_peaks_of_columns(record: Signals, network: Network) -> tuple[float, float]:
-    """dL/dt, m/s, of first peaks along every column of the packing, a sphere wide: mean, scatter.
+    """Return the mean velocity of first peaks over columns a sphere wide, and its scatter, m/s.
 
-    The scatter says how much the velocity depends on which chain is taken. NaN where single
-    particles are not recorded.
+    The scatter says how much the velocity depends on the choice of the chain. Both are NaN if the
+    record has no single particles, the scatter also if only one column counts.
     """
     if record.particle_displacement is None:
         return np.nan, np.nan
-    bearing = np.flatnonzero(force_bearing(network))
-    distance = network.position[bearing, 2] - network.wall_position[0]
-    inside = _middle(distance, network.length)
-    bearing, distance = bearing[inside], distance[inside]
-    moved = record.particle_displacement[:, bearing]
-    times = first_peak_times(replace(record, chain_displacement=moved))
-    members = [own[np.isfinite(times[own])] for own in columns_of(network, bearing)]
-    speeds = [travel_velocity(distance[m], times[m])[0] for m in members if len(m) > 9]
-    scatter = float(np.std(speeds, ddof=1)) if len(speeds) > 1 else np.nan
-    return (float(np.mean(speeds)), scatter) if speeds else (np.nan, np.nan)
+    particles = np.flatnonzero(force_bearing(network))
+    distance = network.position[particles, 2] - network.wall_position[0]
+    inside = _in_fitted_stretch(distance, network.length)
+    particles = particles[inside]
+    distance = distance[inside]
+    displacement = record.particle_displacement[:, particles]
+    times = first_peak_times(replace(record, chain_displacement=displacement))
+    velocities = []
+    for column in columns_of(network, particles):
+        members = column[np.isfinite(times[column])]
+        if len(members) >= MIN_PARTICLES_OF_COLUMN:
+            velocities.append(travel_velocity(distance[members], times[members])[0])
+    if not velocities:
+        return np.nan, np.nan
+    scatter = np.nan
+    if len(velocities) > 1:
+        scatter = float(np.std(velocities, ddof=1))
+    return float(np.mean(velocities)), scatter

@@ -1,9 +1,9 @@
-"""Wave number of the wave along a chain, from its record: at one frequency, and of all at once.
+"""Find wave numbers from the record of a chain, at one frequency or at all of them.
 
-The dispersion relation of the paper's Figs. 14 and 15 is the ridge of the frequency - wave number
-map of a chain, its double Fourier transform over time and z. At one frequency that is the kappa at
-which the sum of U(z) exp(-i kappa z) over the chain is largest, U(z) the spectrum of the
-displacement at z; distances need not be equal.
+The dispersion relation of the paper's Figs. 14 and 15 is the ridge of a chain's map of frequency
+and wave number, the double Fourier transform over time and z. At one frequency the ridge is the
+wave number kappa for which the sum of U(z) exp(-i kappa z) over the chain is largest, where U(z) is
+the spectrum of the displacement at z. For this sum distances need not be equal.
 """
 
 import numpy as np
@@ -14,68 +14,107 @@ from modal.tools.errors import UnavailableError
 from modal.waves.signals import Signals
 
 STRETCH = (0.1, 0.6)
-"""Part of the length that is used: behind the source wall's own field, ahead of the front's end."""
-POINTS = 400
-UNEVEN = 0.5
-"""Deviation of a spacing from their mean, in parts of it, beyond which no wave number is known."""
-FADED = 0.2
-"""Part of a record and of a chain that the map fades out."""
+"""Part of the length that is used: beyond the near field of the source wall, and where the wave
+front has passed when the record ends."""
+SEARCH_RANGE = (0.6, 2.5)
+"""Bounds of the search, relative to the wave number of the long waves at the same frequency."""
+SEARCH_POINTS = 400
+MIN_PARTICLES = 8
+MAX_RELATIVE_UNEVENNESS = 0.5
+"""Largest deviation of a spacing from the mean spacing, relative to it, for which a spectrum in
+space is computed."""
+FADED_SHARE = 0.2
+"""Part of the record and of the chain, at their ends, that the taper of the map fades out."""
 PADDING = 4
-"""Of the map, in lengths of the record."""
+"""Length of the padded record and chain, in lengths of the originals."""
 
 
 def chain_wavenumber(
     record: Signals, frequency: float, length: float, *, velocity: float, part: Bools | None = None
 ) -> float:
-    """kappa, 1/m, at `frequency` (Hz) of a record; NaN where there is no ridge.
+    """Return the wave number kappa, 1/m, of a record at one frequency; NaN without a ridge.
 
-    `velocity` (m/s) of the long waves bounds the search: 0.6 to 2.5 times its wave number. `part`
-    (nc,) bool leaves out particles of the chain. A maximum on the bound is none.
+    Parameters
+    ----------
+    record : Signals
+        Its chain is used within `STRETCH`.
+    frequency : float
+        Hz.
+    length : float
+        From wall to wall, m.
+    velocity : float
+        Velocity of the long waves, m/s; the search covers `SEARCH_RANGE` times their wave number. A
+        maximum on the bound does not count.
+    part : ndarray (nc,) of bool, optional
+        The particles of the chain that are used.
     """
     depth = (record.chain_position - record.chain_position.min()) / length
     used = (depth >= STRETCH[0]) & (depth <= STRETCH[1])
     if part is not None:
         used &= part
-    if used.sum() < 8 or not np.isfinite(frequency) or frequency <= 0:
+    if used.sum() < MIN_PARTICLES or not np.isfinite(frequency) or frequency <= 0:
         return np.nan
-    z, u = record.chain_position[used], record.chain_displacement[:, used]
+    z = record.chain_position[used]
     # The wave exp(i kappa z - i omega t) counts as forward.
-    field = np.exp(2j * np.pi * frequency * record.time) @ u
+    rotation = np.exp(2j * np.pi * frequency * record.time)
+    field = rotation @ record.chain_displacement[:, used]
     # Particles swing unequally; the phase alone says how far the wave has come.
     field = field / np.maximum(abs(field), np.finfo(float).tiny)
-    slowest = 2 * np.pi * frequency / velocity
-    kappa = np.linspace(0.6, 2.5, POINTS) * slowest
+    long_wave = 2 * np.pi * frequency / velocity
+    kappa = np.linspace(*SEARCH_RANGE, SEARCH_POINTS) * long_wave
     height = abs(field @ np.exp(-1j * np.outer(z - z[0], kappa)))
     top = int(np.argmax(height))
-    if top in (0, POINTS - 1):
+    if top in (0, SEARCH_POINTS - 1):
         return np.nan
-    return float(kappa[top] + summit(*height[top - 1 : top + 2]) * (kappa[1] - kappa[0]))
+    shift = summit(height[top - 1], height[top], height[top + 1])
+    return float(kappa[top] + shift * (kappa[1] - kappa[0]))
 
 
-def far_end(count: int) -> Floats:
-    """Shape (count,): 1, and a squared cosine over the last fifth, for what begins at rest."""
+def end_taper(count: int) -> Floats:
+    """Return a taper (count,) for what begins at rest: 1, then a squared cosine that falls to 0.
+
+    The fall takes the last `FADED_SHARE`, a fifth.
+    """
     fall = np.cos(np.linspace(-4, 1, count) * np.pi / 2) ** 2
-    return np.where(np.arange(count) < (1 - FADED) * count, 1, fall)
+    return np.where(np.arange(count) < (1 - FADED_SHARE) * count, 1, fall)
 
 
 def frequency_wavenumber(
     motion: Floats, time: Floats, position: Floats
 ) -> tuple[Array, Array, Complex]:
-    """Frequencies (nf,) Hz, wave numbers (nk,) rad/m, complex U (nf, nk) of motion (nt, nl).
+    """Return the map of a motion over frequency and wave number.
 
-    Wave numbers ascend; those of waves towards higher z are positive. Positions ascend, equally
-    spaced to half of their distance: InputError where they are not.
+    Parameters
+    ----------
+    motion : ndarray (nt, nl)
+    time : ndarray (nt,)
+        s.
+    position : ndarray (nl,)
+        m, ascending. UnavailableError if a spacing differs from the mean by more than half of it.
+
+    Returns
+    -------
+    frequency : ndarray (nf,)
+        Hz.
+    wavenumber : ndarray (nk,)
+        rad/m, ascending; positive for waves towards higher z.
+    spectrum : complex ndarray (nf, nk)
     """
     spacing = np.diff(position)
-    if len(spacing) == 0 or abs(spacing - spacing.mean()).max() > UNEVEN * abs(spacing.mean()):
+    uneven = len(spacing) == 0
+    if not uneven:
+        deviation = abs(spacing - spacing.mean()).max()
+        uneven = deviation > MAX_RELATIVE_UNEVENNESS * abs(spacing.mean())
+    if uneven:
         raise UnavailableError(
             "layers are too unequally spaced for a spectrum in space", code="uneven_chain"
         )
-    nt, nl = (PADDING * count for count in motion.shape)
-    taper = far_end(len(time))[:, None] * far_end(len(position))
-    spectrum = np.fft.rfft(motion * taper, nt, axis=0)
-    spectrum = np.fft.fft(spectrum.conj(), nl, axis=1)
-    frequency = np.fft.rfftfreq(nt, float(np.mean(np.diff(time))))
-    wavenumber = 2 * np.pi * np.fft.fftfreq(nl, float(spacing.mean()))
+    padded_times = PADDING * motion.shape[0]
+    padded_layers = PADDING * motion.shape[1]
+    taper = end_taper(len(time))[:, None] * end_taper(len(position))
+    spectrum = np.fft.rfft(motion * taper, padded_times, axis=0)
+    spectrum = np.fft.fft(spectrum.conj(), padded_layers, axis=1)
+    frequency = np.fft.rfftfreq(padded_times, float(np.mean(np.diff(time))))
+    wavenumber = 2 * np.pi * np.fft.fftfreq(padded_layers, float(spacing.mean()))
     order = np.argsort(wavenumber)
     return frequency, wavenumber[order], spectrum[:, order]

@@ -17,7 +17,7 @@ from analysis.estimators.damped_transform import (
 )
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.travel_time import arrival_times, first_peak_times, travelled
-from analysis.estimators.wavenumber import PADDING, far_end, frequency_wavenumber
+from analysis.estimators.wavenumber import PADDING, end_taper, frequency_wavenumber
 from modal.packing.crystal import fcc
 from modal.theory.fcc import FccLattice
 from modal.waves.source import Pulse
@@ -65,7 +65,7 @@ def test_exact_chain_agrees_with_leapfrog_to_second_order():
     errors = []
     for step in (4e-7, 2e-7, 1e-7):
         found = stepped(NETWORK, 2e-4, step, motion=Pulse())
-        exact = CHAIN.follows(Pulse(), found.time)
+        exact = CHAIN.respond(Pulse(), found.time)
         off = np.linalg.norm(found.chain_displacement - exact)
         errors.append(off / np.linalg.norm(exact))
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -174,6 +174,6 @@ def test_spectrum_of_a_plane_wave_peaks_at_its_place(turn):
     assert wavenumber[at[1]] == pytest.approx(turn * k)
     # Parseval: without a window the squares would add up to those of the record; negative
     # frequencies mirror the positive ones, the first and the last stand alone.
-    whole = far_end(200)[:, None] * far_end(100) * wave
+    whole = end_taper(200)[:, None] * end_taper(100) * wave
     counted = 2 * (size**2).sum() - (size[[0, -1]] ** 2).sum()
     assert counted == pytest.approx(PADDING**2 * wave.size * (whole**2).sum(), rel=1e-9)

@@ -6,6 +6,7 @@ from exact_crystal import CHAIN, LENGTH, noisy, part_of_chain, record
 
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.estimators.low_pass import (
+    CRYSTAL_STRETCH,
     STRETCH,
     THRESHOLDS,
     Passband,
@@ -90,7 +91,7 @@ def test_exact_crystal_by_the_papers_words():
     u, z = EXACT.chain_displacement, EXACT.chain_position
     highest = 0.5 * CHAIN.velocity / CHAIN.distance
     two = threshold_curves(*spectra(EXACT.time, u, highest))[0]
-    near, far = (at_stretch(z, two, LENGTH, part) for part in (STRETCH[True], STRETCH[False]))
+    near, far = (at_stretch(z, two, LENGTH, part) for part in (CRYSTAL_STRETCH, STRETCH))
     assert near.value == pytest.approx(CHAIN.low_pass_frequency, rel=0.01)
     assert not near.caveats
     assert far.value < 0.95 * CHAIN.low_pass_frequency
@@ -107,7 +108,7 @@ def test_noise_below_the_threshold_does_not_move_it(noise, rel):
     highest, found = 0.5 * CHAIN.velocity / CHAIN.distance, []
     for one in (EXACT, noisy(EXACT, noise, np.random.default_rng(5))):
         curve = threshold_curves(*spectra(one.time, one.chain_displacement, highest))[0]
-        found.append(at_stretch(one.chain_position, curve, LENGTH, STRETCH[True]).value)
+        found.append(at_stretch(one.chain_position, curve, LENGTH, CRYSTAL_STRETCH).value)
     assert found[1] == pytest.approx(found[0], rel=rel)
 
 
