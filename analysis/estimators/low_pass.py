@@ -27,7 +27,7 @@ from modal.waves.signals import Signals
 Whose = Literal["chain", "layers"]
 """Whose displacement is taken."""
 Reference = Literal["map", "own"]
-"""Whether the threshold is relative to the maximum of the whole map, or of each own spectrum."""
+"""Whether thresholds are relative to the maximum of the whole map, or of each own spectrum."""
 WHOSE: tuple[Whose, ...] = ("chain", "layers")
 REFERENCES: tuple[Reference, ...] = ("map", "own")
 

@@ -39,18 +39,14 @@ FOLLOWS_MOTION = (
 """Fields of a record that are linear in the motion of the source."""
 
 
-def _change_motions(
-    record: Signals, change: Callable[[np.ndarray], np.ndarray], **fields: Any
-) -> Signals:
-    """Return a record with `change` applied to all fields that follow the motion.
-
-    Absent fields stay absent; `fields` replace further ones.
-    """
+def _change_motions(record: Signals, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:
+    """Return `change` applied to the fields of a record that follow the motion, if present."""
+    changed = {}
     for name in FOLLOWS_MOTION:
         values = getattr(record, name)
         if values is not None:
-            fields[name] = change(values)
-    return replace(record, **fields)
+            changed[name] = change(values)
+    return changed
 
 
 def cut(record: Signals, end: float) -> Signals:
@@ -60,7 +56,8 @@ def cut(record: Signals, end: float) -> Signals:
     two records give the same peaks only if they are equally long.
     """
     count = int(np.searchsorted(record.time, end * (1 + 1e-9), "right"))
-    return _change_motions(record, lambda values: values[:count], time=record.time[:count])
+    changed = _change_motions(record, lambda values: values[:count])
+    return replace(record, **changed, time=record.time[:count])
 
 
 def recorded_motion(record: Signals) -> Motion:
@@ -136,6 +133,5 @@ def as_of_pulse(record: Signals, pulse: Pulse) -> Signals:
         damped = np.fft.irfft((ratio * transform(values).T).T, count, axis=0)[: len(time)]
         return (damped.T / window).T
 
-    return _change_motions(
-        record, answer, amplitude=pulse.amplitude, input_frequency=pulse.frequency
-    )
+    changed = _change_motions(record, answer)
+    return replace(record, **changed, amplitude=pulse.amplitude, input_frequency=pulse.frequency)

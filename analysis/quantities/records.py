@@ -9,10 +9,11 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.case import AbsentError
+from analysis.estimators.low_pass import Reference, Whose
 from analysis.estimators.resonances import long_wave_velocity
 from analysis.packing_data import PackingData
 from analysis.quantities import gain, passband, scattering, spectrum, velocity
-from analysis.quantities.passband import Producer, Reference, Whose
+from analysis.quantities.passband import Producer
 from analysis.quantities.registry import on_request
 from analysis.value import Value, estimate
 

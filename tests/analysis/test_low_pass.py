@@ -64,7 +64,7 @@ def test_relative_to_the_map_or_to_each():
 
 def test_plateau_or_none():
     """One stretch for all thresholds: a constant is a plateau, a steady fall is none."""
-    distance, stretch = np.linspace(0.001, 0.999, 300), STRETCH[False]
+    distance, stretch = np.linspace(0.001, 0.999, 300), STRETCH
     for fall, flat in ((0.0, True), (0.5, True), (2.0, False)):
         # f = 20 kHz (1 - fall (z - 0.55)); a stretch of 0.1 further off by fall / 10.
         width = 5e-5 / (1 - fall * (distance - 0.55))
