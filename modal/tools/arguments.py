@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
+from modal.tools.units import plain_numbers
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -119,6 +120,7 @@ HIGHEST = 1e30
 
 def frequencies(given: ArrayLike) -> Floats:
     """The frequencies as an array, Hz; InputError where one is no number from 0 to `HIGHEST`."""
+    given = plain_numbers(given, "frequency", "Hz")
     try:
         asked = np.asarray(given, float)
     except (TypeError, ValueError) as error:

@@ -10,6 +10,7 @@ import numpy as np
 from modal.tools.arguments import frequencies, refuse_other_kinds
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
+from modal.tools.units import plain_numbers
 
 AMPLITUDE = 2.5e-9
 """A of u = A (1 - cos 2 pi f t), m: the paper's double amplitude 2A is 5 nm."""
@@ -111,8 +112,10 @@ class SampledMotion:
     value: Floats
 
     def __post_init__(self) -> None:
+        time = plain_numbers(self.time, "time", "s")
+        value = plain_numbers(self.value, "displacement", "m")
         try:
-            own = np.array([self.time, self.value], float)
+            own = np.array([time, value], float)
         except (TypeError, ValueError):
             own = np.empty((2, 0))
         if own.ndim != 2 or own.shape[1] < 2 or not np.isfinite(own).all():

@@ -7,10 +7,12 @@ import h5py
 import numpy as np
 import pytest
 
+import modal
 from modal.packing.crystal import fcc
 from modal.packing.network import read_network, write_network
 from modal.tools.errors import InputError
 from modal.tools.units import says
+from modal.waves.source import SampledMotion
 
 CRYSTAL = fcc(cells=(1, 1, 6))
 SAME = {
@@ -106,3 +108,19 @@ def test_series_of_pandas_are_plain():
     pandas = pytest.importorskip("pandas")
     taken = replace(CRYSTAL, radius=pandas.Series(CRYSTAL.radius, name="unit"))
     np.testing.assert_array_equal(taken.radius, CRYSTAL.radius)
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda units: modal.count_modes(CRYSTAL, SimpleNamespace(units=units, magnitude=[30.0])),
+        lambda units: SampledMotion(
+            SimpleNamespace(units=units, magnitude=[0.0, 1.0]), np.array([0.0, 1e-9])
+        ),
+    ],
+    ids=["frequencies", "motion"],
+)
+def test_other_arrays_with_units_are_refused_too(ask):
+    with pytest.raises(InputError) as refused:
+        ask("kilohertz")
+    assert refused.value.code == "unit"
