@@ -1,8 +1,8 @@
-"""What quantities are measured from: a packing and its waves, each made when asked for.
+"""Hold a packing with its waves; whatever quantities share is computed on first use and kept.
 
-All settings follow from the packing, without units of their own: the pulse from V / D, lines of
-spectra from the highest frequency. Spheres ten times smaller hear the same of a pulse ten times
-shorter.
+All settings follow from the packing and have no unit: the pulse scales with V / D, the lines of
+spectra with the highest frequency. If spheres are ten times smaller, the pulse is ten times
+shorter, and all dimensionless results are the same.
 """
 
 from __future__ import annotations
@@ -19,47 +19,41 @@ import numpy as np
 from analysis.case import WAVES, AbsentError, Case
 from analysis.caveats import Caveat
 from analysis.estimators.coherent import PASSAGES
-from analysis.estimators.damped_transform import UNEVEN, layer_distance
 from analysis.estimators.effective_medium import velocity_of_contacts
 from analysis.estimators.layer_lattice import LayerLattice, is_fcc
 from analysis.estimators.source_motion import as_of_pulse, cut, recorded_motion
+from analysis.packing_state import (
+    caveats_of_state,
+    friction_of_compression,
+    target_stress,
+    why_unsettled,
+)
+from analysis.record_rules import (
+    PULSE_AMPLITUDE_IN_DIAMETERS,
+    PULSE_FREQUENCY_IN_V_PER_D,
+    check_layers,
+    check_record,
+    record_interval,
+    record_length,
+)
 from analysis.same_state import note
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
 from modal.exchange.registry import read_remarked
-from modal.packing import state
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.plausibility import (
-    BALANCED,
-    CRYSTALLINE,
-    WIDE,
-    differing_thirds,
-)
+from modal.packing.plausibility import WIDE
 from modal.packing.sample import Sample
 from modal.packing.summary import crystalline_shares
-from modal.preparation.protocol import SETTLED
 from modal.system.linear_system import LinearSystem
-from modal.tools.errors import InputError, UnavailableError
+from modal.tools.errors import UnavailableError
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
 from modal.waves.source import Motion, Pulse
 
-FREQUENCY = 0.33
-"""Of the pulse, in V / D of the affine wave: 100 kHz in the crystal of glass at 100 kPa. A
-crystal's band ends at 0.45, a random packing's long before."""
-AMPLITUDE = 1e-6
-"""Of the pulse, mean diameters: 2.5 nm in the study."""
-INTERVAL = 0.4
-"""Between records, in D / V: two samples at 1.25 V / D, above all modes."""
-RECORD = 1.5 * PASSAGES
-"""Length of the record, in passages from wall to wall of the affine wave."""
-SLOWER = 0.5
-"""Least V_S over V_P for which an S-wave's record is long enough."""
-FEWEST = 50, 10
-"""Times and particles of a record that is read."""
-LINE = 0.005
-"""Width of a line of the structure factor and of the density of states, in parts of the highest
+RELATIVE_LINE_WIDTH = 0.005
+"""Width of a line of the structure factor and of the density of states, divided by the highest
 frequency: 1 kHz in the study's packings under 100 kPa."""
-MARK = "not settled"
+UNSETTLED_MARK = "not settled"
+"""Mark in the label of a packing that is not at rest."""
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -91,14 +85,32 @@ def cached_on_packing(
 
 @dataclass(eq=False)
 class PackingData:
-    """One packing with what was recorded of it; what is missing is made from its contacts.
+    """One packing with its recorded waves; what is missing is computed from the contacts.
 
-    `given` are waves; None means those among the files of `case`, which has further files of the
-    packing. `keep` is a folder in which costly spectra are kept, and found again. `sample` and
-    `amplitudes`, m, are for waves of finite amplitude. `stated` are lower and upper ends of what a
-    study states of it, by quantity: figures show it. `not_kept` says why a spectrum could not be
-    kept. `linear_record` is the linear wave, where it is computed already; else it is computed,
-    with the motion of every particle unless `every_particle` is False.
+    Attributes
+    ----------
+    network : Network
+        The contact network.
+    given : sequence of Signals, or None
+        Recorded waves; None for those among the files of `case`.
+    source : Motion, optional
+        Motion of the wall that sends computed waves; by default `pulse`.
+    case : Case
+        Further files of the packing; without files by default.
+    keep : str or Path, optional
+        Folder in which costly spectra are kept, and from which they are read again.
+    sample : Sample, optional
+        The spheres with their friction, for waves of finite amplitude.
+    amplitudes : sequence of float, m
+        Amplitudes of these waves.
+    stated : dict
+        Lower and upper value that a study states for a quantity, by its name; figures show them.
+    not_kept : list of Caveat
+        Why spectra could not be written into `keep`.
+    linear_record : Signals, optional
+        The linear wave, if it is computed already.
+    every_particle : bool
+        Whether the linear wave has the motion of every particle, which takes twice the time.
     """
 
     network: Network
@@ -117,42 +129,42 @@ class PackingData:
     def __post_init__(self) -> None:
         """Refuse damaged waves at once."""
         for record in self.given or ():
-            self._checked(record, "a record")
+            self._check(record, "a record")
 
     @classmethod
     def of(cls, case: Case, every_particle: bool = True) -> PackingData:
-        """A case with the records among its files."""
+        """Return the packing of a case, with the records among its files."""
         network = read_remarked(case.packing_path, case.notes.append)
         return cls(network, None, case=case, every_particle=every_particle)
 
     @cached_property
     def crystal(self) -> bool:
-        """Whether it is an FCC crystal between walls, of which theory knows the waves."""
+        """Tell whether it is an FCC crystal between walls, whose waves are known in theory."""
         return self.walls and is_fcc(self.network)
 
     @cached_property
     def lattice(self) -> LayerLattice:
-        """The lattice of layers that the theory of a crystal reduces to."""
+        """Return the lattice of layers to which a crystal reduces in theory."""
         self.require_crystal()
         return LayerLattice.of_network(self.network)
 
     @property
     def diameter(self) -> float:
-        """Mean diameter, m."""
+        """Return the mean diameter, m."""
         return 2 * float(self.network.radius.mean())
 
     @property
     def width(self) -> float:
-        """The narrower side of the cell, mean diameters."""
+        """Return the narrower side of the cell, in mean diameters."""
         return float(self.network.cell_size[:2].min()) / self.diameter
 
     @property
     def walls(self) -> bool:
-        """Whether walls bound it along z, so that one can push and the other listen."""
+        """Tell whether there are two walls along z, a source and a receiver."""
         return bool(np.isin([SOURCE_WALL, RECEIVER_WALL], self.network.particle_j).all())
 
     def require_walls(self) -> None:
-        """InputError without them."""
+        """Raise UnavailableError without two walls along z."""
         if not self.walls:
             raise UnavailableError(
                 "the cell has no two walls along z, from one to the other of which a wave here "
@@ -161,7 +173,7 @@ class PackingData:
             )
 
     def require_crystal(self) -> None:
-        """`AbsentError` for other packings."""
+        """Raise `AbsentError` unless the packing is an FCC crystal between walls."""
         if not self.crystal:
             raise AbsentError(
                 f"{self.case.name}: no FCC crystal between two walls, so it has no theory to "
@@ -170,143 +182,139 @@ class PackingData:
 
     @property
     def mu_comp(self) -> float:
-        """Friction of the compression; the wave's is 0.1 more (section 2). NaN if unknown."""
-        friction = note(self.network, "mu_comp")
-        if np.isnan(friction):
-            friction = note(self.network, "mu_wave") - 0.1
-        return round(friction, 6)
+        """Return the friction of the compression, NaN if unknown."""
+        return friction_of_compression(self.network)
 
     @property
     def stress(self) -> float:
-        """Stress, Pa, that it was made for, as its network says.
-
-        Else the mean that the contacts bear, to three digits; NaN without contact forces.
-        """
-        stated = note(self.network, "stress")
-        if np.isfinite(stated) or not state.has_forces(self.network):
-            return stated
-        return float(f"{np.trace(state.stress_tensor(self.network)) / 3:.3g}")
+        """Return the stated target stress, Pa, else the mean stress in the contacts."""
+        return target_stress(self.network)
 
     @cached_property
     def unsettled(self) -> str:
-        """Why its state does not count as settled; empty where it does.
+        """Return why the packing does not count as being at rest; empty if it does.
 
-        Three stresses that differ, as of a triaxial compression, are no fault.
+        Three different stresses are no fault after a triaxial or an oedometric compression.
         """
-        study = self.network.study
-        equal = not self.crystal and not {"stress_ratio", "oedometric"} & set(study)
-        return why_unsettled(self.network, note(self.network, "stress") if equal else np.nan)
+        stress = np.nan
+        anisotropic = {"stress_ratio", "oedometric"} & set(self.network.study)
+        if not self.crystal and not anisotropic:
+            stress = note(self.network, "stress")
+        return why_unsettled(self.network, stress)
 
     @cached_property
     def label(self) -> str:
-        """Short name for legends: what it is, and under which stress."""
-        kind, mark = "FCC" if self.crystal else "random", f", {MARK}" if self.unsettled else ""
-        under = f", {self.stress / 1e3:g} kPa" if np.isfinite(self.stress) else ""
-        return f"{kind}{under} ({self.case.short}{mark})"
+        """Return a short name for legends: kind, stress and case."""
+        kind = "random"
+        if self.crystal:
+            kind = "FCC"
+        if np.isfinite(self.stress):
+            kind += f", {self.stress / 1e3:g} kPa"
+        source = self.case.short
+        if self.unsettled:
+            source += f", {UNSETTLED_MARK}"
+        return f"{kind} ({source})"
 
     @cached_property
     def affine_velocity(self) -> float:
-        """Velocity, m/s, of a P-wave that strains the packing evenly: none is faster."""
+        """Return the velocity, m/s, of a P-wave with affine strain: no P-wave is faster."""
         return velocity_of_contacts(self.network)
 
     @property
     def affine_passage(self) -> float:
-        """Time from wall to wall, s, of that wave."""
+        """Return the time, s, that this wave takes from wall to wall."""
         return self.network.length / self.affine_velocity
 
     @property
     def affine_frequency(self) -> float:
-        """V / D, Hz: V of that wave, D the mean diameter."""
+        """Return V / D, Hz, with the velocity V of this wave and the mean diameter D."""
         return self.affine_velocity / self.diameter
 
     @cached_property
     def line(self) -> float:
-        """`LINE` of the highest frequency, Hz, to three digits: an iteration bounds it."""
-        top = LinearSystem.of(self.network).spectral_bound
-        if not top > 0:
+        """Return the width of a line, Hz, rounded to three digits.
+
+        An iteration bounds the highest frequency, so that further digits mean nothing.
+        """
+        bound = LinearSystem.of(self.network).spectral_bound
+        if not bound > 0:
             raise UnavailableError("the network has no stiffness", code="no_stiffness")
-        return float(f"{LINE * np.sqrt(top) / (2 * np.pi):.3g}")
+        return float(f"{RELATIVE_LINE_WIDTH * np.sqrt(bound) / (2 * np.pi):.3g}")
 
     @cached_property
     def moduli(self) -> ElasticModuli:
-        """Elastic moduli by the springs' static response."""
+        """Return the elastic moduli from the static response of the contacts."""
         return self.case.read("moduli") or elastic_moduli(self.network)
 
     @cached_property
     def crystalline(self) -> dict[str, float]:
-        """Share of spheres in crystalline surroundings, of all and of the bulk; empty if untold."""
+        """Return the share of spheres in crystalline surroundings, of all and of the bulk.
+
+        Empty if it cannot be computed.
+        """
         return crystalline_shares(self.network)
 
     @cached_property
     def of_one_sample(self) -> tuple[Caveat, ...]:
-        """What to know of every quantity of this one packing."""
+        """Return the caveats of every quantity of this one packing."""
         if self.crystal:
             return ()
-        caveats = [Caveat("one_sample")]
-        if self.unsettled:
-            caveats.append(Caveat("unsettled", {"excess": self.unsettled}))
-        own = self.crystalline
-        share = own.get("crystalline_share_of_bulk", own.get("crystalline_share", 0.0))
-        if share > CRYSTALLINE:
-            caveats.append(Caveat("crystalline", {"share": share}))
-        for unusual, text in differing_thirds(self.network):
-            if unusual:
-                caveats.append(Caveat("uneven", {"text": text}))
-        return tuple(caveats)
+        return caveats_of_state(self.network, self.unsettled)
 
     @cached_property
     def of_waves(self) -> tuple[Caveat, ...]:
-        """The same of what is read from waves, which a narrow packing guides."""
+        """Return the caveats of what is read from waves, which a narrow packing guides."""
         if self.crystal or self.width >= WIDE:
             return self.of_one_sample
         return (*self.of_one_sample, Caveat("narrow", {"width": self.width}))
 
     @cached_property
     def records(self) -> list[Signals]:
-        """Recorded waves, each checked: S-waves by YADE first."""
+        """Return the recorded waves, each of them checked; S-waves by YADE come first."""
         if self.given is not None:
             return list(self.given)
-        kinds = filter(self.case.has, WAVES)
-        return [self._checked(self.case.read(kind), self.case.path(kind)) for kind in kinds]
+        records = []
+        for kind in filter(self.case.has, WAVES):
+            record = self.case.read(kind)
+            self._check(record, self.case.path(kind))
+            records.append(record)
+        return records
 
-    def _checked(self, record: Signals, path: Path | str) -> Signals:
-        if (np.array(record.chain_displacement.shape) < FEWEST).any():
-            raise InputError(f"{path}: fewer than 50 times or 10 particles; record more")
-        if not np.isfinite(record.chain_displacement).all():
-            raise InputError(f"{path}: displacements that are no numbers; record it again")
-        books = record.balance
-        if books is not None and not books.closes:
+    def _check(self, record: Signals, path: Path | str) -> None:
+        """Refuse a record that cannot be read; note where its energy does not balance."""
+        check_record(record, path, self.network)
+        balance = record.balance
+        if balance is not None and not balance.closes:
             self.case.notes.append(
-                f"{path}: the energy drifts by {books.drift:.1e}, limit "
-                f"{books.limit:.1e}, and {books.gap:.1e} of the source wall's work is not "
+                f"{path}: the energy drifts by {balance.drift:.1e}, limit "
+                f"{balance.limit:.1e}, and {balance.gap:.1e} of the source wall's work is not "
                 "accounted for; do not trust this run"
             )
-        if record.chain_particle.max() >= self.network.n_particles:
-            raise InputError(f"{path}: its chain leaves the packing; give the packing it is of")
         if self.crystal:
-            layers = layer_distance(record) / self.lattice.distance
-            if abs(layers - 1) > UNEVEN:
-                raise InputError(
-                    f"{path}: its chain has a particle in every {layers:.3g} layers of "
-                    "the crystal, of which neither band nor wavelength can be read; record one in "
-                    "each"
-                )
-        return record
+            check_layers(record, path, self.lattice)
 
     @cached_property
     def recorded(self) -> Signals | None:
-        """The first record of a P-wave."""
+        """Return the first record of a P-wave; None without one."""
         return next((record for record in self.records if record.direction == "z"), None)
 
     @cached_property
+    def _first_recorded_shear(self) -> Signals | None:
+        """Return the first record of an S-wave; None without one."""
+        return next((record for record in self.records if record.direction != "z"), None)
+
+    @cached_property
     def shear(self) -> dict[str, Signals]:
-        """Recorded S-waves: the first of each producer, by its name."""
-        slid = [record for record in self.records if record.direction != "z"]
-        return {record.producer: record for record in reversed(slid)}
+        """Return the first recorded S-wave of each producer, by its name."""
+        records: dict[str, Signals] = {}
+        for record in self.records:
+            if record.direction != "z":
+                records.setdefault(record.producer, record)
+        return records
 
     @cached_property
     def yade(self) -> Signals | None:
-        """The P-wave of a DEM run; None where the springs themselves have made it."""
+        """Return the recorded P-wave of a DEM run; None if it is a linear wave."""
         if self.recorded is None or self.recorded.producer != "linear":
             return self.recorded
         self.case.notes.append(
@@ -317,19 +325,20 @@ class PackingData:
 
     @property
     def pulse(self) -> Pulse:
-        """The pulse of a packing that no run has one for."""
-        return Pulse(AMPLITUDE * self.diameter, FREQUENCY * self.affine_frequency)
+        """Return the default motion of the source wall, which scales with the packing."""
+        amplitude = PULSE_AMPLITUDE_IN_DIAMETERS * self.diameter
+        return Pulse(amplitude, PULSE_FREQUENCY_IN_V_PER_D * self.affine_frequency)
 
     @cached_property
     def motion(self) -> Motion:
-        """How the source wall moves: as recorded, else as given, else by the packing's pulse."""
+        """Return how the source wall moves: as in the record, else `source`, else `pulse`."""
         if self.recorded is not None:
             return recorded_motion(self.recorded)
         return self.source or self.pulse
 
     @cached_property
     def linear(self) -> Signals:
-        """The P-wave of the springs, from wall to wall and back."""
+        """Return the linear P-wave of the contacts, from wall to wall and back."""
         if self.linear_record is not None:
             return self.linear_record
         return self.linear_wave(particles=self.every_particle)
@@ -337,99 +346,94 @@ class PackingData:
     def linear_wave(
         self, direction: str = "z", *, particles: bool = True, pre_stress: str = "none"
     ) -> Signals:
-        """The wave of the springs; P-waves on every `particles`, which takes twice the time.
+        """Compute the linear wave of the contacts.
 
-        Of the source's `motion` and, beside a run, recorded a little more often: the two share the
-        times of whole intervals. S-waves are recorded for longer, as they are slower, of the motion
-        that was given. `pre_stress` (`modal.system.contacts`) adds what the contacts' forces do.
+        A P-wave beside a record has the motion and the times of the record, or every second,
+        third ... of them. An S-wave is recorded for longer, because it is slower.
+
+        Parameters
+        ----------
+        direction : str
+            Direction in which the wall moves: "z" for P-waves, "x" or "y" for S-waves.
+        particles : bool
+            Whether to record the motion of every particle, which takes twice the time; S-waves
+            never have it.
+        pre_stress : str
+            Which effects of the contact forces are included (`modal.system.contacts`).
         """
         self.require_walls()
-        interval, slid = INTERVAL / self.affine_frequency, direction != "z"
-        if self.recorded is not None and not slid:
-            own = float(self.recorded.time[1] - self.recorded.time[0])
-            interval = own * max(1, int(interval / own))
+        shear = direction != "z"
+        if shear:
+            motion = self.source or self.pulse
+            interval = record_interval(self.affine_frequency, None)
+        else:
+            motion = self.motion
+            interval = record_interval(self.affine_frequency, self.recorded)
         return propagate(
             self.network,
-            RECORD * self.affine_passage / (SLOWER if slid else 1.0),
-            motion=(self.source or self.pulse) if slid else self.motion,
+            record_length(self.affine_passage, direction),
+            motion=motion,
             interval=interval,
-            particles=particles and not slid,
+            particles=particles and not shear,
             direction=direction,
             pre_stress=pre_stress,
         ).signals
 
     @cached_property
     def wave(self) -> Signals:
-        """The P-wave to be measured: as a record has it, or that of the springs."""
-        return self._of_pulse(self.shown)
+        """Return the P-wave to be measured: the recorded one, else the linear one."""
+        return self._answer_to_pulse(self.shown)
 
     @cached_property
     def shear_wave(self) -> Signals:
-        """The same of a wall that slides, along x where it is not recorded."""
-        slid = next((record for record in self.records if record.direction != "z"), None)
-        return self._of_pulse(self.linear_wave("x") if slid is None else slid)
+        """Return the S-wave to be measured: the recorded one, else the linear one along x."""
+        if self._first_recorded_shear is not None:
+            return self._answer_to_pulse(self._first_recorded_shear)
+        return self._answer_to_pulse(self.linear_wave("x"))
 
-    def _of_pulse(self, record: Signals) -> Signals:
-        """A record as it would be of a pulse, which rules on amplitudes are made for.
+    def _answer_to_pulse(self, record: Signals) -> Signals:
+        """Return a record as if its source had sent a pulse, as rules on amplitudes need.
 
-        As long as the own wave: what was not yet seen when a record ends grows towards its end.
+        Its length is at most that of a computed wave, because the error from what the record's end
+        cuts off grows towards the end.
         """
         self.require_walls()
         motion = recorded_motion(record)
         if isinstance(motion, Pulse) and motion.cycles == 1:
             return record
-        longest = RECORD * self.affine_passage / (1.0 if record.direction == "z" else SLOWER)
+        longest = record_length(self.affine_passage, record.direction)
         return cut(as_of_pulse(record, self.pulse), longest)
 
     @property
     def shown(self) -> Signals:
-        """The P-wave that was recorded, or the linear wave where none was."""
-        return self.linear if self.recorded is None else self.recorded
+        """Return the recorded P-wave, or the linear one without a record."""
+        if self.recorded is None:
+            return self.linear
+        return self.recorded
 
     def record(self, key: str) -> Signals:
-        """A wave: wave, yade, linear, shear_wave, shear_yade or shear_linear."""
-        slid = key.startswith("shear_") and key != "shear_wave"
-        found = self.shear.get(key.removeprefix("shear_")) if slid else getattr(self, key)
-        if found is None:
+        """Return a wave by name; `AbsentError` if there is none.
+
+        `key` is wave, yade, linear, shear_wave, shear_yade or shear_linear.
+        """
+        if key.startswith("shear_") and key != "shear_wave":
+            record = self.shear.get(key.removeprefix("shear_"))
+        else:
+            record = getattr(self, key)
+        if record is None:
             raise AbsentError
-        return found
+        return record
 
     @cached_on_packing
     def cut(self, key: str) -> Signals:
-        """A P-wave up to when the affine one has come a third of the way back.
+        """Return a P-wave until the affine wave has come a third of the way back.
 
-        The linear wave as far as a run's record goes; a run as it is.
+        The record of a run is returned in full; the linear wave beside it ends with it.
         """
-        record, run = self.record(key), self.yade
+        record = self.record(key)
+        run = self.yade
         if key == "yade":
             return record
-        as_run = key == "linear" and run is not None
-        return cut(record, float(run.time[-1]) if as_run else PASSAGES * self.affine_passage)
-
-
-def why_unsettled(network: Network, stress: float = np.nan) -> str:
-    """What of a packing's state is beyond `SETTLED`; empty if nothing is, or without forces.
-
-    Stresses may be off by what a preparation allows, net forces by twice that: of a state that was
-    reached these are just below its limit, and a little more where forces are made from positions.
-    A state that ran out of patience before is marked wherever one of its numbers is shown.
-
-    `stress` is the target of its three stresses, Pa; NaN where it has none or only an axial one, as
-    a crystal has. Where anything is beyond, it also says how far the pressures of walls are off.
-    """
-    if network.n_contacts == 0 or not state.has_forces(network):
-        return ""
-    if not stress > 0:
-        stress = np.nan
-    most_off, _ = SETTLED
-    residual = state.residual_forces(network).mean()
-    off = float(abs(np.diag(state.stress_tensor(network)) / stress - 1).max())
-    found = []
-    if residual > BALANCED:
-        found.append(f"residual {residual:.1e} over {BALANCED:g}")
-    if off > most_off:
-        found.append(f"stress {100 * off:.2f} % off, over {100 * most_off:g} %")
-    if found and np.isfinite(stress) and not network.cell_periodic[2]:
-        walls = 100 * (state.wall_stress(network) / stress - 1)
-        found.append("walls " + ", ".join(f"{value:+.1f} %" for value in walls))
-    return "; ".join(found)
+        if key == "linear" and run is not None:
+            return cut(record, float(run.time[-1]))
+        return cut(record, PASSAGES * self.affine_passage)

@@ -20,7 +20,15 @@ ORDER = {
     "analysis": (
         *("table", "typed_json", "watch", "caveats", "value", "mean", "estimators"),
         *("agreement", "case"),
-        *("same_state", "packing_data", "prepare", "quantities", "measurement"),
+        *(
+            "same_state",
+            "packing_state",
+            "record_rules",
+            "packing_data",
+            "prepare",
+            "quantities",
+            "measurement",
+        ),
         *("rows", "expressions", "frame", "crystal", "figures", "study"),
         *("cli", "__main__"),
     ),

@@ -14,8 +14,9 @@ import numpy as np
 import modal
 from analysis.caveats import Caveat
 from analysis.estimators.coherent import PASSAGES
-from analysis.packing_data import INTERVAL, PackingData, cached_on_packing
+from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request
+from analysis.record_rules import RECORD_INTERVAL_IN_D_PER_V
 from analysis.value import Value
 from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
@@ -54,7 +55,7 @@ def finite(m: PackingData) -> dict[str, Floats]:
     frequency, rows = (m.source or m.pulse).frequency, []
     duration = PASSAGES / (m.affine_frequency * m.diameter / m.network.length)
     # In times of the packing's own: the second harmonic has eight records a period.
-    interval = INTERVAL / 2 / m.affine_frequency
+    interval = RECORD_INTERVAL_IN_D_PER_V / 2 / m.affine_frequency
     wave = partial(modal.propagate, m.sample, duration, interval=interval)
     for size in m.amplitudes:
         ahead = wave(nonlinear=True, motion=Pulse(size, frequency))

@@ -14,7 +14,8 @@ from analysis.estimators.layer_lattice import lattice_signals
 from analysis.estimators.low_pass import THRESHOLDS
 from analysis.estimators.resonances import standing_modes
 from analysis.frame import frame_of, numbers
-from analysis.packing_data import PackingData, why_unsettled
+from analysis.packing_data import PackingData
+from analysis.packing_state import why_unsettled
 from analysis.quantities import QUANTITIES, passband, spectrum, velocity
 from analysis.rows import of_one_producer, row_of
 from analysis.table import number

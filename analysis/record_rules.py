@@ -1,0 +1,86 @@
+"""Set how computed waves are sent and recorded, and refuse records that cannot be read."""
+
+from pathlib import Path
+
+import numpy as np
+
+from analysis.estimators.coherent import PASSAGES
+from analysis.estimators.damped_transform import UNEVEN, layer_distance
+from analysis.estimators.layer_lattice import LayerLattice
+from modal.packing.network import Network
+from modal.tools.errors import InputError
+from modal.waves.signals import Signals
+
+PULSE_FREQUENCY_IN_V_PER_D = 0.33
+"""100 kHz in the crystal of glass at 100 kPa. The band of a crystal ends at 0.45, that of a random
+packing far below."""
+PULSE_AMPLITUDE_IN_DIAMETERS = 1e-6
+"""2.5 nm in the study: small-strain waves."""
+RECORD_INTERVAL_IN_D_PER_V = 0.4
+"""Two times in a period of 1.25 V / D, which is above the frequency of all modes."""
+RECORD_LENGTH_IN_PASSAGES = 1.5 * PASSAGES
+"""Length of the record, in times that the affine wave takes from wall to wall."""
+MIN_V_S_OVER_V_P = 0.5
+"""The record of an S-wave is long enough for a wave that is slower by this factor."""
+MIN_RECORD_TIMES = 50
+"""A shorter record has no wave that could be followed."""
+MIN_CHAIN_PARTICLES = 10
+"""Along fewer particles neither a velocity nor an attenuation can be fitted."""
+
+
+def record_length(affine_passage: float, direction: str) -> float:
+    """Return the length of a record, s, whose wall moves along a direction.
+
+    `affine_passage` is the time, s, that the affine wave takes from wall to wall.
+    """
+    length = RECORD_LENGTH_IN_PASSAGES * affine_passage
+    if direction == "z":
+        return length
+    return length / MIN_V_S_OVER_V_P
+
+
+def record_interval(affine_frequency: float, recorded: Signals | None) -> float:
+    """Return the time between two records of a computed wave, s.
+
+    `affine_frequency` is V / D, Hz. Beside a record the interval is one or several of its own, so
+    that both waves have common times.
+    """
+    interval = RECORD_INTERVAL_IN_D_PER_V / affine_frequency
+    if recorded is None:
+        return interval
+    recorded_interval = float(recorded.time[1] - recorded.time[0])
+    return recorded_interval * max(1, int(interval / recorded_interval))
+
+
+def check_record(record: Signals, path: Path | str, network: Network) -> None:
+    """Raise InputError if a record is too small, damaged, or made in another packing.
+
+    `path` is the name of the record in the message.
+    """
+    times, particles = np.shape(record.chain_displacement)
+    if times < MIN_RECORD_TIMES or particles < MIN_CHAIN_PARTICLES:
+        raise InputError(
+            f"{path}: fewer than {MIN_RECORD_TIMES} times or {MIN_CHAIN_PARTICLES} particles; "
+            "record more",
+            code="small_record",
+        )
+    if not np.isfinite(record.chain_displacement).all():
+        raise InputError(
+            f"{path}: displacements that are no numbers; record it again", code="not_finite"
+        )
+    if record.chain_particle.max() >= network.n_particles:
+        raise InputError(
+            f"{path}: its chain leaves the packing; give the packing it is of",
+            code="chain_outside_packing",
+        )
+
+
+def check_layers(record: Signals, path: Path | str, lattice: LayerLattice) -> None:
+    """Raise InputError unless the chain of a crystal's record has one particle in each layer."""
+    layers = layer_distance(record) / lattice.distance
+    if abs(layers - 1) > UNEVEN:
+        raise InputError(
+            f"{path}: its chain has a particle in every {layers:.3g} layers of the crystal, of "
+            "which neither band nor wavelength can be read; record one in each",
+            code="layers_skipped",
+        )
