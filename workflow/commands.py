@@ -25,6 +25,10 @@ OF_YADE = {"fraction": 0.05, "passage": 1.0}
 """What yade_scripts/wave.py takes where a line does not say it."""
 
 
+LINEAR_INTERVAL = 1e-6
+"""Between records of a linear wave, s, where a study does not say it; the results are of this."""
+
+
 class Commands:
     """Of the cases `rows`, by name, whose products are in `folder`; `Jobs` says which there are.
 
@@ -140,8 +144,8 @@ class Commands:
         own, slower = (options, times) if direction == "z" else (f"--direction {direction}", 2)
         pulse = f"--amplitude {row['amplitude']} --input-frequency {row['input_frequency']}"
         # Every step of YADE's, which a line may ask for as 0, is none of the linear wave's.
-        interval = f"--interval {row['interval']}" if float(row.get("interval") or 0) > 0 else ""
-        return f"{own} {pulse} {interval} --duration {slower * self.duration(case)}"
+        interval = float(row.get("interval") or 0) or LINEAR_INTERVAL
+        return f"{own} {pulse} --interval {interval:g} --duration {slower * self.duration(case)}"
 
     def band(self, case: str) -> str:
         """Options of the modes of a case's band; shapes are kept as far as they fit."""

@@ -4,15 +4,17 @@ import numpy as np
 
 from modal.cli.options import Given, Option, Result, chosen_for
 from modal.cli.reading import packing_of, remark_on_ends, springs
-from modal.modes.density import density_of_states, write_density
+from modal.modes.density import RESOLUTION, density_of_states, write_density
 from modal.tools.arguments import frequencies
+from modal.tools.display import quantity
 
 COMPONENTS = ("u_x", "u_y", "u_z", "theta_x", "theta_y", "theta_z", "all")
 QUARTILES = (0.25, 0.5, 0.75)
+WIDTH = f"width of a peak (default: {RESOLUTION:g} of the highest frequency)"
 EXAMPLE = "density mine.network.h5 --resolution 2000 -o mine.density.h5"
 OPTIONS = (
     *springs("*.density.h5"),
-    Option("--resolution", "HZ", "width of a peak", 2e3),
+    Option("--resolution", "HZ", WIDTH),
     Option("--tolerance", "T", "error of counts over all modes", 1e-3),
     Option("--at", "HZ ...", "print how many modes lie below", [], str),
 )
@@ -27,6 +29,11 @@ def run(options: Given) -> Result:
     states = density_of_states(network, **chosen_for(density_of_states, options))
     if options.output:
         write_density(options.output, states, options.made)
+    if states.resolution > states.highest:
+        options.remarks.append(
+            f"--resolution {options.resolution:g}: wider than all of the spectrum, which ends at "
+            f"{quantity(states.highest, 'Hz')}; give less, or leave it out"
+        )
     frequency = states.grid()
     below = states.count_below(frequency)[0]
     value, error = states.count_below(at)

@@ -3,13 +3,17 @@
 from modal.cli.options import Given, Option, Result, chosen_for
 from modal.cli.reading import packing_of, springs
 from modal.cli.wave import OF_SOURCE, source_of
-from modal.waves.response import frequency_response, write_response
+from modal.waves.response import RESOLUTION, frequency_response, write_response
 
+WIDTH = (
+    f"width of a peak (default: {RESOLUTION:g} of the highest mode's frequency, at most a "
+    "twentieth of --highest)"
+)
 EXAMPLE = "response mine.network.h5 --highest 20000 -o mine.response.h5"
 OPTIONS = (
     *springs("*.response.h5"),
     Option("--highest", "HZ", "up to here (default: the whole spectrum)"),
-    Option("--resolution", "HZ", "width of a peak", 1e3),
+    Option("--resolution", "HZ", WIDTH),
     *OF_SOURCE,
 )
 

@@ -4,16 +4,26 @@ import math
 from functools import partial
 from typing import Any
 
-from modal.cli.options import Given, Group, Option, Result, chosen, chosen_for, flag, say, typed
+from modal.cli.options import Given, Group, Option, Result, chosen_for, flag, say, typed
 from modal.cli.reading import packing_of, springs
 from modal.exchange.programs.own import is_sample
+from modal.packing.network import Network
 from modal.packing.sample import read_sample
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
+from modal.waves.defaults import (
+    DURATION_IN_PASSAGES,
+    INTERVAL_IN_D_PER_V,
+    PULSE_AMPLITUDE_IN_D,
+    PULSE_AMPLITUDE_IN_OVERLAPS,
+    PULSE_FREQUENCY_IN_V_PER_D,
+    default_amplitude,
+    default_frequency,
+)
 from modal.waves.nonlinear import ACCURACY, NonlinearWave
 from modal.waves.propagate import TOLERANCE, propagate
 from modal.waves.signals import COMPONENT, read_signals, write_signals
-from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY, Motion, Pulse, chirp, read_motion, step
+from modal.waves.source import Motion, Pulse, chirp, read_motion, step
 from modal.waves.sources import Plane, Point, Source, Wall
 
 MOTIONS: dict[str, tuple[Any, ...]] = {
@@ -26,13 +36,28 @@ MOTIONS: dict[str, tuple[Any, ...]] = {
 NOISY = 0.01
 """Motion without a wave, over the wave's, from which on it is remarked on."""
 EXAMPLE = "wave mine.network.h5 --duration 4e-4 -o mine.signals.h5"
+STROKE = (
+    f"half the wall's stroke, m (default: {PULSE_AMPLITUDE_IN_D:g} D, at most "
+    f"{PULSE_AMPLITUDE_IN_OVERLAPS:g} of the mean overlap; D: mean diameter)"
+)
+FREQUENCY = (
+    f"of the pulse (default: {PULSE_FREQUENCY_IN_V_PER_D:g} V / D; V: of a P-wave that every "
+    "sphere follows)"
+)
+LENGTH = (
+    f"of the record (default: the motion of the source, then {DURATION_IN_PASSAGES:g} times the "
+    "height over V, twice as long for S-waves)"
+)
+EVERY = f"between records (default: {INTERVAL_IN_D_PER_V:g} D / V)"
 OF_MOTION = (
-    Option("--amplitude", "A", "half the wall's stroke, m", AMPLITUDE),
-    Option("--input-frequency", "HZ", "of the pulse", INPUT_FREQUENCY),
+    Option("--amplitude", "A", STROKE),
+    Option("--input-frequency", "HZ", FREQUENCY),
     Option("--cycles", "N", "of a pulse", 1, int),
     Option("--last-frequency", "HZ", "at the end of a chirp"),
     Option("--sweep", "S", "how long a chirp lasts, or a step rises"),
 )
+OF_PACKING = ("amplitude", "input_frequency")
+"""Of these, those that follow from the packing where they are not given."""
 USUAL = {name[2:].replace("-", "_"): default for name, _, _, default, *_ in OF_MOTION}
 WHICH_MOTION = (
     Option("--motion", "", "of the source wall", "pulse", ("pulse", "chirp", "step")),
@@ -56,10 +81,10 @@ HOLDS = "of --nonlinear: in place of the sample's own; 10 holds all contacts"
 WHOLE = "compute all of a packing of equal parts side by side, as a crystal, not one of them"
 OPTIONS = (
     *springs("*.signals.h5"),
-    Option("--duration", "S", "of the record", 5e-4),
+    Option("--duration", "S", LENGTH),
     *OF_MOTION,
     Group("", WHICH_MOTION),
-    Option("--interval", "S", "between records", 1e-6),
+    Option("--interval", "S", EVERY),
     Option("--tolerance", "T", ERROR),
     *OF_SOURCE,
     flag("--particles", "record every sphere: to watch it, or for ParaView"),
@@ -86,17 +111,33 @@ def source_of(options: Given) -> dict[str, Any]:
     return {"source": source, "damping": damping}
 
 
-def _motion(options: Given) -> Motion:
-    """The motion of the source wall; InputError for options that another motion has."""
+def check_motion(options: Given) -> None:
+    """Refuse options that another motion has, and a motion that lacks one of its own."""
     name = "file" if options.motion_file else options.motion
-    make, *has = MOTIONS[name]
+    _, *has = MOTIONS[name]
     for option in (*USUAL, *has):
         given = getattr(options, option)
         if option not in has and given != USUAL[option]:
-            raise InputError(f"{typed(option)}: the motion is a {name}, which has none")
-        if option in has and given is None:
-            raise InputError(f"--motion {name} needs {typed(option)}")
-    return make(*chosen(options, *has).values())
+            raise InputError(
+                f"{typed(option)}: the motion is a {name}, which has none", code="foreign_option"
+            )
+        if option in has and given is None and option not in OF_PACKING:
+            raise InputError(f"--motion {name} needs {typed(option)}", code="missing_option")
+
+
+def motion_in(network: Network, options: Given, source: Source) -> Motion:
+    """Make the motion of the source; what is not given follows from the packing."""
+    make, *has = MOTIONS["file" if options.motion_file else options.motion]
+    defaults = {
+        "amplitude": lambda: default_amplitude(network, source, options.direction),
+        "input_frequency": lambda: default_frequency(network),
+    }
+    numbers = []
+    for option in has:
+        given = getattr(options, option)
+        numbers.append(defaults[option]() if given is None else given)
+    motion: Motion = make(*numbers)
+    return motion
 
 
 def run(options: Given) -> Result:
@@ -107,8 +148,12 @@ def run(options: Given) -> Result:
             f"{path}: --nonlinear takes a *.sample.h5, which has the law and the friction of its "
             "contacts"
         )
+    check_motion(options)
     packing: Any = read_sample(path) if options.nonlinear else packing_of(options, waves=True)
-    given = chosen_for(propagate, options) | source_of(options) | {"motion": _motion(options)}
+    source = source_of(options)
+    network = packing.network() if options.nonlinear else packing
+    motion = motion_in(network, options, source["source"])
+    given = chosen_for(propagate, options) | source | {"motion": motion}
     wave: Any = propagate(packing, options.duration, **given)
     signals = wave.signals
     if options.output:

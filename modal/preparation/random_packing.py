@@ -72,16 +72,18 @@ def pack(
 ) -> list[tuple[float, Path]]:
     """Pack in `folder`; each stress, Pa, with the file of its state. Killed, the same call goes on.
 
-    Without stresses those of the study. `width`, in diameters, stands in place of `aspect`; numbers
-    of the `protocol` have their names in `Study`, and `peak`, Pa, is that of packings without
-    friction. A `periodic` cell has no walls. With friction a state may go on from each isotropic
-    one to a `stress_ratio`, lateral over axial stress; or the spheres are compressed along z alone
-    (`oedometric`) from a tenth of the first stress to each axial one. `say` is told how it goes.
+    Without stresses those of the study, of softer spheres as much less. `width`, in diameters,
+    stands in place of `aspect`; numbers of the `protocol` have their names in `Study`, and `peak`,
+    Pa, is that of packings without friction. A `periodic` cell has no walls. With friction a state
+    may go on from each isotropic one to a `stress_ratio`, lateral over axial stress; or the spheres
+    are compressed along z alone (`oedometric`) from a tenth of the first stress to each axial one.
+    `say` is told how it goes.
     `solid` as in `modal.preparation.sizes.solid_of`, of the study's glass without: the peak and the
     stresses of the protocol grow with its modulus.
     """
     hardness = Mixture(*solid_of(solid)).hardness if solid else 1.0
-    targets = list(stresses or (STRESSES if friction else PRESSURES))
+    usual_stresses = STRESSES if friction else PRESSURES
+    targets = list(stresses) or [stress * hardness for stress in usual_stresses]
     for stress in stresses:
         if not 10 * hardness <= stress <= PEAK * hardness:
             raise InputError(
@@ -135,7 +137,7 @@ def pack(
 @checked
 def random_packing(
     spheres: int = 500,
-    stress: float = 1e5,
+    stress: float | None = None,
     friction: float = 0.0,
     seed: int = 1,
     *,
@@ -161,8 +163,9 @@ def random_packing(
     ----------
     spheres : int, default 500
         Their number.
-    stress : float, default 1e5
-        Pressure, Pa, the same along all axes.
+    stress : float, optional
+        Pressure, Pa, the same along all axes; by default 1e5, of a softer or harder `material` as
+        much less or more.
     friction : float, default 0
         Coefficient of friction while it is compressed, 0 to 1.
     seed : int, default 1
@@ -207,6 +210,8 @@ def random_packing(
         own = material or GLASS
         solid = [own.young, own.poisson, own.density, RADIUS if radius is None else radius]
         solid += [] if own.contact_model == HERTZ_MINDLIN else own.contact_model.split()
+    if stress is None:
+        stress = PRESSURES[0] * (Mixture(*solid_of(solid)).hardness if solid else 1.0)
     with TemporaryDirectory() as folder:
         files = pack(
             Path(folder), lambda _: None, spheres, [stress], friction, seed,

@@ -180,6 +180,11 @@ class LinearSystem:
         """That bound alone."""
         return self.spectral_bound_and_cost[0]
 
+    @property
+    def highest_frequency(self) -> float:
+        """The same as a frequency, Hz; 0 without stiffness."""
+        return float(np.sqrt(max(self.top, 0.0))) / (2 * np.pi)
+
     def count_uncertainty(self, square: float) -> float:
         """Relative distance from a frequency within which an exact count is uncertain.
 

@@ -42,6 +42,10 @@ from modal.waves.receivers import Receivers
 from modal.waves.signals import VERSION, Recording, along, read_recording, write_recording
 from modal.waves.sources import Source, Wall
 
+RESOLUTION = 0.005
+"""Where none is given, of the highest mode's frequency: 1 kHz in the study's packings under 100
+kPa; and at most `RESOLUTION_OF_RANGE` of the highest frequency that is asked for."""
+RESOLUTION_OF_RANGE = 0.05
 REMEDY = "take fewer frequencies, or a smaller packing"
 
 
@@ -154,7 +158,7 @@ def frequency_response(
     *,
     source: Source | None = None,
     highest: float | None = None,
-    resolution: float = 1e3,
+    resolution: float | None = None,
     tolerance: float = 1e-5,
     pre_stress: str = "none",
     sliding: str = "elastic",
@@ -175,8 +179,9 @@ def frequency_response(
         As of `modal.propagate`: the source wall by default.
     highest : float, optional
         Last frequency, Hz; the top of the spectrum by default.
-    resolution : float, default 1000
-        Width that a resonance has, Hz.
+    resolution : float, optional
+        Width that a resonance has, Hz; by default 0.005 of the highest mode's frequency, at most a
+        twentieth of `highest`.
     tolerance : float, default 1e-5
         What the expansion leaves out at most: of the motions, of the stress on the source and of
         that on the receiver wall, in parts of the largest of each at any frequency. Where a stress
@@ -211,9 +216,11 @@ def frequency_response(
     >>> gain.gain_maxima().round(-1)
     array([ 3420., 10250., 17080.])
     """
+    system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
+    if resolution is None:
+        resolution = default_resolution(system.highest_frequency, highest)
     if not (frequencies(resolution) > 0 and 0 < tolerance < 1):
         raise InputError("resolution must be a positive number of Hz, tolerance between 0 and 1")
-    system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
     source, receivers = source or Wall(), Receivers(system.network, direction)
     # The window leaves of a wave what comes within 1 / gamma.
     forced = ForcedSystem.of(system, source, receivers, 1 / (np.pi * resolution), tolerance)
@@ -228,6 +235,23 @@ def frequency_response(
         source_height=source.height_in(network),
         damping=damping if forced.dashpots else None,
     )
+
+
+def default_resolution(highest_mode: float, highest: float | None) -> float:
+    """Return the resolution, Hz, of a response up to `highest`, Hz, of modes to `highest_mode`."""
+    resolution = RESOLUTION * highest_mode
+    if highest is not None:
+        resolution = min(resolution, RESOLUTION_OF_RANGE * float(frequencies(highest)))
+    return resolution or 1.0  # a packing without stiffness is refused with the source
+
+
+def frequencies_up_to(end: float, resolution: float) -> Floats:
+    """Return the frequencies (nf,), Hz, below `end`: four to a resolution, from a quarter of one.
+
+    Round-off does not decide whether `end` itself is among them.
+    """
+    count = int(np.ceil(4 * end / resolution * (1 - 1e-9))) - 1
+    return np.arange(1.0, count + 1) * (resolution / 4)
 
 
 def _end(top: float, highest: float | None, resolution: float) -> float:
@@ -260,7 +284,7 @@ def _windowed(
             bytes_needed=8 * numbers,
             remedy="take a coarser resolution or a lower highest frequency",
         )
-        return Resolvent(np.arange(resolution / 4, end, resolution / 4), gamma, top)
+        return Resolvent(frequencies_up_to(end, resolution), gamma, top)
 
     series, record, products, error = summed(forced, series_for, tolerance)
     if error > tolerance:
@@ -289,7 +313,7 @@ def _damped(
         refuse_above(seconds * count, 16.0 * count * forced.count, task, REMEDY)
 
     refuse(0.0)
-    frequency = np.arange(resolution / 4, end, resolution / 4)
+    frequency = frequencies_up_to(end, resolution)
     A, C = system.assemble_dynamical_matrix(), system.dashpots.assemble_dynamical_matrix()
     identity = sp.identity(system.size, format="csr")
     record: Complex = forced.blank(np.ones(len(frequency), complex))

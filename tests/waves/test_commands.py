@@ -20,6 +20,8 @@ PACKINGS = {
 }
 TABLE = SampledMotion([0, 2e-6], [0, 1e-9])
 DAMPING = ContactDamping(0.05, 0.03)
+PUSH = "--amplitude 2.5e-9 --input-frequency 1e5"
+TWO_CYCLES = {"motion": Pulse(2.5e-9, 1e5, cycles=2), "direction": "x"}
 SWEPT = "--last-frequency 2e5 --sweep 1e-5"
 TURNED, TURNS = "--point 3 --direction torsion", {"source": Point(3), "direction": "torsion"}
 OPENED, OPENS = "--plane 0.01 --direction y", {"source": Plane(0.01), "direction": "y"}
@@ -28,9 +30,13 @@ SAME = [
     ("crystal", "wave --time-step 5e-8 --particles", {"time_step": 5e-8, "particles": True}),
     ("crystal", "wave --time-step 3e-7 --interval 1.2e-6", {"time_step": 3e-7, "interval": 1.2e-6}),
     ("crystal", "wave --motion-file wall.txt --whole", {"motion": TABLE, "whole": True}),
-    ("crystal", "wave --cycles 2 --direction x", {"motion": Pulse(cycles=2), "direction": "x"}),
-    ("crystal", f"wave --motion chirp {SWEPT}", {"motion": chirp(2.5e-9, 1e5, 2e5, 1e-5)}),
-    ("crystal", "wave --motion step --sweep 1e-5", {"motion": step(2.5e-9, 1e-5)}),
+    ("crystal", f"wave --cycles 2 --direction x {PUSH}", TWO_CYCLES),
+    ("crystal", f"wave --motion chirp {SWEPT} {PUSH}", {"motion": chirp(2.5e-9, 1e5, 2e5, 1e-5)}),
+    (
+        "crystal",
+        "wave --motion step --sweep 1e-5 --amplitude 2.5e-9",
+        {"motion": step(2.5e-9, 1e-5)},
+    ),
     ("crystal", "wave --amplitude 1e-9 --input-frequency 2e5", {"motion": Pulse(1e-9, 2e5)}),
     ("crystal", "wave --damping 0.05 0.03", {"damping": DAMPING}),
     ("crystal", f"wave {TURNED} --particles", TURNS | {"particles": True}),
@@ -111,7 +117,7 @@ WRONG = [
     ("crystal", "response --resolution 0", "positive number of Hz"),
     # Some 1e12 frequencies: 1e13 bytes for each receiver.
     ("crystal", "response --resolution 1e-6", "coarser resolution"),
-    ("crystal", "response --highest 10", "must exceed the resolution"),
+    ("crystal", "response --highest 10 --resolution 1e3", "must exceed the resolution"),
     ("crystal", "response --highest 1e9", "times that of the highest mode"),
     ("crystal", "response --damping 0.1 0 --resolution 1e-12", "fewer frequencies"),
     ("cell", "response --highest 1e4", "--plane"),

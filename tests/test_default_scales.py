@@ -1,0 +1,160 @@
+"""What nobody asked for in numbers follows from the packing: scaled packings scale the results."""
+
+from dataclasses import replace
+
+import numpy as np
+import packings
+import pytest
+
+import modal
+from modal.packing.contact_law import GLASS
+from modal.packing.network import Network, write_network
+from modal.packing.state import stress_tensor
+from modal.preparation.random_packing import random_packing
+from modal.waves.source import Pulse
+
+COMMANDS = (
+    *("info", "modes --lowest 9", "density", "response", "response --highest {frequency}"),
+    *(
+        "moduli",
+        "wave",
+        "wave --direction x",
+        "wave --point 3",
+        "wave --motion step --sweep {time}",
+    ),
+)
+LENGTHS_AND_STIFFNESSES = [(1e-3, 1.0), (1e3, 1.0), (1.0, 1e-6), (1e-3, 1e-6)]
+ROUND_OFF = 1e-6
+"""Of the results: residuals and iterations are cut off at 1e-9 of them, at different places."""
+COST = ("seconds", "peak_memory_bytes")
+OF_ROUND_OFF = (
+    *("residual", "truncation", "relative_error", "asymmetry", "net_force_over_contact_force"),
+    *("largest_net_force_over_contact_force", "largest_off_diagonal_stress_pa", "products_with_k"),
+)
+
+
+def scaled(network: Network, length: float, stiffness: float) -> Network:
+    """The same packing `length` times as large, of the same density, its springs softer."""
+    force = stiffness * length
+    return replace(
+        network,
+        **{name: length * getattr(network, name) for name in ("position", "radius", "overlap")},
+        **{name: length * getattr(network, name) for name in ("lever_i", "lever_j", "cell_size")},
+        wall_position=length * network.wall_position,
+        mass=length**3 * network.mass,
+        inertia=length**5 * network.inertia,
+        stiffness_normal=stiffness * network.stiffness_normal,
+        stiffness_tangential=stiffness * network.stiffness_tangential,
+        force_normal=force * network.force_normal,
+        force_tangential=force * network.force_tangential,
+        study={},
+    )
+
+
+def factor_of(name: str, length: float, stiffness: float) -> float:
+    """By what a number of this name grows, as the end of the name says its unit."""
+    frequency = np.sqrt(stiffness / length**3)
+    factors = {
+        "_kg_per_m3": 1.0,
+        "_m_per_s": length * frequency,
+        "_hz": frequency,
+        "_pa": stiffness / length,
+        "_m": length,
+        "_s": 1 / frequency,
+    }
+    return next((factor for end, factor in factors.items() if name.endswith(end)), 1.0)
+
+
+def compare(name, before, after, factor):
+    """Numbers, or lists and named values of numbers."""
+    if isinstance(before, dict):
+        for key, value in before.items():
+            compare(name, value, after[key], factor)
+    elif isinstance(before, list) and before and not isinstance(before[0], str):
+        wanted, size = factor * np.array(before, float), abs(np.array(before, float)).max()
+        assert np.array(after) == pytest.approx(wanted, rel=1e-6, abs=ROUND_OFF * factor * size), (
+            name
+        )
+    elif isinstance(before, float):
+        assert after == pytest.approx(factor * before, rel=1e-6, abs=0), name
+    elif not isinstance(before, list | str):
+        assert after == before, name
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_defaults_scale_with_the_packing(command, tmp_path, printed, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    network, results = modal.fcc(cells=(1, 1, 14)), []
+    for number, (length, stiffness) in enumerate([(1.0, 1.0), *LENGTHS_AND_STIFFNESSES]):
+        write_network("a.network.h5", scaled(network, length, stiffness))
+        given = {"frequency": factor_of("_hz", length, stiffness) * 2e4}
+        given["time"] = factor_of("_s", length, stiffness) * 1e-5
+        words = command.format(**given).split()
+        results.append(printed(words[0], "a.network.h5", *words[1:]))
+        for name, value in results[0].items():
+            if name not in (*COST, *OF_ROUND_OFF) and number:
+                factor = factor_of(name, length, stiffness)
+                compare(name, value, results[number][name], factor)
+
+
+def test_density_of_a_soft_packing_shows_its_modes():
+    """Springs a millionth as stiff: a thousandth of all frequencies, whose quartiles are not 0."""
+    network = modal.fcc(stress=1e5, cells=(2, 2, 10))
+    soft = scaled(network, 1.0, 1e-6)
+    states = modal.density_of_states(soft)
+    frequency = modal.eigenmodes(soft, all=True).frequency
+    median = np.interp(
+        0.5 * len(frequency), states.count_below(states.grid())[0][:, 6], states.grid()
+    )
+    assert states.resolution < 0.02 * frequency.max()
+    assert median == pytest.approx(np.median(frequency), abs=states.resolution)
+
+
+def test_usual_numbers_of_the_study(printed, tmp_path):
+    """In the crystal of the paper near to what it sends: 2.5 nm, 100 kHz, each microsecond."""
+    path = tmp_path / "a.network.h5"
+    write_network(path, modal.fcc(cells=(1, 1, 60)))
+    signals = modal.propagate(modal.read(path)).signals
+    assert signals.amplitude == pytest.approx(2.5e-9, rel=0.03)
+    assert signals.input_frequency == pytest.approx(1e5, rel=0.03)
+    assert signals.time[1] == pytest.approx(1e-6, rel=0.03)
+    assert printed("density", path)["resolution_hz"] == pytest.approx(2e3, rel=0.1)
+    assert printed("response", path, "--highest", "3e4")["resolution_hz"] == pytest.approx(
+        1e3, rel=0.1
+    )
+
+
+def test_wave_arrives_within_the_default_record():
+    """From wall to wall of a random packing, P and S, at the velocity of its moduli."""
+    network = packings.slender()
+    for direction in ("z", "x"):
+        signals = modal.propagate(network, direction=direction).signals
+        stress = abs(signals.receiver_stress)
+        assert stress[: len(stress) // 10].max() < 0.01 * stress.max()
+
+
+def test_pulse_is_small_beside_the_overlaps():
+    """Under little stress too, where 1e-6 of a diameter is half of an overlap."""
+    network = modal.fcc(stress=10.0, cells=(1, 1, 8))
+    signals = modal.propagate(network).signals
+    assert 0 < signals.amplitude < 0.02 * network.overlap.mean()
+
+
+def test_torsion_and_forces_have_amplitudes_of_their_own():
+    network = replace(modal.fcc(cells=(1, 1, 8)), cell_shift=None)
+    stiffness = network.stiffness_normal.mean()
+    pushed = modal.propagate(network, source=modal.waves.sources.Point(3)).signals
+    assert pushed.amplitude == pytest.approx(1e-6 * 2 * network.radius[0] * stiffness)
+
+
+def test_default_stress_is_as_soft_as_the_spheres(tmp_path):
+    soft = replace(GLASS, young=1e-4 * GLASS.young)
+    network = random_packing(60, material=soft, seed=2)
+    stress = np.trace(stress_tensor(network)) / 3
+    assert stress == pytest.approx(10.0, rel=0.01)
+
+
+def test_a_pulse_that_is_given_is_taken():
+    motion = Pulse(1e-8, 3e4)
+    signals = modal.propagate(modal.fcc(cells=(1, 1, 8)), motion=motion).signals
+    assert (signals.amplitude, signals.input_frequency) == (1e-8, 3e4)
