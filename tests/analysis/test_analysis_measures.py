@@ -196,7 +196,7 @@ def test_a_run_that_is_the_linear_wave_does_not_differ_from_it(tmp_path):
     own = propagate(network, 2e-4, interval=1e-6).signals
     write_signals(tmp_path / "case06.signals.h5", replace(own, producer="yade"))
     m = PackingData.of(Case("case06", tmp_path))
-    assert QUANTITIES["yade_less_linear_layers"].of(m) < 1e-6  # the record is that very wave
+    assert QUANTITIES["yade_less_linear_layers"].measure(m) < 1e-6  # the record is that very wave
 
 
 @pytest.fixture(scope="module")

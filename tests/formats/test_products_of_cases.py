@@ -115,7 +115,7 @@ def test_energy_balance_survives_the_file_and_is_shown(folder):
         assert np.array_equal([*vars(again).values()], [*vars(balance).values()], equal_nan=True)
         case = Case("case02", folder)
         m = PackingData.of(case)
-        assert QUANTITIES["contacts_opened"].of(m) == 17
+        assert QUANTITIES["contacts_opened"].measure(m) == 17
         for name in ("drift", "gap"):
             found = QUANTITIES[f"energy_{name}"].measured(m).value
             assert found == pytest.approx(getattr(balance, name), rel=1e-6, abs=0, nan_ok=True)
