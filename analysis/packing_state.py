@@ -8,6 +8,7 @@ from modal.packing import state
 from modal.packing.network import Network
 from modal.packing.plausibility import BALANCED, CRYSTALLINE, differing_thirds
 from modal.packing.summary import crystalline_shares
+from modal.packing.weight import unbalanced_forces
 from modal.preparation.protocol import SETTLED
 
 
@@ -73,7 +74,7 @@ def why_unsettled(network: Network, stress: float = np.nan) -> str:
     if not stress > 0:
         stress = np.nan
     max_stress_error, _ = SETTLED
-    residual = state.residual_forces(network).mean()
+    residual = unbalanced_forces(network).mean()
     stress_error = float(abs(np.diag(state.stress_tensor(network)) / stress - 1).max())
     reasons = []
     if residual > BALANCED:

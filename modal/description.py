@@ -57,7 +57,11 @@ def describe(network: Network) -> str:
         if name in told:
             rows.append((words, ", ".join(quantity(value, "Pa") for value in told[name])))
     if "void_ratio" in told:
-        rows.append(("void ratio", f"{told['void_ratio']:.4f}"))
+        void_ratio = f"{told['void_ratio']:.4f}"
+        if "void_ratio_error" in told:
+            free = ", ".join(told["free_ends"])
+            void_ratio += f" ± {told['void_ratio_error']:.4f}, free at {free}"
+        rows.append(("void ratio", void_ratio))
     if told["rattlers"]:
         without = told["coordination_number_without_rattlers"]
         rows.append(("rattlers", f"{told['rattlers']}; coordination number {without:.3f} without"))

@@ -164,7 +164,8 @@ def test_units(seed, length, mass, time):
     scaled = in_units(network, L, M, T)
     one, two = (by_structure(LinearSystem.of(net)).kinds for net in (network, scaled))
     assert one == two
-    here, pulse = propagate(network, 3e-5).signals, Pulse(2.5e-9 * L, 1e5 / T)
+    here = propagate(network, 3e-5, motion=Pulse(2.5e-9, 1e5), interval=1e-6).signals
+    pulse = Pulse(2.5e-9 * L, 1e5 / T)
     there = propagate(scaled, 3e-5 * T, motion=pulse, interval=1e-6 * T).signals
     difference = here.chain_displacement - there.chain_displacement / L
     assert abs(difference).max() < 1e-8 * abs(here.chain_displacement).max()

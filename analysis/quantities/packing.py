@@ -12,7 +12,9 @@ from analysis.same_state import note
 from analysis.value import Value, unknown
 from modal.packing import state
 from modal.packing.network import Network
+from modal.packing.occupied import occupied_part
 from modal.packing.rattlers import force_bearing
+from modal.packing.weight import unbalanced_forces
 from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
 
@@ -36,11 +38,20 @@ def _residual(network: Network) -> float:
     force = network.require("force_normal", "balance")
     if not force.any():
         raise UnavailableError("no contact bears a force", code="no_forces")
-    return float(state.residual_forces(network).mean())
+    return float(unbalanced_forces(network).mean())
+
+
+def of_free_packing(network: Network) -> Value | None:
+    """Return the void ratio of a packing with free ends, by its core; None of one without."""
+    occupied = occupied_part(network)
+    if occupied is None:
+        return None
+    ends = ", ".join(occupied.free_names)
+    caveat = f"free surface at {ends}: of {occupied.cubes} cubes away from walls and surfaces"
+    return Value(occupied.void_ratio, "1", {"fit": occupied.void_ratio_error}, (caveat,))
 
 
 EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
-    "void_ratio": (state.void_ratio, "volume of voids over that of spheres, from wall to wall"),
     "coordination": (
         lambda n: state.contacts_per_particle(n).mean(),
         "contacts of a sphere, rattlers and contacts with walls included",
@@ -62,7 +73,8 @@ EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
     ),
     "residual": (
         _residual,
-        "mean net force of a sphere over mean contact force, torque over the radius in it",
+        "mean net force of a sphere over mean contact force, its weight left out, torque over the "
+        "radius in it",
     ),
 }
 """Numbers without an error, exact for the packing, and what they are."""
@@ -72,8 +84,18 @@ def _exact(number: Callable[[Network], Any]) -> Callable[[PackingData], Value]:
     return lambda packing: Value(float(number(packing.network)), "1")
 
 
+@quantity("1", definition="volume of voids over that of spheres")
+def void_ratio(packing: PackingData) -> Value:
+    """Volume of voids over that of spheres.
+
+    From wall to wall; of a packing with a free surface away from that and from walls.
+    """
+    exact = Value(state.void_ratio(packing.network), "1")
+    return of_free_packing(packing.network) or exact
+
+
 for _name, (_number, _definition) in EXACT.items():
-    _on_request = _name not in ("void_ratio", "coordination")
+    _on_request = _name != "coordination"
     quantity("1", name=_name, definition=_definition, on_request=_on_request)(_exact(_number))
 
 
@@ -97,6 +119,8 @@ def void_ratio_of_bulk(packing: PackingData) -> Value:
 
     Mean over the layers that no wall orders.
     """
+    if free := of_free_packing(packing.network):
+        return free
     layers = state.profile(packing.network)
     if not layers.bulk.any():
         return unknown("1", Caveat("no_bulk"))

@@ -17,6 +17,7 @@ from modal.tools.visible import visible
 
 UNITS = {
     "_kg_per_m3": "kg/m^3",
+    "_m_per_s2": "m/s^2",
     "_m_per_s": "m/s",
     "_n_per_m": "N/m",
     "_bytes": "B",
@@ -26,7 +27,7 @@ UNITS = {
     "_s": "s",
 }
 """End of a name and what it is measured in; longer ends first."""
-WITHOUT_PREFIX = ("kg/m^3", "m/s")
+WITHOUT_PREFIX = ("kg/m^3", "m/s", "m/s^2")
 DIGITS = {"Hz": 6}
 """Of frequencies, which are the results with the most certain digits; others have four."""
 LONG = 3

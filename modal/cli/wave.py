@@ -18,6 +18,7 @@ from modal.waves.defaults import (
     PULSE_AMPLITUDE_IN_OVERLAPS,
     PULSE_FREQUENCY_IN_V_PER_D,
     default_amplitude,
+    default_duration,
     default_frequency,
 )
 from modal.waves.nonlinear import ACCURACY, NonlinearWave
@@ -154,7 +155,10 @@ def run(options: Given) -> Result:
     network = packing.network() if options.nonlinear else packing
     motion = motion_in(network, options, source["source"])
     given = chosen_for(propagate, options) | source | {"motion": motion}
-    wave: Any = propagate(packing, options.duration, **given)
+    duration = options.duration
+    if duration is None:
+        duration = default_duration(network, motion, options.direction)
+    wave: Any = propagate(packing, duration, **given)
     signals = wave.signals
     if options.output:
         write_signals(options.output, signals, options.made)

@@ -91,7 +91,7 @@ def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Int
     height = side[2] if whole else max(position[:, 2].max(initial=low) - low, distance)
     near = 4 / 3 * np.pi * distance**3 / (side[0] * side[1] * height)  # of all, about each
     refuse_more_than_fit(n, n**2 / 2 * near)
-    place, owner, period = _images(position, np.asarray(side), distance)
+    place, owner, period = images_within(position, np.asarray(side), distance)
     found: list[tuple[Ints, ...]] = []
     for one, two in _near_pairs(place, distance):
         # Of a pair that is met in several images the one whose lower-numbered end is at home.
@@ -104,8 +104,8 @@ def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Int
     return i, j, shift
 
 
-def _images(position: Floats, side: Floats, distance: float) -> tuple[Floats, Ints, Ints]:
-    """The points, then their images within `distance` of the cell.
+def images_within(position: Floats, side: Floats, distance: float) -> tuple[Floats, Ints, Ints]:
+    """Return the points, then their images within `distance` of the cell.
 
     Shapes (k, 3), and (k,), (k, 3) of whose image each is and of the periods that it was moved by.
     """

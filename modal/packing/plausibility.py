@@ -12,12 +12,19 @@ import numpy as np
 from numpy.linalg import norm
 
 from modal.packing.checks import density_of, force_ratio, stiffness_ratio
-from modal.packing.neighbours import touching
+from modal.packing.missing_contacts import (
+    least_overlap,
+    missing_contacts,
+    overlaps_by_places,
+)
 from modal.packing.network import Network
+from modal.packing.occupied import occupied_part
 from modal.packing.precision import MAX_OVERLAP_ERROR_OF_MODES, overlap_error
-from modal.packing.state import residual_forces, unevenness
+from modal.packing.state import unevenness
 from modal.packing.summary import crystalline_shares
+from modal.packing.weight import gravity_of, unbalanced_forces
 from modal.tools.arrays import Floats
+from modal.tools.display import quantity
 
 LAWS = {"Hertz": 2 / 3, "linear": 1.0}
 """Force over stiffness times overlap."""
@@ -47,12 +54,8 @@ UNEVEN, TOLD = 0.1, 15.0
 """Part by which waves are faster in one third of the length than in another from which it is said,
 0.05 at most in 23 random packings of 300 to 35,201 spheres, some of two sizes (3 D wide 0.09 in one
 of three); and diameters of length below which the walls' order makes them differ."""
-TOUCH = 0.1
-"""Of the mean overlap: what two descriptions of it may differ by."""
 DEEP = 0.15
 """Overlap over the smaller radius from which it is said: sound packings show up to 0.11."""
-SIMILAR = 5.0
-"""Ratio of radii up to which overlapping pairs are sought among all neighbours."""
 SOLIDS = (100.0, 25_000.0)
 """kg/m^3, of a median sphere: foam to osmium."""
 
@@ -69,12 +72,14 @@ def plausibility(network: Network, *, sought: bool = False, waves: bool = False)
     """
     density = density_of(network)
     told: dict[str, Any] = {"absent": network.absent, "density_kg_per_m3": _spread(density)}
-    remarks = [*_of_digits(network), *_of_densities(density), *_of_shape(network, waves)]
+    remarks = [*_of_digits(network), *_of_densities(density)]
+    remarks += [*_of_free_ends(network), *_of_shape(network, waves)]
     if network.n_contacts:
+        told |= {"missing_contacts": 0, "missing_wall_contacts": 0}
         if network.inertia_tensor is None:
             remarks += _of_depth(network)
             if not sought:
-                remarks += _of_places(network)
+                remarks += _of_places(network, told)
         remarks += [*_of_stiffnesses(network, told), *_of_forces(network, told)]
     return told | {"remarks": [text for unusual, text in remarks if unusual]}
 
@@ -176,40 +181,37 @@ def _of_depth(network: Network) -> Remarks:
     yield deepest > DEEP, words
 
 
-def _of_places(network: Network) -> Remarks:
+def _of_free_ends(network: Network) -> Remarks:
+    """Which ends are free surfaces, and what the void ratio is then of."""
+    occupied = occupied_part(network)
+    if occupied is None:
+        return
+    where = f"its {occupied.cubes} cubes away from walls and surfaces"
+    if not occupied.cubes:
+        where = "the space up to the outermost spheres, too few for a core"
+    yield (
+        True,
+        f"free surface at {', '.join(occupied.free_names)}: the void ratio, "
+        f"{occupied.void_ratio:.3f} ± {occupied.void_ratio_error:.3f}, is of {where}",
+    )
+
+
+def _of_places(network: Network, told: dict[str, Any]) -> Remarks:
     """Overlaps, levers and the list of contacts against positions and radii."""
-    i, j, pair = network.particle_i, network.partner, ~network.with_wall
-    branch = network.branch
-    reach = network.radius[i] + np.where(pair, network.radius[j], 0.0)
-    overlap = reach - norm(branch, axis=1)
-    # Spheres that just touch have overlaps of the round-off of their positions.
-    round_off = 8 * float(np.spacing(abs(network.position).max() + reach.max()))
-    least = max(TOUCH * float(abs(overlap).mean()), round_off)
-    told = overlap if network.overlap is None else network.overlap
+    pair, branch = ~network.with_wall, network.branch
+    overlap = overlaps_by_places(network)
+    least = least_overlap(network, overlap)
+    stated = overlap if network.overlap is None else network.overlap
     too_few = "overlaps differ from those of positions and radii: too few digits?"
-    yield abs(told - overlap).mean() > least, too_few
+    yield abs(stated - overlap).mean() > least, too_few
     missed = norm(network.lever_i - network.lever_j - branch, axis=1)[pair]
     too_long = "levers do not end in one point: are they as long as the radii?"
     yield pair.any() and missed.mean() > least, too_long
-    missing = _overlapping(network, least) - int((overlap > least).sum())
-    yield missing > 0, f"{missing} places where spheres, or wall, overlap without a contact"
-
-
-def _overlapping(network: Network, depth: float) -> int:
-    """Number of places where spheres, or a sphere and a wall, overlap by more than `depth`, m.
-
-    Only for cells that are periodic along x and y, and for radii whose largest is at most `SIMILAR`
-    times the smallest; 0 for all others.
-    """
-    radius, periodic, walls = network.radius, network.cell_periodic, network.wall_position
-    if radius.max() > SIMILAR * radius.min() or not periodic[:2].all():
-        return 0
-    position = network.position - np.where(periodic, [0, 0, walls[0]], 0.0)
-    position[:, periodic] %= network.cell_size[periodic]
-    periods = np.where(periodic, network.cell_size, 0.0)
-    found = touching(position, np.zeros(3), periods, walls, radius)
-    counted = (network.length > 0) | (found.particle_j >= 0)
-    return int(((found.overlap > depth) & counted).sum())
+    missing = missing_contacts(network)
+    told["missing_contacts"] = missing.pairs
+    told["missing_wall_contacts"] = missing.with_wall
+    yield missing.pairs, missing.of_pairs(network)
+    yield missing.with_wall, missing.of_walls(network)
 
 
 def _of_stiffnesses(network: Network, told: dict[str, Any]) -> Remarks:
@@ -244,12 +246,21 @@ def _of_forces(network: Network, told: dict[str, Any]) -> Remarks:
     if shear is None:
         return
     if force.any():
-        net = residual_forces(network)
+        net, gravity = unbalanced_forces(network), gravity_of(network)
+        if gravity is not None:
+            told["gravity_m_per_s2"] = gravity.tolist()
+            size = float(norm(gravity))
+            along = ", ".join(f"{part / size:.2f}" for part in gravity)
+            yield (
+                True,
+                f"net forces are weights: gravity {quantity(size, 'm/s^2')} along ({along}); "
+                "stress, stiffness and velocities grow with depth",
+            )
         told["net_force_over_contact_force"] = float(net.mean())
         told["largest_net_force_over_contact_force"] = float(net.max())
         words = (
             "particles not in balance under their contacts: net forces are "
-            f"{net.mean():.1e} of contact forces, the largest {net.max():.1e}; weight, or motion?"
+            f"{net.mean():.1e} of contact forces, the largest {net.max():.1e}; still in motion?"
         )
         yield net.max() > BALANCE or net.mean() > BALANCED, words
     if sliding is None or not sliding.any():

@@ -15,12 +15,15 @@ import numpy as np
 from modal.formats.whole_file import write_text
 from modal.packing.contact_law import sphere_volume
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.occupied import occupied_part
 from modal.packing.rattlers import force_bearing
 from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.errors import UnavailableError
 
 WALL_ZONE = 5.0
 """Depth to which a flat wall orders the spheres beside it, mean diameters."""
+SURFACE_ZONE = 2.0
+"""Depth to which a free surface is rough and loose, mean diameters."""
 FORCES = ("force_normal", "force_tangential")
 
 
@@ -30,7 +33,7 @@ class Profile:
 
     edges (k + 1,), m; stress (k, 3), Pa, along x, y, z, compression positive, or None where forces
     are absent; void_ratio, coordination (k,), contacts a particle; particles (k,), centres inside;
-    bulk (k,) bool, further than `WALL_ZONE` from both walls.
+    bulk (k,) bool, further than `WALL_ZONE` from walls and `SURFACE_ZONE` from free ends.
     """
 
     edges: Floats
@@ -42,7 +45,12 @@ class Profile:
 
 
 def volume_between_walls(network: Network) -> float:
-    """Area of the cell times the distance of the walls, m^3; InputError where there is none."""
+    """Area of the cell times the distance of the walls, m^3; InputError where there is none.
+
+    Of a packing with free ends what it fills of that.
+    """
+    if occupied := occupied_part(network):
+        return occupied.volume
     if not network.length > 0:
         raise UnavailableError(
             "the network has no volume (its walls are in one place); give walls/position around it",
@@ -73,7 +81,12 @@ def stress_tensor(network: Network) -> Floats:
 
 
 def void_ratio(network: Network) -> float:
-    """Volume of voids over volume of spheres, wall to wall; what overlaps counts twice."""
+    """Volume of voids over volume of spheres, wall to wall; what overlaps counts twice.
+
+    Of a packing with free ends that of its core, as `modal.packing.occupied` has it.
+    """
+    if occupied := occupied_part(network):
+        return occupied.void_ratio
     solid = float(sphere_volume(network.radius).sum())
     return volume_between_walls(network) / solid - 1
 
@@ -118,15 +131,20 @@ def friction_used(network: Network, friction: float) -> Floats:
 def layer_edges(network: Network, thickness: float | None = None) -> tuple[Floats, Bools]:
     """Edges (k + 1,), m, of layers as those of `profile`, and which (k,) are of the bulk."""
     diameter = 2 * float(network.radius.mean())
-    count = max(1, round(network.length / (thickness or diameter)))
-    edges = np.linspace(network.wall_position[0], network.wall_position[1], count + 1)
-    reach = edges[[0, -1]] + np.array([1, -1]) * WALL_ZONE * diameter
+    low, high = network.wall_position
+    zones = np.full(2, WALL_ZONE)
+    if occupied := occupied_part(network):
+        low, high = occupied.low, occupied.high
+        zones[occupied.free[2]] = SURFACE_ZONE
+    count = max(1, round((high - low) / (thickness or diameter)))
+    edges = np.linspace(low, high, count + 1)
+    reach = edges[[0, -1]] + np.array([1, -1]) * zones * diameter
     inner = (edges[:-1] >= reach[0]) & (edges[1:] <= reach[1])
     return edges, inner | bool(network.cell_periodic[2])
 
 
 def profile(network: Network, thickness: float | None = None) -> Profile:
-    """Layers of about `thickness`, m (one mean diameter), from wall to wall.
+    """Layers of about `thickness`, m (one mean diameter), from wall to wall, or to a free surface.
 
     A sphere's volume is split at the edges as the spherical caps that they cut off; volume and
     force beyond a wall count to the last layer, beyond a period to the layer that they enter there.

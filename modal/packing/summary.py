@@ -7,6 +7,7 @@ import numpy as np
 
 from modal.packing import state
 from modal.packing.network import Network
+from modal.packing.occupied import occupied_part
 from modal.packing.order import crystalline
 from modal.tools.errors import InputError
 
@@ -40,12 +41,17 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
 def _of_volume(network: Network) -> dict[str, Any]:
     """Void ratio, stresses, and how the bulk differs along z; InputError without a volume."""
     result: dict[str, Any] = {"void_ratio": state.void_ratio(network)}
+    occupied = occupied_part(network)
+    if occupied:
+        result["void_ratio_error"] = occupied.void_ratio_error
+        result["free_ends"] = occupied.free_names
     if state.has_forces(network):
         stress = state.stress_tensor(network)
         diagonal = np.diag(stress)
         result["stress_pa"] = diagonal.tolist()
         result["largest_off_diagonal_stress_pa"] = float(abs(stress - np.diag(diagonal)).max())
-    if network.force_normal is not None and not network.cell_periodic[2]:
+    sides_are_free = occupied is not None and bool(occupied.free[:2].any())
+    if network.force_normal is not None and not network.cell_periodic[2] and not sides_are_free:
         result["wall_stress_pa"] = state.wall_stress(network).tolist()
     return result | _along_z(network)
 
@@ -72,6 +78,9 @@ def _along_z(network: Network) -> dict[str, Any]:
     """The share of crystalline spheres, and how the bulk differs along z."""
     layers = state.profile(network)
     result: dict[str, Any] = dict(crystalline_shares(network))
+    occupied = occupied_part(network)
+    if occupied and occupied.free[:2].any():
+        return result  # layers of a heap are as wide as it is at each height
     if layers.bulk.any():
         density = 1 / (1 + layers.void_ratio[layers.bulk])
         weight, ends = layers.particles[layers.bulk], layers.coordination[layers.bulk]
@@ -84,4 +93,4 @@ def _along_z(network: Network) -> dict[str, Any]:
             along = layers.stress[layers.bulk]
             scale = np.maximum(abs(along.mean(axis=0)), np.finfo(float).tiny)
             result["stress_deviation_along_z"] = (along.std(axis=0) / scale).tolist()
-    return result
+    return {name: value for name, value in result.items() if np.isfinite(value).all()}

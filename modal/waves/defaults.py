@@ -81,10 +81,9 @@ def default_amplitude(network: Network, source: Source, direction: str = "z") ->
     if network.overlap is not None and (network.overlap > 0).any():
         mean_overlap = float(network.overlap[network.overlap > 0].mean())
         amplitude = min(amplitude, PULSE_AMPLITUDE_IN_OVERLAPS * mean_overlap)
-    pushes = source.imposed(network, direction) is None
-    if pushes:
+    if source.pushes:
         amplitude *= float(network.stiffness_normal.mean()) or 1.0
-    if direction == TORSION and pushes:
+    if direction == TORSION and source.pushes:
         return amplitude * diameter / 2
     if direction == TORSION:
         width = float(np.ptp(network.position[:, :2], axis=0).max()) + diameter

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from modal.packing.chain import wall_to_wall_chain
 from modal.packing.layers import Layers
-from modal.packing.network import Network
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 from modal.waves.signals import COMPONENT, Signals
@@ -45,7 +45,7 @@ class Receivers:
         self.direction = direction
         self.network = network
         self.particles = particles
-        self.walls = not network.cell_periodic[2]
+        self.walls = bool(np.isin([SOURCE_WALL, RECEIVER_WALL], network.particle_j).all())
         self.chain = np.empty(0, int)
         if self.walls:
             self.chain = wall_to_wall_chain(network)

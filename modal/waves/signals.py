@@ -149,7 +149,8 @@ class Signals(Recording, Drawn):
     Examples
     --------
     >>> import modal
-    >>> signals = modal.propagate(modal.fcc(cells=(1, 1, 20)), duration=2e-5).signals
+    >>> crystal = modal.fcc(cells=(1, 1, 20))
+    >>> signals = modal.propagate(crystal, duration=2e-5, interval=1e-6).signals
     >>> signals.time.shape, signals.chain_displacement.shape
     ((21,), (21, 20))
     """

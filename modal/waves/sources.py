@@ -20,10 +20,12 @@ class Source:
     """Where a packing is moved, or pushed, from outside; `name` is it in words.
 
     A further one says in `imposed` which motion it puts on the contacts, or in `load` how it
-    pushes. `alike`: whether equal parts of a packing side by side are moved alike.
+    pushes. `alike`: whether equal parts of a packing side by side are moved alike; `pushes`:
+    whether its motion is that of a force.
     """
 
     alike = True
+    pushes = False
 
     @property
     def name(self) -> str:
@@ -68,6 +70,12 @@ class Wall(Source):
                 "(--plane Z), or a sphere that is pushed (--point K)"
             )
         _refuse_torsion_of_periods(network, direction)
+        if SOURCE_WALL not in network.particle_j:
+            raise InputError(
+                "no sphere touches the source wall, so that it sends no wave; take a plane that "
+                "opens (--plane Z), or a sphere that is pushed (--point K)",
+                code="no_source_wall",
+            )
         return WallMoves(SOURCE_WALL, COMPONENT[direction])
 
 
@@ -110,6 +118,13 @@ class Plane(Source):
                 f"a source at {self.height:g} m lies outside the cell, which reaches from {low:g} "
                 f"to {high:g} m"
             )
+        z = network.position[:, 2]
+        if not network.cell_periodic[2] and not z.min() < self.height < z.max():
+            raise InputError(
+                f"a source at {self.height:g} m has no spheres on one side; give a height between "
+                f"{z.min():g} and {z.max():g} m",
+                code="plane_beside_spheres",
+            )
         _refuse_torsion_of_periods(network, direction)
         return PlaneOpens(self.height, COMPONENT[direction])
 
@@ -140,6 +155,7 @@ class Point(Source):
 
     particle: int
     alike = False
+    pushes = True
 
     @property
     def name(self) -> str:

@@ -20,7 +20,8 @@ CRYSTAL, LAYERS = FccLattice(1e5), 40
 
 
 def from_plane(network, duration, height, **settings):
-    return modal.propagate(network, duration, source=Plane(height), particles=True, **settings)
+    settings = {"motion": Pulse(2.5e-9, 1e5), "particles": True} | settings
+    return modal.propagate(network, duration, source=Plane(height), **settings)
 
 
 @pytest.fixture(scope="module")

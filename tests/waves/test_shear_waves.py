@@ -9,6 +9,7 @@ import modal
 from analysis.estimators.damped_transform import chain_dispersion
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
+from modal.waves.source import Pulse
 
 CRYSTAL = FccLattice(1e5)
 LAYERS = 40
@@ -46,7 +47,13 @@ def test_modes_between_walls_are_among_all_modes(crystal):
 def test_linear_wave_against_the_exact_layers(crystal, direction):
     """1e-9: the tolerance of the expansion is 1e-12 of its largest coefficient."""
     wave = modal.propagate(
-        crystal, duration=3e-4, direction=direction, tolerance=1e-12, particles=True
+        crystal,
+        duration=3e-4,
+        direction=direction,
+        tolerance=1e-12,
+        particles=True,
+        motion=Pulse(2.5e-9, 1e5),
+        interval=1e-6,
     )
     signals = wave.signals
     exact = EXACT.displacement(signals.time, 2.5e-9, 1e5)
