@@ -244,7 +244,7 @@ class Jobs(Commands):
         walk = self.walk_of(case)
         state = f"{self.walk_folder(walk)}/{self.rows[case]['stress']:g}Pa.sample.h5"
         own = self.measure(case, [self.product(case, "sample")])
-        return [self.pack(walk), self.rest(case, state), *own]
+        return [f"- {self.pack(walk)}", self.rest(case, state), *own]
 
     @property
     def results(self) -> str:

@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from modal import __version__
-from modal.cli.options import SHORT, Parser, add_command, flag, parsed, refused, say
+from modal.cli.options import SHORT, Parser, Result, add_command, flag, parsed, refused, say
 from modal.cli.terminal import json_text, page, put
 from modal.formats.provenance import is_current, made_by
 from modal.tools.errors import InputError
@@ -92,4 +92,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return refused(out_of_memory(error))
     except InputError as error:
         return refused(error)
-    return SHORT if result.get("missing") or not result.get("at_rest", True) else 0
+    return SHORT if falls_short(result) else 0
+
+
+def falls_short(result: Result) -> bool:
+    """Whether modes are missing, a sample is not at rest, or a state was not reached."""
+    at_rest = result.get("at_rest", True) and result.get("reached", True)
+    return bool(result.get("missing")) or not at_rest

@@ -1,8 +1,10 @@
 """Make packings: a cloud of spheres, compressed to each stress, with or without friction."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from modal.cli.options import Given, Group, Option, Result, chosen, flag, output, say, typed
+from modal.cli.options import SHORT, Given, Group, Option, Result, chosen, flag, output, say, typed
 from modal.exchange.registry import read_remarked
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS
 from modal.packing.contact_models import MODELS
@@ -47,6 +49,10 @@ OF_COMPRESSION = (
         for name, (option, text) in WITH_FRICTION.items()
     ),
 )
+EPILOG = (
+    f"Exit status {SHORT}: a state did not come to its stresses or to rest; it is kept, and a line "
+    "says how far it came."
+)
 EXAMPLE = "pack --spheres 300 --stress 1e5 -o dense"
 OPTIONS = (
     Option("--spheres", "N", "how many", 35201, int),
@@ -79,6 +85,18 @@ def option_of(name: str) -> str:
     return WITH_FRICTION.get(name, (typed(name),))[0]
 
 
+def shortfall(study: Mapping[str, Any], stress_ratio: float | None) -> str:
+    """Say how near to its stresses and to balance a state came that was not reached."""
+    came = f"stresses off by {study['stress_error']:.1e}, net forces {study['unbalanced']:.1e}"
+    if stress_ratio is not None:
+        ratio = study["stress_ratio"]
+        came = f"lateral over axial stress {ratio:.3f}, {stress_ratio:g} was asked for; {came}"
+    return (
+        f"kept, but not reached: {came} of contact forces; take more spheres or a larger "
+        "--residual, in another folder"
+    )
+
+
 def run(options: Given) -> Result:
     """Run or continue a compression; names of the files that hold its states."""
     names = "aspect", "width", "residual", "peak", "dilate", "stress_ratio", *MIXTURE, *OF_FRICTION
@@ -107,6 +125,12 @@ def run(options: Given) -> Result:
     for path in notes:
         read_remarked(path, options.remarks.append)
     result["settled"] = {path: bool(study["settled"]) for path, study in notes.items()}
+    result["reached"] = all(result["settled"].values())
+    options.remarks += [
+        f"{path}: {shortfall(study, options.stress_ratio)}"
+        for path, study in notes.items()
+        if not study["settled"]
+    ]
     if options.oedometric or options.stress_ratio is not None:
         name = "k0" if options.oedometric else "stress_ratio"
         result[name] = {path: float(study["stress_ratio"]) for path, study in notes.items()}

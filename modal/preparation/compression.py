@@ -22,7 +22,7 @@ from modal.packing.sample import Sample, read_sample, validate, void_ratio, writ
 from modal.preparation import protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.durations import steps_of
-from modal.preparation.protocol import CHECKPOINT, END, Stage, Study, stages_of
+from modal.preparation.protocol import CHECKPOINT, END, OLD_CHECKPOINT, Stage, Study, stages_of
 from modal.tools.arrays import Floats
 from modal.tools.display import duration
 from modal.tools.errors import InputError
@@ -196,8 +196,11 @@ def compress_to_stresses(
         write_sample(path, replace(sample, provenance=made.attributes()))
 
     def keep(sample: Sample) -> None:
-        write(checkpoint, replace(sample, study=sample.study | {"way": WAY.join(way)}))
+        write(folder / CHECKPOINT, replace(sample, study=sample.study | {"way": WAY.join(way)}))
+        (folder / OLD_CHECKPOINT).unlink(missing_ok=True)
 
+    if not checkpoint.exists():
+        checkpoint = folder / OLD_CHECKPOINT
     if checkpoint.exists():
         there = (checkpoint, *filter(Path.exists, files.values()))
         sample, *_ = [_of_study(path, study, made.command) for path in there]

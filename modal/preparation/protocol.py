@@ -34,8 +34,10 @@ PATIENCE = 30.5
 """After which a packing that does not settle is taken as it is, and marked; 12,000 such steps. At
 1 kPa these are 6.6 of its own times, at 10 MPa 142."""
 
-CHECKPOINT = "checkpoint.h5"
-"""Name of the state under way, which is none of the `*.sample.h5` that are finished."""
+CHECKPOINT = "path.checkpoint"
+"""Name of the state under way, which is none of the states that `*.h5` in its folder means."""
+OLD_CHECKPOINT = "checkpoint.h5"
+"""The same of paths that were begun before; they go on from there."""
 END = "end"
 """Name of the stage after the last."""
 PREPARATION = "approach", "cool", "jam"

@@ -15,8 +15,8 @@ from modal.packing.network import Network, write_network
 
 def of_two_sizes(ratio: float) -> Network:
     """A packing whose large spheres are so many times as large as the small ones."""
-    mixture = {"sizes": ["two", ratio, 0.6], "aspect": 1.0, "tolerance": 1e-2}
-    return packings.random_sample(600, 1e5, seed=4, **mixture).network()
+    mixture = {"sizes": ["two", ratio, 0.8], "aspect": 1.0, "tolerance": 1e-2}
+    return packings.random_sample(900, 1e5, seed=4, **mixture).network()
 
 
 def without_periods(network: Network) -> Network:
@@ -28,8 +28,8 @@ def without_periods(network: Network) -> Network:
 CELLS = {
     "walls": packings.frictionless,
     "free sides": lambda: without_periods(packings.frictionless()),
-    "two sizes": lambda: of_two_sizes(7.0),
-    "two sizes, free sides": lambda: without_periods(of_two_sizes(7.0)),
+    "two sizes": lambda: of_two_sizes(5.5),
+    "two sizes, free sides": lambda: without_periods(of_two_sizes(5.5)),
     "periodic": lambda: packings.random_sample(100, 1e5, seed=2, periodic=True).network(),
     "wide range of sizes": lambda: packings.polydisperse(),
     "crystal, a cell wide": lambda: modal.fcc(cells=(1, 1, 6)),

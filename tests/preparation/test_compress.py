@@ -20,10 +20,10 @@ from modal.packing.contact_law import Elasticity
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.state import coordination_without_rattlers
 from modal.packing.summary import summary
-from modal.preparation import protocol
+from modal.preparation import frictionless, protocol
 from modal.preparation.cloud import cloud
 from modal.preparation.compression import compacted, in_motion
-from modal.preparation.protocol import Study
+from modal.preparation.protocol import CHECKPOINT, OLD_CHECKPOINT, Study
 from modal.tools import progress
 
 SHAPE = ["pack", "--spheres", "100", "--aspect", "1.3"]
@@ -89,7 +89,7 @@ def test_mixture_goes_on_from_its_checkpoint_alone(tmp_path, one_line):
     assert np.array_equal(sample.densities, np.where(large, 7800.0, 2500.0)) and large.any()
     assert sample.wall_material == Elasticity(2.1e11, 0.3)
     assert sample.study == sample.study | words
-    write_sample(tmp_path / "checkpoint.h5", sample)
+    write_sample(tmp_path / CHECKPOINT, sample)
     command = [*SMALL[:3], *SMALL[5:], "--width", "4.5", "-o", str(tmp_path), "--stress", "1e4"]
     for sizes in ([], ["--sizes", "two", "2", "0.5"]):
         one_line(main, [*command, *sizes], "it belongs to another study")
@@ -155,7 +155,7 @@ def test_killed_walk_goes_on_and_ends_the_same(walks, tmp_path):
     """kill -9 in the middle of legs, at whatever step; the same bits in the end."""
     folder, command = walks
     environment = os.environ | {"NUMBA_NUM_THREADS": "1"}
-    checkpoint = tmp_path / "checkpoint.h5"
+    checkpoint = tmp_path / CHECKPOINT
     for kill in range(2):
         job = subprocess.Popen(
             [sys.executable, "-m", "modal", *command, "-o", str(tmp_path)],
@@ -244,11 +244,11 @@ def test_checkpoint_of_another_walk_is_kept(wrong, said, walked, one_line):
 
 def go_on(walked, folder, stage, **state):
     """A copy of the walk, on its way to one more stress."""
-    sample = read_sample(walked / "checkpoint.h5")
+    sample = read_sample(walked / CHECKPOINT)
     study = sample.study | {"stage": stage, "stage_time": 0.0}
     study["way"] += f"; {stage}"
     shutil.copytree(walked, folder, dirs_exist_ok=True)
-    write_sample(folder / "checkpoint.h5", replace(sample, study=study, **state))
+    write_sample(folder / CHECKPOINT, replace(sample, study=study, **state))
 
 
 def test_walk_on_its_way_elsewhere_is_not_diverted(walked, tmp_path, one_line):
@@ -277,7 +277,7 @@ def test_unstable_step_is_one_line_and_loses_nothing(walked, tmp_path, monkeypat
     whole = protocol.time_step
     monkeypatch.setattr(protocol, "time_step", lambda *given: 20 * whole(*given))
     go_on(walked, tmp_path, "1e+06", strain_rate=np.full(3, -10.0))
-    path = tmp_path / "checkpoint.h5"
+    path = tmp_path / CHECKPOINT
     before = path.read_bytes()
     command = *SMALL, "--stress", "1e4", "1e5", "1e6", "-o", tmp_path
     one_line(main, command, "smaller fraction")
@@ -301,3 +301,30 @@ def test_full_disk_is_one_line_and_loses_nothing(walked, tmp_path, monkeypatch, 
         path.name for path in walked.iterdir()
     )
     assert pack(tmp_path, "--stress", "1e4", "1e5", "2e5") == 0
+
+
+def test_walk_goes_on_from_a_checkpoint_of_before(walked, tmp_path, printed):
+    """Under its old name, which is then gone: `measure *.h5` in the folder reads states alone."""
+    go_on(walked, tmp_path, "100000")
+    (tmp_path / CHECKPOINT).rename(tmp_path / OLD_CHECKPOINT)
+    (tmp_path / "100000Pa.sample.h5").unlink()
+    told = printed(*SMALL, "--stress", "1e4", "1e5", "-o", tmp_path)
+    again = read_sample(tmp_path / "100000Pa.sample.h5")
+    before = read_sample(walked / "100000Pa.sample.h5")
+    assert told["reached"] and again.study["steps"] >= before.study["steps"]
+    assert {path.name for path in tmp_path.glob("*.h5")} == {
+        "10000Pa.sample.h5",
+        "100000Pa.sample.h5",
+    }
+
+
+def test_states_that_were_not_reached_have_a_status(tmp_path, printed, monkeypatch):
+    """They are kept, and say so; an undisturbed path has the status 0 and reaches them."""
+    few = ["pack", "--spheres", "40", "--aspect", "1", "--stress", "1e5", "--seed", "2"]
+    assert printed(*few, "-o", tmp_path / "reached")["reached"]
+    monkeypatch.setattr(frictionless, "DESCENT_STEPS", 60)
+    told = printed(*few, "-o", tmp_path / "short", status=3)
+    assert not told["reached"]
+    assert list(told["settled"].values()) == [False]
+    (state,) = told["samples"]
+    assert not read_sample(state).study["settled"]

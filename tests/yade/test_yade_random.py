@@ -18,7 +18,7 @@ from modal.waves.energy_balance import MAX_GAP
 from modal.waves.signals import read_signals
 
 TABLE = "mu_comp spheres width seed highest\n0.4 150 4.1 1 1e5\n"
-CHECKPOINT, FIRST = "checkpoint.h5", "1000Pa.sample.h5"
+CHECKPOINT, FIRST = "path.checkpoint", "1000Pa.sample.h5"
 CASES = "case mu_comp mu_wave stress input_frequency fraction passage\n30 0.4 0.5 1e5 1e5 0.2 1.3\n"
 
 
@@ -26,7 +26,7 @@ CASES = "case mu_comp mu_wave stress input_frequency fraction passage\n30 0.4 0.
 def products(tmp_path_factory, yade):
     """Folder with the small compression's states, and case 30 at rest and exported.
 
-    And `checkpoint.h5`, the last one that it wrote on its way to the first state.
+    And its checkpoint, the last one that it wrote on its way to the first state.
     """
     folder = tmp_path_factory.mktemp("random")
     states, job = folder / "compression_mu0.4", start("compress", TABLE, folder)
