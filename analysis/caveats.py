@@ -22,6 +22,11 @@ TEXTS: Final[Mapping[str, str]] = {
     "short": "short: {length:.1f} D long; below {needed:g} D it may be {too_high:.0%} too high",
     "too_short": "too short: {length:.1f} D long, the rule needs {needed:g} D and reads too high",
     "few_digits": "overlaps are known to {error:.2g} by the digits of positions",
+    "free_surface": "free surface at {ends}: of {cubes} cubes away from walls and surfaces",
+    "contacts_missing": (
+        "contacts missing: {pairs} pairs of spheres and {with_wall} spheres at a wall overlap "
+        "without one"
+    ),
     "no_order": "{reason}: order is not told",
     "no_bulk": "too short: no layer is far from both walls",
     "no_stated_stress": "the packing does not say for which stress it was made",

@@ -168,7 +168,7 @@ class PackingData:
         if not self.walls:
             raise UnavailableError(
                 "the cell has no two walls along z, from one to the other of which a wave here "
-                "goes; `modal wave --plane Z` sends one through a cell without walls",
+                "goes; `python -m modal wave --plane Z` sends one through a cell without walls",
                 code="no_walls",
             )
 

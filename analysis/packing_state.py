@@ -5,6 +5,7 @@ import numpy as np
 from analysis.caveats import Caveat
 from analysis.same_state import note
 from modal.packing import state
+from modal.packing.missing_contacts import missing_contacts
 from modal.packing.network import Network
 from modal.packing.plausibility import BALANCED, CRYSTALLINE, differing_thirds
 from modal.packing.summary import crystalline_shares
@@ -41,6 +42,9 @@ def caveats_of_state(network: Network, unsettled: str) -> tuple[Caveat, ...]:
     `unsettled` is the text of `why_unsettled`.
     """
     caveats = [Caveat("one_sample")]
+    missing = missing_contacts(network)
+    if any(missing):
+        caveats.append(Caveat("contacts_missing", missing._asdict()))
     if unsettled:
         caveats.append(Caveat("unsettled", {"excess": unsettled}))
     shares = crystalline_shares(network)

@@ -47,7 +47,7 @@ def of_free_packing(network: Network) -> Value | None:
     if occupied is None:
         return None
     ends = ", ".join(occupied.free_names)
-    caveat = f"free surface at {ends}: of {occupied.cubes} cubes away from walls and surfaces"
+    caveat = Caveat("free_surface", {"ends": ends, "cubes": occupied.cubes})
     return Value(occupied.void_ratio, "1", {"fit": occupied.void_ratio_error}, (caveat,))
 
 

@@ -47,7 +47,8 @@ def has_walls(system: LinearSystem) -> bool:
     for axis in np.flatnonzero(~network.cell_periodic[:2]):
         raise UnavailableError(
             f"no strain {STRAINS[axis]} can be put on this packing: it is not periodic along "
-            f"{'xy'[axis]}; moduli need periods along x and y, and periods or walls along z",
+            f"{'xy'[axis]}; moduli need periods along x and y, and periods or walls along z; waves "
+            "do not: `python -m modal wave` sends one from a wall, or with --plane Z from inside",
             code="not_periodic",
         )
     if network.cell_periodic[2]:
@@ -55,7 +56,8 @@ def has_walls(system: LinearSystem) -> bool:
     if not {SOURCE_WALL, RECEIVER_WALL} <= {*np.unique(network.particle_j).tolist()}:
         raise UnavailableError(
             "no strain zz can be put on this packing: it is not periodic along z and does not "
-            "touch two walls there",
+            "touch two walls there; `python -m modal wave` sends a wave from its wall, or with "
+            "--plane Z from inside",
             code="no_walls",
         )
     if system.pre_stress != "none":
