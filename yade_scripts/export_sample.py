@@ -101,7 +101,7 @@ def main():
     if not unbalanced < BALANCE:
         raise InputError(
             f"{sample_path}: net forces of {unbalanced:.1e} of the mean contact force in YADE, "
-            f"{BALANCE:g} is allowed; bring it to rest with modal relax"
+            f"{BALANCE:g} is allowed; bring it to rest with python -m modal relax"
         )
     network = contact_network(n, sample.study | sample.constants | {"case": str(case)}, {})
     O.dt = time_step(target)

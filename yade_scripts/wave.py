@@ -113,7 +113,9 @@ def highest_frequency(path, packing):
         print(note)
     asked = read_provenance(path).settings
     if asked is not None and not {"highest", "all"} & asked.keys():
-        raise InputError(f"{path}: not the highest modes; make them with modal modes --highest 1")
+        raise InputError(
+            f"{path}: not the highest modes; make them with python -m modal modes --highest 1"
+        )
     return read_modes(path).frequency[-1]
 
 

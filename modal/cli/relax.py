@@ -68,7 +68,7 @@ def run(options: Given) -> Result:
     if abs(change) > CREPT:
         say(
             f"a stress changed by {100 * change:+.2g} % at the fixed cell: the packing was not yet "
-            "at rest; `modal pack` with a tenth of its --residual leaves less to creep"
+            "at rest; `python -m modal pack` with a tenth of its --residual leaves less to creep"
         )
     found = {"residual": state.residual, "unbalanced": state.residual, "mu_wave": rested.friction}
     found |= {name: getattr(state, name) for name in ("tolerance", "attainable", "at_rest")}

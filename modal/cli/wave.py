@@ -197,7 +197,7 @@ def _by_law(wave: NonlinearWave, remarks: list[str]) -> dict[str, Any]:
     if wave.noise > NOISY:
         remarks.append(
             f"without a wave the sample moves by {wave.noise:.1g} of the wave's motion; bring it "
-            "to rest (modal relax)"
+            "to rest (python -m modal relax)"
         )
     return {
         "steps": wave.steps,

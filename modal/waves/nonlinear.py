@@ -107,7 +107,8 @@ def at_rest(sample: Sample | Network, friction: float | None) -> Sample:
         return sample_of_network(sample, friction)
     if sample.velocity is not None and sample.velocity.any():
         raise UnavailableError(
-            "the sample is on its way; bring it to rest first (modal relax)", code="in_motion"
+            "the sample is on its way; bring it to rest first (python -m modal relax)",
+            code="in_motion",
         )
     return sample if friction is None else replace(sample, friction=friction)
 

@@ -302,22 +302,18 @@ def test_full_disk_is_one_line_and_loses_nothing(walked, tmp_path, monkeypatch, 
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
         path.name for path in walked.iterdir()
     )
-    assert pack(tmp_path, "--stress", "1e4", "1e5", "2e5") == 0
+    assert pack(tmp_path, "--stress", "1e4", "1e5", "2e5") in WRITTEN
 
 
 def test_walk_goes_on_from_a_checkpoint_of_before(walked, tmp_path):
     """Under its old name, which is then gone: `measure *.h5` in the folder reads states alone."""
-    go_on(walked, tmp_path, "100000")
+    shutil.copytree(walked, tmp_path, dirs_exist_ok=True)
     (tmp_path / CHECKPOINT).rename(tmp_path / OLD_CHECKPOINT)
-    (tmp_path / "100000Pa.sample.h5").unlink()
-    assert pack(tmp_path, "--stress", "1e4", "1e5") in WRITTEN
-    again = read_sample(tmp_path / "100000Pa.sample.h5")
-    before = read_sample(walked / "100000Pa.sample.h5")
-    assert again.study["steps"] >= before.study["steps"]
-    assert {path.name for path in tmp_path.glob("*.h5")} == {
-        "10000Pa.sample.h5",
-        "100000Pa.sample.h5",
-    }
+    before = (tmp_path / "100000Pa.sample.h5").read_bytes()
+    assert pack(tmp_path, "--stress", "1e4", "1e5", "1.2e5") in WRITTEN
+    assert (tmp_path / "100000Pa.sample.h5").read_bytes() == before
+    states = {"10000Pa.sample.h5", "100000Pa.sample.h5", "120000Pa.sample.h5"}
+    assert {path.name for path in tmp_path.glob("*.h5")} == states
 
 
 def test_states_that_were_not_reached_have_a_status(tmp_path, printed, monkeypatch):

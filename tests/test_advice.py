@@ -1,0 +1,94 @@
+"""What texts advise can be typed: commands and options in them are those of the parsers."""
+
+import ast
+import re
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from places import ROOT
+
+from modal.cli.main import COMMANDS, command_of
+from modal.cli.options import Group
+
+PACKAGES = "modal", "analysis", "workflow", "yade_scripts"
+COMMANDS_OF = {"modal": COMMANDS, "analysis": import_module("analysis.cli.main").COMMANDS}
+IN_A_JOB = ROOT / "workflow" / "commands.py"
+"""Its texts are read by workflow/in_turn.py, not typed."""
+FOREIGN = {
+    *("--no-install-recommends", "--site-packages", "--privileged", "--version", "--help"),
+    *("--system-site-packages", "--user", "--job-name", "--mem", "--extra"),
+}
+"""Options of apt, pip and others that texts name."""
+
+
+def texts_of(path: Path) -> Iterator[str]:
+    """The string constants of a module without its docstrings; what is filled in stands as {}."""
+    tree = ast.parse(path.read_text())
+    statements = {id(each.value) for each in ast.walk(tree) if isinstance(each, ast.Expr)}
+    nodes = [node for node in ast.walk(tree) if id(node) not in statements]
+    parts = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in node.values}
+    for node in nodes:
+        if isinstance(node, ast.JoinedStr):
+            values = (
+                part.value if isinstance(part, ast.Constant) else "{}" for part in node.values
+            )
+            yield "".join(values)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            if id(node) not in parts:
+                yield node.value
+
+
+def all_texts() -> Iterator[tuple[str, str]]:
+    """Name of the module and text, of all packages."""
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            if path != IN_A_JOB:
+                for text in texts_of(path):
+                    yield str(path.relative_to(ROOT)), text
+
+
+def options_of(package: str, name: str) -> set[str]:
+    """Names of the options of a command, as they are typed."""
+    module = command_of(name) if package == "modal" else import_module(f"analysis.cli.{name}")
+    found, left = {"--json", "-o", "--output", "--help"}, list(module.OPTIONS)
+    while left:
+        option = left.pop()
+        if isinstance(option, Group):
+            left += option.options
+        else:
+            found.add(option.name)
+    return found
+
+
+TEXTS = list(all_texts())
+CALL = r"(python -m |)\b(modal|analysis|granular-modes) ([a-z]+)\b([^`;]*)"
+
+
+def test_commands_in_texts_exist_with_their_options():
+    """In backticks or not, a command of ours is named as it is typed."""
+    seen = 0
+    for path, text in TEXTS:
+        for how, program, name, rest in re.findall(CALL, text):
+            package = program.replace("granular-modes", "modal")
+            if name not in COMMANDS_OF[package]:
+                assert not how, f"{path}: {program} {name} is no command"
+                continue
+            seen += 1
+            assert how or program == "granular-modes", f"{path}: python -m is missing in {text!r}"
+            words = set(re.findall(r"(?<!\S)--[a-z][a-z-]*", rest.split(",")[0]))
+            assert words <= options_of(package, name), f"{path}: {text!r}"
+    assert seen > 5
+
+
+@pytest.mark.parametrize("package", ["modal", "analysis"])
+def test_options_in_texts_exist(package):
+    """Of some command of ours, or of another program's that is named above."""
+    known = set(FOREIGN)
+    for each, names in COMMANDS_OF.items():
+        known = known.union(*(options_of(each, name) for name in names))
+    for path, text in TEXTS:
+        if path.startswith(package):
+            for option in re.findall(r"(?<![\w-])--[a-z][a-z-]+", text):
+                assert option in known, f"{path}: {option} in {text!r}"
