@@ -35,9 +35,10 @@ def texts_of(path: Path) -> Iterator[str]:
                 part.value if isinstance(part, ast.Constant) else "{}" for part in node.values
             )
             yield "".join(values)
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            if id(node) not in parts:
-                yield node.value
+        elif (
+            isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts
+        ):
+            yield node.value
 
 
 def all_texts() -> Iterator[tuple[str, str]]:
