@@ -1,8 +1,8 @@
-"""Velocities of the longest waves along z, P and S, and what other ways of reading them give.
+"""Measure the velocities of the longest P- and S-waves along z, and other readings of them.
 
-The one to quote is that of the coherent wave extrapolated to zero frequency: it does not depend on
-a threshold, a chain or the pulse. `v_p_static` comes from no wave at all and should agree. Waves
-are called by their names, of `PackingData.record`.
+The velocity to quote is that of the coherent wave, extrapolated to zero frequency: it depends
+neither on a threshold, nor on a chain, nor on the pulse. `v_p_static` needs no wave at all and
+should agree with it. The argument `key` is the name of a wave, as in `PackingData.record`.
 """
 
 from dataclasses import replace
@@ -20,165 +20,208 @@ from analysis.value import Value, hertz, unknown
 from modal.elasticity.slab import static_velocity
 from modal.tools.errors import UnavailableError
 
-ORDERS = {"z": (2, 3), "x": (5, 6), "y": (5, 6)}
-"""Orders of a crystal's neighbour ratio, of the value and of what its error is told by. Layers turn
-as they slide, so that S-waves need a higher one."""
-LONGEST = 8.0
-"""Wavelength, mean diameters, from which on an S-wave of a random packing counts as long."""
-OTHERS = DECAY - 1, DECAY + 1
-"""Dampings of the window of the coherent wave that tell, beside the estimator's, an error."""
-HIGHEST = {True: 0.5, False: 0.2}
-"""Highest frequency of the coherent wave, in V / D, of a crystal or not."""
-SHORT, TOO_HIGH = 15.0, 0.15
-"""Diameters: in shorter random packings the longest waves do not fit beside the walls, and their
-velocities read too high, by this part. Of friction 0.2, 8.7 D wide, three seeds each, against 39 D:
-V_P by 12, 5 and 3 % at 10, 11 and 14 D (one by 15), V_S by 12, 7 and 8 % (one by 20); at 16 to 25 D
-by 1 to 3 and 0 %."""
+FIT_ORDERS = {"z": (2, 3), "x": (5, 6), "y": (5, 6)}
+"""Orders of the fit to a crystal's neighbour ratio, by direction: the order of the value, and the
+order whose value differs from it by the error. Layers rotate as they slide, so that S-waves need a
+higher order."""
+MIN_SHEAR_WAVELENGTH_IN_DIAMETERS = 8.0
+"""An S-wave of a random packing counts as long from this wavelength on."""
+OTHER_DECAYS = DECAY - 1, DECAY + 1
+"""Dampings of two further windows; how much the results differ tells the error of the window."""
+MAX_FREQUENCY_IN_V_PER_D_OF_CRYSTAL = 0.5
+"""The coherent wave is read up to here: the band of a crystal ends at 0.45."""
+MAX_FREQUENCY_IN_V_PER_D_OF_RANDOM = 0.2
+"""The coherent wave of a random packing is lost far below."""
+MIN_LENGTH_IN_DIAMETERS = 15.0
+"""In shorter random packings the longest waves do not fit between the walls, and velocities are too
+high. Packings of friction 0.2, 8.7 D wide, of three seeds each, were compared with packings of 39
+D: V_P was higher by 12, 5 and 3 % at 10, 11 and 14 D (in one by 15 %), V_S by 12, 7 and 8 % (in one
+by 20 %); at 16 to 25 D they were higher by 1 to 3 % and by 0 %."""
+RELATIVE_EXCESS_IN_SHORT_PACKING = 0.15
+"""Error of a velocity in a packing shorter than that."""
 LOW_ORDER = 10
-"""Low frequency means that of the standing wave r = 10, wavelength L / 5."""
+"""Frequencies up to that of the standing wave r = 10, wavelength L / 5, count as low."""
 LOST = "no coherent wave goes through enough of the packing to be read"
-TOO_FAST = 1.1
-"""Of a crystal's V_P: what is as fast is noise, as of a pulse far off the band, in kHz for Hz."""
+MAX_VELOCITY_IN_CRYSTAL = 1.1
+"""Divided by the V_P of its lattice. A faster wave is noise, which is what remains if the pulse is
+far outside the band, as when its frequency is given in kHz instead of Hz."""
 
 
 @cached_on_packing
-def chain(m: PackingData, key: str, order: int = 0) -> Dispersion:
-    """The dispersion of a crystal's chain, to an order of its neighbour ratio."""
-    record = m.record(key)
-    found = chain_dispersion(record, order=order or ORDERS[record.direction][0])
-    if not found.velocity < TOO_FAST * m.lattice.velocity:
+def chain(packing: PackingData, key: str, order: int = 0) -> Dispersion:
+    """Measure the dispersion relation along a crystal's chain.
+
+    `order` is that of the fit to the neighbour ratio; 0 for the usual one.
+    """
+    record = packing.record(key)
+    order = order or FIT_ORDERS[record.direction][0]
+    dispersion = chain_dispersion(record, order=order)
+    if not dispersion.velocity < MAX_VELOCITY_IN_CRYSTAL * packing.lattice.velocity:
         raise UnavailableError(LOST, code="no_coherent_wave")
-    return found
+    return dispersion
 
 
 @cached_on_packing
-def coherent(m: PackingData, key: str, decay: float = DECAY) -> Coherent:
-    """The coherent wave of a record, of S-waves as far as they are long."""
-    record, length = m.record(key), m.network.length
+def coherent(packing: PackingData, key: str, decay: float = DECAY) -> Coherent:
+    """Measure the coherent wave of a record; an S-wave only as far as it is long.
+
+    `decay` is the damping of the window over the record.
+    """
+    record = packing.record(key)
+    length = packing.network.length
     if record.direction != "z":
-        first = travelled(record, m.network.wall_position)[0]
-        highest = first / (LONGEST * m.diameter) if first > 0 else None
+        velocity = travelled(record, packing.network.wall_position)[0]
+        highest = None
+        if velocity > 0:
+            highest = velocity / (MIN_SHEAR_WAVELENGTH_IN_DIAMETERS * packing.diameter)
         return coherent_wave(record, length, highest=highest, decay=decay)
-    if m.crystal:  # slabs a diameter thick would beat with its layers
+    highest = MAX_FREQUENCY_IN_V_PER_D_OF_RANDOM * packing.affine_frequency
+    if packing.crystal:
+        highest = MAX_FREQUENCY_IN_V_PER_D_OF_CRYSTAL * packing.affine_frequency
+        # Means over slabs of one diameter would beat with the layers of the crystal.
         record = replace(record, layer_displacement=None)
-    highest = HIGHEST[m.crystal] * m.affine_frequency
     return coherent_wave(record, length, highest=highest, decay=decay)
 
 
-def coherents(m: PackingData) -> list[Coherent]:
-    """That of the P-wave under windows of three dampings: how far the window decides."""
-    return [coherent(m, "wave"), *(coherent(m, "wave", decay) for decay in OTHERS)]
+def coherents(packing: PackingData) -> list[Coherent]:
+    """Return the coherent P-wave under the usual, a weaker and a stronger damping of the window."""
+    return [coherent(packing, "wave", decay) for decay in (DECAY, *OTHER_DECAYS)]
 
 
 @cached_on_packing
-def longest(m: PackingData, key: str) -> Value:
-    """Velocity, m/s, of the longest waves of a record, with its errors of the fit and the window.
+def longest(packing: PackingData, key: str) -> Value:
+    """Measure the velocity of the longest waves of a record, m/s.
 
-    A window moves a velocity in proportion to its damping: by so much from none to its own. Of 30
-    velocities in slabs 45 to 90 D long, cut from repeats of cells whose moduli tell V, the fit's
-    own errors were a third of what these were off, with this part 1.1 of it.
+    The error combines that of the fit and that of the window, which changes a velocity in
+    proportion to its damping: the part is the change from no damping to the usual one. It was
+    tested on 30 velocities in slabs 45 to 90 D long, cut from repeated cells whose V follows from
+    the moduli: the errors of the fit were a third of the true errors, this part was 1.1 of them.
     """
-    record = m.record(key)
-    if key == "yade" and not m.crystal and record.layer_displacement is None:
+    record = packing.record(key)
+    if key == "yade" and not packing.crystal and record.layer_displacement is None:
         raise AbsentError
-    if m.crystal:
-        value, other = (chain(m, key, order).velocity for order in ORDERS[record.direction])
-        return Value(value, "m/s", {"fit": abs(value - other)})
-    value, error = longest_waves(coherent(m, key))
-    less, more = (longest_waves(coherent(m, key, decay))[0] for decay in OTHERS)
-    if not np.isfinite(value + less + more):  # as of a pulse much longer than the packing
+    if packing.crystal:
+        order, next_order = FIT_ORDERS[record.direction]
+        velocity = chain(packing, key, order).velocity
+        difference = abs(velocity - chain(packing, key, next_order).velocity)
+        return Value(velocity, "m/s", {"fit": difference})
+    velocity, error = longest_waves(coherent(packing, key))
+    weaker, stronger = OTHER_DECAYS
+    under_weaker = longest_waves(coherent(packing, key, weaker))[0]
+    under_stronger = longest_waves(coherent(packing, key, stronger))[0]
+    if not np.isfinite(velocity + under_weaker + under_stronger):
+        # As after a pulse that is much longer than the packing.
         return unknown("m/s", Caveat("wave_lost"))
-    window = DECAY * abs(more - less) / (OTHERS[1] - OTHERS[0])
-    return Value(value, "m/s", {"fit": error, "chain": window})
+    window = DECAY * abs(under_stronger - under_weaker) / (stronger - weaker)
+    return Value(velocity, "m/s", {"fit": error, "chain": window})
 
 
-def _told(value: float, error: float, scatter: float = 0.0) -> Value:
-    if not np.isfinite(value):
+def _value_of_arrivals(velocity: float, error: float, scatter: float = 0.0) -> Value:
+    """Return a velocity of first peaks; unknown if the fit found none."""
+    if not np.isfinite(velocity):
         return unknown("m/s", Caveat("first_arrival_stands"))
-    return Value(value, "m/s", {"fit": error, "chain": float(np.nan_to_num(scatter))})
+    return Value(velocity, "m/s", {"fit": error, "chain": float(np.nan_to_num(scatter))})
 
 
 @cached_on_packing
-def first_peak(m: PackingData, key: str) -> Value:
-    """dL/dt of a record's first peaks, middle half of the chain, m/s.
+def first_peak(packing: PackingData, key: str) -> Value:
+    """Measure dL/dt of a record's first peaks over the middle half of the chain, m/s.
 
-    Of P-waves with the error of the fit and of the choice of the chain.
+    The error of a P-wave includes that of the choice of the chain.
     """
-    record = m.record(key)
+    record = packing.record(key)
+    walls = packing.network.wall_position
     if record.direction != "z":
-        return _told(*travelled(record, m.network.wall_position))
-    scatter = columns(m, "wave" if key == "wave" else "linear")[1]
-    return _told(*travelled(m.cut(key), m.network.wall_position), scatter)
+        return _value_of_arrivals(*travelled(record, walls))
+    key_of_columns = "linear"
+    if key == "wave":
+        key_of_columns = "wave"
+    scatter = columns(packing, key_of_columns)[1]
+    return _value_of_arrivals(*travelled(packing.cut(key), walls), scatter)
 
 
 @cached_on_packing
-def columns(m: PackingData, key: str) -> tuple[float, float]:
-    """V_P, m/s, of first peaks along every column, a sphere wide: mean and scatter.
+def columns(packing: PackingData, key: str) -> tuple[float, float]:
+    """Return mean and scatter of V_P, m/s, of first peaks along all columns one sphere wide.
 
-    NaN where single particles are not recorded.
+    NaN if single particles are not recorded.
     """
-    return first_peaks_of_columns(m.cut(key), m.network)
+    return first_peaks_of_columns(packing.cut(key), packing.network)
 
 
-def of_frequency(m: PackingData, frequency: float) -> tuple[Caveat, ...]:
-    """What to know of what is read at a frequency, Hz, where the wave may be wider than the cell.
+def of_frequency(packing: PackingData, frequency: float) -> tuple[Caveat, ...]:
+    """Return the caveats of what is read at a frequency, Hz.
 
-    As the wave of V_P has it, of which none is shorter at this frequency.
+    One of them says if the wave is longer than the cell is wide. Its length follows from V_P, and
+    no wave of this frequency is shorter.
     """
-    length = v_p(m).value / frequency / m.diameter
-    if m.crystal or not length > m.width:
-        return m.of_waves
-    values = {"wavelength": length, "frequency": hertz(frequency), "width": m.width}
-    return (*m.of_waves, Caveat("wavelength_above_width", values))
+    wavelength = v_p(packing).value / frequency / packing.diameter
+    if packing.crystal or not wavelength > packing.width:
+        return packing.of_waves
+    values = {
+        "wavelength": wavelength,
+        "frequency": hertz(frequency),
+        "width": packing.width,
+    }
+    return (*packing.of_waves, Caveat("wavelength_above_width", values))
 
 
-def _quoted(m: PackingData, key: str, places: slice) -> Value:
-    """By a wave; of a cell without walls, that no wall can push, by its moduli."""
-    if m.walls:
-        found, length = longest(m, key).with_caveats(*m.of_waves), m.network.length / m.diameter
-        if m.crystal or not found.known or length >= SHORT:
-            return found
-        caveat = Caveat("short", {"length": length, "needed": SHORT, "too_high": TOO_HIGH})
-        parts = {**found.parts, "length": TOO_HIGH * found.value}
-        return replace(found.with_caveats(caveat), parts=parts)
-    value = float(m.moduli.velocities((0, 0, 1))[places].mean())
-    why = Caveat("no_walls")
-    return Value(value, "m/s", {"fit": 0.5 * value * m.moduli.error}, (why, *m.of_one_sample))
+def _measure_long_waves(packing: PackingData, key: str) -> Value:
+    """Measure the velocity of the longest waves between two walls, m/s.
+
+    In a short random packing the error includes that velocities are too high.
+    """
+    velocity = longest(packing, key).with_caveats(*packing.of_waves)
+    length = packing.network.length / packing.diameter
+    if packing.crystal or not velocity.known or length >= MIN_LENGTH_IN_DIAMETERS:
+        return velocity
+    values = {
+        "length": length,
+        "needed": MIN_LENGTH_IN_DIAMETERS,
+        "too_high": RELATIVE_EXCESS_IN_SHORT_PACKING,
+    }
+    parts = {**velocity.parts, "length": RELATIVE_EXCESS_IN_SHORT_PACKING * velocity.value}
+    return replace(velocity.with_caveats(Caveat("short", values)), parts=parts)
+
+
+def _velocity_by_moduli(packing: PackingData, polarisations: slice) -> Value:
+    """Return the mean velocity, m/s, of plane waves along z by the moduli, of some polarisations.
+
+    The velocities of `ElasticModuli.velocities` descend: the first is that of the P-wave.
+    """
+    velocity = float(packing.moduli.velocities((0, 0, 1))[polarisations].mean())
+    error = 0.5 * velocity * packing.moduli.error
+    return Value(velocity, "m/s", {"fit": error}, (Caveat("no_walls"), *packing.of_one_sample))
 
 
 @quantity("m/s", definition="velocity of the longest P-waves along z; the one to quote")
-def v_p(m: PackingData) -> Value:
-    """Velocity of the longest P-waves along z; the one to quote.
-
-    Of the coherent wave from the wall; of a cell without walls by its moduli.
-    """
-    return _quoted(m, "wave", slice(0, 1))
+def v_p(packing: PackingData) -> Value:
+    """Measure V_P by the coherent wave from the wall; by the moduli in a cell without walls."""
+    if packing.walls:
+        return _measure_long_waves(packing, "wave")
+    return _velocity_by_moduli(packing, slice(0, 1))
 
 
 @quantity("m/s", definition="velocity of the longest S-waves along z; the one to quote")
-def v_s(m: PackingData) -> Value:
-    """Velocity of the longest S-waves along z; the one to quote.
-
-    As `v_p`, of a wall that slides along x.
-    """
-    return _quoted(m, "shear_wave", slice(1, 3))
+def v_s(packing: PackingData) -> Value:
+    """Measure V_S like V_P, by the wave from a wall that slides along x."""
+    if packing.walls:
+        return _measure_long_waves(packing, "shear_wave")
+    return _velocity_by_moduli(packing, slice(1, 3))
 
 
 @quantity("m/s", definition="velocity of P-waves by the springs' answer to a steady push")
-def v_p_static(m: PackingData) -> Value:
-    """Velocity of P-waves by the springs' answer to a steady push.
-
-    Independent of every rule that reads waves.
-    """
-    m.require_walls()
-    bulk = static_velocity(m.network)
-    return Value(bulk.velocity, "m/s", {"fit": bulk.error}, m.of_one_sample)
+def v_p_static(packing: PackingData) -> Value:
+    """Measure V_P by the static response to a push, independent of all rules that read waves."""
+    packing.require_walls()
+    response = static_velocity(packing.network)
+    return Value(response.velocity, "m/s", {"fit": response.error}, packing.of_one_sample)
 
 
 @quantity("m/s", definition="velocity of first peaks along the chain, as of the paper")
-def v_p_first_peaks(m: PackingData) -> Value:
-    """Velocity of first peaks along the chain, as of the paper.
+def v_p_first_peaks(packing: PackingData) -> Value:
+    """Measure V_P by first peaks along the chain, like Otsubo et al. (2017).
 
-    Depends on pulse and chain: of disorder the first peak broadens on its way.
+    The value depends on pulse and chain, because disorder broadens the first peak on its way.
     """
-    return first_peak(m, "wave").with_caveats(*m.of_waves)
+    return first_peak(packing, "wave").with_caveats(*packing.of_waves)
