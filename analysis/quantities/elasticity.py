@@ -1,4 +1,4 @@
-"""Elastic moduli, from the springs' static response, and how they lie to the contacts."""
+"""Measure the elastic moduli by the static response of the contacts."""
 
 from collections.abc import Callable
 
@@ -11,18 +11,27 @@ from modal.elasticity.plane_waves import isotropic_mean
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import coordination_without_rattlers
 
-ALONG_Z, OVER_AFFINE = (0, 0, 1), "over that of spheres that follow the mean strain"
-SOFT = 1e-5
-"""Of the fastest wave's velocity: a slower one has no stiffness beyond round-off, 1e-10 of it."""
-POWER = {"Pa": 1.0, "1": 1.0, "m/s": 0.5}
-"""Of the moduli that a number goes as, by its unit."""
+ALONG_Z = (0, 0, 1)
+MIN_RELATIVE_VELOCITY = 1e-5
+"""Divided by the velocity of the fastest wave. A slower wave has no stiffness beyond round-off,
+1e-10 of that of the fastest."""
+MODULUS_POWER = {"Pa": 1.0, "1": 1.0, "m/s": 0.5}
+"""Power of the moduli with which a number grows, by its unit: its relative error is as much."""
+MEASURED_BY_DEFAULT = "bulk_modulus", "shear_modulus"
+"""Those of `OF_MODULI` that are measured without a request."""
 
 
-def _over_affine(m: ElasticModuli) -> tuple[float, float]:
-    bulk, shear = isotropic_mean(m.affine)
-    return m.bulk_modulus / bulk, m.shear_modulus / shear
+def _bulk_over_affine(moduli: ElasticModuli) -> float:
+    bulk, _ = isotropic_mean(moduli.affine)
+    return moduli.bulk_modulus / bulk
 
 
+def _shear_over_affine(moduli: ElasticModuli) -> float:
+    _, shear = isotropic_mean(moduli.affine)
+    return moduli.shear_modulus / shear
+
+
+_OVER_AFFINE = "over that of spheres that follow the mean strain"
 OF_MODULI: dict[str, tuple[str, Callable[[ElasticModuli], float], str]] = {
     "bulk_modulus": ("Pa", lambda m: m.bulk_modulus, "bulk modulus, mean over directions"),
     "shear_modulus": ("Pa", lambda m: m.shear_modulus, "shear modulus, mean over directions"),
@@ -34,56 +43,73 @@ OF_MODULI: dict[str, tuple[str, Callable[[ElasticModuli], float], str]] = {
     "g_lateral": ("Pa", lambda m: m.stiffness[5, 5], "shear modulus in the plane across z, xy"),
     "v_p_moduli": ("m/s", lambda m: m.velocities(ALONG_Z)[0], "V_P along z by the moduli"),
     "v_s_moduli": ("m/s", lambda m: m.velocities(ALONG_Z)[1:].mean(), "V_S, mean of both waves"),
-    "bulk_over_affine": ("1", lambda m: _over_affine(m)[0], f"bulk modulus {OVER_AFFINE}"),
-    "shear_over_affine": ("1", lambda m: _over_affine(m)[1], f"shear modulus {OVER_AFFINE}"),
+    "bulk_over_affine": ("1", _bulk_over_affine, f"bulk modulus {_OVER_AFFINE}"),
+    "shear_over_affine": ("1", _shear_over_affine, f"shear modulus {_OVER_AFFINE}"),
 }
-"""By name: unit, what it is of the moduli, in words.
+"""Unit, function of the moduli and definition of each quantity, by name.
 
-Of the bulk, where walls bound the packing; anisotropy as `modal.elasticity.plane_waves` has it.
+The moduli are those of the bulk if walls bound the packing. `modal.elasticity.plane_waves` defines
+the anisotropy.
 """
 
 
-def of_moduli(
-    unit: str, number: Callable[[ElasticModuli], float]
-) -> Callable[[PackingData], Value]:
-    """A number of the moduli, with what the solver has left of them."""
+def measure_of_moduli(
+    packing: PackingData, unit: str, function: Callable[[ElasticModuli], float]
+) -> Value:
+    """Measure a number that follows from the moduli, in a unit of `MODULUS_POWER`.
 
-    def measured(m: PackingData) -> Value:
-        value = float(number(m.moduli))
-        if unit == "m/s" and not value > SOFT * m.moduli.velocities(ALONG_Z)[0]:
+    Its error is that of the solver (`fit`) and that of the ends of the slab in which the moduli are
+    measured (`length`): in slabs of repeated cells, whose stiffness is known, the stiffness was off
+    by twice its asymmetry.
+    """
+    moduli = packing.moduli
+    value = float(function(moduli))
+    if unit == "m/s":
+        fastest = moduli.velocities(ALONG_Z)[0]
+        if not value > MIN_RELATIVE_VELOCITY * fastest:
             return unknown(unit, Caveat("no_stiffness"))
-        remarks = [Caveat("moduli", {"text": remark}) for remark in m.moduli.remarks()]
-        caveats = (*remarks, *m.of_one_sample)
-        size = POWER[unit] * abs(value)
-        # Of slabs cut from repeated cells twice the asymmetry is what their stiffness was off by.
-        parts = {"fit": size * m.moduli.error, "length": 2 * size * m.moduli.asymmetry}
-        return Value(value, unit, parts, caveats)
-
-    return measured
+    caveats = [Caveat("moduli", {"text": remark}) for remark in moduli.remarks()]
+    size = MODULUS_POWER[unit] * abs(value)
+    parts = {"fit": size * moduli.error, "length": 2 * size * moduli.asymmetry}
+    return Value(value, unit, parts, (*caveats, *packing.of_one_sample))
 
 
-for _name, (_unit, _number, _definition) in OF_MODULI.items():
-    _on_request = _name not in ("bulk_modulus", "shear_modulus")
-    quantity(_unit, name=_name, definition=_definition, on_request=_on_request)(
-        of_moduli(_unit, _number)
-    )
+def _register(
+    name: str, unit: str, function: Callable[[ElasticModuli], float], definition: str
+) -> None:
+    """Register a number of the moduli as a quantity."""
+
+    def measure(packing: PackingData) -> Value:
+        return measure_of_moduli(packing, unit, function)
+
+    by_request = name not in MEASURED_BY_DEFAULT
+    quantity(unit, name=name, definition=definition, on_request=by_request)(measure)
+
+
+for _name, (_unit, _function, _definition) in OF_MODULI.items():
+    _register(_name, _unit, _function, _definition)
 
 
 @on_request("1", definition="(G D / k) / (h D^3), level in poorly coordinated packings")
 def shear_over_indeterminacy(packing: PackingData) -> Value:
-    """(G D / k) / (h D^3), level in poorly coordinated packings.
+    """Measure the shear modulus in units of k / D, divided by the indeterminacy h D^3.
 
-    Shear modulus in units of mean contact stiffness k over diameter D, over indeterminacy.
-
-    I. Agnolin and J.-N. Roux (Phys. Rev. E 76, 061304, 2007) find that G so normalised tends to
-    vary in proportion to the degree of force indeterminacy per unit volume, h = n (3 Z / 2 - 6):
-    forces, three a contact, less equations of balance, six a sphere that bears force.
+    k is the mean contact stiffness, D the diameter. I. Agnolin and J.-N. Roux (Phys. Rev. E 76,
+    061304, 2007) find that the shear modulus in this unit tends to vary in proportion to the degree
+    of force indeterminacy per unit volume, h = n (3 Z / 2 - 6): each contact has three forces, each
+    sphere that bears force six equations of balance.
     """
-    network, moduli = packing.network, packing.moduli
+    network = packing.network
+    density = packing.moduli.density
     bearing = force_bearing(network)
     inner = ~network.with_wall & bearing[network.particle_i] & bearing[network.partner]
     diameter = 2 * float(network.radius[bearing].mean())
-    k = float(network.stiffness_normal[inner].mean())
-    spheres = moduli.density / float(network.mass[bearing].mean())
-    loose = spheres * (1.5 * coordination_without_rattlers(network)[0] - 6) * diameter**3
-    return of_moduli("1", lambda m: m.shear_modulus * diameter / k / loose)(packing)
+    stiffness = float(network.stiffness_normal[inner].mean())
+    number_density = density / float(network.mass[bearing].mean())
+    coordination = coordination_without_rattlers(network)[0]
+    indeterminacy = number_density * (1.5 * coordination - 6) * diameter**3
+
+    def ratio(moduli: ElasticModuli) -> float:
+        return moduli.shear_modulus * diameter / stiffness / indeterminacy
+
+    return measure_of_moduli(packing, "1", ratio)

@@ -1,4 +1,4 @@
-"""What is heard of one wall at the other: the gain factor, and where its maxima lie."""
+"""Measure how strongly waves pass from wall to wall: the gain factor and its maxima."""
 
 import numpy as np
 
@@ -13,65 +13,77 @@ from analysis.value import Value, hertz
 from modal.tools.arrays import Floats
 from modal.waves.response import Response, maxima
 
-MISCOUNTED = 0.75
-"""Orders between a maximum and where it is expected, above which it is another's: 1/2 would be a
-resonance of two held walls, 1 the next maximum."""
+MAX_ORDER_ERROR = 0.75
+"""Largest distance between the order of a maximum and the expected one. A distance of 1/2 would be
+a resonance between two held walls, 1 the next maximum."""
 
 
 @cached_on_packing
-def gain_of(m: PackingData) -> Response:
-    """The response that has the gain factor of P-waves from wall to wall, without damping."""
-    m.require_walls()
-    return kept_file(m, "response") or made(m, "response")
+def gain_of(packing: PackingData) -> Response:
+    """Return the response to P-waves from wall to wall without damping; it has the gain factor."""
+    packing.require_walls()
+    return kept_file(packing, "response") or made(packing, "response")
 
 
 @on_request("1", definition="stress on the receiver over that on the source wall, over frequency")
-def gain(m: PackingData) -> Value:
-    """Stress on the receiver over that on the source wall, over frequency.
+def gain(packing: PackingData) -> Value:
+    """Measure the gain factor of P-waves without damping, over frequency."""
+    response = gain_of(packing)
+    caveat = Caveat("gain_resolution", {"width": hertz(response.resolution)})
+    return Value(response.gain, "1", {}, (caveat, *packing.of_waves), response.frequency)
 
-    Of P-waves, without damping.
+
+def passage(packing: PackingData) -> float:
+    """Return the time, s, that the longest waves take from wall to wall."""
+    return packing.network.length / longest(packing, "linear").value
+
+
+def first_resonance(packing: PackingData) -> float:
+    """Return the frequency f_1 of the first P resonance, Hz.
+
+    It is that of the first standing wave, or V_P / 2 L of the longest waves if none is known.
     """
-    found = gain_of(m)
-    caveat = Caveat("gain_resolution", {"width": hertz(found.resolution)})
-    return Value(found.gain, "1", {}, (caveat, *m.of_waves), found.frequency)
+    frequency = standing_waves(packing)[0]
+    if len(frequency):
+        return float(frequency[0])
+    return 0.5 / passage(packing)
 
 
-def passage(m: PackingData) -> float:
-    """Time, s, of the longest waves from wall to wall."""
-    return m.network.length / longest(m, "linear").value
+def orders(packing: PackingData) -> Floats:
+    """Return the maxima (k,) of the gain as orders r of a column with both walls held, f = r f_1.
 
-
-def first_resonance(m: PackingData) -> float:
-    """f_1, Hz, of the first P resonance: of its mode, else V_P / 2 L of the long waves."""
-    f = standing_waves(m)[0]
-    return float(f[0]) if len(f) else 0.5 / passage(m)
-
-
-def orders(m: PackingData) -> Floats:
-    """The gain's maxima (k,) as orders r of a column with both walls held: f = r f_1.
-
-    Each is looked up among the measured resonances r f_1, which bend with dispersion: the order r
-    at which a standing wave has its frequency, by interpolation. Where the source wall is free of
-    stress 1/2, 3/2, ... are expected. They end where a maximum is missing or one too many, an order
-    off, and they no longer count.
+    The order of a maximum is interpolated between the measured resonances, which include
+    dispersion: it is the r at which a standing wave has this frequency. The source wall is free of
+    stress, so that 1/2, 3/2, ... are expected. The list ends at the first maximum that is missing
+    or one too many, where orders are off by one.
     """
-    f, end = gain_of(m).gain_maxima(), low_pass_2(m)
-    if np.isfinite(end):  # beyond it the walls hear no common wave
-        f = f[f < end]
-    f_r, kappa = standing_waves(m)
-    rising = np.isfinite(f_r) & (np.maximum.accumulate(np.nan_to_num(f_r)) == f_r)
-    found = f / first_resonance(m)
+    frequency = gain_of(packing).gain_maxima()
+    end = low_pass_2(packing)
+    if np.isfinite(end):
+        # Above the low-pass frequency no wave reaches both walls.
+        frequency = frequency[frequency < end]
+    resonance, wavenumber = standing_waves(packing)
+    highest_so_far = np.maximum.accumulate(np.nan_to_num(resonance))
+    rising = np.isfinite(resonance) & (highest_so_far == resonance)
+    order = frequency / first_resonance(packing)
     if rising.sum() > 1:
-        order = np.append(0.0, kappa[rising] * m.network.length / np.pi)
-        found = np.interp(f, np.append(0.0, f_r[rising]), order, right=np.nan)
-    lost = np.flatnonzero(~(abs(found - np.arange(0.5, len(f))) < MISCOUNTED))
-    return found[: lost[0] if len(lost) else None]
+        known_order = np.append(0.0, wavenumber[rising] * packing.network.length / np.pi)
+        known_frequency = np.append(0.0, resonance[rising])
+        order = np.interp(frequency, known_frequency, known_order, right=np.nan)
+    expected = np.arange(0.5, len(frequency))
+    # NaN counts as wrong.
+    wrong = np.flatnonzero(~(abs(order - expected) < MAX_ORDER_ERROR))
+    if len(wrong):
+        return order[: wrong[0]]
+    return order
 
 
-def height(m: PackingData) -> str:
-    """The gain at its first maximum with its resolution, and an undamped column's under it."""
-    found = gain_of(m)
-    same = 1 / np.sinh(np.pi * found.resolution * passage(m))
-    told = f"at {found.resolution:.0f} Hz (undamped column: {same:.3g})"
-    heights = maxima(found.frequency, found.gain)[1]
-    return f"{heights[0]:.3g} {told}" if len(heights) else ""
+def height(packing: PackingData) -> str:
+    """Describe the gain at its first maximum, the resolution, and an undamped column's gain."""
+    response = gain_of(packing)
+    heights = maxima(response.frequency, response.gain)[1]
+    if not len(heights):
+        return ""
+    of_column = 1 / np.sinh(np.pi * response.resolution * passage(packing))
+    resolution = f"{response.resolution:.0f} Hz"
+    return f"{heights[0]:.3g} at {resolution} (undamped column: {of_column:.3g})"
