@@ -1,4 +1,4 @@
-"""How waves fade: attenuation and quality factor over frequency, and where waves end."""
+"""Measure how waves fade: attenuation, quality factor, widths of lines, and where waves end."""
 
 from dataclasses import replace
 from functools import partial
@@ -18,192 +18,222 @@ from analysis.value import Value, estimate, hertz, unknown
 from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
 
-MOST = 8.0
-"""Nepers over the part of the length that is read: beyond them what is left of the wave is less
-than what the window leaves of the record's cut."""
-SHORTEST = 4.0
-"""Wavelength, mean diameters, of the shortest plane waves whose lines are read."""
-FAINT = 0.02
-"""Of the source's largest amplitude: less is not sent."""
-COARSE = 2.0
-"""Width of the lines in which the Ioffe-Regel limit is sought, in those of the whole ridge: waves
-are a third as wide there as their frequency, hence a tenth of the highest one."""
+MAX_NEPERS = 8.0
+"""Largest decay over the part of the length that is read. Beyond it the wave is smaller than what
+the window leaves of the cut at the record's end."""
+MIN_WAVELENGTH_IN_DIAMETERS = 4.0
+"""Shortest plane waves whose lines are read."""
+MIN_SOURCE_SHARE = 0.02
+"""Where the source's amplitude is a smaller share of its largest one, the source sends nothing."""
+LIMIT_LINE_IN_LINES = 2.0
+"""Width of the lines in which the Ioffe-Regel limit is sought, in those of the whole ridge. There
+the ridge is a third as wide as its frequency, hence as a tenth of the highest frequency."""
+MAX_FREQUENCY_OF_RIDGE_IN_V_PER_D = 0.75
+"""Highest frequency of the structure factor in which the limit is sought."""
+WAVES_OF_RIDGE = 8
+"""Number of waves in each of the two structure factors from which the limit is read."""
 
 
 @cached_on_packing
-def attenuation_of(m: PackingData) -> tuple[Value, np.ndarray]:
-    """Decay of the coherent amplitude, 1/m, at independent frequencies, and their group velocity.
+def attenuation_of(packing: PackingData) -> tuple[Value, Floats]:
+    """Measure the decay of the coherent amplitude, 1/m, and the group velocity (k,), m/s.
 
-    A window of another damping cuts the record elsewhere and passes on other noise: what it changes
-    is the error, at a frequency or at its neighbours. A bias that grows as the square of the
-    damping is as large.
+    Both are read at independent frequencies. A window of another damping cuts the record elsewhere
+    and passes other noise: the error is how much it changes the value, at a frequency or at its
+    neighbours. A bias that grows with the square of the damping is as large.
     """
-    wave, *others = coherents(m)
-    every = max(1, round(wave.resolution / (wave.frequency[1] - wave.frequency[0])))
-    some = np.arange(every - 1, len(wave.frequency), every)
-    told = np.isfinite([one.attenuation[some] for one in coherents(m)]).all(axis=0)
-    span = (STRETCH[1] - STRETCH[0]) * m.network.length
-    sent_to = _sent_to(m, wave.frequency[-1])
-    some = some[told & (wave.attenuation[some] * span < MOST) & (wave.frequency[some] <= sent_to)]
-    if not len(some):
+    wave, weaker, stronger = coherents(packing)
+    step = wave.frequency[1] - wave.frequency[0]
+    every = max(1, round(wave.resolution / step))
+    independent = np.arange(every - 1, len(wave.frequency), every)
+    known = np.ones(len(independent), bool)
+    for each in (wave, weaker, stronger):
+        known &= np.isfinite(each.attenuation[independent])
+    span = (STRETCH[1] - STRETCH[0]) * packing.network.length
+    highest_sent = _highest_sent(packing, wave.frequency[-1])
+    not_too_weak = wave.attenuation[independent] * span < MAX_NEPERS
+    sent = wave.frequency[independent] <= highest_sent
+    chosen = independent[known & not_too_weak & sent]
+    if not len(chosen):
         raise UnavailableError("no coherent wave is left to be read", code="no_coherent_wave")
-    error = abs(others[0].attenuation - others[1].attenuation)[some]
-    error = np.maximum.reduce([error, np.roll(error, 1), np.roll(error, -1)])
-    f = wave.frequency[some]
-    caveats = of_frequency(m, f[0])
-    if sent_to < wave.frequency[-1]:
-        caveats += (Caveat("faint_source", {"frequency": hertz(sent_to), "share": FAINT}),)
-    value = Value(wave.attenuation[some], "1/m", {"resolution": error}, caveats, f)
-    return value, wave.group_velocity[some]
+    change = abs(weaker.attenuation - stronger.attenuation)[chosen]
+    error = np.maximum.reduce([change, np.roll(change, 1), np.roll(change, -1)])
+    frequency = wave.frequency[chosen]
+    caveats = of_frequency(packing, frequency[0])
+    if highest_sent < wave.frequency[-1]:
+        values = {"frequency": hertz(highest_sent), "share": MIN_SOURCE_SHARE}
+        caveats += (Caveat("faint_source", values),)
+    value = Value(wave.attenuation[chosen], "1/m", {"resolution": error}, caveats, frequency)
+    return value, wave.group_velocity[chosen]
 
 
-def _sent_to(m: PackingData, highest: float) -> float:
-    """The frequency, Hz, up to which the source sends something, or `highest`."""
-    record = m.wave
-    frequency, sent = spectra(record.time, record.source_displacement[:, None], 1.01 * highest)
-    lost = np.flatnonzero(sent[:, 0] < FAINT * sent.max())
-    lost = lost[frequency[lost] > frequency[np.argmax(sent)]]
-    return float(frequency[lost[0]]) if len(lost) else highest
+def _highest_sent(packing: PackingData, highest: float) -> float:
+    """Return the frequency, Hz, up to which the source sends a wave, or `highest`."""
+    record = packing.wave
+    displacement = record.source_displacement[:, None]
+    frequency, amplitude = spectra(record.time, displacement, 1.01 * highest)
+    faint = np.flatnonzero(amplitude[:, 0] < MIN_SOURCE_SHARE * amplitude.max())
+    strongest = frequency[np.argmax(amplitude)]
+    faint = faint[frequency[faint] > strongest]
+    if len(faint):
+        return float(frequency[faint[0]])
+    return highest
 
 
 @quantity("1/m", definition="decay of the coherent wave's amplitude along z, over frequency")
-def attenuation(m: PackingData) -> Value:
-    """Decay of the coherent wave's amplitude along z, over frequency.
-
-    Of means over layers, from a pulse of the wall.
-    """
-    return attenuation_of(m)[0]
+def attenuation(packing: PackingData) -> Value:
+    """Measure the attenuation of means over layers, after a pulse of the wall."""
+    return attenuation_of(packing)[0]
 
 
 @quantity("1", definition="quality factor omega / (2 alpha v) of the coherent wave, over frequency")
-def quality(m: PackingData) -> Value:
-    """Quality factor omega / (2 alpha v) of the coherent wave, over frequency.
+def quality(packing: PackingData) -> Value:
+    """Measure the quality factor: the frequency divided by the width of the line of the decay.
 
-    alpha the attenuation, v the group velocity; unknown where alpha is not told from zero.
-
-    The frequency over the width of the line that the decay makes, with the error of that.
+    alpha is the attenuation, v the group velocity. The value is unknown where alpha is less than
+    two errors above zero.
     """
-    alpha, line = attenuation_of(m)[0], scattering_of_pulse(m)
-    told = alpha.value > 2 * alpha.error
-    if not told.any():
+    alpha = attenuation_of(packing)[0]
+    line = scattering_of_pulse(packing)
+    above_zero = alpha.value > 2 * alpha.error
+    if not above_zero.any():
         return unknown("1", Caveat("no_attenuation"), *alpha.caveats)
-    width = np.where(told, line.value, np.nan)
+    width = np.where(above_zero, line.value, np.nan)
     value = alpha.at / width
     parts = {name: value * part / width for name, part in line.parts.items()}
     return Value(value, "1", parts, alpha.caveats, alpha.at)
 
 
 @quantity("Hz", definition="frequency at which the mean free path falls to half a wavelength")
-def ioffe_regel(m: PackingData) -> Value:
-    """Frequency at which the mean free path falls to half a wavelength.
+def ioffe_regel(packing: PackingData) -> Value:
+    """Measure the Ioffe-Regel frequency between two standing waves.
 
-    Between two standing waves; half of their distance is the error.
+    The error is half of the distance of these waves.
     """
-    if m.crystal:
+    if packing.crystal:
         return unknown("Hz", Caveat("crystal"))
-    found = scattering(m)
-    if not np.isfinite(found.limit):
+    ridge = scattering(packing)
+    if not np.isfinite(ridge.limit):
         return unknown("Hz", Caveat("no_short_free_path"))
-    near = np.sort(abs(found.frequency - found.limit))[:2].sum()
-    wide = found.velocity / found.limit > m.width * m.diameter
-    caveats = of_frequency(m, found.limit) if wide else m.of_one_sample
-    return Value(found.limit, "Hz", {"resolution": near / 2}, caveats)
+    distance = np.sort(abs(ridge.frequency - ridge.limit))[:2].sum()
+    caveats = packing.of_one_sample
+    wavelength = ridge.velocity / ridge.limit
+    if wavelength > packing.width * packing.diameter:
+        caveats = of_frequency(packing, ridge.limit)
+    return Value(ridge.limit, "Hz", {"resolution": distance / 2}, caveats)
 
 
 @on_request("Hz", definition="width of the line that a pulse's decay makes, alpha v / pi")
-def scattering_of_pulse(m: PackingData) -> Value:
-    """Width of the line that a pulse's decay makes, alpha v / pi.
+def scattering_of_pulse(packing: PackingData) -> Value:
+    """Measure the width of the line of a decaying pulse over frequency.
 
-    Over frequency; v is the measured group velocity, at which the energy moves on.
-
-    What fades as exp(-alpha x) in space fades as exp(-alpha v t) in time: a line so wide. Under the
-    window exp(-eta t) the wave number is less by eta d alpha / d omega, by whose derivative the
-    slowness is off: that is in the error, and not taken off, as two derivatives are noise.
+    v is the measured group velocity, with which the energy travels. A wave that fades as
+    exp(-alpha x) in space fades as exp(-alpha v t) in time, and its line is alpha v / pi wide.
+    Under the window exp(-eta t) the wave number is smaller by eta d alpha / d omega, and the error
+    of the slowness is the derivative of that. It is a part of the error and not corrected, because
+    two derivatives are noise.
     """
-    alpha, velocity = attenuation_of(m)
-    wave = coherents(m)[0]
+    alpha, velocity = attenuation_of(packing)
+    wave = coherents(packing)[0]
     omega = 2 * np.pi * wave.frequency
-    bend = np.gradient(np.gradient(wave.attenuation, omega), omega)
-    off = velocity * wave.resolution * np.interp(alpha.at, wave.frequency, bend)
+    curvature = np.gradient(np.gradient(wave.attenuation, omega), omega)
+    bias = velocity * wave.resolution * np.interp(alpha.at, wave.frequency, curvature)
     value = velocity / np.pi * alpha.value
-    parts = {"fit": value * off, "resolution": velocity / np.pi * alpha.error}
+    parts = {"fit": value * bias, "resolution": velocity / np.pi * alpha.error}
     return Value(value, "Hz", parts, alpha.caveats, alpha.at)
 
 
 def _width_of_lines(packing: PackingData, polarisation: str) -> Value:
-    """Full width of the line of plane waves along the three axes of a periodic cell, Hz.
+    """Measure the full width of the line of plane waves along the axes of a periodic cell, Hz.
 
-    The waves of one number of periods along x, y and z are one line. The error is how its widths
-    along the axes scatter, and how far its places along them are apart, which widens it.
+    The waves with the same number of periods along x, y and z make one line. The error combines the
+    scatter of the widths along the axes with the scatter of the frequencies, which widens the line.
     """
     network = packing.network
     if not network.cell_periodic.all():
         return unknown("Hz", Caveat("walls"))
-    most = int(network.cell_size.min() / (SHORTEST * packing.diameter))
-    if most < 1:
+    shortest = MIN_WAVELENGTH_IN_DIAMETERS * packing.diameter
+    most_periods = int(network.cell_size.min() / shortest)
+    if most_periods < 1:
         return unknown("Hz", Caveat("narrow_for_waves"))
-    orders = np.concatenate([n * np.eye(3, dtype=int) for n in range(1, most + 1)])
-    highest = 1.5 * v_p(packing).value / (SHORTEST * packing.diameter)
-    found = structure_factor(network, orders, packing.line, highest, polarisation)
-    places, widths = (each.reshape(most, 3) for each in found.ridge())
-    power = found.power.reshape(most, 3, -1).mean(axis=1)
-    peak, width = replace(found, order=orders[::3], power=power).ridge()
-    told = np.isfinite(peak) & np.isfinite(width)
-    if not told.any():
+    axes = np.eye(3, dtype=int)
+    orders = np.concatenate([periods * axes for periods in range(1, most_periods + 1)])
+    highest = 1.5 * v_p(packing).value / shortest
+    structure = structure_factor(network, orders, packing.line, highest, polarisation)
+    peaks_of_axes, widths_of_axes = (each.reshape(most_periods, 3) for each in structure.ridge())
+    power = structure.power.reshape(most_periods, 3, -1).mean(axis=1)
+    peak, width = replace(structure, order=orders[::3], power=power).ridge()
+    known = np.isfinite(peak) & np.isfinite(width)
+    if not known.any():
         return unknown("Hz", Caveat("no_line"))
-    scatter, apart = np.nanstd(widths, axis=1) / np.sqrt(3), np.nanstd(places, axis=1)
-    error = np.hypot(np.hypot(scatter, apart), packing.line / 10)[told]
-    return Value(width[told], "Hz", {"fit": error}, packing.of_one_sample, peak[told])
+    error_of_width = np.nanstd(widths_of_axes, axis=1) / np.sqrt(3)
+    scatter_of_peaks = np.nanstd(peaks_of_axes, axis=1)
+    error = np.hypot(np.hypot(error_of_width, scatter_of_peaks), packing.line / 10)
+    parts = {"fit": error[known]}
+    return Value(width[known], "Hz", parts, packing.of_one_sample, peak[known])
 
 
-# 2 pi times it is the rate at which disorder takes the energy of a plane wave.
+# 2 pi times this width is the rate at which disorder takes energy from a plane wave.
 for _wave, _polarisation in (("p", "L"), ("s", "T")):
-    _text = f"full width of the line of plane {_wave.upper()}-waves, over its frequency"
-    on_request("Hz", name=f"scattering_of_{_wave}", definition=_text)(
+    _definition = f"full width of the line of plane {_wave.upper()}-waves, over its frequency"
+    on_request("Hz", name=f"scattering_of_{_wave}", definition=_definition)(
         partial(_width_of_lines, polarisation=_polarisation)
     )
 
 
 @cached_on_packing
-def scattering(m: PackingData) -> Scattering:
-    """Width of the ridge of standing waves over frequency, as far as their limit needs it.
+def scattering(packing: PackingData) -> Scattering:
+    """Measure the width of the ridge of standing waves over frequency, up to its limit.
 
-    Of some waves first, then of those on both sides of where the width reaches the frequency.
+    A few waves over all wavelengths come first. If the width reaches the frequency among them, the
+    result is that of more waves on both sides of this limit.
     """
-    velocity, kept = v_p(m).value, kept_file(m, "structure")
+    velocity = v_p(packing).value
+    structure = kept_file(packing, "structure")
     if not velocity > 0:
         raise UnavailableError(LOST, code="no_coherent_wave")
-    if kept is not None:
-        return kept.scattering(velocity, m.diameter)
-    line, highest = COARSE * m.line, 0.75 * velocity / m.diameter
-    # Waves in a length: halves of standing waves between walls, whole ones in a cell without.
-    fit = 2 if m.walls else 1
+    if structure is not None:
+        return structure.scattering(velocity, packing.diameter)
+    length = packing.network.length
+    # Between walls a wave of order 1 has half a wavelength in the length, in a periodic cell a
+    # whole one.
+    orders_per_wavelength = 1
+    if packing.walls:
+        orders_per_wavelength = 2
+    most = max(1.0, 0.5 * orders_per_wavelength * length / packing.diameter)
+    lowest = max(1.0, most / 20)
+    coarse = _ridge_of_orders(packing, velocity, np.geomspace(lowest, most, WAVES_OF_RIDGE))
+    if not np.isfinite(coarse.limit):
+        return coarse
+    order = orders_per_wavelength * length * coarse.limit / velocity
+    near_limit = np.linspace(0.7 * order, 1.2 * order, WAVES_OF_RIDGE)
+    return _ridge_of_orders(packing, velocity, near_limit)
 
-    def ridge(orders: Floats) -> Scattering:
-        whole = np.unique(orders.round()).astype(int)
-        along = whole if m.walls else whole[:, None] * np.array([0, 0, 1])
-        return structure_factor(m.network, along, line, highest).scattering(velocity, m.diameter)
 
-    most = max(1.0, 0.5 * fit * m.network.length / m.diameter)
-    first = ridge(np.geomspace(max(1.0, most / 20), most, 8))
-    if not np.isfinite(first.limit):
-        return first
-    near = fit * m.network.length * first.limit / velocity
-    return ridge(np.linspace(0.7 * near, 1.2 * near, 8))
+def _ridge_of_orders(packing: PackingData, velocity: float, orders: Floats) -> Scattering:
+    """Return the ridge of the structure factor at some orders along z, rounded to whole numbers."""
+    whole = np.unique(orders.round()).astype(int)
+    if not packing.walls:
+        whole = whole[:, None] * np.array([0, 0, 1])
+    line = LIMIT_LINE_IN_LINES * packing.line
+    highest = MAX_FREQUENCY_OF_RIDGE_IN_V_PER_D * velocity / packing.diameter
+    structure = structure_factor(packing.network, whole, line, highest)
+    return structure.scattering(velocity, packing.diameter)
 
 
 @cached_on_packing
-def whole_ridge(m: PackingData) -> Scattering:
-    """The same of all waves of a file's structure factor."""
-    return m.case.needed("structure").scattering(longest(m, "linear").value, m.diameter)
+def whole_ridge(packing: PackingData) -> Scattering:
+    """Return the width of the ridge of all waves in a file with the structure factor."""
+    velocity = longest(packing, "linear").value
+    return packing.case.needed("structure").scattering(velocity, packing.diameter)
 
 
-def free_path(m: PackingData) -> float:
-    """Mean free path of the coherent wave at f_low-pass, 2 %, in diameters."""
-    return whole_ridge(m).free_path(low_pass_2(m))
+def free_path(packing: PackingData) -> float:
+    """Return the mean free path of the coherent wave at f_low-pass (2 %), in diameters."""
+    return whole_ridge(packing).free_path(low_pass_2(packing))
 
 
-def width_power(m: PackingData) -> Value:
-    """Power of the frequency that the ridge's width follows about f_low-pass of the linear wave."""
-    law = whole_ridge(m).power(scale(m))
+def width_power(packing: PackingData) -> Value:
+    """Fit the power of the frequency that the ridge's width follows near f_low-pass."""
+    law = whole_ridge(packing).power(scale(packing))
     return estimate(law.exponent, law.error)
