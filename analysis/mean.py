@@ -1,4 +1,4 @@
-"""Means over packings, with one rule for their errors wherever they are shown."""
+"""Compute means over packings, with one rule for their errors wherever they are shown."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,29 +9,51 @@ from analysis.value import COMMON, Value
 from modal.tools.arrays import Array, Floats
 
 
-def mean_of_values(each: Sequence[Value]) -> Value:
+def mean_of_values(values: Sequence[Value]) -> Value:
     """Return the mean of a quantity over packings that have it, with its error and their scatter.
 
-    Of arrays at the frequencies of the first, NaN outside of their own. Samples may agree by
-    chance: the mean is not surer than what each of them is known to.
+    Arrays are interpolated at the frequencies of the first; the mean is NaN outside those of any
+    other. Samples may agree by chance: the error of the mean is at least that which follows from
+    the errors of the values. The part of an error that all packings share stays as large as its
+    largest.
     """
-    first = each[0]
+    first = values[0]
     shape = np.shape(first.value)
-    # A list without frequencies has the first, second ... of each packing.
-    places = [np.arange(np.size(v.value)) if v.at is None else v.at for v in each]
-    rows = _at_first(places, [v.value for v in each]).reshape(len(each), *shape)
-    scatter = np.nan * rows[0]
-    if len(each) > 1:
-        scatter = rows.std(axis=0, ddof=1)
-    squares = _at_first(places, [v.error**2 - v.parts.get(COMMON, 0.0) ** 2 for v in each])
-    parts: dict[str, Any] = {"fit": np.sqrt(squares.sum(axis=0)).reshape(shape) / len(each)}
-    parts["samples"] = scatter / np.sqrt(len(each))
-    if common := [v.parts[COMMON] for v in each if COMMON in v.parts]:
+    count = len(values)
+    grids = [_grid_of(value) for value in values]
+    numbers = _on_first_grid(grids, [value.value for value in values]).reshape(count, *shape)
+    scatter = np.nan * numbers[0]
+    if count > 1:
+        scatter = numbers.std(axis=0, ddof=1)
+    squares = _on_first_grid(grids, [_independent_square(value) for value in values])
+    parts: dict[str, Any] = {
+        "fit": np.sqrt(squares.sum(axis=0)).reshape(shape) / count,
+        "samples": scatter / np.sqrt(count),
+    }
+    common = [value.parts[COMMON] for value in values if COMMON in value.parts]
+    if common:
         parts[COMMON] = max(common)
-    return Value(rows.mean(axis=0), first.unit, parts, (), first.at, scatter)
+    return Value(numbers.mean(axis=0), first.unit, parts, (), first.at, scatter)
 
 
-def _at_first(places: Sequence[Array], numbers: Sequence[Any]) -> Floats:
-    """Shape (k, n): those of k packings at the places (n,) of the first, NaN outside of theirs."""
-    own = zip(places, map(np.atleast_1d, numbers), strict=True)
-    return np.array([np.interp(places[0], x, y, np.nan, np.nan) for x, y in own])
+def _grid_of(value: Value) -> Array:
+    """Return the frequencies of an array (n,), or 0 ... n - 1 for a list without frequencies."""
+    if value.at is None:
+        return np.arange(np.size(value.value))
+    return value.at
+
+
+def _independent_square(value: Value) -> Any:
+    """Return the square of the error without the part that all packings share."""
+    return value.error**2 - value.parts.get(COMMON, 0.0) ** 2
+
+
+def _on_first_grid(grids: Sequence[Array], numbers: Sequence[Any]) -> Floats:
+    """Interpolate the numbers of k packings at the first of their grids (n,): shape (k, n).
+
+    NaN outside the grid of a packing.
+    """
+    rows = []
+    for grid, number in zip(grids, numbers, strict=True):
+        rows.append(np.interp(grids[0], grid, np.atleast_1d(number), np.nan, np.nan))
+    return np.array(rows)

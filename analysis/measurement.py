@@ -1,6 +1,7 @@
-"""What a packing is like, in one call: quantities by name, each with error and caveats."""
+"""Measure a packing in one call: quantities by name, each with its error and caveats."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +27,13 @@ from modal.waves.source import Motion
 
 
 class Measurement(dict[str, Value]):
-    """Quantities of a packing by name; `state` is what samples of one state have in common."""
+    """Quantities of a packing by name.
+
+    Attributes
+    ----------
+    state : mapping
+        Properties that samples of one state have in common (`analysis.same_state`).
+    """
 
     def __init__(self, values: Mapping[str, Value], state: State | None = None) -> None:
         super().__init__(values)
@@ -34,21 +41,23 @@ class Measurement(dict[str, Value]):
 
     @property
     def known(self) -> bool:
-        """Whether anything was measured."""
+        """Tell whether any quantity has a number."""
         return any(value.known for value in self.values())
 
     def as_json(self) -> dict[str, dict[str, Any]]:
-        """{quantity: {value, error, unit, caveats}}; what is not known is None."""
+        """Return {quantity: {value, error, unit, caveats}}; unknown numbers are None."""
         return {name: value.as_json() for name, value in self.items()}
 
     def __str__(self) -> str:
-        """A line a quantity, then what to know, with the quantities that it is about."""
-        lines = [table([(name, value.text()) for name, value in self.items()])] if self else []
-        about: dict[Caveat, list[str]] = {}
+        lines = []
+        if self:
+            lines.append(table([(name, value.text()) for name, value in self.items()]))
+        names_by_caveat: dict[Caveat, list[str]] = {}
         for name, value in self.items():
             for caveat in value.caveats:
-                about.setdefault(caveat, []).append(name)
-        lines += [f"- {', '.join(names)}: {caveat}" for caveat, names in about.items()]
+                names_by_caveat.setdefault(caveat, []).append(name)
+        for caveat, names in names_by_caveat.items():
+            lines.append(f"- {', '.join(names)}: {caveat}")
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -76,24 +85,24 @@ def measure(
         Names of `analysis.quantities.QUANTITIES`, by default all but those that are measured on
         request; `QUICK` has those that take one wave or less.
     source : Motion, optional
-        Of the wall that sends the computed wave, m; by default a pulse of 0.33 V / D.
+        Motion of the wall that sends the computed wave, m; by default a pulse of 0.33 V / D.
     keep : str or Path, optional
         A folder for costly spectra, which a later call finds there.
     amplitudes : sequence of float, optional
-        Of pulses through a sample, m: the quantities of `AMPLITUDE` are measured over these, by
-        default they alone.
+        Amplitudes of pulses through a sample, m, over which the quantities of `AMPLITUDE` are
+        measured. Without `quantities` only these are measured.
 
     Returns
     -------
     Measurement
-        Each name with its `Value`: `value` and `error` in SI units, `unit`, and `caveats`,
-        sentences on what the number leaves open. What cannot be measured is NaN, and a caveat says
+        A `Value` by name: `value` and `error` in SI units, `unit`, and `caveats`, sentences on what
+        the number leaves open. If a quantity cannot be measured, its value is NaN and a caveat says
         why.
 
     Raises
     ------
     InputError
-        Where a name or a file is not known, or a record is of another packing.
+        If a name or a file is not known, or a record was made in another packing.
 
     Examples
     --------
@@ -106,36 +115,67 @@ def measure(
     if isinstance(packing, str | Path):
         (packing,) = cases_of_files([packing])
     case = Case("packing", Path(), {})
-    sample = packing if isinstance(packing, Sample) else None
+    sample = None
     if isinstance(packing, Case):
-        case, path = packing, packing.packing_path
+        case = packing
         for record in records:
             if not isinstance(record, Signals):
                 owner_of(Path(record), [case])
-        network = read_remarked(path, case.notes.append)
-        sample = read_sample(path) if is_sample(path) else None
+        network = read_remarked(case.packing_path, case.notes.append)
+        if is_sample(case.packing_path):
+            sample = read_sample(case.packing_path)
+    elif isinstance(packing, Sample):
+        sample = packing
+        network = sample.network()
     else:
-        network = packing.network() if isinstance(packing, Sample) else packing
+        network = packing
     if len(amplitudes) and sample is None:
-        raise InputError("waves of finite amplitude are those of a sample, with its friction")
-    if not all(0 < size < np.inf for size in amplitudes):
-        raise InputError(f"amplitudes {list(amplitudes)}: give positive ones, in m")
-    waves = [r if isinstance(r, Signals) else read_signals(r) for r in records]
-    m = PackingData(network, waves, source, case, keep, sample, amplitudes)
-    usual = [q.name for q in QUANTITIES.values() if not q.on_request]
-    asked = [quantities] if isinstance(quantities, str) else quantities
-    names = list(asked or (AMPLITUDE if len(amplitudes) else usual))
+        raise InputError(
+            "waves of finite amplitude are those of a sample, with its friction", code="no_sample"
+        )
+    if not all(0 < amplitude < np.inf for amplitude in amplitudes):
+        raise InputError(
+            f"amplitudes {list(amplitudes)}: give positive ones, in m", code="amplitudes"
+        )
+    waves = [_read_record(record) for record in records]
+    data = PackingData(network, waves, source, case, keep, sample, amplitudes)
+    values = {}
+    for name in _requested_names(quantities, amplitudes):
+        values[name] = QUANTITIES[name].measured(data)
+    return Measurement(values, state_of(network))
+
+
+def _read_record(record: Signals | str | Path) -> Signals:
+    """Return a wave, read from its file if a path is given."""
+    if isinstance(record, Signals):
+        return record
+    return read_signals(record)
+
+
+def _requested_names(
+    quantities: str | Sequence[str] | None, amplitudes: Sequence[float]
+) -> list[str]:
+    """Return the names of the quantities to measure, each of them known."""
+    if isinstance(quantities, str):
+        quantities = [quantities]
+    if quantities:
+        names = list(quantities)
+    elif len(amplitudes):
+        names = list(AMPLITUDE)
+    else:
+        names = [each.name for each in QUANTITIES.values() if not each.on_request]
     for name in names:
         refuse_unknown("quantity", name, QUANTITIES)
-    return Measurement({name: QUANTITIES[name].measured(m) for name in names}, state_of(network))
+    return names
 
 
 class MeasuredFiles(NamedTuple):
-    """What several files give: a measurement each, their mean, and what stood in the way of both.
+    """The measurements of several files, and their mean.
 
-    `mean` is None of a single packing. Where packings are no samples of one state `differences`
-    say in which properties, and no number of the mean is known. `refused` are the files that could
-    not be measured, with the reason.
+    found: measurement of each file that could be measured, by its path. mean: mean over them; None
+    for a single packing. differences: properties in which packings are not samples of one state; if
+    there are any, no number of the mean is known. refused: why a file could not be measured, by its
+    path.
     """
 
     found: dict[str, Measurement]
@@ -144,7 +184,7 @@ class MeasuredFiles(NamedTuple):
     refused: dict[str, InputError]
 
     def as_json(self) -> dict[str, Any]:
-        """By file, and `mean`; of one file its quantities alone."""
+        """Return the measurements by file, and `mean`; for one file only its quantities."""
         by_file: dict[str, Any] = {path: each.as_json() for path, each in self.found.items()}
         if self.mean is None and not self.refused:
             (only,) = by_file.values()
@@ -162,43 +202,57 @@ class MeasuredFiles(NamedTuple):
 
 
 def measure_files(paths: Sequence[str], say: Callable[[str], object], **how: Any) -> MeasuredFiles:
-    """Measure each packing among the files, and their mean where there are several.
+    """Measure each packing among the files, and their mean if there are several.
 
-    Waves that were recorded in a packing take the place of its own where their files are given;
-    `how` has what `measure` takes by name. Densities, structure factors and moduli are used, too,
-    where they lie beside under its name. `say` is told what a reader should know of the packings.
-    A file that cannot be measured does not keep the others from it; InputError where none can.
+    Files with recorded waves replace the linear waves of their packing. Files with the density of
+    states, the structure factor or the moduli are used if they lie beside the packing under its
+    name. If a file cannot be measured, the others are.
+
+    Parameters
+    ----------
+    paths : sequence of str
+        Packings and recorded waves.
+    say : callable
+        Called with each note that a reader should know.
+    **how
+        Keyword arguments of `measure`.
+
+    Raises
+    ------
+    InputError
+        If no file can be measured.
     """
     kinds, refused = _kinds_of(paths)
     waves = [path for path, kind in kinds.items() if kind in WAVES]
     cases = cases_of_files([path for path in kinds if path not in waves])
     owner = {path: owner_of(Path(path), cases) for path in waves}
-    found = dict[str, Measurement]()
+    measured = dict[str, Measurement]()
     for case in cases:
         records = [path for path in waves if owner[path] is case]
         path = next((text for text in paths if Path(text) == case.packing_path), "")
         try:
-            found[path] = measure(case, *records, **how)
+            measured[path] = measure(case, *records, **how)
         except InputError as error:
             if len(cases) == 1:
                 raise
             refused[path] = error
         for note in case.notes:
             say(note)
-    if not found:
+    if not measured:
         raise next(iter(refused.values()))
-    if len(found) == 1:
-        return MeasuredFiles(found, None, [], refused)
-    each = list(found.values())
-    apart = differences([one.state for one in each])
-    mean = no_mean(each, apart) if apart else mean_of(each)
-    return MeasuredFiles(found, mean, apart, refused)
+    if len(measured) == 1:
+        return MeasuredFiles(measured, None, [], refused)
+    measurements = list(measured.values())
+    apart = differences([measurement.state for measurement in measurements])
+    if apart:
+        return MeasuredFiles(measured, no_mean(measurements, apart), apart, refused)
+    return MeasuredFiles(measured, mean_of(measurements), [], refused)
 
 
 def _kinds_of(paths: Sequence[str]) -> tuple[dict[str, str], dict[str, InputError]]:
-    """Kinds of the files that are of a known one, and why the others are not.
+    """Return the kind of each file of a known kind, and why each other file has none.
 
-    InputError of the first where there is no other.
+    Raise the InputError of the first file if no file has a known kind.
     """
     kinds = dict[str, str]()
     refused = dict[str, InputError]()
@@ -215,24 +269,25 @@ def _kinds_of(paths: Sequence[str]) -> tuple[dict[str, str], dict[str, InputErro
 def mean_of(measurements: Sequence[Measurement]) -> Measurement:
     """Return the mean of each quantity over samples of one state.
 
-    What one packing alone has keeps its error.
+    A quantity that is known for one packing only keeps its value and its error.
     """
     values = dict(measurements[0])
     for name, first in measurements[0].items():
-        each = [m[name] for m in measurements if m[name].known]
-        if not each:
+        known = [measurement[name] for measurement in measurements if measurement[name].known]
+        if not known:
             continue
-        caveats = [caveat for value in each for caveat in value.caveats]
-        if len(each) > 1:
+        caveats = list(chain.from_iterable(value.caveats for value in known))
+        if len(known) > 1:
             caveats = [caveat for caveat in caveats if caveat.code != "one_sample"]
-        caveats.append(Caveat("mean", {"known": len(each), "packings": len(measurements)}))
+        caveats.append(Caveat("mean", {"known": len(known), "packings": len(measurements)}))
         if np.ndim(first.value):
             caveats.append(Caveat("common_frequencies"))
-        values[name] = mean_of_values(each).with_caveats(*caveats)
+        values[name] = mean_of_values(known).with_caveats(*caveats)
     return Measurement(values)
 
 
 def no_mean(measurements: Sequence[Measurement], apart: Sequence[Difference]) -> Measurement:
-    """Return no number for any quantity, but in which properties the packings differ."""
+    """Return unknown values, with the properties in which the packings differ."""
     caveat = Caveat("unlike", {"properties": "; ".join(map(str, apart))})
-    return Measurement({name: unknown(v.unit, caveat) for name, v in measurements[0].items()})
+    values = {name: unknown(value.unit, caveat) for name, value in measurements[0].items()}
+    return Measurement(values)

@@ -1,8 +1,8 @@
-"""Whether packings are samples of one state: without that a mean over them says nothing.
+"""Compare packings: only samples of one state have a mean that says anything.
 
-What is compared is measured on the contact networks; a note that a program left in a file counts
-only where nothing can be measured. A property that one of the packings does not have is compared
-among the others.
+The compared properties are measured on the contact networks; a note that a program left in a file
+counts only if nothing can be measured. If a packing does not have a property, the others are
+compared.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,9 +18,9 @@ from modal.packing.rattlers import force_bearing
 from modal.tools.arrays import Floats
 from modal.tools.display import plain
 
-STANDARD_ERRORS = 4.0
-"""Of the difference of two means over different spheres, or contacts, of one kind: beyond them one
-pair of 16,000 lies by chance."""
+MAX_STANDARD_ERRORS = 4.0
+"""Largest difference of two means over different spheres or contacts, in its standard errors. By
+chance one pair of 16,000 differs by more."""
 AXES = "xx", "yy", "zz", "yz", "zx", "xy"
 
 
@@ -33,9 +33,19 @@ class Number(NamedTuple):
 
 @dataclass(frozen=True)
 class Property:
-    """How samples of one state may differ in a property, beyond the errors of their means.
+    """A property of a packing in which samples of one state may differ a little.
 
-    `tolerance` is a share of the largest value if `relative`, else in the unit of the values.
+    Attributes
+    ----------
+    words : str
+        What it is, for people.
+    measure : callable
+        Function that measures it on a contact network.
+    tolerance : float
+        Difference that is allowed beyond the errors of the means: a share of the largest value if
+        `relative`, else in the unit of the values.
+    relative : bool
+        See `tolerance`.
     """
 
     words: str
@@ -45,7 +55,7 @@ class Property:
 
 
 class Difference(NamedTuple):
-    """A property, by its name, in which packings are no samples of one state."""
+    """A property, by its code, in which packings are not samples of one state."""
 
     code: str
     smallest: float
@@ -65,7 +75,7 @@ UNKNOWN = Number(np.nan)
 
 
 def note(network: Network, name: str) -> float:
-    """Return the number that a free note of a network gives; NaN where it gives none."""
+    """Return the number in a free note of a network; NaN without such a note."""
     noted = network.study.get(name)
     if isinstance(noted, int | float | np.number) and not isinstance(noted, bool):
         return float(noted)
@@ -73,30 +83,35 @@ def note(network: Network, name: str) -> float:
 
 
 def _ratio(above: Floats, below: Floats) -> Number:
-    """Sum over sum of what spheres, or contacts, have each, and the error of drawing them."""
+    """Return the ratio of two sums over spheres or contacts, with the error of drawing these."""
     if not len(above) or not below.sum() > 0:
         return UNKNOWN
     value = above.sum() / below.sum()
-    left = above - value * below
-    return Number(float(value), float(np.sqrt((left**2).sum()) / below.sum()))
+    residual = above - value * below
+    return Number(float(value), float(np.sqrt((residual**2).sum()) / below.sum()))
 
 
 def _stress(network: Network) -> Floats:
-    """Shape (3, 3), Pa; NaN without forces, or without a volume."""
-    volume = network.cell_size[:2].all() and network.length > 0
-    if not (volume and network.n_contacts and state.has_forces(network)):
+    """Return the stress tensor (3, 3), Pa; NaN without forces or without a volume."""
+    has_volume = network.cell_size[:2].all() and network.length > 0
+    if not (has_volume and network.n_contacts and state.has_forces(network)):
         return np.full((3, 3), np.nan)
     return state.stress_tensor(network)
 
 
 def _size_of_stress(network: Network) -> Number:
-    """Pa: root mean square of the principal stresses; without forces the one that is noted."""
+    """Return the root mean square of the principal stresses, Pa; without forces the noted one."""
     size = float(np.linalg.norm(_stress(network)) / np.sqrt(3))
-    return Number(size if np.isfinite(size) else note(network, "stress"))
+    if np.isfinite(size):
+        return Number(size)
+    return Number(note(network, "stress"))
 
 
 def _part_of_stress(row: int, column: int) -> Callable[[Network], Number]:
-    """A component over the whole; of a shear stress, which nothing controls, with its error."""
+    """Return a function that measures a component of the stress divided by its size.
+
+    A shear stress has an error, because no preparation controls it.
+    """
 
     def part(network: Network) -> Number:
         tensor = _stress(network)
@@ -114,7 +129,10 @@ def _part_of_stress(row: int, column: int) -> Callable[[Network], Number]:
 
 
 def _mean_diameter(power: int) -> Callable[[Network], Number]:
-    """Mean of the diameter weighted by a power of it, m: the higher, the more of the large ones."""
+    """Return a function that measures the mean diameter, m, weighted by a power of the diameter.
+
+    A high power gives large spheres more weight.
+    """
 
     def mean(network: Network) -> Number:
         diameter = 2 * network.radius
@@ -125,35 +143,41 @@ def _mean_diameter(power: int) -> Callable[[Network], Number]:
 
 
 def _density(network: Network) -> Number:
+    """Measure the density of the spheres, kg/m^3."""
     return _ratio(network.mass, 4 / 3 * np.pi * network.radius**3)
 
 
 def _stiffness(network: Network) -> Number:
-    """Mean normal stiffness between spheres over the mean diameter, Pa."""
+    """Measure the mean normal stiffness between spheres divided by the mean diameter, Pa."""
     stiffness = network.stiffness_normal[~network.with_wall]
     return _ratio(stiffness, np.full(len(stiffness), 2 * network.radius.mean()))
 
 
-def _across_over_along(network: Network) -> Number:
+def _stiffness_ratio(network: Network) -> Number:
+    """Measure the tangential divided by the normal stiffness between spheres."""
     pair = ~network.with_wall
     return _ratio(network.stiffness_tangential[pair], network.stiffness_normal[pair])
 
 
 def _law(network: Network) -> Number:
-    """Force over stiffness times overlap: 2/3 of Hertz' law, 1 of a linear one."""
+    """Measure force / (stiffness times overlap): 2/3 for the law of Hertz, 1 for a linear one."""
     ratio = force_ratio(network)
-    return Number(float(np.median(ratio))) if len(ratio) else UNKNOWN
+    if not len(ratio):
+        return UNKNOWN
+    return Number(float(np.median(ratio)))
 
 
 def _resistance_to_turning(network: Network) -> Number:
-    """Stiffness of rolling and twisting over the normal one times squared diameter."""
-    turning = [network.stiffness_rolling, network.stiffness_twisting]
-    total = sum((each for each in turning if each is not None), np.zeros(network.n_contacts))
+    """Measure the stiffness of rolling and twisting, divided by normal stiffness and D^2."""
+    total = np.zeros(network.n_contacts)
+    for stiffness in (network.stiffness_rolling, network.stiffness_twisting):
+        if stiffness is not None:
+            total = total + stiffness
     return _ratio(total, network.stiffness_normal * (2 * network.radius.mean()) ** 2)
 
 
 def _coordination(network: Network) -> Number:
-    """Contacts of a force-bearing sphere: what is left to see of friction and of the history."""
+    """Measure the contacts of a force-bearing sphere, which depend on friction and history."""
     bearing = force_bearing(network)
     if not bearing.any():
         return UNKNOWN
@@ -162,20 +186,23 @@ def _coordination(network: Network) -> Number:
 
 
 def _width(network: Network) -> Number:
+    """Measure the narrower side of the cell, in mean diameters."""
     return Number(float(network.cell_size[:2].min() / (2 * network.radius.mean())))
 
 
 def _periods(network: Network) -> Number:
-    """Number of axes with periods, those of x and y as tens: walls or none along z count one."""
+    """Return the axes with periods as digits of one number, 110 for periods along x and y."""
     along = np.asarray(network.cell_periodic, int)
     return Number(float(along @ [100, 10, 1]))
 
 
 def _friction(name: str) -> Callable[[Network], Number]:
+    """Return a function that reads a friction from the notes."""
     return lambda network: Number(note(network, name))
 
 
 def _property_of_stress(axes: str) -> Property:
+    """Return the property of one component of the stress, as "xy"."""
     row, column = map("xyz".index, axes)
     words = f"stress {axes} over the whole stress"
     return Property(words, _part_of_stress(row, column), 0.1, relative=False)
@@ -196,7 +223,7 @@ SAME_STATE: dict[str, Property] = {
     # V goes as its root; at one stress it follows the coordination number, to a few per cent.
     "stiffness": Property("the mean stiffness of a contact over D, Pa,", _stiffness, 0.1),
     # One number of a law and Poisson's ratio.
-    "stiffness_ratio": Property("tangential over normal stiffness", _across_over_along, 0.02),
+    "stiffness_ratio": Property("tangential over normal stiffness", _stiffness_ratio, 0.02),
     "law": Property("force over stiffness times overlap", _law, 0.05),
     "turning": Property("the resistance to turning over D^2", _resistance_to_turning, 0.05),
     # Frictions 0.1 apart make 0.1 to 0.5 of difference, samples of 2,000 spheres differ by 0.05.
@@ -208,13 +235,13 @@ SAME_STATE: dict[str, Property] = {
     # Waves that fit across the cell set in at V / width.
     "width": Property("the width, D,", _width, 0.1),
 }
-"""Properties by their code, with what samples of one state may differ by, and why."""
+"""Properties by their code; the comments say why samples may differ by so much."""
 State = Mapping[str, Number]
 """Properties of a packing by their code."""
 
 
 def state_of(network: Network) -> State:
-    """Measure what samples of one state have in common."""
+    """Measure all properties that samples of one state have in common."""
     return {code: each.measure(network) for code, each in SAME_STATE.items()}
 
 
@@ -222,12 +249,17 @@ def differences(states: Sequence[State]) -> list[Difference]:
     """Return the properties in which packings differ by more than samples of one state."""
     different = []
     for code, each in SAME_STATE.items():
-        known = [one[code] for one in states if code in one and np.isfinite(one[code].value)]
+        numbers = [one.get(code, UNKNOWN) for one in states]
+        known = [number for number in numbers if np.isfinite(number.value)]
         if len(known) < 2:
             continue
-        low, high = min(known), max(known)
-        scale = max(abs(low.value), abs(high.value)) if each.relative else 1.0
-        allowed = each.tolerance * scale + STANDARD_ERRORS * float(np.hypot(low.error, high.error))
+        low = min(known)
+        high = max(known)
+        scale = 1.0
+        if each.relative:
+            scale = max(abs(low.value), abs(high.value))
+        error = float(np.hypot(low.error, high.error))
+        allowed = each.tolerance * scale + MAX_STANDARD_ERRORS * error
         if high.value - low.value > allowed:
             different.append(Difference(code, low.value, high.value, allowed))
     return different
