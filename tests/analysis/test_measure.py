@@ -92,8 +92,9 @@ def test_records_take_the_place_of_the_own_wave(random, tmp_path, printed):
     files = [str(tmp_path / "a.network.h5"), str(tmp_path / "w.signals.h5")]
     told = printed("measure", *files, "--quantities", "v_p", main=main)
     assert told["v_p"]["value"] == given.value
-    with pytest.raises(InputError, match="leaves the packing"):
+    with pytest.raises(InputError) as refused:
         analysis.measure(modal.fcc(cells=(1, 1, 20)), wave)
+    assert refused.value.code == "chain_outside_packing"
 
 
 def test_caveats_have_their_numbers(random, found):
