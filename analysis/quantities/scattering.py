@@ -224,8 +224,9 @@ def _ridge_of_orders(packing: PackingData, velocity: float, orders: Floats) -> S
 @cached_on_packing
 def whole_ridge(packing: PackingData) -> Scattering:
     """Return the width of the ridge of all waves in a file with the structure factor."""
+    structure = packing.case.needed("structure")
     velocity = longest(packing, "linear").value
-    return packing.case.needed("structure").scattering(velocity, packing.diameter)
+    return structure.scattering(velocity, packing.diameter)
 
 
 def free_path(packing: PackingData) -> float:
