@@ -1,4 +1,4 @@
-"""The chain of touching particles that joins source and receiver wall along a straight line."""
+"""Find the chain of touching particles that joins the two walls along a nearly straight line."""
 
 import numpy as np
 
@@ -6,22 +6,25 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import UnavailableError
 
-TIE = 1e-9
-"""Relative difference of path costs below which they count as equal."""
+TIE_TOLERANCE = 1e-9
+"""Relative difference of path costs below which they count as equal: round-off."""
 
 
 def wall_to_wall_chain(network: Network) -> Ints:
-    """Shape (nc,): particles from the source wall to the receiver wall, each touching the next.
+    """Return the particles (nc,) from source to receiver wall, each touching the next.
 
-    The path through the contacts that stays closest to a vertical line: a step costs its length
-    times 1 + (lateral distance from the line / diameter)^2. The line starts at the source-wall
-    particle nearest to the middle of the cross-section. InputError where no path exists.
+    This is the path through the contacts that stays closest to a vertical line: a step costs its
+    length times 1 + (lateral distance from the line / diameter)^2. The line starts at the particle
+    at the source wall nearest to the middle of the cross-section. UnavailableError if there is no
+    path.
     """
     return network.cached("chain", lambda: _chain(network))
 
 
 def _chain(network: Network) -> Ints:
-    i, j = network.particle_i, network.particle_j
+    """Compute what `wall_to_wall_chain` keeps."""
+    i = network.particle_i
+    j = network.particle_j
     start = np.unique(i[j == SOURCE_WALL])
     goal = np.unique(i[j == RECEIVER_WALL])
     if len(start) == 0 or len(goal) == 0:
@@ -32,7 +35,9 @@ def _chain(network: Network) -> Ints:
     xy = network.position[:, :2]
     middle = 0.5 * (xy.min(axis=0) + xy.max(axis=0))
     off_middle = np.linalg.norm(xy[start] - middle, axis=1)
-    first = int(start[np.lexsort((start, np.round(off_middle / network.radius.max(), 6)))[0]])
+    # Of equally near particles the first one.
+    rounded = np.round(off_middle / network.radius.max(), 6)
+    first = int(start[np.lexsort((start, rounded))[0]])
 
     offset = xy - xy[first]
     for axis in (0, 1):
@@ -42,27 +47,31 @@ def _chain(network: Network) -> Ints:
     weight = 1 + (offset**2).sum(axis=1) / (2 * network.radius) ** 2
     pair = j >= 0
     length = np.linalg.norm(network.lever_i - network.lever_j, axis=1)[pair]
-    return _cheapest((i[pair], j[pair]), length, weight, first, goal)
+    return _find_cheapest_path((i[pair], j[pair]), length, weight, first, goal)
 
 
-def _cheapest(
+def _find_cheapest_path(
     ends: tuple[Ints, Ints], length: Floats, weight: Floats, first: int, goal: Ints
 ) -> Ints:
-    """The cheapest path from `first` to one of `goal`; InputError where there is none.
+    """Return the cheapest path from `first` to one of `goal`; UnavailableError if there is none.
 
-    A step costs the `length` (m,) of its contact, m, times the `weight` (n,) of where it leads.
+    A step costs the `length` (m,) of its contact, m, times the `weight` (n,) of its end.
     """
     import scipy.sparse as sp  # the DEM program's own Python may lack scipy
     from scipy.sparse.csgraph import dijkstra
 
     i, j = ends
-    come, go = np.concatenate([i, j]), np.concatenate([j, i])
-    cost = np.concatenate([length, length]) * weight[go]
+    begin = np.concatenate([i, j])
+    end = np.concatenate([j, i])
+    cost = np.concatenate([length, length]) * weight[end]
     # Pairs that touch twice must not have their costs added up: the cheaper contact counts.
-    order = np.lexsort((cost, go, come))
-    come, go, cost = come[order], go[order], cost[order]
-    once = (np.diff(come, prepend=-1) != 0) | (np.diff(go, prepend=-1) != 0)
-    graph = sp.csr_matrix((cost[once], (come[once], go[once])), shape=2 * (len(weight),))
+    order = np.lexsort((cost, end, begin))
+    begin = begin[order]
+    end = end[order]
+    cost = cost[order]
+    is_first = (np.diff(begin, prepend=-1) != 0) | (np.diff(end, prepend=-1) != 0)
+    n = len(weight)
+    graph = sp.csr_matrix((cost[is_first], (begin[is_first], end[is_first])), shape=(n, n))
     distance = dijkstra(graph, indices=first)
     nearest = float(distance[goal].min(initial=np.inf))
     if not np.isfinite(nearest):
@@ -70,28 +79,32 @@ def _cheapest(
             "no chain of contacts joins the two walls; the packing carries no wave",
             code="carries_no_wave",
         )
-    here = int(goal[np.argmin(_rounded(distance[goal], nearest))])
+    here = int(goal[np.argmin(_round_ties(distance[goal], nearest))])
 
     # Back along the shortest path; of equally short ones the nearest, then the first particle.
-    back = graph.tocsc()
+    columns = graph.tocsc()
     path = [here]
     while here != first:
-        column = slice(back.indptr[here], back.indptr[here + 1])
-        before = back.indices[column]
-        fits = distance[before] + back.data[column] <= distance[here] * (1 + TIE)
+        column = slice(columns.indptr[here], columns.indptr[here + 1])
+        before = columns.indices[column]
+        cost_through = distance[before] + columns.data[column]
+        on_shortest_path = cost_through <= distance[here] * (1 + TIE_TOLERANCE)
         # Each step comes nearer to the first particle, or the way back would not end.
-        before = np.sort(before[fits & (distance[before] < distance[here])])
+        nearer = distance[before] < distance[here]
+        before = np.sort(before[on_shortest_path & nearer])
         if not len(before):
             raise UnavailableError(
                 f"a contact of particle {here} has levers of no length: no chain goes through it; "
                 "give the vectors from the centres to the contact point",
                 code="no_levers",
             )
-        here = int(before[np.argmin(_rounded(distance[before], distance[here]))])
+        here = int(before[np.argmin(_round_ties(distance[before], distance[here]))])
         path.append(here)
     return np.array(path[::-1])
 
 
-def _rounded(distance: Floats, scale: float) -> Floats:
-    """Distances in units in which those that differ by round-off only are equal."""
-    return np.round(distance / (scale * TIE)) if scale > 0 else distance
+def _round_ties(distance: Floats, scale: float) -> Floats:
+    """Return distances in units in which those that differ by round-off alone are equal."""
+    if scale <= 0:
+        return distance
+    return np.round(distance / (scale * TIE_TOLERANCE))

@@ -1,8 +1,8 @@
-"""Packings known in closed form: the FCC crystal under isotropic stress, a column of spheres.
+"""Build packings known in closed form: the FCC crystal under isotropic stress, a column.
 
-The crystal stands with [001] along z: square layers with spacing d (one contact distance), each
-layer shifted by half a cell, layer distance l = d / sqrt(2). Each sphere has twelve contacts of
-equal normal force. Its waves are in `modal.theory.fcc`.
+The crystal stands with [001] along z: square layers of spacing d (the contact distance), each
+shifted by half a cell, at layer distance l = d / sqrt(2). Each sphere has twelve contacts of equal
+normal force. The waves of the crystal are in `modal.theory.fcc`.
 """
 
 from dataclasses import dataclass
@@ -20,25 +20,36 @@ from modal.tools.arrays import Ints
 from modal.tools.errors import InputError
 from modal.tools.workload import refuse_above_memory
 
-SPHERE_BYTES = 2200.0
+BYTES_PER_SPHERE = 2200.0
 """Memory for each sphere of a crystal while its contacts are listed, measured."""
-DEEPEST_OF_CRYSTAL = 0.3
-"""Overlap over the radius: beyond, no theory of contacts between small faces holds."""
+MAX_OVERLAP_IN_RADII = 0.3
+"""Beyond, no theory of contacts between small faces holds."""
 STEPS = np.array([(0, 0, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (1, 1, 0), (1, 1, 1)])
-"""From a sphere to half of its neighbours: layers up, along y, along x. The layer above an even one
-is shifted by half a cell to the right, the one above an odd one to the left."""
+"""Steps from a sphere to half of its neighbours: layers up, along y, along x. The layer above an
+even one is shifted by half a cell to the right, the one above an odd one to the left."""
 UP = sqrt(0.5)
+"""z of the direction to a neighbour in the next layer."""
 NORMALS = np.array(
     [(1, 0, 0), (0, 1, 0), (-0.5, -0.5, UP), (0.5, -0.5, UP), (-0.5, 0.5, UP), (0.5, 0.5, UP)]
     + [(0, 0, -1), (0, 0, 1)]
 )
-"""Towards those neighbours, and towards the source and the receiver wall."""
-MADE = {"command": "modal.packing.crystal"}
+"""Directions of those neighbours, and of the source and the receiver wall."""
+PROVENANCE = {"command": "modal.packing.crystal"}
 
 
 @dataclass(frozen=True)
 class FccPacking:
-    """FCC of equal spheres under isotropic stress (Pa): geometry and contact stiffnesses."""
+    """FCC crystal of equal spheres under isotropic stress: geometry and contact stiffnesses.
+
+    Attributes
+    ----------
+    stress : float
+        Pa.
+    radius : float
+        m.
+    material : Material
+        Of spheres and walls.
+    """
 
     stress: float = 1e5
     radius: float = RADIUS
@@ -47,29 +58,34 @@ class FccPacking:
     def __post_init__(self) -> None:
         refuse_other_kinds(FccPacking, type(self).__name__, vars(self))
         if not 1e-30 < self.radius < 1e9:
-            raise InputError(f"radius {self.radius:g}: give a positive number below 1e9, in m")
-        deepest = DEEPEST_OF_CRYSTAL * self.radius
-        force = float(self.laws[0].normal_force(deepest, self.radius / 2))
-        largest = 2 * sqrt(2) * force / (2 * self.radius - deepest) ** 2
-        if not 0 < self.stress < largest:
             raise InputError(
-                f"stress {self.stress:g} Pa: outside 0 to {largest:.3g} Pa, where spheres of this "
-                f"material overlap by {DEEPEST_OF_CRYSTAL:g} of the radius; give it in Pa"
+                f"radius {self.radius:g}: give a positive number below 1e9, in m", code="radius"
+            )
+        max_overlap = MAX_OVERLAP_IN_RADII * self.radius
+        max_force = float(self.laws[0].normal_force(max_overlap, self.radius / 2))
+        max_stress = 2 * sqrt(2) * max_force / (2 * self.radius - max_overlap) ** 2
+        if not 0 < self.stress < max_stress:
+            raise InputError(
+                f"stress {self.stress:g} Pa: outside 0 to {max_stress:.3g} Pa, where spheres of "
+                f"this material overlap by {MAX_OVERLAP_IN_RADII:g} of the radius; give it in Pa",
+                code="stress",
             )
 
     @property
     def laws(self) -> tuple[ContactLaw, ContactLaw]:
-        """The contact law between spheres, and with a wall."""
+        """Return the contact law between spheres, and with a wall."""
         return laws_of(self.material)
 
     @property
     def overlap(self) -> float:
-        """Overlap of two spheres, m, that balances the stress with spacing d = 2R - overlap.
+        """Return the overlap of two spheres, m, that balances the stress at d = 2R - overlap.
 
         Isotropic stress = 2 sqrt(2) F / d^2; the spacing depends on the overlap, so a fixed
         point (contraction factor 4/3 overlap / d) is iterated to machine precision.
         """
-        law, overlap, last = self.laws[0], 0.0, -1.0
+        law = self.laws[0]
+        overlap = 0.0
+        last = -1.0
         while abs(overlap - last) > 1e-15 * self.radius:
             last = overlap
             force = self.stress * (2 * self.radius - overlap) ** 2 / (2 * sqrt(2))
@@ -78,33 +94,33 @@ class FccPacking:
 
     @property
     def spacing(self) -> float:
-        """Contact distance d, m."""
+        """Return the contact distance d, m."""
         return 2 * self.radius - self.overlap
 
     @property
     def layer_distance(self) -> float:
-        """Distance of neighbouring layers along z, l = d / sqrt(2), m."""
+        """Return the distance of neighbouring layers along z, l = d / sqrt(2), m."""
         return self.spacing / sqrt(2)
 
     @property
     def wall_overlap(self) -> float:
-        """Overlap of a sphere of the outer layers with the flat wall, m (force stress d^2)."""
+        """Return the overlap of a sphere with a flat wall, m; the force is stress d^2."""
         force = self.stress * self.spacing**2
         return float(self.laws[1].overlap_of_force(force, self.radius))
 
     @property
     def mass(self) -> float:
-        """Mass of a sphere, kg."""
+        """Return the mass of a sphere, kg."""
         return float(self.material.sphere(self.radius)[0])
 
     @property
     def kn(self) -> float:
-        """Normal contact stiffness, N/m."""
+        """Return the normal contact stiffness, N/m."""
         return float(self.laws[0].stiffness_normal(self.overlap, self.radius / 2))
 
     @property
     def kt(self) -> float:
-        """Tangential contact stiffness, N/m."""
+        """Return the tangential contact stiffness, N/m."""
         return float(self.laws[0].stiffness_tangential(self.overlap, self.radius / 2))
 
 
@@ -117,7 +133,7 @@ def fcc(
     material: Material = GLASS,
     periodic_z: bool = False,
 ) -> Network:
-    """A crystal of equal glass spheres between two flat walls, under the same pressure everywhere.
+    """Return a crystal of equal glass spheres between two flat walls under isotropic pressure.
 
     The face-centred cubic packing of Otsubo et al. 2017, section 2, with [001] along z and periods
     along x and y. One or two spheres across are allowed: a sphere then touches itself, or a
@@ -130,11 +146,11 @@ def fcc(
     cells : tuple of 3 int, default (4, 4, 200)
         Spheres along x and along y, layers along z.
     radius : float, default 1.27e-3
-        Of a sphere, m.
+        Radius of a sphere, m.
     material : Material, default glass
         60 GPa, Poisson's ratio 0.2, 2,230 kg/m^3.
     periodic_z : bool, default False
-        No walls: the layers, an even number, go on through a period along z.
+        Whether there is a period along z in place of the walls; it takes an even number of layers.
 
     Returns
     -------
@@ -144,7 +160,7 @@ def fcc(
     Raises
     ------
     InputError
-        Where there is no such crystal.
+        If there is no such crystal.
 
     Examples
     --------
@@ -153,44 +169,57 @@ def fcc(
     (80, 472)
     """
     if len(cells) != 3 or any(number < 1 or number % 1 != 0 for number in cells):
-        raise InputError(f"cells {cells}: give three whole numbers, along x and y, and layers")
+        raise InputError(
+            f"cells {cells}: give three whole numbers, along x and y, and layers", code="cells"
+        )
     nx, ny, layers = (int(number) for number in cells)
     if periodic_z and layers % 2:
-        raise InputError(f"{layers} layers: a crystal periodic along z has an even number of them")
+        raise InputError(
+            f"{layers} layers: a crystal periodic along z has an even number of them",
+            code="layers",
+        )
     refuse_above_memory(
-        SPHERE_BYTES * nx * ny * layers,
+        BYTES_PER_SPHERE * nx * ny * layers,
         f"a crystal of {nx} x {ny} x {layers} spheres",
         "take fewer; `tile` repeats a packing",
     )
     crystal = FccPacking(stress, radius, material)
-    if not periodic_z and crystal.wall_overlap > DEEPEST_OF_CRYSTAL * radius:
+    if not periodic_z and crystal.wall_overlap > MAX_OVERLAP_IN_RADII * radius:
         raise InputError(
             f"stress {stress:g} Pa: spheres of this material overlap with the walls by more than "
-            f"{DEEPEST_OF_CRYSTAL:g} of the radius; take less"
+            f"{MAX_OVERLAP_IN_RADII:g} of the radius; take less",
+            code="stress",
         )
-    d, l_z = crystal.spacing, crystal.layer_distance
-    z0 = l_z / 2 if periodic_z else radius - crystal.wall_overlap
-    height = 2 * z0 + (layers - 1) * l_z
-    place: Ints = np.indices((layers, ny, nx)).reshape(3, -1).T
-    layer, n = place[:, 0], len(place)
+    d = crystal.spacing
+    layer_distance = crystal.layer_distance
+    z_first = radius - crystal.wall_overlap
+    if periodic_z:
+        z_first = layer_distance / 2
+    height = 2 * z_first + (layers - 1) * layer_distance
+    # Indices (n, 3) of each sphere: its layer, and its place along y and x.
+    index: Ints = np.indices((layers, ny, nx)).reshape(3, -1).T
+    layer = index[:, 0]
+    n = len(index)
     offset = 0.5 * (layer % 2)
-    position = np.column_stack(
-        [(place[:, 2] + offset) * d, (place[:, 1] + offset) * d, z0 + layer * l_z]
-    )
-    there = place[:, None] + STEPS
-    there[:, 2:, 1:] += (layer % 2 - 1)[:, None, None]
-    shift, inside = np.divmod(there, (layers, ny, nx))
-    other = (inside[..., 0] * ny + inside[..., 1]) * nx + inside[..., 2]
+    x = (index[:, 2] + offset) * d
+    y = (index[:, 1] + offset) * d
+    position = np.column_stack([x, y, z_first + layer * layer_distance])
+    neighbour = index[:, None] + STEPS
+    neighbour[:, 2:, 1:] += (layer % 2 - 1)[:, None, None]
+    shift, inside = np.divmod(neighbour, (layers, ny, nx))
+    partner = (inside[..., 0] * ny + inside[..., 1]) * nx + inside[..., 2]
+    # Each sphere has six contacts with neighbours, and one with either wall, if they exist.
     exists = np.ones((n, 8), bool)
+    exists[:, 6:] = False
     if not periodic_z:
         exists[:, 2:6] = (layer + 1 < layers)[:, None]
-    for column, end in ((6, 0), (7, layers - 1)):
-        exists[:, column] = (layer == end) & (not periodic_z)
+        exists[:, 6] = layer == 0
+        exists[:, 7] = layer == layers - 1
     sphere, kind = np.nonzero(exists)
     walls = np.broadcast_to([SOURCE_WALL, RECEIVER_WALL], (n, 2))
     contact = ContactList(
         sphere,
-        np.column_stack([other, walls])[exists],
+        np.column_stack([partner, walls])[exists],
         np.pad(shift[..., ::-1], ((0, 0), (0, 2), (0, 0)))[exists],
         NORMALS[kind],
         np.where(kind < 6, crystal.overlap, crystal.wall_overlap),
@@ -204,17 +233,17 @@ def fcc(
         material=material,
         periodic_z=periodic_z,
         study={"case": "fcc", "stress": stress},
-        provenance=MADE,
+        provenance=PROVENANCE,
     ).network(contact)
 
 
 def column(particles: int = 3, force: float = 0.5, radius: float = RADIUS) -> Network:
-    """Glass spheres on one another between two flat walls under `force` (N), known exactly."""
+    """Return a column of glass spheres between two flat walls under `force`, N, known exactly."""
     pair, wall = laws_of(GLASS)
     overlap = float(pair.overlap_of_force(force, radius / 2))
-    at_wall = float(wall.overlap_of_force(force, radius))
+    wall_overlap = float(wall.overlap_of_force(force, radius))
     k: Ints = np.arange(particles)
-    z = radius - at_wall + k * (2 * radius - overlap)
+    z = radius - wall_overlap + k * (2 * radius - overlap)
     normal = np.zeros((particles + 1, 3))
     normal[:, 2] = [-1.0, *np.ones(particles)]
     contact = ContactList(
@@ -222,15 +251,15 @@ def column(particles: int = 3, force: float = 0.5, radius: float = RADIUS) -> Ne
         np.array([SOURCE_WALL, *k[1:], RECEIVER_WALL]),
         np.zeros((particles + 1, 3), int),
         normal,
-        np.array([at_wall, *np.full(particles - 1, overlap), at_wall]),
+        np.array([wall_overlap, *np.full(particles - 1, overlap), wall_overlap]),
     )
     return Sample(
         np.column_stack([np.zeros(particles), np.zeros(particles), z]),
         np.full(2, 4 * radius),
-        np.array([0.0, z[-1] + radius - at_wall]),
+        np.array([0.0, z[-1] + radius - wall_overlap]),
         friction=np.inf,
         radius=radius,
         periodic_sides=(False, False),
         study={"case": "column"},
-        provenance=MADE,
+        provenance=PROVENANCE,
     ).network(contact)

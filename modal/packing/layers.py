@@ -1,6 +1,6 @@
-"""Layers: mean motion of the firmly held particles in slabs along the wave.
+"""Average over layers: the firmly held particles in slabs along the wave.
 
-The coherent wave lives in these means; single particles of a random packing scatter about them.
+The coherent wave is in these means; single particles of a random packing scatter about them.
 """
 
 import numpy as np
@@ -10,16 +10,24 @@ from modal.packing.rattlers import firmly_held
 from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
 
-EDGE = 1e-9
-"""Of a slab: a centre less than this below the upper edge of a slab counts to the slab above, so
-that round-off does not decide where a layer of a crystal belongs."""
+EDGE_IN_SLABS = 1e-9
+"""A centre less than this below the upper edge of a slab, in thicknesses, counts to the slab above,
+so that round-off does not decide where a layer of a crystal belongs."""
 
 
 class Layers:
     """Equal slabs from wall to wall, or of a period along z, about one mean diameter thick.
 
-    `position` (nl,) m: mean z of the firmly held particles in a slab; `layer` (n,) the slab of
-    each particle, -1 for all others; `size` (nl,) how many it has. Slabs without any are left out.
+    Slabs without firmly held particles are left out.
+
+    Attributes
+    ----------
+    position : ndarray (nl,)
+        Mean z of the particles of each layer, m.
+    size : ndarray (nl,)
+        Number of particles of each layer.
+    layer : ndarray (n,)
+        The layer of each particle; -1 if it is not firmly held.
     """
 
     def __init__(self, network: Network) -> None:
@@ -37,21 +45,22 @@ class Layers:
         count = max(1, round(network.length / diameter))
         z = network.position[:, 2]
         # A crystal's layer may lie on an edge: round-off must not tear it apart.
-        at = (z - network.wall_position[0]) * (count / network.length) + EDGE
+        depth = (z - network.wall_position[0]) * (count / network.length) + EDGE_IN_SLABS
         if network.cell_periodic[2]:
-            # A centre may be told in another period than the cell's.
-            periods = np.floor(at / count)
-            z, at = z - periods * network.length, at - periods * count
-        slab = np.clip(at[bearing].astype(int), 0, count - 1)
+            # A centre may lie in another period than the cell's.
+            periods = np.floor(depth / count)
+            z = z - periods * network.length
+            depth = depth - periods * count
+        slab = np.clip(depth[bearing].astype(int), 0, count - 1)
         size = np.bincount(slab, minlength=count)
-        layer = (np.cumsum(size > 0) - 1)[slab]
+        layer_of_slab = np.cumsum(size > 0) - 1
         self.layer = np.full(network.n_particles, -1)
-        self.layer[bearing] = layer
-        # Particles that are not held fall into an extra bin in front, which is dropped.
+        self.layer[bearing] = layer_of_slab[slab]
+        # Other particles fall into an extra bin in front, which is dropped.
         self._bin = self.layer + 1
         self.size = size[size > 0]
         self.position = self.means(z)
 
     def means(self, values: Floats) -> Floats:
-        """Shape (nl,): mean of `values` (n,) over the particles of each layer."""
+        """Return the mean (nl,) of `values` (n,) over the particles of each layer."""
         return np.bincount(self._bin, values, len(self.size) + 1)[1:] / self.size

@@ -1,11 +1,12 @@
-"""Crystalline order among equal spheres, which overcompression and flat walls invite.
+"""Find crystalline order among equal spheres, which overcompression and flat walls favour.
 
-Each sphere's neighbourhood is a vector of the spherical harmonics of degree 6, averaged over its
+The neighbourhood of a sphere is a vector of the spherical harmonics of degree 6, averaged over its
 neighbours. Two neighbours whose vectors nearly agree are joined by a solid bond, and a sphere with
 many such bonds sits in a crystal (ten Wolde, Ruiz-Montero, Frenkel, J. Chem. Phys. 104, 9932,
 1996). FCC and HCP count alike; a random packing has a few such spheres by chance.
 """
 
+from collections.abc import Iterator
 from math import factorial
 
 import numpy as np
@@ -13,54 +14,66 @@ from numpy.polynomial.legendre import Legendre
 
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import Network
-from modal.tools.arrays import Bools, Complex
+from modal.tools.arrays import Bools, Complex, Floats
 
-REACH = 1.3
-"""Distance of neighbours, diameters: between first and second shell of FCC (1 and 1.41)."""
-AGREEMENT = 0.7
-"""Cosine of the angle between two neighbours' vectors from which their bond is solid."""
-SOLID_BONDS = 7
-"""Solid bonds from which a sphere is crystalline; an inner sphere of a crystal has 12."""
-
-TOGETHER = 1_000_000
-"""Bonds that are looked at together, which bounds the memory."""
+NEIGHBOUR_DISTANCE = 1.3
+"""Largest distance of neighbours, diameters: between first and second shell of FCC (1 and 1.41)."""
+MIN_COSINE = 0.7
+"""Cosine of the angle between the vectors of two neighbours from which on their bond is solid."""
+MIN_SOLID_BONDS = 7
+"""Solid bonds from which on a sphere is crystalline; an inner sphere of a crystal has 12."""
+BONDS_PER_PART = 1_000_000
+"""Bonds that are computed together, which bounds the memory."""
+DEGREE = 6
+"""Degree of the spherical harmonics; it is even: a bond looks the same from both ends."""
 
 
 def crystalline(network: Network) -> Bools:
-    """Shape (n,) bool: spheres in crystalline surroundings, in a cell with periods along x and y.
+    """Return which spheres (n,) have crystalline surroundings, in a cell periodic along x and y.
 
-    The walls count for nothing: a sphere of an FCC layer at a wall has 8 or 9 solid bonds.
+    Walls are no neighbours: a sphere of an FCC layer at a wall has 8 or 9 solid bonds.
     """
     return network.cached("crystalline", lambda: _crystalline(network))
 
 
 def _crystalline(network: Network) -> Bools:
-    side, n = network.cell_size[:2], network.n_particles
+    """Compute what `crystalline` keeps."""
+    n = network.n_particles
+    side = network.cell_size[:2]
     position = network.position.copy()
     position[:, :2] %= side
-    reach = REACH * 2 * float(network.radius.mean())
+    reach = NEIGHBOUR_DISTANCE * 2 * float(network.radius.mean())
     i, j, shift = periodic_pairs(position, side, reach)
-    parts = [slice(first, first + TOGETHER) for first in range(0, len(i), TOGETHER)]
-    vector = np.zeros((n, 7), complex)
+    parts = [slice(first, first + BONDS_PER_PART) for first in range(0, len(i), BONDS_PER_PART)]
+    vector = np.zeros((n, DEGREE + 1), complex)
     for part in parts:
-        here, there = i[part], j[part]
-        branch = position[there] + shift[part] * np.array([*side, 0.0]) - position[here]
-        x, y, z = (branch / np.linalg.norm(branch, axis=1)[:, None]).T
-        turned: Complex = np.ones(len(z), complex)
-        for m in range(7):
-            # Y_6m up to a common factor; those of negative m are conjugates: a factor 2.
-            scale = np.sqrt((2 if m else 1) * factorial(6 - m) / factorial(6 + m))
-            value = scale * Legendre.basis(6).deriv(m)(z) * turned
-            turned *= x + 1j * y
-            for end in (here, there):  # degree 6 is even: a bond looks the same from both ends
-                vector.real[:, m] += np.bincount(end, value.real, n)
-                vector.imag[:, m] += np.bincount(end, value.imag, n)
+        branch = position[j[part]] + shift[part] * np.array([*side, 0.0]) - position[i[part]]
+        for m, harmonic in enumerate(_harmonics(branch)):
+            for end in (i[part], j[part]):
+                vector.real[:, m] += np.bincount(end, harmonic.real, n)
+                vector.imag[:, m] += np.bincount(end, harmonic.imag, n)
     size = np.linalg.norm(vector, axis=1)
     vector /= np.where(size > 0, size, 1)[:, None]
     # A cosine is real: the scalar product of real and imaginary parts.
-    bonds, parts_of = np.zeros(n, int), vector.view(float)
+    real_vector = vector.view(float)
+    solid_bonds = np.zeros(n, int)
     for part in parts:
-        here, there = i[part], j[part]
-        solid = np.einsum("bk,bk->b", parts_of[here], parts_of[there]) > AGREEMENT
-        bonds += np.bincount(here[solid], minlength=n) + np.bincount(there[solid], minlength=n)
-    return bonds >= SOLID_BONDS
+        cosine = np.einsum("bk,bk->b", real_vector[i[part]], real_vector[j[part]])
+        solid = cosine > MIN_COSINE
+        for end in (i[part], j[part]):
+            solid_bonds += np.bincount(end[solid], minlength=n)
+    return solid_bonds >= MIN_SOLID_BONDS
+
+
+def _harmonics(branch: Floats) -> Iterator[Complex]:
+    """Yield Y_6m (b,), m = 0 to 6, of branch vectors (b, 3), up to a common factor.
+
+    Those of negative m are conjugates, for which the others have a factor sqrt(2).
+    """
+    x, y, z = (branch / np.linalg.norm(branch, axis=1)[:, None]).T
+    power: Complex = np.ones(len(z), complex)
+    for m in range(DEGREE + 1):
+        multiplicity = 2 if m else 1
+        scale = np.sqrt(multiplicity * factorial(DEGREE - m) / factorial(DEGREE + m))
+        yield scale * Legendre.basis(DEGREE).deriv(m)(z) * power
+        power *= x + 1j * y

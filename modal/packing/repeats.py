@@ -1,47 +1,62 @@
-"""Lateral repeats: of how many equal parts along x and y a packing consists, and one of them.
+"""Find the equal parts along x and y of which a packing consists, and one of them.
 
-A wave that a wall sends by moving as a whole is the same in each part. One of them, in the smaller
-cell, then carries all of it: spheres across its edges touch their own images, and a sphere that
-touches an image of itself has both sides of the contact (P^T K P / n, where P repeats a motion n
-times, contact by contact). What is sought is a shift by 1/p of a period, p a prime, that maps every
-sphere and every contact on another one; and then again one of what is left.
+A wave that a wall sends by moving as a whole is the same in each part. One part, in the smaller
+cell, then carries the whole wave: spheres across its edges touch their own images, and a sphere
+that touches an image of itself has both sides of the contact (P^T K P / n, where P repeats a motion
+n times, contact by contact). A shift by 1/p of a period, p a prime, is sought that maps every
+sphere and every contact onto another one; then a further one of the part.
 """
 
 from dataclasses import dataclass
 from math import gcd
+from typing import NamedTuple
 
 import numpy as np
 
 from modal.packing.columns import OF_BONDS, RECEIVER_WALL, SOURCE_WALL
 from modal.packing.neighbours import canonical
 from modal.packing.network import Network
-from modal.tools.arrays import Array, Ints
+from modal.tools.arrays import Array, Floats, Ints
 
 SAME = 1e-9
-"""Largest `difference` that round-off explains. Of the crystals of the study it is
-some 1e-10: the positions are rounded, and an overlap is a small difference of positions."""
-NEAR = 1e-6
-"""Smallest radii within which a shifted sphere must fall on another one. Which one that is has to
-be certain; how alike they are is told by their contacts."""
+"""Largest `difference` that round-off explains. Crystals of the study have some 1e-10: positions
+are rounded, and an overlap is a small difference of positions."""
+MAX_DISTANCE_IN_RADII = 1e-6
+"""Distance, in smallest radii, within which a shifted sphere must fall onto another one: the latter
+is then certain. How alike the two are follows from their contacts."""
 ASLANT = np.array([1.0, 0.61803, 0.75488])
-"""A direction to which no contact of a crystal is perpendicular: it tells those apart in which two
-spheres touch more than once."""
-OF_SPRINGS = ("stiffness_normal", "stiffness_tangential")
-OF_PRE_STRESS = ("force_normal", "force_tangential", "overlap", "shear_growth",
-                 "motion_shortening", "torque_shortening")  # fmt: skip
+"""A direction to which no contact of a crystal is perpendicular. It distinguishes the contacts of
+two spheres that touch more than once."""
+STIFFNESSES = ("stiffness_normal", "stiffness_tangential")
+PRE_STRESS = (
+    "force_normal",
+    "force_tangential",
+    "overlap",
+    "shear_growth",
+    "motion_shortening",
+    "torque_shortening",
+)
 
 
 @dataclass(frozen=True)
 class Repeats:
-    """A network of `count` equal parts, n spheres in all.
+    """A network of equal parts.
 
-    `part`: the network of one, of the size of the smallest cell found, without `cell_shift`;
-    `first` (n / count,): the sphere that each of its spheres is; `member` (n,): the sphere of the
-    part that moves as each sphere does. `difference` of the parts, at most: half that of the
-    contacts' stiffnesses and of the spheres' masses, relative, and three times that of normals and
-    levers, in terms of 1 and of the smallest radius. By this share of itself, at most, the motion
-    of a wave differs after 1 / omega_max from that of a network of which all parts are equal
-    (`modal.waves.forced_system`).
+    Attributes
+    ----------
+    part : Network
+        One part, in the smallest cell that was found, without `cell_shift`.
+    first : ndarray (n / count,)
+        The sphere of the network that each sphere of the part is.
+    member : ndarray (n,)
+        The sphere of the part that moves as each sphere of the network does.
+    count : int
+        Number of parts.
+    difference : float
+        Upper bound of the difference of the parts: half that of the contacts' stiffnesses and of
+        the spheres' masses, relative, and three times that of normals and levers, relative to 1 and
+        to the smallest radius. By at most this share of itself the motion of a wave differs after
+        1 / omega_max from that in a network of equal parts (`modal.waves.forced_system`).
     """
 
     part: Network
@@ -52,22 +67,22 @@ class Repeats:
 
 
 def lateral_repeats(network: Network, *, pre_stress: bool = False) -> Repeats:
-    """The equal parts of which the network consists; one, itself, where it does not repeat itself.
+    """Return the equal parts of which a network consists; the network itself if it has none.
 
-    Of most random packings a glance is enough, at the common divisors of the numbers of spheres and
-    contacts; of others one at the spheres that touch the source wall.
+    For most random packings the common divisors of the numbers of spheres and contacts decide, for
+    others the spheres that touch the source wall.
 
     Parameters
     ----------
     network : Network
         The packing, periodic along x or y.
     pre_stress : bool, default False
-        Whether the forces of the contacts must be the same, too.
+        Whether the forces of the contacts must be equal, too.
 
     Returns
     -------
     Repeats
-        One part, their number, and by how much they differ: at most `SAME`, relative.
+        One part, their number, and their difference, at most `SAME`.
 
     Examples
     --------
@@ -76,63 +91,76 @@ def lateral_repeats(network: Network, *, pre_stress: bool = False) -> Repeats:
     6
     """
     name = f"lateral repeats, {pre_stress}"
-    finer = network.cached(name, lambda: _finest(network, pre_stress))
-    return finer or undivided(network)
+    repeats = network.cached(name, lambda: _find_finest(network, pre_stress))
+    return repeats or undivided(network)
 
 
 def undivided(network: Network) -> Repeats:
-    """The network as the one part of itself."""
+    """Return the network as the one part of itself."""
     every: Ints = np.arange(network.n_particles)
     return Repeats(network, every, every, 1, 0.0)
 
 
-def _finest(network: Network, pre_stress: bool) -> Repeats | None:
-    """As `lateral_repeats`; None of a network that does not repeat itself, which keeps no copy."""
+def _find_finest(network: Network, pre_stress: bool) -> Repeats | None:
+    """Return what `lateral_repeats` does, but None if there is one part: no copy is kept then."""
     if any(getattr(network, name) is not None for name in OF_BONDS):
         return None  # bonds and clumps are not compared
-    found = whole = undivided(network)
-    columns = (*OF_SPRINGS, *(OF_PRE_STRESS if pre_stress else ()))
+    columns: tuple[str, ...] = STIFFNESSES
+    if pre_stress:
+        columns += PRE_STRESS
+    repeats = undivided(network)
     for axis in (0, 1):
-        for prime in _primes(_common(found.part)) if network.cell_periodic[axis] else ():
-            while (finer := _parted(found, axis, prime, columns)) is not None:
-                found = finer
-    return None if found is whole else found
+        if not network.cell_periodic[axis]:
+            continue
+        for prime in _prime_factors(_common_divisor(repeats.part)):
+            finer = _divide(repeats, axis, prime, columns)
+            while finer is not None:
+                repeats = finer
+                finer = _divide(repeats, axis, prime, columns)
+    if repeats.count == 1:
+        return None
+    return repeats
 
 
-def _common(network: Network) -> int:
-    """What divides the numbers of spheres, of contacts, and of those with either wall."""
-    walls = [int((network.particle_j == wall).sum()) for wall in (SOURCE_WALL, RECEIVER_WALL)]
-    return gcd(network.n_particles, network.n_contacts, *walls)
+def _common_divisor(network: Network) -> int:
+    """Return what divides the numbers of spheres, of contacts, and of those with either wall."""
+    at_walls = [int((network.particle_j == wall).sum()) for wall in (SOURCE_WALL, RECEIVER_WALL)]
+    return gcd(network.n_particles, network.n_contacts, *at_walls)
 
 
-def _primes(number: int) -> list[int]:
-    """The primes that divide a number, ascending; none of 0."""
+def _prime_factors(number: int) -> list[int]:
+    """Return the primes that divide a number, ascending; none for 0."""
     divisors = [d for d in range(2, number + 1) if number % d == 0]
     return [d for d in divisors if all(d % other for other in divisors if other < d)]
 
 
-def _parted(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> Repeats | None:
-    """The repeats of a `prime`-th of the width along an axis, or None."""
+def _divide(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> Repeats | None:
+    """Return the repeats of a `prime`-th of the width along an axis, or None if there are none.
+
+    `columns` are the properties of contacts that must be equal.
+    """
     network = whole.part
-    if _common(network) % prime:
+    if _common_divisor(network) % prime:
         return None
     at_wall = np.unique(network.particle_i[network.particle_j == SOURCE_WALL])
-    if _images(network, at_wall, axis, prime) is None:
+    if _match_spheres(network, at_wall, axis, prime) is None:
         return None
-    image = _images(network, np.arange(network.n_particles), axis, prime)
-    compared = None if image is None else _compared(network, image, columns)
-    if image is None or compared is None:
+    image = _match_spheres(network, np.arange(network.n_particles), axis, prime)
+    if image is None:
         return None
-    contact, difference = compared
+    contact_image = _match_contacts(network, image)
+    if contact_image is None:
+        return None
     # Any part is at most half the way round from any other.
-    difference *= prime // 2
+    difference = _largest_difference(network, image, contact_image, columns) * (prime // 2)
     if not difference <= SAME:
         return None
     # Of a sphere, or a contact, and its images the one with the lowest number stays.
-    own, their = _lowest(image, prime), _lowest(contact, prime)
-    first = np.flatnonzero(own == np.arange(len(own)))
-    member = np.searchsorted(first, own)
-    kept = network.some(their == np.arange(len(their)))
+    lowest_sphere = _lowest_image(image, prime)
+    lowest_contact = _lowest_image(contact_image.row, prime)
+    first = np.flatnonzero(lowest_sphere == np.arange(len(lowest_sphere)))
+    member = np.searchsorted(first, lowest_sphere)
+    kept = network.some(lowest_contact == np.arange(len(lowest_contact)))
     size = kept.cell_size.copy()
     size[axis] /= prime
     part = kept.unchecked(
@@ -151,74 +179,105 @@ def _parted(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> 
     )
 
 
-def _lowest(image: Ints, times: int) -> Ints:
-    """Shape (k,): the lowest number that `image` (k,) leads each to, applied so many `times`."""
+def _lowest_image(image: Ints, times: int) -> Ints:
+    """Return the lowest number (k,) that `image` (k,), applied up to `times` times, leads to."""
     lowest: Ints = np.arange(len(image))
-    here = lowest
+    current = lowest
     for _ in range(times - 1):
-        here = image[here]
-        lowest = np.minimum(lowest, here)
+        current = image[current]
+        lowest = np.minimum(lowest, current)
     return lowest
 
 
-def _images(network: Network, spheres: Ints, axis: int, parts: int) -> Ints | None:
-    """Shape (k,): on which of the `spheres` (k,) each one falls, or None where one falls on none.
+def _match_spheres(network: Network, spheres: Ints, axis: int, parts: int) -> Ints | None:
+    """Return onto which of the `spheres` (k,) each one falls, or None if one falls onto none.
 
-    They are moved along the axis by the cell's width over `parts`.
+    They are shifted along the axis by the cell's width divided by `parts`.
     """
     from scipy.spatial import KDTree  # not at import: most packings have no parts
 
-    axes, period = network.cell_periodic, np.where(network.cell_periodic, network.cell_size, 0.0)
-    place, moved = np.repeat(network.position[None, spheres], 2, axis=0)
-    moved[:, axis] += period[axis] / parts
-    for at in (place, moved):
-        at[:, axes] %= period[axes]
-        at[at == period] = 0.0  # what lay a rounding below zero
-    near = NEAR * float(network.radius.min())
-    _, image = KDTree(place, boxsize=period).query(moved, distance_upper_bound=near)
-    return image if np.array_equal(np.sort(image), np.arange(len(spheres))) else None
-
-
-def _compared(network: Network, image: Ints, columns: tuple[str, ...]) -> tuple[Ints, float] | None:
-    """Shape (m,): the contact on which each one falls; and the largest difference of both.
-
-    `image` (n,) is the sphere on which each one falls. None where contacts fall on none.
-    """
-    i, j = network.particle_i, network.particle_j
-    moved = image[i], np.where(network.with_wall, j, image[network.partner])
-    slant = (network.normal @ ASLANT)[:, None]
-    here, *ends, _, turned = canonical(i, j, slant)
-    there, *moved_ends, _, turned_there = canonical(*moved, slant)
-    # What stands at one place of both orders is a contact and what falls on it.
-    if not np.array_equal(ends, moved_ends):
+    axes = network.cell_periodic
+    period = np.where(axes, network.cell_size, 0.0)
+    position = network.position[spheres]
+    shifted = position.copy()
+    shifted[:, axis] += period[axis] / parts
+    for points in (position, shifted):
+        points[:, axes] %= period[axes]
+        points[points == period] = 0.0  # what lay a rounding below zero
+    near = MAX_DISTANCE_IN_RADII * float(network.radius.min())
+    _, image = KDTree(position, boxsize=period).query(shifted, distance_upper_bound=near)
+    if not np.array_equal(np.sort(image), np.arange(len(spheres))):
         return None
-    contact = np.empty_like(here)
-    contact[there] = here
-    sign = np.where(turned == turned_there, 1.0, -1.0)[:, None]
+    return image
+
+
+class _ContactImage(NamedTuple):
+    """Contacts and their images.
+
+    row (m,): the contact onto which each one falls. contact, image (m,): the same pairs in another
+    order. sign (m, 1): -1 if the ends of contact and image are exchanged.
+    """
+
+    row: Ints
+    contact: Ints
+    image: Ints
+    sign: Floats
+
+
+def _match_contacts(network: Network, image: Ints) -> _ContactImage | None:
+    """Return onto which contact each one falls, or None if one falls onto none.
+
+    `image` (n,) is the sphere onto which each one falls.
+    """
+    i = network.particle_i
+    j = network.particle_j
+    slant = (network.normal @ ASLANT)[:, None]
+    image_i = image[i]
+    image_j = np.where(network.with_wall, j, image[network.partner])
+    here, *ends, _, turned = canonical(i, j, slant)
+    there, *image_ends, _, image_turned = canonical(image_i, image_j, slant)
+    # In the k-th place of both orders are a contact and the one that falls onto it.
+    if not np.array_equal(ends, image_ends):
+        return None
+    row = np.empty_like(here)
+    row[there] = here
+    sign = np.where(turned == image_turned, 1.0, -1.0)[:, None]
+    return _ContactImage(row, here, there, sign)
+
+
+def _largest_difference(
+    network: Network, image: Ints, contacts: _ContactImage, columns: tuple[str, ...]
+) -> float:
+    """Return the `difference`, as in `Repeats`, of spheres and contacts from their images."""
+    _, here, there, sign = contacts
     reach = float(network.radius.min())
-    levers = [network.lever_i[here], network.lever_j[here]]
-    other = np.where(sign > 0, *levers), np.where(sign > 0, *levers[::-1])
+    lever_i = np.where(sign > 0, network.lever_i[here], network.lever_j[here])
+    lever_j = np.where(sign > 0, network.lever_j[here], network.lever_i[here])
     shape = max(
-        _most(network.normal[there] - sign * network.normal[here], 1.0),
-        _most(network.lever_i[there] - other[0], reach),
-        _most(network.lever_j[there] - other[1], reach),
+        _largest(network.normal[there] - sign * network.normal[here], 1.0),
+        _largest(network.lever_i[there] - lever_i, reach),
+        _largest(network.lever_j[there] - lever_j, reach),
     )
-    spheres = (getattr(network, name) for name in ("radius", "mass", "inertia"))
-    mass = max(_most(data[image] - data, data) for data in spheres)
+    mass = 0.0
+    for values in (network.radius, network.mass, network.inertia):
+        mass = max(mass, _largest(values[image] - values, values))
     stiffness = 0.0
     for name in columns:
         data = getattr(network, name)
         if data is None:
             continue
-        if name in OF_SPRINGS:
-            # Contacts without stiffness fall on such ones.
-            own = _most(data[there] - data[here], np.where(data == 0, 1.0, data)[here])
+        if name in STIFFNESSES:
+            # Contacts without stiffness fall onto others without.
+            scale = np.where(data == 0, 1.0, data)[here]
+            difference = _largest(data[there] - data[here], scale)
         else:
             facing = sign * data[here] if data.ndim > 1 else data[here]
-            own = _most(data[there] - facing, float(abs(data).max(initial=0.0)) or 1.0)
-        stiffness = max(stiffness, own)
-    return contact, (stiffness + mass) / 2 + 3 * shape
+            largest_value = float(abs(data).max(initial=0.0)) or 1.0
+            difference = _largest(data[there] - facing, largest_value)
+        stiffness = max(stiffness, difference)
+    return (stiffness + mass) / 2 + 3 * shape
 
 
-def _most(difference: Array, scale: Array | float) -> float:
+def _largest(difference: Array, scale: Array | float) -> float:
+    """Return the largest size of a difference relative to a scale; 0 if there is none."""
     return float(abs(difference / scale).max(initial=0.0))

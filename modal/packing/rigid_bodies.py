@@ -1,7 +1,7 @@
-"""Spheres that move as one: clumps, as DEM programs have them, in place of their members.
+"""Join spheres that move as one into rigid bodies, such as the clumps of DEM programs.
 
-A clump has the mass and the tensor of inertia of its members, each where it is, unless the program
-tells others; its contacts are those of its members, with levers from its centre of mass.
+A clump has the mass and the tensor of inertia of its members, each at its place, unless the program
+gives other values; its contacts are those of its members, with levers from its centre of mass.
 """
 
 from dataclasses import dataclass, replace
@@ -12,15 +12,24 @@ from modal.packing.checks import refuse
 from modal.packing.network import Network
 from modal.tools.arrays import Floats, Ints
 
-LONGEST = 0.45
-"""Of a period: how far a member may lie from the first one, or its image is not known."""
+MAX_OFFSET_IN_PERIODS = 0.45
+"""Largest distance of a member from the first one: farther away its image would not be known."""
 
 
 @dataclass(frozen=True)
 class Bodies:
-    """k rigid bodies in rising order of their numbers (k,).
+    """Rigid bodies in ascending order of their numbers.
 
-    mass (k,), kg; centre of mass (k, 3), m; tensor of inertia (k, 3, 3), kg m^2, about it.
+    Attributes
+    ----------
+    number : ndarray (k,)
+        Numbers of the bodies, from 1 on.
+    mass : ndarray (k,)
+        kg.
+    centre : ndarray (k, 3)
+        Centres of mass, m.
+    tensor : ndarray (k, 3, 3)
+        Tensors of inertia about the centres, kg m^2.
     """
 
     number: Ints
@@ -29,77 +38,92 @@ class Bodies:
     tensor: Floats
 
 
-def joined(network: Network, body: Ints, told: Bodies | None = None) -> Network:
-    """A network of spheres with those of one `body` (n,) joined.
+def joined(network: Network, body: Ints, properties: Bodies | None = None) -> Network:
+    """Return the network with the spheres of each body joined.
 
-    Spheres whose number is below 1 stay as they are. Bodies are in the order of their first
-    sphere; their radius is that of the sphere of their members' volume. What is `told` of bodies
-    stands in place of what follows from the members. Contacts inside a body are left out.
+    Bodies are in the order of their first sphere; their radius is that of a sphere of their
+    members' volume. Contacts inside a body are left out.
+
+    Parameters
+    ----------
+    network : Network
+        Of spheres.
+    body : ndarray (n,)
+        Number of each sphere's body; below 1 for spheres that remain as they are.
+    properties : Bodies, optional
+        Masses, centres and tensors of all bodies in place of those that follow from the members.
     """
     n = network.n_particles
-    own = np.where(body > 0, body, -1 - np.arange(n))
-    _, first, index = np.unique(own, return_index=True, return_inverse=True)
+    number = np.where(body > 0, body, -1 - np.arange(n))
+    _, first, index = np.unique(number, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first))
-    index, first = rank[index], np.sort(first)
-    total = len(first)
+    index = rank[index]
+    first = np.sort(first)
+    count = len(first)
     period = np.where(network.cell_periodic, network.cell_size, np.inf)
+    finite_period = np.where(network.cell_periodic, network.cell_size, 0.0)
+    # Move members beside the first one of their body, so that the body is in one piece.
     offset = network.position - network.position[first[index]]
     turns = -np.round(offset / period).astype(int)
-    # Members where they are as one piece, beside the first of them.
-    whole = np.where(network.cell_periodic, network.cell_size, 0.0)
-    shift = whole * turns
+    shift = finite_period * turns
     offset += shift
+    too_far = (abs(offset) > MAX_OFFSET_IN_PERIODS * period).any(axis=1)
     fault = "lies half a period away from the first of its body; take a wider cell"
-    refuse([("sphere", (abs(offset) > LONGEST * period).any(axis=1), fault)])
-    place = network.position + shift
-    mass: Floats = _sums(index, network.mass, total)
-    lever = _sums(index, network.mass[:, None] * offset, total) / mass[:, None]
+    refuse([("sphere", too_far, fault)])
+    position = network.position + shift
+    mass: Floats = _sum_rows(index, network.mass, count)
+    lever = _sum_rows(index, network.mass[:, None] * offset, count) / mass[:, None]
     centre = network.position[first] + lever
-    tensor = _sums(index, _moments(network.mass, place - centre[index]), total)
-    tensor += np.bincount(index, network.inertia, total)[:, None, None] * np.eye(3)
-    if told is not None:
-        number = own[first]
-        at = np.searchsorted(told.number, number[number > 0])
-        joint = np.flatnonzero(number > 0)
-        lacks = told.number[np.minimum(at, len(told.number) - 1)] != number[joint]
-        refuse([("", lacks, "some bodies have no mass and tensor; give those of all of them")])
-        apart = told.centre[at] - centre[joint]
-        apart -= np.round(apart / period) * whole
-        reach = np.zeros(total)
+    tensor = _sum_rows(index, _point_tensors(network.mass, position - centre[index]), count)
+    tensor += np.bincount(index, network.inertia, count)[:, None, None] * np.eye(3)
+    if properties is not None:
+        joint = np.flatnonzero(number[first] > 0)
+        joint_number = number[first][joint]
+        rows = np.searchsorted(properties.number, joint_number)
+        missing = properties.number[np.minimum(rows, len(properties.number) - 1)] != joint_number
+        refuse([("", missing, "some bodies have no mass and tensor; give those of all of them")])
+        centre_offset = properties.centre[rows] - centre[joint]
+        centre_offset -= np.round(centre_offset / period) * finite_period
+        reach = np.zeros(count)
         np.maximum.at(reach, index, np.linalg.norm(offset, axis=1) + network.radius)
+        outside = np.linalg.norm(centre_offset, axis=1) > reach[joint]
         fault = "a body's centre of mass lies outside its spheres; give both of one step"
-        refuse([("", np.linalg.norm(apart, axis=1) > reach[joint], fault)])
-        centre[joint] += apart
-        mass[joint], tensor[joint] = told.mass[at], told.tensor[at]
-    arm = place - centre[index]
-    i, j, wall = network.particle_i, network.partner, network.with_wall
-    ends = index[i], np.where(wall, network.particle_j, index[j])
-    shifts = network.require("cell_shift", "joining of spheres").copy()
-    shifts[~wall] += (turns[i] - turns[j])[~wall]
-    kept = (ends[0] != ends[1]) | shifts.any(axis=1)
+        refuse([("", outside, fault)])
+        centre[joint] += centre_offset
+        mass[joint] = properties.mass[rows]
+        tensor[joint] = properties.tensor[rows]
+    arm = position - centre[index]
+    i = network.particle_i
+    j = network.partner
+    wall = network.with_wall
+    body_i = index[i]
+    body_j = np.where(wall, network.particle_j, index[j])
+    cell_shift = network.require("cell_shift", "joining of spheres").copy()
+    cell_shift[~wall] += (turns[i] - turns[j])[~wall]
+    outer = (body_i != body_j) | cell_shift.any(axis=1)
     return replace(
-        network.with_contacts(kept),
+        network.with_contacts(outer),
         position=centre,
-        radius=np.cbrt(np.bincount(index, network.radius**3, total)),
+        radius=np.cbrt(np.bincount(index, network.radius**3, count)),
         mass=mass,
         inertia=np.trace(tensor, axis1=1, axis2=2) / 3,
         inertia_tensor=tensor,
-        particle_i=ends[0][kept],
-        particle_j=ends[1][kept],
-        lever_i=(network.lever_i + arm[i])[kept],
-        lever_j=np.where(wall[:, None], 0.0, network.lever_j + arm[j])[kept],
-        cell_shift=shifts[kept],
+        particle_i=body_i[outer],
+        particle_j=body_j[outer],
+        lever_i=(network.lever_i + arm[i])[outer],
+        lever_j=np.where(wall[:, None], 0.0, network.lever_j + arm[j])[outer],
+        cell_shift=cell_shift[outer],
     )
 
 
-def _sums(index: Ints, values: Floats, count: int) -> Floats:
-    """Sums over the rows of each index, shape (count, ...)."""
+def _sum_rows(index: Ints, values: Floats, count: int) -> Floats:
+    """Return the sums (count, ...) of the rows of each index."""
     total = np.zeros((count, *values.shape[1:]))
     np.add.at(total, index, values)
     return total
 
 
-def _moments(mass: Floats, arm: Floats) -> Floats:
-    """Shape (n, 3, 3), kg m^2: of points of mass (n,) at the ends of arms (n, 3)."""
+def _point_tensors(mass: Floats, arm: Floats) -> Floats:
+    """Return the tensors of inertia (n, 3, 3), kg m^2, of points at the ends of arms (n, 3), m."""
     square = (arm**2).sum(axis=1)[:, None, None] * np.eye(3)
     return mass[:, None, None] * (square - arm[:, :, None] * arm[:, None, :])
