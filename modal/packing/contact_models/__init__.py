@@ -1,14 +1,19 @@
-"""Contact models by name, one class a module: force, energy and tangent of a contact of spheres.
+"""Find contact models by name, one class a module: force, energy and tangent of a contact.
 
-A module's name with hyphens is that of its model, its `LAW` the class: a named tuple of what one
-contact needs, or many (arrays (m,)). Its methods take the overlap, m, and the effective radius, m,
-R1 R2 / (R1 + R2): `normal_force`, compressive, N; `elastic_energy`, its work from touch on, J;
-`stiffness_normal`, its tangent, N/m; `stiffness_tangential`, along the contact without slip, N/m;
-and `overlap_of_force`, of a force, N, the inverse of the first. They are plain functions of numbers
-or of arrays, from which the loop over moving contacts is compiled, too: they may call `elementwise`
-functions of their module, and no other methods. What it needs beside E* and G*, `own_numbers` makes
-of the numbers behind the model's name. Networks, crystals, pre-stress, and samples from files take
-them from `laws_of`; nothing else knows which models there are.
+The name of a model is that of its module, with hyphens; the class is the module's `LAW`: a named
+tuple of the numbers that one contact needs, or of arrays (m,) for many. Its methods take the
+overlap, m, and the effective radius R1 R2 / (R1 + R2), m, and return
+
+- `normal_force`: the compressive force, N;
+- `elastic_energy`: the work of this force from touch on, J;
+- `stiffness_normal`: its tangent, N/m;
+- `stiffness_tangential`: the tangent along the contact without slip, N/m;
+
+and `overlap_of_force` returns the overlap of a force, N. They are plain functions of numbers or
+arrays, from which the loop over moving contacts is compiled, too: they may call functions of their
+module, but no other methods. A model with numbers behind its name makes its own parameters of them
+in `own_numbers`. Networks, crystals, pre-stress and samples from files take the laws from
+`laws_of`; nothing else knows which models there are.
 """
 
 import importlib
@@ -22,17 +27,17 @@ from modal.tools.arrays import Bools
 from modal.tools.errors import InputError
 
 MODELS = tuple(sorted(module.name.replace("_", "-") for module in pkgutil.iter_modules(__path__)))
-"""Their names."""
-
+"""Names of the contact models."""
 
 ContactLaw = Any
 """The law of one contact, or of many: a `LAW`."""
 
 
 def laws_of(spheres: Material, walls: Elasticity | None = None) -> tuple[ContactLaw, ContactLaw]:
-    """The law between two spheres, and that of a sphere and a wall, of its own material if any.
+    """Return the contact law between two spheres, and between a sphere and a wall.
 
-    InputError for a contact model that there is not, or numbers that it does not take.
+    Walls are of the spheres' material by default. InputError for an unknown contact model, or
+    numbers that it does not take.
 
     >>> from modal.packing.contact_law import GLASS
     >>> pair, wall = laws_of(GLASS)
@@ -41,24 +46,39 @@ def laws_of(spheres: Material, walls: Elasticity | None = None) -> tuple[Contact
     """
     name, *words = spheres.contact_model.split() or [""]
     if name not in MODELS:
-        raise InputError(f"contact model {name!r}: there are {', '.join(MODELS)}; choose one")
+        raise InputError(
+            f"contact model {name!r}: there are {', '.join(MODELS)}; choose one",
+            code="contact_model",
+        )
     try:
         numbers = [float(word) for word in words]
     except ValueError:
         raise InputError(
-            f"contact model {spheres.contact_model}: give numbers after its name"
+            f"contact model {spheres.contact_model}: give numbers after its name",
+            code="contact_model_numbers",
         ) from None
     law = importlib.import_module(f"{__name__}.{name.replace('-', '_')}").LAW
-    own = getattr(law, "own_numbers", None)
-    if numbers and own is None:
-        raise InputError(f"contact model {name} takes no numbers: leave {numbers[0]:g} out")
-    sides = (spheres.moduli, False), (spheres.against(walls or spheres), True)
-    pair, wall = (law(*moduli, *(own(numbers, flat) if own else ())) for moduli, flat in sides)
+    takes_numbers = hasattr(law, "own_numbers")
+    if numbers and not takes_numbers:
+        raise InputError(
+            f"contact model {name} takes no numbers: leave {numbers[0]:g} out",
+            code="contact_model_numbers",
+        )
+    pair_numbers = []
+    wall_numbers = []
+    if takes_numbers:
+        pair_numbers = law.own_numbers(numbers, wall=False)
+        wall_numbers = law.own_numbers(numbers, wall=True)
+    pair = law(*spheres.moduli, *pair_numbers)
+    wall = law(*spheres.against(walls or spheres), *wall_numbers)
     return pair, wall
 
 
-def law_of_each(laws: tuple[ContactLaw, ContactLaw], wall: Bools) -> Any:
-    """The law of many contacts, of which those in `wall` (m,) bool are with a wall."""
-    of_pairs, of_walls = laws
-    columns = zip(of_walls, of_pairs, strict=True)
-    return type(of_pairs)(*(np.where(wall, flat, curved) for flat, curved in columns))
+def law_of_each(laws: tuple[ContactLaw, ContactLaw], wall: Bools) -> ContactLaw:
+    """Return the law of many contacts; `wall` (m,) says which of them are with a wall."""
+    pair_law, wall_law = laws
+    columns = [
+        np.where(wall, wall_number, pair_number)
+        for wall_number, pair_number in zip(wall_law, pair_law, strict=True)
+    ]
+    return type(pair_law)(*columns)

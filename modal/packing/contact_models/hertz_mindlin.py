@@ -1,8 +1,8 @@
-"""Hertz normal to the contact, Mindlin without slip along it (simplified, as DEM programs have it).
+"""Model contacts by Hertz normally and by Mindlin, without slip, tangentially, as DEM codes do.
 
-Contacts of spheres and of a sphere and a flat wall differ in the effective radius alone, R/2 of two
-equal spheres and R of a wall, where both are of one material. K. L. Johnson, Contact Mechanics
-(1985), sections 4.2 and 7.3.
+If spheres and walls are of one material, their contacts differ in the effective radius alone: R/2
+for two equal spheres, R for a sphere and a flat wall. K. L. Johnson, Contact Mechanics (1985),
+sections 4.2 and 7.3.
 """
 
 from typing import Any, NamedTuple
@@ -11,33 +11,33 @@ import numpy as np
 
 
 class HertzMindlin(NamedTuple):
-    """E* and G*, Pa, of a contact, or of each (m,); see `modal.packing.contact_law`.
+    """A Hertz-Mindlin contact, or many: E* and G*, Pa, numbers or (m,).
 
-    The circle of contact has the radius a = sqrt(R* overlap).
+    See `modal.packing.contact_law`. The circle of contact has the radius a = sqrt(R* overlap).
     """
 
     effective_young: Any
     effective_shear: Any
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
-        """N = 4/3 E* a overlap."""
+        """Return N = 4/3 E* a overlap."""
         return 4 / 3 * self.effective_young * np.sqrt(radius * overlap) * overlap
 
     def elastic_energy(self, overlap: Any, radius: Any) -> Any:
-        """2/5 N overlap."""
+        """Return 2/5 N overlap."""
         force = 4 / 3 * self.effective_young * np.sqrt(radius * overlap) * overlap
         return 0.4 * force * overlap
 
     def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
-        """kn = 2 E* a."""
+        """Return kn = 2 E* a."""
         return 2 * self.effective_young * np.sqrt(radius * overlap)
 
     def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
-        """kt = 8 G* a."""
+        """Return kt = 8 G* a."""
         return 8 * self.effective_shear * np.sqrt(radius * overlap)
 
     def overlap_of_force(self, force: Any, radius: Any) -> Any:
-        """(3 N / (4 E* sqrt(R*)))^(2/3)."""
+        """Return (3 N / (4 E* sqrt(R*)))^(2/3)."""
         return (0.75 * force / (self.effective_young * np.sqrt(radius))) ** (2 / 3)
 
 

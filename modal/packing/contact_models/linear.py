@@ -1,36 +1,37 @@
-"""Springs of constant stiffness: those of a Hertz contact as wide as its effective radius.
+"""Model contacts by springs of constant stiffness.
 
-Moduli of a packing of such contacts do not grow with the stress. kn = 2 E* R* says how stiff:
-Young's modulus is the free number of the model; the ratio of both stiffnesses is Mindlin's.
+The stiffness is that of a Hertz contact whose circle has the effective radius, kn = 2 E* R*, so
+that Young's modulus is the free number of the model; kt / kn is Mindlin's ratio. Moduli of a
+packing of such contacts do not grow with the stress.
 """
 
 from typing import Any, NamedTuple
 
 
 class Linear(NamedTuple):
-    """E* and G*, Pa, of a contact, or of each (m,): kn = 2 E* R*, kt = 8 G* R*."""
+    """A linear contact, or many: E* and G*, Pa, numbers or (m,)."""
 
     effective_young: Any
     effective_shear: Any
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
-        """N = kn overlap."""
+        """Return N = kn overlap."""
         return 2 * self.effective_young * radius * overlap
 
     def elastic_energy(self, overlap: Any, radius: Any) -> Any:
-        """Half of N overlap."""
+        """Return N overlap / 2."""
         return self.effective_young * radius * overlap**2
 
     def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
-        """Whatever the overlap."""
+        """Return kn = 2 E* R*, for each overlap."""
         return 2 * self.effective_young * radius + 0 * overlap
 
     def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
-        """Whatever the overlap."""
+        """Return kt = 8 G* R*, for each overlap."""
         return 8 * self.effective_shear * radius + 0 * overlap
 
     def overlap_of_force(self, force: Any, radius: Any) -> Any:
-        """N / kn."""
+        """Return N / kn."""
         return force / (2 * self.effective_young * radius)
 
 
