@@ -10,7 +10,7 @@ import numpy as np
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Floats, Ints
-from modal.tools.loops import by_parts, compiled, compiled_part, fingerprint, kept, numba, prange
+from modal.tools.loops import by_parts, compiled, compiled_part, fingerprint, numba, prange
 from modal.tools.slabs import SLABS
 
 EMPTY = 100
@@ -181,6 +181,8 @@ def longest_ways_by_arrays(
 
 longest_ways = by_parts(_way_of_some, longest_ways_by_arrays)
 if numba is not None:
+    from modal.tools.loop_cache import kept
+
     _sorted_by = kept(_sorted_by)
     _runs_near = compiled_part(_runs_near, fingerprint())
     _pairs_of_some = compiled_part(_pairs_of_some, fingerprint())

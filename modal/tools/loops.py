@@ -23,7 +23,7 @@ if _THREADS.strip().lstrip("+-").isdecimal() and int(_THREADS) < 1:
 try:
     import numba
 
-    from modal.tools.loop_cache import kept as kept
+    from modal.tools.loop_cache import kept
 except ImportError:
     numba = None
 prange = numba.prange if numba else range
