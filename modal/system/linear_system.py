@@ -182,7 +182,7 @@ class LinearSystem:
 
     @property
     def highest_frequency(self) -> float:
-        """The same as a frequency, Hz; 0 without stiffness."""
+        """The frequency of that bound, Hz; 0 without stiffness."""
         return float(np.sqrt(max(self.spectral_bound, 0.0))) / (2 * np.pi)
 
     def count_uncertainty(self, square: float) -> float:
