@@ -82,7 +82,7 @@ def default_amplitude(network: Network, source: Source, direction: str = "z") ->
         mean_overlap = float(network.overlap[network.overlap > 0].mean())
         amplitude = min(amplitude, PULSE_AMPLITUDE_IN_OVERLAPS * mean_overlap)
     if source.pushes:
-        amplitude *= float(network.stiffness_normal.mean()) or 1.0
+        amplitude *= _mean_stiffness(network)
     if direction == TORSION and source.pushes:
         return amplitude * diameter / 2
     if direction == TORSION:
@@ -121,3 +121,10 @@ def height_of(network: Network) -> float:
     if network.cell_periodic[2]:
         return network.length
     return float(np.ptp(network.position[:, 2])) + diameter_of(network)
+
+
+def _mean_stiffness(network: Network) -> float:
+    """Return the mean normal stiffness of contacts, N/m; 1 N/m without any stiffness."""
+    if network.n_contacts == 0:
+        return 1.0
+    return float(network.stiffness_normal.mean()) or 1.0

@@ -181,7 +181,7 @@ def test_tables_and_figures_are_whole_or_as_they_were(tmp_path, monkeypatch):
     def fails(*paths):
         raise OSError("no space left")
 
-    monkeypatch.setattr("modal.formats.hdf5.os.replace", fails)
+    monkeypatch.setattr("modal.formats.whole_file.os.replace", fails)
     for name, write in writers.items():
         (tmp_path / name).write_text("before")
         with pytest.raises(InputError, match="no space left"):

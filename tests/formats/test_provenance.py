@@ -28,7 +28,7 @@ from modal.packing.network import write_network
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.tools.errors import InputError
 
-SOURCE = {"interval": 1e-6, "direction": "z", "motion": "pulse", "cycles": 1, "tolerance": 1e-9}
+SOURCE = {"direction": "z", "motion": "pulse", "cycles": 1, "tolerance": 1e-9}
 COMMANDS = {
     "modes": (["--lowest", "4"], "5", {}),
     "density": (["--resolution", "2e4"], "1.5e4", {}),

@@ -225,6 +225,10 @@ def test_one_count_at_its_end_tells_a_list_what_lies_at_zero(monkeypatch, make):
         # omega^2 is known to round-off of the largest one.
         error = 1e-13 * (elastic[-1] / elastic[:8]) ** 2
         assert (abs(found.frequency / elastic[:8] - 1) < error).all()
+        # What is kept of a network is kept for the limits that it was asked with.
+        assert every_floppy(LinearSystem.of(network, limits=limits)).counted
+        if lifted:
+            continue
         states = modal.density_of_states(network, tolerance=0.3)
         assert states.counted and states.zero_modes.sum() == pytest.approx(zero, rel=1e-12)
         assert "at least" not in modal.describe(network)

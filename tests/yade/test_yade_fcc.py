@@ -182,7 +182,7 @@ def test_waves_follow_the_linear_operator(settings, own, off, products, tmp_path
     batch("wave", tmp_path, WAVE_DURATION="1e-4", **settings)
     signals = read_signals(tmp_path / "case02.signals.h5")
     network = read_network(tmp_path / "case02.network.h5")
-    given = {"interval": signals.time[1]} | own
+    given = {"interval": signals.time[1], "motion": Pulse()} | own
 
     def apart(linear, name):
         ours, theirs = getattr(signals, name), getattr(linear, name)
