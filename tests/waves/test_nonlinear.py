@@ -163,7 +163,7 @@ def test_small_waves_are_the_linear_wave(request, packing, source, direction):
     near = not walls and direction != "torsion"
     for amplitude in (1e-10, 1e-11) if near else (1e-9, 1e-10):
         options = {"motion": Pulse(amplitude * size, 1e5), "direction": direction, "source": of}
-        options["particles"] = True
+        options |= {"particles": True, "interval": 1e-6}
         pair = [
             modal.propagate(sample, 5e-5, **options, **more).signals
             for more in ({"nonlinear": True, "time_step": time_step}, {"pre_stress": "full"})
