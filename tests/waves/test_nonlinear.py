@@ -78,12 +78,12 @@ def test_column_against_an_ode_solver_and_the_order_of_the_step(column):
 
     def found(**options):
         return modal.propagate(
-            column, DURATION, nonlinear=True, motion=motion, friction=0.3, **options
+            column, DURATION, nonlinear=True, motion=motion, friction=0.3, interval=1e-6, **options
         )
 
     wave = found(tolerance=1e-4)
     assert off(wave.signals.chain_displacement, expected) < 1e-4
-    linear = modal.propagate(column, DURATION, motion=motion).signals
+    linear = modal.propagate(column, DURATION, motion=motion, interval=1e-6).signals
     assert wave.error < 1e-4 < off(linear.chain_displacement, expected)
     errors = [off(found(time_step=dt).signals.chain_displacement, expected) for dt in (2e-7, 1e-7)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.05)
@@ -228,7 +228,7 @@ def test_crystal_one_sphere_wide_is_the_wider_one():
     waves = []
     for wide in (1, 2):
         crystal = gallery.fcc(cells=(wide, wide, 12))
-        options = {"motion": Pulse(1e-10, 1e5)}
+        options = {"motion": Pulse(1e-10, 1e5), "interval": 1e-6}
         wave = modal.propagate(
             crystal, 4e-5, nonlinear=True, friction=0.3, time_step=2e-8, **options
         ).signals
@@ -253,7 +253,7 @@ def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, printed, o
     sample, out = str(tmp_path / "rested.sample.h5"), str(tmp_path / "wave.signals.h5")
     write_sample(sample, rested)
     words = f"wave {sample} --nonlinear --amplitude 1e-8 --duration 5e-5 --direction x -o {out}"
-    words += f" --plane {rested.walls.mean()}"
+    words += f" --plane {rested.walls.mean()} --interval 1e-6"
     said = printed(*words.split())
     signals = read_signals(out, of_any_source=True)
     assert signals.direction == "x" and signals.source.startswith("plane")
