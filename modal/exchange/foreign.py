@@ -70,6 +70,12 @@ FOREIGN: list[ForeignFile] = [
         begins(b"restart_version"),
     ),
     ForeignFile(
+        "lammps_data",
+        "a data file of LAMMPS (write_data), without law and walls",
+        f"read_data it in a script with your pair_style and walls, {DUMP}, then {IMPORT_DUMP}",
+        contains(rb"^\s*\d+\s+atoms\b", rb"^\s*\S+\s+\S+\s+xlo\s+xhi\b"),
+    ),
+    ForeignFile(
         "mercury_data",
         "a .data or .fstat file of MercuryDPM, without stiffnesses",
         "give the restart file (*.restart) of the same run",
@@ -92,12 +98,6 @@ FOREIGN: list[ForeignFile] = [
         "a JSON file, which is a result or a setting and no packing",
         "give the packing that it is of",
         begins(b"{"),
-    ),
-    ForeignFile(
-        "lammps_data",
-        "a data file of LAMMPS (write_data), without law and walls",
-        f"read_data it in a script with your pair_style and walls, {DUMP}, then {IMPORT_DUMP}",
-        contains(rb"^\s*\d+\s+atoms\b", rb"^\s*\S+\s+\S+\s+xlo\s+xhi\b"),
     ),
     ForeignFile(
         "lammps_restart",

@@ -18,11 +18,13 @@ def without_kt(network):
     return replace(smooth, sliding=np.zeros(network.n_contacts, bool))
 
 
+PULSE = ["--duration", "2e-5", "--input-frequency", "1e5", "--interval", "1e-6"]
+"""Defaults follow from the elastic springs, whatever slips."""
 ANSWERS = {
     "modes": (["--lowest", "20"], "frequency_hz"),
     "count": (["--at", "2e4", "1e5", "2e5"], "count_below"),
     "density": (["--at", "2e4", "1e5"], "estimated_count_below"),
-    "wave": (["--duration", "2e-5"], "truncation"),
+    "wave": (PULSE, "truncation"),
     "response": (["--highest", "5e4"], "largest_gain"),
     "moduli": ([], "stiffness_pa"),
 }
