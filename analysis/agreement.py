@@ -79,12 +79,18 @@ class Agreement:
         n, every = network.n_particles, run.particle_displacement
         wrong = every is not None and every.shape[1] != n
         if wrong or run.chain_particle.max(initial=-1) >= n:
-            raise InputError("the signals are not of this network; give the network of the run")
+            raise InputError(
+                "input", "the signals are not of this network", remedy="give the network of the run"
+            )
         self.network, self.run, self.source = network, run, recorded_motion(run)
         self.every = max(1, round(float(run.time[1] - run.time[0]) / run.time_step))
         steps = run.time_step * self.every * np.arange(len(run.time))
         if abs(run.time - steps).max() > 1e-6 * run.time_step:
-            raise InputError("the records are not equally many time steps apart; record them so")
+            raise InputError(
+                "input",
+                "the records are not equally many time steps apart",
+                remedy="record them so",
+            )
         self._bearing, self._layers = force_bearing(network), Layers(network)
 
     def measured(self, run: Signals) -> Motion:
@@ -93,15 +99,23 @@ class Agreement:
         It must have all of them, and may have others.
         """
         if not np.array_equal(run.chain_particle, self.run.chain_particle):
-            raise InputError("the runs recorded different chains; they are of different samples")
+            raise InputError(
+                "input",
+                "the runs recorded different chains",
+                remedy="they are of different samples",
+            )
         wanted = self.run.time - 1e-3 * self.run.time_step
         near = np.minimum(np.searchsorted(run.time, wanted), len(run.time) - 1)
         if (abs(run.time[near] - self.run.time) > 1e-6 * self.run.time_step).any():
-            raise InputError("the runs were recorded at different times; repeat them alike")
+            raise InputError(
+                "input", "the runs were recorded at different times", remedy="repeat them alike"
+            )
         moved, first = run.source_displacement[near], self.run.source_displacement
         times = float(moved @ first / (first @ first))
         if times == 0 or abs(moved - times * first).max() > SAME * abs(moved).max():
-            raise InputError("the runs' sources move differently; repeat them with one motion")
+            raise InputError(
+                "input", "the runs' sources move differently", remedy="repeat them with one motion"
+            )
         motion = self._motion(run.chain_displacement, run, 1 / times / self.run.amplitude)
         return {name: field[near] for name, field in motion.items()}
 
@@ -119,7 +133,9 @@ class Agreement:
             chain = wave.particle_displacement[:, run.chain_particle]
         elif not np.array_equal(wave.chain_particle, run.chain_particle):
             raise InputError(
-                "the run's chain is not the network's own; record every particle (WAVE_PARTICLES=1)"
+                "input",
+                "the run's chain is not the network's own",
+                remedy="record every particle (WAVE_PARTICLES=1)",
             )
         return self._motion(chain, wave, 1 / run.amplitude)
 

@@ -31,8 +31,8 @@ ABSENT = "what it is read from is not among the packing's files"
 class AbsentError(UnavailableError):
     """What something is read from is not there: a file of the packing, or a wave."""
 
-    def __init__(self, message: str = ABSENT) -> None:
-        super().__init__(message, code="absent")
+    def __init__(self, problem: str = ABSENT, reason: str = "", remedy: str = "") -> None:
+        super().__init__("absent", problem, reason, remedy)
 
 
 PACKINGS = "network", "sample"
@@ -55,7 +55,11 @@ def _read_gain(path: Path) -> response.Response:
     found = response.read_response(path)
     if found.damping or found.direction != "z":
         why = "of viscous contacts or of an S-wave, which the report's gain is not"
-        raise InputError(f"{path}: {why}; leave it out, or make it without --damping, --direction")
+        raise InputError(
+            "input",
+            f"{path}: {why}",
+            remedy="leave it out, or make it without --damping, --direction",
+        )
     return found
 
 
@@ -117,7 +121,9 @@ class Case:
         for kind in PACKINGS:
             if self.has(kind):
                 return self.path(kind)
-        raise InputError(f"{self.path('network')}: no such file; run the case first")
+        raise InputError(
+            "input", f"{self.path('network')}: no such file", remedy="run the case first"
+        )
 
     @cached_property
     def packing(self) -> tuple[Source, ...]:
@@ -147,7 +153,7 @@ class Case:
     def needed(self, kind: str) -> Any:
         """The same of a file that must be there; else `AbsentError`."""
         if not self.has(kind):
-            raise AbsentError(f"{self.path(kind)}: no such file; make it before")
+            raise AbsentError(f"{self.path(kind)}: no such file", remedy="make it before")
         return self.read(kind)
 
 
@@ -171,7 +177,7 @@ def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
                 cases.append(Case(_name(path, cases), path.parent, {wanted: path}))
     if not cases:
         told = ", ".join(map(str, kinds)) or "waves alone"
-        raise InputError(f"{told}: no packing; name its *.network.h5 as well")
+        raise InputError("input", f"{told}: no packing", remedy="name its *.network.h5 as well")
     for path in (path for path, kind in kinds.items() if kind not in PACKINGS):
         _give(owner_of(path, cases), kinds[path], path)
     for case in cases:
@@ -197,11 +203,15 @@ def kind_of(path: str | Path) -> str:
             return "highest.modes"
         return "band.modes" if choice.low > 0 else "modes"
     if schema == signals.SCHEMA and noted.get("schema_version") == "2":
-        raise InputError(f"{path}: not a wave from wall to wall; a report reads no other")
+        raise InputError(
+            "input", f"{path}: not a wave from wall to wall", remedy="a report reads no other"
+        )
     if schema == signals.SCHEMA and noted.get("direction", "z") != "z":
         return "shear_yade.signals" if noted.get("producer") == "yade" else "shear.signals"
     if schema not in KIND_OF:
-        raise InputError(f"{path}: schema is {schema!r}, of no product that a report reads")
+        raise InputError(
+            "input", f"{path}: schema is {schema!r}, of no product that a report reads"
+        )
     return KIND_OF[schema]
 
 
@@ -212,13 +222,17 @@ def owner_of(path: Path, cases: list[Case]) -> Case:
         return cases[0]
     if not read_provenance(path).packing:
         raise InputError(
-            f"{path}: does not say of which packing it is; give it with that packing alone"
+            "input",
+            f"{path}: does not say of which packing it is",
+            remedy="give it with that packing alone",
         )
     for case in cases:
         with suppress(InputError):
             require_same_packing(path, case.packing)
             return case
-    raise InputError(f"{path}: made from none of the packings given; name its packing as well")
+    raise InputError(
+        "input", f"{path}: made from none of the packings given", remedy="name its packing as well"
+    )
 
 
 def _give_what_lies_beside(case: Case, given: set[Path]) -> None:
@@ -239,7 +253,11 @@ def _give_what_lies_beside(case: Case, given: set[Path]) -> None:
 def _give(case: Case, kind: str, path: Path) -> None:
     assert case.files is not None
     if kind in case.files:
-        raise InputError(f"{case.files[kind]} and {path} are both {kind} of one packing; give one")
+        raise InputError(
+            "input",
+            f"{case.files[kind]} and {path} are both {kind} of one packing",
+            remedy="give one",
+        )
     case.files[kind] = path
 
 

@@ -86,27 +86,30 @@ def evaluate(
     except (TypeError, ValueError, ArithmeticError) as error:
         reason = _first_line(error)
         raise InputError(
-            f"{short(text)}: cannot be computed ({reason}); write sums of known numbers",
-            code="expression_value",
+            "expression_value",
+            f"{short(text)}: cannot be computed ({reason})",
+            remedy="write sums of known numbers",
         ) from None
 
 
 def parse(text: object) -> ast.expr:
     """Return the tree of an expression; InputError where it is too long, too deep, or none."""
     if not isinstance(text, str):
-        raise InputError(f"{short(text)}: is no text; write an expression", code="expression")
+        raise InputError("expression", f"{short(text)}: is no text", remedy="write an expression")
     if len(text) > MAX_LENGTH:
         raise InputError(
-            f"{short(text)}: {len(text)} characters; an expression has {MAX_LENGTH} at most",
-            code="expression_size",
+            "expression_size",
+            f"{short(text)}: {len(text)} characters",
+            remedy=f"an expression has {MAX_LENGTH} at most",
         )
     try:
         with warnings.catch_warnings(action="ignore"):
             tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError) as error:
         raise InputError(
-            f"{short(text)}: is no expression ({_first_line(error)}); write as friction + 0.1",
-            code="expression",
+            "expression",
+            f"{short(text)}: is no expression ({_first_line(error)})",
+            remedy="write as friction + 0.1",
         ) from None
     except (RecursionError, MemoryError):
         raise _too_deep(text) from None
@@ -182,8 +185,9 @@ class _Evaluation:
         """Return what a name has."""
         if name not in self.names:
             raise UnknownNameError(
-                f"{short(self.text)}: {short(name)} is not known; name what is there",
-                code="unknown_name",
+                "unknown_name",
+                f"{short(self.text)}: {short(name)} is not known",
+                remedy="name what is there",
             )
         value = self.names[name]
         if isinstance(value, int | float) and not isinstance(value, bool):
@@ -288,8 +292,10 @@ class _Evaluation:
         part = short(ast.get_source_segment(self.text.strip(), node) or type(node).__name__)
         said = why or "may not stand in an expression"
         return InputError(
-            f"{short(self.text)}: {part}: {said}; write sums, comparisons, and, or, not, in",
-            code="expression",
+            "expression",
+            f"{short(self.text)}: {part}",
+            f"{said}",
+            "write sums, comparisons, and, or, not, in",
         )
 
 
@@ -299,8 +305,9 @@ def _opposite(value: Value) -> Value:
 
 def _too_deep(text: str) -> InputError:
     return InputError(
-        f"{short(text)}: too many levels; an expression has {MAX_DEPTH} at most",
-        code="expression_size",
+        "expression_size",
+        f"{short(text)}: too many levels",
+        remedy=f"an expression has {MAX_DEPTH} at most",
     )
 
 

@@ -71,8 +71,10 @@ def select(frame: pd.DataFrame, text: str) -> pd.DataFrame:
     chosen = evaluate(text, frame)
     if not isinstance(chosen, pd.Series) or chosen.dtype != bool:
         raise InputError(
-            f"select: {short(text)}: is true or false of no case; write as stress == 1e5",
-            code="selection",
+            "selection",
+            "select",
+            f"{short(text)}: is true or false of no case",
+            "write as stress == 1e5",
         )
     return frame[chosen]
 
@@ -93,7 +95,7 @@ def numbers(frame: pd.DataFrame, text: str) -> pd.Series:
     if isinstance(value, pd.Series) and pd.api.types.is_numeric_dtype(value):
         return value.astype(float)
     raise InputError(
-        f"quantity {short(text)}: is no number; write names of quantities", code="quantity"
+        "quantity", f"quantity {short(text)}", "is no number", "write names of quantities"
     )
 
 

@@ -131,11 +131,11 @@ def measure(
         network = packing
     if len(amplitudes) and sample is None:
         raise InputError(
-            "waves of finite amplitude are those of a sample, with its friction", code="no_sample"
+            "no_sample", "waves of finite amplitude are those of a sample, with its friction"
         )
     if not all(0 < amplitude < np.inf for amplitude in amplitudes):
         raise InputError(
-            f"amplitudes {list(amplitudes)}: give positive ones, in m", code="amplitudes"
+            "amplitudes", f"amplitudes {list(amplitudes)}", remedy="give positive ones, in m"
         )
     waves = [_read_record(record) for record in records]
     data = PackingData(network, waves, source, case, keep, sample, amplitudes)

@@ -167,9 +167,10 @@ class PackingData:
         """Raise UnavailableError without two walls along z."""
         if not self.walls:
             raise UnavailableError(
+                "no_walls",
                 "the cell has no two walls along z, from one to the other of which a wave here "
-                "goes; `python -m modal wave --plane Z` sends one through a cell without walls",
-                code="no_walls",
+                "goes",
+                remedy="`python -m modal wave --plane Z` sends one through a cell without walls",
             )
 
     def require_crystal(self) -> None:
@@ -177,7 +178,8 @@ class PackingData:
         if not self.crystal:
             raise AbsentError(
                 f"{self.case.name}: no FCC crystal between two walls, so it has no theory to "
-                "compare with; take another packing"
+                "compare with",
+                remedy="take another packing",
             )
 
     @property
@@ -238,7 +240,7 @@ class PackingData:
         """
         bound = LinearSystem.of(self.network).spectral_bound
         if not bound > 0:
-            raise UnavailableError("the network has no stiffness", code="no_stiffness")
+            raise UnavailableError("no_stiffness", "the network has no stiffness")
         return float(f"{RELATIVE_LINE_WIDTH * np.sqrt(bound) / (2 * np.pi):.3g}")
 
     @cached_property

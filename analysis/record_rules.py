@@ -60,18 +60,19 @@ def check_record(record: Signals, path: Path | str, network: Network) -> None:
     times, particles = np.shape(record.chain_displacement)
     if times < MIN_RECORD_TIMES or particles < MIN_CHAIN_PARTICLES:
         raise InputError(
-            f"{path}: fewer than {MIN_RECORD_TIMES} times or {MIN_CHAIN_PARTICLES} particles; "
-            "record more",
-            code="small_record",
+            "small_record",
+            f"{path}: fewer than {MIN_RECORD_TIMES} times or {MIN_CHAIN_PARTICLES} particles",
+            remedy="record more",
         )
     if not np.isfinite(record.chain_displacement).all():
         raise InputError(
-            f"{path}: displacements that are no numbers; record it again", code="not_finite"
+            "not_finite", f"{path}: displacements that are no numbers", remedy="record it again"
         )
     if record.chain_particle.max() >= network.n_particles:
         raise InputError(
-            f"{path}: its chain leaves the packing; give the packing it is of",
-            code="chain_outside_packing",
+            "chain_outside_packing",
+            f"{path}: its chain leaves the packing",
+            remedy="give the packing it is of",
         )
 
 
@@ -80,7 +81,8 @@ def check_layers(record: Signals, path: Path | str, lattice: LayerLattice) -> No
     layers = layer_distance(record) / lattice.distance
     if abs(layers - 1) > UNEVEN:
         raise InputError(
+            "layers_skipped",
             f"{path}: its chain has a particle in every {layers:.3g} layers of the crystal, of "
-            "which neither band nor wavelength can be read; record one in each",
-            code="layers_skipped",
+            "which neither band nor wavelength can be read",
+            remedy="record one in each",
         )

@@ -203,8 +203,8 @@ def read_result(path: str | Path) -> Row:
     try:
         return _row(parsed(text))
     except MismatchError as error:
-        reason = f"{path}: no result of a case ({error}); measure the case again"
-        raise InputError(reason, code="result") from None
+        problem = f"{path}: no result of a case"
+        raise InputError("result", problem, str(error), "measure the case again") from None
 
 
 CURVES = {"gain": 2, "first": 1, "resonances": 2, "ridge": 3}
@@ -264,7 +264,9 @@ def read_results(folder: Path) -> list[Row]:
     names = [row.name for row in rows]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"{folder}: two results are of {name}; keep one", code="two_results")
+            raise InputError(
+                "two_results", f"{folder}: two results are of {name}", remedy="keep one"
+            )
     others = [read_result(path) for path in sorted(folder.glob("seed_*/*.json"))]
     for row in rows:
         if twins := [other for other in others if other.name == row.name]:

@@ -42,10 +42,10 @@ def read_text(path: str | Path) -> str:
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(
-            f"{path}: cannot be read ({reason}); check the name", code="no_file"
+            "no_file", f"{path}: cannot be read ({reason})", remedy="check the name"
         ) from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: no text; make it again", code="no_text") from error
+        raise InputError("no_text", f"{path}: no text", remedy="make it again") from error
 
 
 def _named_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -65,7 +65,9 @@ def _copy(source, target, threads):
 def by_turns(path: str, rounds: int) -> Callable[[], dict[str, Any]]:
     """Task: seconds (4, rounds) of `TIMED`, by turns; what a product needs; threads."""
     if numba is None:
-        raise InputError("the loop over contacts needs numba: install it, or leave this out")
+        raise InputError(
+            "input", "the loop over contacts needs numba", remedy="install it, or leave this out"
+        )
     network = read_network(path)
     operator = ContactOperator(network)
     on, threads = PackedContacts.of(network, "none"), threads_for(network.n_particles)

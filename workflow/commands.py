@@ -47,7 +47,11 @@ class Commands:
             # A state that was not reached is kept, and says so.
             return f"({PYTHON} -m {self.pack(walk)} || [ $? = {SHORT} ])"
         if own := [name for name in COLUMNS["pack"] if row.get(name)]:
-            raise InputError(f"{', '.join(own)}: not in YADE's compressions; write prepare: modal")
+            raise InputError(
+                "input",
+                f"{', '.join(own)}: not in YADE's compressions",
+                remedy="write prepare: modal",
+            )
         own = f"{self.folder}/walks/{walk}.table"
         last = f"{made}/{self.stresses[-1]:g}Pa.sample.h5"
         log = f"{self.folder}/log/states/{walk}.yade.log"

@@ -58,7 +58,9 @@ class Jobs(Commands):
         self.folder, self.stage = config["products"], config.get("stage", "page")
         refuse_unknown("--stage", self.stage, (*STAGES, "split", "result", "page"))
         if int(config.get("spheres", LEAST)) < LEAST:
-            raise InputError(f"--spheres {config['spheres']}: at least {LEAST}, 4 diameters across")
+            raise InputError(
+                "input", f"--spheres {config['spheres']}", f"at least {LEAST}, 4 diameters across"
+            )
         self.reduced = "spheres" in config
         self.seed = int(config["seed"]) if "seed" in config else None
         # All of a case in one process, whose start would be half of each of many jobs.
@@ -69,7 +71,7 @@ class Jobs(Commands):
         self.rows = self.study.rows
         for case in self.rows:
             if re.search(rf"({NO_NAME})$", case):
-                raise InputError(f"case {case}: ends as a file of a case; rename it", code="name")
+                raise InputError("name", f"case {case}", "ends as a file of a case", "rename it")
         for number, row in enumerate(self.rows.values(), 1):
             full = row.setdefault("spheres", own["spheres"])
             row |= {"case": number, "seed": self.seed or row.get("seed", own["seed"])}
@@ -177,7 +179,9 @@ class Jobs(Commands):
         if not self.study.settings["forget"]:
             return []
         if len(self.stresses) > 1 or not all(row["mu_comp"] > 0 for row in self.rows.values()):
-            raise InputError("forget: is for one stress, and with friction; leave it out")
+            raise InputError(
+                "input", "forget", "is for one stress, and with friction", "leave it out"
+            )
         return list(self.rows)
 
     def made(self, case: str) -> list[str]:
@@ -314,7 +318,7 @@ def refuse_other_path(name: str, path: object) -> None:
     """InputError for a path that rules and commands cannot have in them as it stands."""
     if not (isinstance(path, str) and AS_TYPED.fullmatch(path)):
         raise InputError(
-            f"{name} {short(path)}: give a path of letters, digits and _ . - + /", code="path"
+            "path", f"{name} {short(path)}", remedy="give a path of letters, digits and _ . - + /"
         )
 
 
@@ -330,8 +334,9 @@ def _chosen(wanted: Any, rows: Mapping[str, Any]) -> list[str]:
         some = by_word.get(str(one)) or by_word.get(str(one).lstrip("0"))
         if not some:
             raise InputError(
-                f"case {short(one)}: none of the study's: {[*rows][0]} to {[*rows][-1]}",
-                code="unknown_case",
+                "unknown_case",
+                f"case {short(one)}",
+                f"none of the study's: {[*rows][0]} to {[*rows][-1]}",
             )
         found |= dict.fromkeys(some)
     return list(found)

@@ -34,8 +34,10 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
     jobs = Jobs(config)
     if not jobs.targets():
         raise InputError(
-            f"--stage {jobs.stage}: makes no file of {', '.join(jobs.cases)}; choose another stage",
-            code="stage",
+            "stage",
+            f"--stage {jobs.stage}",
+            f"makes no file of {', '.join(jobs.cases)}",
+            "choose another stage",
         )
     if len(jobs.rows) > MANY:
         print(f"run_cases.sh: {len(jobs.rows)} cases; planning their jobs", flush=True)
@@ -50,7 +52,9 @@ def main(profile: str, only: str, asked: str, *given: str) -> int:
     snakemake += ["--cores", count, "--resources", memory] if local else ["--jobs", count]
     if profile == "slurm":
         if not shutil.which("sbatch"):
-            raise InputError("--slurm: no sbatch in PATH; run it where jobs are submitted")
+            raise InputError(
+                "input", "--slurm", "no sbatch in PATH", "run it where jobs are submitted"
+            )
         if subprocess.run(["sacct", "--noheader"], capture_output=True).returncode:
             snakemake += ["--slurm-status-command", "squeue"]  # where accounting is off
     if not only:
@@ -144,7 +148,8 @@ def output(command: list[str]) -> str:
     """What a command prints; InputError with its last line where it fails."""
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
-        raise InputError((done.stderr.strip().splitlines() or [f"{command[0]} failed"])[-1])
+        lines = done.stderr.strip().splitlines() or [f"{command[0]} failed"]
+        raise InputError("command_failed", lines[-1])
     return done.stdout
 
 

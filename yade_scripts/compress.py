@@ -42,7 +42,9 @@ def main():
     words = {name: str(given[name]).replace("_", " ") for name in MIXTURE}
     study = Study(**given | words)
     if study.mu_comp == 0:
-        raise InputError("mu_comp 0: packings without friction are made by `python -m modal pack`")
+        raise InputError(
+            "input", "mu_comp 0", "packings without friction are made by `python -m modal pack`"
+        )
     folder = products_folder() / f"compression_mu{study.mu_comp:g}"
     compress_to_stresses(
         folder,

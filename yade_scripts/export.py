@@ -151,11 +151,12 @@ def _spheres():
             bodies.append(body)
         elif kind not in ("Clump", *WALLS):
             raise InputError(
-                f"body {body.id} is a {kind}; known are Sphere, {', '.join(WALLS)}",
-                code="unknown_body",
+                "unknown_body",
+                f"body {body.id} is a {kind}",
+                remedy=f"known are Sphere, {', '.join(WALLS)}",
             )
     if not bodies:
-        raise InputError("the scene has no spheres", code="no_spheres")
+        raise InputError("no_spheres", "the scene has no spheres")
     refuse_held(bodies)
     return bodies
 
@@ -169,12 +170,18 @@ def _refuse_unknown(contact):
     """InputError for a contact that is more than springs with friction."""
     kind, where = type(contact.phys).__name__, _name(contact)
     if kind not in CONTACTS:
-        raise InputError(f"{where} is a {kind}: known are {', '.join(CONTACTS)}, no other cohesion")
+        raise InputError(
+            "input", f"{where} is a {kind}", f"known are {', '.join(CONTACTS)}, no other cohesion"
+        )
     for name in ("kr", "ktw", "adhesionForce") if kind != "CohFrictPhys" else ():
         if getattr(contact.phys, name, 0.0):
-            raise InputError(f"{where} has {name}: no spring of a network does that; set it to 0")
+            raise InputError(
+                "input", f"{where} has {name}", "no spring of a network does that", "set it to 0"
+            )
     if not hasattr(contact.geom, "penetrationDepth"):
-        raise InputError(f"{where} is a {type(contact.geom).__name__}; use ScGeom or ScGeom6D")
+        raise InputError(
+            "input", f"{where} is a {type(contact.geom).__name__}", remedy="use ScGeom or ScGeom6D"
+        )
 
 
 def _planes(contacts, i, j, normal, height, radius):
@@ -186,16 +193,20 @@ def _planes(contacts, i, j, normal, height, radius):
         tilted = at[abs(normal[at, :2]).max(axis=1, initial=0.0) > FLAT]
         if len(tilted):
             raise InputError(
-                f"{_name(contacts[tilted[0]])} is along x or y: a network has flat walls at low "
-                "and high z alone; turn the scene, or make x and y periodic"
+                "input",
+                f"{_name(contacts[tilted[0]])} is along x or y",
+                "a network has flat walls at low and high z alone",
+                "turn the scene, or make x and y periodic",
             )
         if len(at):
             planes[side] = float(np.median(reach[at]))
             off = at[abs(reach[at] - planes[side]) > FLAT * radius[i[at]]]
             if len(off):
                 raise InputError(
+                    "input",
                     f"{_name(contacts[off[0]])} is at z = {reach[off[0]]:.6g} m, others with walls "
-                    f"at {planes[side]:.6g} m: a network has one flat wall at each end"
+                    f"at {planes[side]:.6g} m",
+                    "a network has one flat wall at each end",
                 )
     return planes
 
@@ -207,7 +218,7 @@ def _cell(position, radius, walls):
     if O.periodic:
         size = np.array(O.cell.hSize)
         if abs(size - np.diag(np.diag(size))).max() > FLAT * size.max():
-            raise InputError("the cell is at angles: only rectangular periods are known")
+            raise InputError("input", "the cell is at angles", "only rectangular periods are known")
         periodic[:] = (True, True, all(np.isnan(wall) for wall in walls))
         low, high = np.where(periodic, 0.0, low), np.where(periodic, np.diag(size), high)
     if not periodic[2]:

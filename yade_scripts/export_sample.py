@@ -88,20 +88,25 @@ def main():
     ):
         if found != wanted:
             raise InputError(
-                f"{sample_path}: its {name} is {found}, the table of cases has {wanted}; "
-                "make the sample again"
+                "input",
+                f"{sample_path}: its {name} is {found}, the table of cases has {wanted}",
+                remedy="make the sample again",
             )
     build_scene(sample, margin=MARGIN, damping=0.0)
     stresses = principal_stresses(n)
     if abs(stresses / target - 1).max() > STRESS_TOLERANCE:
         raise InputError(
-            f"{sample_path}: stresses {stresses} Pa, target {target:g} Pa; compress it again"
+            "input",
+            f"{sample_path}: stresses {stresses} Pa, target {target:g} Pa",
+            remedy="compress it again",
         )
     unbalanced, walls = unbalancedForce(useMaxForce=False), wall_stresses(n)
     if not unbalanced < BALANCE:
         raise InputError(
+            "input",
             f"{sample_path}: net forces of {unbalanced:.1e} of the mean contact force in YADE, "
-            f"{BALANCE:g} is allowed; bring it to rest with python -m modal relax"
+            f"{BALANCE:g} is allowed",
+            remedy="bring it to rest with python -m modal relax",
         )
     network = contact_network(n, sample.study | sample.constants | {"case": str(case)}, {})
     O.dt = time_step(target)

@@ -66,9 +66,9 @@ def _write_scene(path):
 def main():
     """Load a saved scene and export it."""
     if len(sys.argv) != 3:
-        raise InputError("two arguments needed: SCENE.yade.bz2 OUT.network.h5")
+        raise InputError("input", "two arguments needed", "SCENE.yade.bz2 OUT.network.h5")
     if not Path(sys.argv[1]).is_file():
-        raise InputError(f"{sys.argv[1]}: no such file; check the name")
+        raise InputError("input", f"{sys.argv[1]}: no such file", remedy="check the name")
     O.load(sys.argv[1])
     # Geometry is not saved with every contact: a step without motion makes it again.
     find_contacts()

@@ -21,10 +21,12 @@ def refuse_held(bodies):
         reason = moved.get(body.id) or moved.get(mover.id) or _why_held(mover)
         if reason:
             raise InputError(
-                f"sphere {body.id} does not move freely: {reason}; a network knows no held spheres "
+                "held_bodies",
+                f"sphere {body.id} does not move freely",
+                f"{reason}",
+                "a network knows no held spheres "
                 "yet: put a Wall, Facet or Box in their place, or let them move freely "
                 f"(O.bodies[{mover.id}].state.blockedDOFs = '') and come to rest",
-                code="held_bodies",
             )
 
 

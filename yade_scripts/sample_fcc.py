@@ -61,7 +61,9 @@ def main():
     if already_there(path, made, read_network):
         return
     if width < 3:
-        raise InputError(f"width {width}: YADE needs at least 3 spheres a side (single contacts)")
+        raise InputError(
+            "input", f"width {width}", "YADE needs at least 3 spheres a side (single contacts)"
+        )
     crystal = fcc(stress, (width, width, layers))
     n = crystal.n_particles
     place(crystal.position, crystal.cell_size[:2].tolist(), crystal.wall_position, mu_wave)
@@ -71,10 +73,12 @@ def main():
     least = min(contact.geom.penetrationDepth for contact in O.interactions if contact.isReal)
     tolerance = ROUND_OFF * crystal.length / least
     if ratio > tolerance:
-        raise InputError(f"case {case}: residual force {ratio:.1e} of the mean; not in balance")
+        raise InputError(
+            "input", f"case {case}", f"residual force {ratio:.1e} of the mean", "not in balance"
+        )
     walls = wall_stresses(n)
     if max(abs(wall / stress - 1) for wall in walls) > tolerance:
-        raise InputError(f"case {case}: wall stresses {walls} Pa, target {stress} Pa")
+        raise InputError("input", f"case {case}", f"wall stresses {walls} Pa, target {stress} Pa")
     study = {"case": str(case)} | settings
     study |= {name: getattr(GLASS, name) for name in ("young", "poisson", "density")}
     provenance = made.attributes() | {"residual_force_ratio": ratio}

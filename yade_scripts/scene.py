@@ -152,7 +152,7 @@ def find_contacts(expected=None):
     O.step()
     found = O.interactions.countReal()
     if expected is not None and found != expected:
-        raise InputError(f"{found} contacts found in YADE, the packing has {expected}")
+        raise InputError("input", f"{found} contacts found in YADE, the packing has {expected}")
 
 
 def wall_faces(n):

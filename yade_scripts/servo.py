@@ -79,7 +79,7 @@ class Scene:
         O.run(count, wait=True)
         self.steps += count
         if not np.isfinite(self._control.stress).all():
-            raise InputError("the stress is not finite; unstable time step")
+            raise InputError("input", "the stress is not finite", remedy="unstable time step")
 
     def stress(self):
         """Principal stresses (3,), Pa."""

@@ -119,7 +119,11 @@ def build_scene(sample, *, margin, damping):
     """Build the sample's scene: contacts found, shear forces and velocities as they were."""
     n = len(sample.position)
     if sample.periodic_z:
-        raise InputError("the sample is periodic along z; scenes have walls, take one with walls")
+        raise InputError(
+            "input",
+            "the sample is periodic along z",
+            remedy="scenes have walls, take one with walls",
+        )
     O.reset()
     place(
         sample.position,
@@ -140,8 +144,10 @@ def build_scene(sample, *, margin, damping):
         contacts, *_, sign, normal = canonical_contacts(range(n), periods)
         if len(contacts) != len(sample.shear):
             raise InputError(
-                f"sample: {len(sample.shear)} shear forces, YADE finds {len(contacts)} contacts; "
-                "the file is damaged or of another version, make it again"
+                "input",
+                "sample",
+                f"{len(sample.shear)} shear forces, YADE finds {len(contacts)} contacts",
+                "the file is damaged or of another version, make it again",
             )
         first, second = tangents(normal)
         shear = -sign[:, None] * (sample.shear[:, :1] * first + sample.shear[:, 1:] * second)

@@ -113,7 +113,7 @@ class Tangent:
 def main():
     """Read, differentiate, write; InputError for what the user can mend."""
     if len(sys.argv) != 3:
-        raise InputError("two arguments needed: SAMPLE.sample.h5 OUT.h5")
+        raise InputError("input", "two arguments needed", "SAMPLE.sample.h5 OUT.h5")
     sample = read_sample(sys.argv[1])
     build_scene(sample, margin=0.01, damping=0.0)
     Tangent(range(len(sample.position)), sample.radius).write(sys.argv[2])

@@ -81,7 +81,9 @@ def numbers(name, count=1):
         found = [math.nan]
     absent = not found and name in ("duration", "damping")
     if not absent and (len(found) != count or math.isnan(sum(found))):
-        raise InputError(f"{name} {text(name)!r}: give {count} number{'s' * (count > 1)}")
+        raise InputError(
+            "input", f"{name} {text(name)!r}", remedy=f"give {count} number{'s' * (count > 1)}"
+        )
     return found
 
 
@@ -90,19 +92,22 @@ def refuse_senseless(settings):
     fraction = settings["fraction"]
     if not 0 < fraction <= 1:
         raise InputError(
-            f"WAVE_FRACTION {fraction}: the time step is stable from 0 to 1 only", code="fraction"
+            "fraction", f"WAVE_FRACTION {fraction}", "the time step is stable from 0 to 1 only"
         )
     for name in ("duration", "passage"):
         if settings[name] is not None and not 0 < settings[name] < math.inf:
-            raise InputError(f"{name} {settings[name]:g}: give a number above 0", code=name)
+            raise InputError(name, f"{name} {settings[name]:g}", remedy="give a number above 0")
     if not 0 <= settings["interval"] < math.inf:
         raise InputError(
-            f"interval {settings['interval']:g}: give seconds, or 0 for every step", code="interval"
+            "interval",
+            f"interval {settings['interval']:g}",
+            remedy="give seconds, or 0 for every step",
         )
     if settings["particles"] not in (0, 1):
         raise InputError(
-            f"particles {settings['particles']:g}: give 1 for a record of every particle, or 0",
-            code="particles",
+            "particles",
+            f"particles {settings['particles']:g}",
+            remedy="give 1 for a record of every particle, or 0",
         )
 
 
@@ -114,7 +119,9 @@ def highest_frequency(path, packing):
     asked = read_provenance(path).settings
     if asked is not None and not {"highest", "all"} & asked.keys():
         raise InputError(
-            f"{path}: not the highest modes; make them with python -m modal modes --highest 1"
+            "input",
+            f"{path}: not the highest modes",
+            remedy="make them with python -m modal modes --highest 1",
         )
     return read_modes(path).frequency[-1]
 
@@ -129,7 +136,7 @@ def main():
     refuse_senseless(settings)
     direction = text("direction")
     if direction not in DIRECTIONS:
-        raise InputError(f"direction {direction!r}: choose x, y or z")
+        raise InputError("input", f"direction {direction!r}", remedy="choose x, y or z")
     # Said where it is not what earlier products had, so that these stay current.
     settings |= {} if direction == "z" else {"direction": direction}
     ratios = numbers("damping", 2)
@@ -170,7 +177,9 @@ def main():
         every_particle=every_particle,
     )
     if file and run.quiet > run.steps:
-        raise InputError("the wall moves beyond the end of the record; take a longer duration")
+        raise InputError(
+            "input", "the wall moves beyond the end of the record", remedy="take a longer duration"
+        )
     run.go(case)
     balance, recorded = run.balance(fraction), np.array(run.records)
     signals = Signals(

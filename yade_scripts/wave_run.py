@@ -81,8 +81,9 @@ class WaveRun:
                     print(f"{name}: wave, step {to_go}", flush=True)
             if not self._stable:
                 raise InputError(
-                    f"the wave blew up after {self._step} steps: the time step is unstable, "
-                    "lower WAVE_FRACTION"
+                    "input",
+                    f"the wave blew up after {self._step} steps",
+                    "the time step is unstable, lower WAVE_FRACTION",
                 )
             total, correlation = self._total_energy()
             self._books.append(total - static)
@@ -90,14 +91,17 @@ class WaveRun:
         self.seconds = time.perf_counter() - started
         if not np.isfinite(self.records).all():
             raise InputError(
-                "the wave is not finite; the time step is unstable, lower WAVE_FRACTION"
+                "input",
+                "the wave is not finite",
+                remedy="the time step is unstable, lower WAVE_FRACTION",
             )
         # A step little above the limit feeds modes that turn round at every step, until friction
         # holds them; the chain hardly shows them, and no displacement gives them away.
         if not correlation > TURNING_ROUND:
             raise InputError(
-                f"the velocities turn round at every step (correlation {correlation:.2f}): the "
-                "time step is unstable, lower WAVE_FRACTION"
+                "input",
+                f"the velocities turn round at every step (correlation {correlation:.2f})",
+                "the time step is unstable, lower WAVE_FRACTION",
             )
 
     def balance(self, fraction):

@@ -27,9 +27,12 @@ OPTIONS = [
 def run(options: Given) -> None:
     """Draw into --output, then print what the cases' reader should know."""
     name, again = options.name, options.name.endswith(".csv")
-    told = "a figure's CSV holds its cases already; leave FILE out"
-    if again == bool(options.file):
-        raise InputError(told if again else "no file given; name a packing, or a figure's CSV")
+    if again and options.file:
+        raise InputError(
+            "cases_given", "a figure's CSV holds its cases already", remedy="leave FILE out"
+        )
+    if not again and not options.file:
+        raise InputError("no_file", "no file given", remedy="name a packing, or a figure's CSV")
     cases = cases_of_files(options.file) if options.file else []
     if again:
         picture, stem = read_picture(name), Path(name).stem

@@ -59,9 +59,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         if error.name not in USED_FOR:
             raise
         package, use = USED_FOR[error.name]
-        return refused(InputError(f"{package} is absent, which {use}; pip install {package}"))
+        return refused(
+            InputError(
+                "no_package", f"{package} is absent, which {use}", remedy=f"pip install {package}"
+            ),
+            words,
+        )
     except MemoryError as error:
-        return refused(out_of_memory(error))
+        return refused(out_of_memory(error), words)
     except InputError as error:
-        return refused(error)
+        return refused(error, words)
     return status or 0

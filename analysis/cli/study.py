@@ -40,16 +40,18 @@ def run(options: Given) -> int:
     results, folder, products = map(Path, (options.results, options.output, options.products))
     study = Study(options.study)
     if options.file and not options.measure:
-        raise InputError("FILE is for --measure NAME; leave it out: --results are read")
+        raise InputError(
+            "input", "FILE is for --measure NAME", remedy="leave it out: --results are read"
+        )
     if options.measure:
         if not isinstance(options.output, NewFile):
-            raise InputError(f"-o {folder}: a result is a file; name it *.json")
+            raise InputError("input", f"-o {folder}: a result is a file", remedy="name it *.json")
         files = list(map(Path, options.file))
         measure_case(study, options.measure, files, products, folder, options.scatter)
         put(folder)
         return 0
     if not results.is_dir():
-        raise InputError(f"{results}: no such folder; give --results DIR")
+        raise InputError("input", f"{results}: no such folder", remedy="give --results DIR")
     if options.case:
         table, notes = table_of(study, results, options.case)
         put(f"{table.title}\n{table.text()}")

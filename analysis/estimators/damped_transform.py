@@ -212,31 +212,38 @@ def _refuse_damaged(signals: Signals) -> None:
     u = signals.chain_displacement
     if len(z) < MIN_PARTICLES:
         raise UnavailableError(
-            f"the chain has {len(z)} particles; a dispersion needs {MIN_PARTICLES}",
-            code="short_chain",
+            "short_chain",
+            f"the chain has {len(z)} particles",
+            remedy=f"a dispersion needs {MIN_PARTICLES}",
         )
     spacing = np.diff(z)
     if not abs(spacing - spacing.mean()).max() < UNEVEN * spacing.mean():
         raise UnavailableError(
-            "the chain's spacing is uneven or falls: a particle is missing or out of order, or it "
-            "is no crystal's chain; record it again",
-            code="uneven_chain",
+            "uneven_chain",
+            "the chain's spacing is uneven or falls",
+            "a particle is missing or out of order, or it is no crystal's chain",
+            "record it again",
         )
     size = abs(u)
     if not size.any():
         raise UnavailableError(
-            "the chain does not move: there is no wave in the record", code="no_wave"
+            "no_wave", "the chain does not move", "there is no wave in the record"
         )
     if abs(u[0].mean()) > MAX_INITIAL_DISPLACEMENT * size.max():
         raise UnavailableError(
-            "the chain is not at rest where the record begins; record the wave from its source's "
-            "first motion on, displacements from where the particles were then",
-            code="not_from_rest",
+            "not_from_rest",
+            "the chain is not at rest where the record begins",
+            remedy=(
+                "record the wave from its source's "
+                "first motion on, displacements from where the particles were then"
+            ),
         )
     if (size == size.max()).sum() >= MIN_CLIPPED_SAMPLES:
         raise UnavailableError(
-            "the record is clipped: its largest value repeats; record a smaller wave",
-            code="clipped_record",
+            "clipped_record",
+            "the record is clipped",
+            "its largest value repeats",
+            "record a smaller wave",
         )
 
 

@@ -31,10 +31,10 @@ def velocity_of_contacts(network: Network) -> float:
     inside_share = _share_of_branches(network, low, high)
     if inside.sum() < 2 or not inside_share.any():
         raise UnavailableError(
-            f"the packing is {network.length / (2 * mean_radius):.1f} diameters long: it has no "
-            f"bulk {WALL_ZONE_IN_DIAMETERS:g} diameters away from both walls; take one of more "
-            f"than {2 * WALL_ZONE_IN_DIAMETERS:g}",
-            code="too_short",
+            "too_short",
+            f"the packing is {network.length / (2 * mean_radius):.1f} diameters long",
+            f"it has no bulk {WALL_ZONE_IN_DIAMETERS:g} diameters away from both walls",
+            f"take one of more than {2 * WALL_ZONE_IN_DIAMETERS:g}",
         )
     spheres_per_length = np.polyfit(z[inside], np.flatnonzero(inside), 1)[0]
     density = float(network.mass.mean()) * spheres_per_length / network.area

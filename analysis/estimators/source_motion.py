@@ -75,17 +75,20 @@ def recorded_motion(record: Signals) -> Motion:
         return pulse
     if abs(displacement[0]) > MOTION_TOLERANCE * abs(displacement).max():
         raise UnavailableError(
+            "not_from_rest",
             f"the source wall is at {displacement[0]:.3g} m where the record begins, "
-            f"{time[0]:.3g} s: how it came there is not known; record it from rest on",
-            code="not_from_rest",
+            f"{time[0]:.3g} s",
+            "how it came there is not known",
+            "record it from rest on",
         )
     if time[0] > 0:
         time = np.append(0.0, time)
         displacement = np.append(0.0, displacement)
     if len(time) <= SPLINE_DEGREE:
         raise UnavailableError(
-            f"{len(time)} times of the source wall do not define its motion; record more",
-            code="too_few_times",
+            "too_few_times",
+            f"{len(time)} times of the source wall do not define its motion",
+            remedy="record more",
         )
     from scipy.interpolate import make_interp_spline  # takes a third of a second to load
 

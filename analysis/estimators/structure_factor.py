@@ -205,7 +205,9 @@ def _patterns(network: Network, waves: np.ndarray, directions: np.ndarray) -> np
     bearing = force_bearing(network)
     if not bearing.any():
         raise UnavailableError(
-            "no particle has two contacts; such a packing carries no wave", code="carries_no_wave"
+            "carries_no_wave",
+            "no particle has two contacts",
+            remedy="such a packing carries no wave",
         )
     pattern = np.zeros((network.n_particles, 6, len(directions) * waves.shape[1]))
     displacement = (waves * bearing[:, None])[:, None, None] * directions.T[:, :, None]
@@ -220,7 +222,7 @@ def standing_waves(network: Network, orders: np.ndarray) -> np.ndarray:
     in one place.
     """
     if not network.length > 0:
-        raise UnavailableError("the walls are in one place: no wave stands", code="no_volume")
+        raise UnavailableError("no_volume", "the walls are in one place", "no wave stands")
     depth = (network.position[:, 2] - network.wall_position[0]) / network.length
     pattern = _patterns(network, np.sin(np.pi * depth[:, None] * orders), np.eye(3)[2:])
     return pattern / np.linalg.norm(pattern, axis=0)
@@ -235,17 +237,17 @@ def wave_vectors(network: Network, orders: np.ndarray) -> np.ndarray:
     orders = np.asarray(orders)
     if orders.ndim != 2 or orders.shape[1] != 3 or orders.dtype.kind != "i" or len(orders) == 0:
         raise InputError(
-            "wave vectors: give three whole numbers of periods for each", code="wave_vector"
+            "wave_vector", "wave vectors", remedy="give three whole numbers of periods for each"
         )
     not_periodic = np.flatnonzero(orders.any(axis=0) & ~np.asarray(network.cell_periodic))
     if len(not_periodic):
         raise UnavailableError(
-            f"no plane wave goes along {'xyz'[not_periodic[0]]}, where the packing is not "
-            "periodic; take standing waves (whole numbers r) between walls",
-            code="not_periodic",
+            "not_periodic",
+            f"no plane wave goes along {'xyz'[not_periodic[0]]}, where the packing is not periodic",
+            remedy="take standing waves (whole numbers r) between walls",
         )
     if not orders.any(axis=1).all():
-        raise InputError("wave vectors: 0 0 0 is no wave", code="zero_wave_vector")
+        raise InputError("zero_wave_vector", "wave vectors", "0 0 0 is no wave")
     return 2 * np.pi * orders / np.where(network.cell_periodic, network.cell_size, 1.0)
 
 
@@ -293,8 +295,8 @@ def structure_factor(
     orders = np.asarray(orders)
     if not 0 < resolution < np.inf or len(orders) == 0 or (orders.ndim == 1 and orders.min() < 1):
         raise InputError(
+            "resolution_or_orders",
             "resolution must be a positive number of Hz, the orders 1 or more",
-            code="resolution_or_orders",
         )
     if orders.ndim == 1:
         waves = orders
@@ -314,7 +316,7 @@ def structure_factor(
     system = LinearSystem.of(network)
     if system.spectral_bound <= 0:
         raise UnavailableError(
-            "the network has no stiffness; all its modes are at zero", code="no_stiffness"
+            "no_stiffness", "the network has no stiffness", remedy="all its modes are at zero"
         )
     f_top = float(np.sqrt(system.spectral_bound) / (2 * np.pi))
     # A line's standard deviation in omega / omega_max is pi over the orders, odd ones included.

@@ -107,7 +107,7 @@ def frequency_wavenumber(
         uneven = deviation > MAX_RELATIVE_UNEVENNESS * abs(spacing.mean())
     if uneven:
         raise UnavailableError(
-            "layers are too unequally spaced for a spectrum in space", code="uneven_chain"
+            "uneven_chain", "layers are too unequally spaced for a spectrum in space"
         )
     padded_times = PADDING * motion.shape[0]
     padded_layers = PADDING * motion.shape[1]

@@ -44,6 +44,8 @@ def compose(name: str, cases: list[PackingData]) -> Picture:
         what = ", ".join(dict.fromkeys(panel.ylabel or panel.title for panel in picture.panels))
         why = next((f" ({note})" for row in rows for note in row.notes), "")
         raise InputError(
-            f"{name}: nothing to draw, for no case here has {what}{why}; add a longer packing"
+            "input",
+            f"{name}: nothing to draw, for no case here has {what}{why}",
+            remedy="add a longer packing",
         )
     return picture

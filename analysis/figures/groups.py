@@ -38,7 +38,9 @@ def with_curve(cases: pd.DataFrame, name: str, what: str) -> pd.DataFrame:
     """The cases that have a curve; InputError, saying `what` they lack, where none has."""
     found = cases[[name in row.curves for row in cases["row"]]]
     if found.empty:
-        raise InputError(f"no case has a {what}; keep one: measure FILE --keep DIR")
+        raise InputError(
+            "input", f"no case has a {what}", remedy="keep one: measure FILE --keep DIR"
+        )
     return found
 
 

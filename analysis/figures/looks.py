@@ -91,7 +91,7 @@ def refuse_undrawable(picture: Picture, path: object) -> None:
     """InputError for a picture of a file that cannot be drawn, which names what is wrong in it."""
     for wrong, fault in _faults(picture):
         if wrong:
-            raise InputError(f"{path}: {fault}; draw the figure again", code="figure")
+            raise InputError("figure", f"{path}: {fault}", remedy="draw the figure again")
 
 
 Faults = Iterator[tuple[bool, str]]

@@ -40,7 +40,7 @@ def natural_frequencies(m: PackingData) -> Picture:
         right.line(f / 1e3, 1e3 * per_hertz / dof, **look)
     else:
         lack = f"{m.case.name} has neither all its modes nor a density of states"
-        raise InputError(f"{lack}; keep one: measure FILE --keep DIR")
+        raise InputError("input", f"{lack}", remedy="keep one: measure FILE --keep DIR")
     if top := m.stated.get("f_max_khz"):
         text = "stated, highest" if m.crystal else ""
         left.line([1.0], top[:1], text, marker="*", ls="none", ms=9, color="k", mfc="#ffd000")
@@ -132,7 +132,9 @@ def mode_shapes(m: PackingData) -> Picture:
         chain = chain[firmly_held(m.network)[chain]]
         f, shapes = bearers.frequency, z_shapes(m)[bearers.row][:, chain]
     if shapes is None or len(shapes) == 0:
-        raise InputError(f"{m.case.path('modes')}: no shapes of resonances; make them again")
+        raise InputError(
+            "input", f"{m.case.path('modes')}: no shapes of resonances", remedy="make them again"
+        )
     z = m.network.position[chain, 2] - m.network.wall_position[0]
     orders = (1, 2, 5, 10, 50, 200) if m.crystal else (1, 2, 5, 10, 15, 20)
     known = sorted({min(r, len(shapes)) for r in orders})

@@ -175,8 +175,8 @@ def read_picture(path: str | Path) -> Picture:
         points = _points(line for line in lines if not line.startswith("# "))
         return _picture(heads, points)
     except (ValueError, csv.Error) as error:
-        reason = f"{path}: not the CSV of a figure ({error}); draw it again"
-        raise InputError(reason, code="figure") from error
+        problem = f"{path}: not the CSV of a figure"
+        raise InputError("figure", problem, str(error), "draw it again") from error
 
 
 Points = dict[tuple[int, int], list[list[str]]]

@@ -50,7 +50,7 @@ def finite(m: PackingData) -> dict[str, Floats]:
     """
     if len(m.amplitudes) == 0:
         raise UnavailableError(
-            "it is measured of a sample over amplitudes, which were not given", code="no_amplitudes"
+            "no_amplitudes", "it is measured of a sample over amplitudes, which were not given"
         )
     frequency, rows = (m.source or m.pulse).frequency, []
     duration = PASSAGES / (m.affine_frequency * m.diameter / m.network.length)

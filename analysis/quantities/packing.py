@@ -23,21 +23,21 @@ def _forces(network: Network) -> Floats:
     """Normal forces (m,), N, between spheres; refused where there are none."""
     force: Floats = network.require("force_normal", "distribution of forces")[~network.with_wall]
     if not force.any():
-        raise UnavailableError("no force between two spheres", code="no_forces")
+        raise UnavailableError("no_forces", "no force between two spheres")
     return force
 
 
 def _lateral(network: Network) -> float:
     stress = np.diag(state.stress_tensor(network))
     if stress[2] == 0:
-        raise UnavailableError("no stress along z", code="no_forces")
+        raise UnavailableError("no_forces", "no stress along z")
     return stress[:2].mean() / stress[2]
 
 
 def _residual(network: Network) -> float:
     force = network.require("force_normal", "balance")
     if not force.any():
-        raise UnavailableError("no contact bears a force", code="no_forces")
+        raise UnavailableError("no_forces", "no contact bears a force")
     return float(unbalanced_forces(network).mean())
 
 

@@ -55,7 +55,7 @@ def attenuation_of(packing: PackingData) -> tuple[Value, Floats]:
     sent = wave.frequency[independent] <= highest_sent
     chosen = independent[known & not_too_weak & sent]
     if not len(chosen):
-        raise UnavailableError("no coherent wave is left to be read", code="no_coherent_wave")
+        raise UnavailableError("no_coherent_wave", "no coherent wave is left to be read")
     change = abs(weaker.attenuation - stronger.attenuation)[chosen]
     error = np.maximum.reduce([change, np.roll(change, 1), np.roll(change, -1)])
     frequency = wave.frequency[chosen]
@@ -191,7 +191,7 @@ def scattering(packing: PackingData) -> Scattering:
     velocity = v_p(packing).value
     structure = kept_file(packing, "structure")
     if not velocity > 0:
-        raise UnavailableError(LOST, code="no_coherent_wave")
+        raise UnavailableError("no_coherent_wave", LOST)
     if structure is not None:
         return structure.scattering(velocity, packing.diameter)
     length = packing.network.length

@@ -23,7 +23,9 @@ def lowest_wave(m: PackingData) -> float:
     """Hz: of the longest shear wave of a cell without walls, V_S over the cell's side."""
     if not m.network.cell_periodic.all():
         raise UnavailableError(
-            "between walls waves have other frequencies: take a periodic cell", code="not_periodic"
+            "not_periodic",
+            "between walls waves have other frequencies",
+            remedy="take a periodic cell",
         )
     axes = zip(np.eye(3), m.network.cell_size, strict=True)
     return float(min(m.moduli.velocities(axis)[-1] / side for axis, side in axes))
@@ -35,7 +37,7 @@ def soft_modes(m: PackingData) -> ModeSet:
     modes = eigenmodes(taken_as_exact(m.network), below=lowest_wave(m))
     if modes.missing or not len(modes.frequency):
         raise UnavailableError(
-            f"below the first wave {modes.missing} modes are missing of some", code="not_converged"
+            "not_converged", f"below the first wave {modes.missing} modes are missing of some"
         )
     return modes
 

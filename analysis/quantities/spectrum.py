@@ -80,7 +80,7 @@ def lowest_modes(packing: PackingData) -> tuple[ModeSet, Floats, list[Caveat]]:
         modes = eigenmodes(network, lowest=min(DEFAULT_LOWEST_MODES, not_floppy))
         if modes.mode_shape is None:
             raise UnavailableError(
-                "the modes' shapes take too much memory; give a file of modes", code="too_large"
+                "too_large", "the modes' shapes take too much memory", remedy="give a file of modes"
             )
         along_z = modes.mode_shape[:, :, 2]
     count = len(modes.frequency)

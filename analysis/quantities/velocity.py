@@ -57,7 +57,7 @@ def chain(packing: PackingData, key: str, order: int = 0) -> Dispersion:
     order = order or FIT_ORDERS[record.direction][0]
     dispersion = chain_dispersion(record, order=order)
     if not dispersion.velocity < MAX_VELOCITY_IN_CRYSTAL * packing.lattice.velocity:
-        raise UnavailableError(LOST, code="no_coherent_wave")
+        raise UnavailableError("no_coherent_wave", LOST)
     return dispersion
 
 

@@ -55,8 +55,7 @@ def arrange(
         with following(spec):
             if "plot" not in spec and spec.get("figure") not in FIGURES:
                 raise InputError(
-                    f"{spec['name']}: its figure is none of {', '.join(FIGURES)}",
-                    code="unknown_word",
+                    "unknown_word", f"{spec['name']}: its figure is none of {', '.join(FIGURES)}"
                 )
             try:
                 if "plot" in spec:
@@ -94,7 +93,7 @@ def _plot(spec: Spec, cases: pd.DataFrame) -> Picture:
             panel.add("error", x, mean, error, capsize=2, color=shade)
         panels.append(panel)
     if not any(series.y.size for panel in panels for series in panel.series):
-        raise InputError("no case has these quantities")
+        raise InputError("input", "no case has these quantities")
     return Picture(panels, len(panels), (4.5 * len(panels), 3.6))
 
 
@@ -104,7 +103,7 @@ def _of_cases(spec: Spec, names: Sequence[str], folder: Path) -> tuple[Picture, 
     away = [name for name, path in files.items() if not path.is_file()]
     panels = [p for path in files.values() if path.is_file() for p in read_picture(path).panels]
     if not panels:
-        raise InputError(f"no panels of {', '.join(away)}; measure these cases")
+        raise InputError("input", f"no panels of {', '.join(away)}", remedy="measure these cases")
     columns, like = spec.get("columns", 2), spec.get("like", "")
     if spec.get("together"):
         for panel in panels:  # those without a title are told apart by what they show

@@ -70,7 +70,7 @@ class Study:
             refuse_other(str(path), name, value, STUDY[name])
         if not given.get("groups"):
             raise InputError(
-                f"{path}: no groups; give at least one, with kind and factors", code="groups"
+                "groups", f"{path}: no groups", remedy="give at least one, with kind and factors"
             )
         given = {name: whole(value, STUDY[name]) for name, value in given.items()}
         self.settings = DEFAULTS | {"name": self.path.stem} | given
@@ -89,27 +89,32 @@ class Study:
         for low, high in (self.settings["band"], *self.settings["bands"].values()):
             if low >= high:
                 raise InputError(
-                    f"{path}: band {low:g} to {high:g}: give the lower one first", code="band"
+                    "band", f"{path}: band {low:g} to {high:g}", remedy="give the lower one first"
                 )
         self.rows = {name: self._checked(name, row) for name, row in rows.items()}
         settings = set().union(*self.rows.values())
         for quantity in self.settings["measure"]:
             if quantity in settings:
                 raise InputError(
-                    f"{path}: measure: {quantity} is a setting of the cases, too, so that tables "
-                    "could not tell which one is meant; leave one out",
-                    code="same_name",
+                    "same_name",
+                    f"{path}: measure",
+                    f"{quantity} is a setting of the cases, too, so that tables "
+                    "could not tell which one is meant",
+                    "leave one out",
                 )
 
     def _known(self, given: Any, known: Collection[str], what: str) -> None:
         """InputError unless these are lines NAME: VALUE with known names."""
         if not isinstance(given, Mapping):
-            raise InputError(f"{self.path}: {what}s have names; write NAME: VALUE", code="no_names")
+            raise InputError(
+                "no_names", f"{self.path}: {what}s have names", remedy="write NAME: VALUE"
+            )
         if unknown := ", ".join(sorted(short(name) for name in given if name not in known)):
             names = ", ".join(sorted(known))
             raise InputError(
-                f"{self.path}: {what} {short(unknown)} is unknown; known are {names}",
-                code="unknown_setting",
+                "unknown_setting",
+                f"{self.path}: {what} {short(unknown)} is unknown",
+                remedy=f"known are {names}",
             )
 
     def _refuse_no_case(self, where: str, name: str, rows: Mapping[str, Any]) -> None:
@@ -117,8 +122,9 @@ class Study:
         if name not in rows:
             first, *_, last = *rows, *rows
             raise InputError(
-                f"{self.path}: {where}: {short(name)} is none of {first} ... {last}",
-                code="unknown_case",
+                "unknown_case",
+                f"{self.path}: {where}",
+                f"{short(name)} is none of {first} ... {last}",
             )
 
     def _named_rows(self) -> dict[str, dict[str, Any]]:
@@ -128,9 +134,11 @@ class Study:
         count = sum(math.prod(map(len, values.values())) for values in factors)
         if count > MAX_CASES:
             raise InputError(
-                f"{self.path}: {count:.3g} cases; a study has {MAX_CASES} at most: leave factors "
-                "out, or make several studies",
-                code="too_many_cases",
+                "too_many_cases",
+                f"{self.path}: {count:.3g} cases",
+                remedy=(
+                    f"a study has {MAX_CASES} at most: leave factors out, or make several studies"
+                ),
             )
         pattern = self.settings["names"]
         rows: dict[str, dict[str, Any]] = {}
@@ -142,12 +150,13 @@ class Study:
                 refuse_other(str(self.path), "a case is called", name, FILE_NAME)
                 if name in rows:
                     raise InputError(
-                        f"{self.path}: two cases of one name, {name}; give each its own factors",
-                        code="same_name",
+                        "same_name",
+                        f"{self.path}: two cases of one name, {name}",
+                        remedy="give each its own factors",
                     )
                 rows[name] = row
         if not rows:
-            raise InputError(f"{self.path}: no cases; give factors values", code="no_cases")
+            raise InputError("no_cases", f"{self.path}: no cases", remedy="give factors values")
         return rows
 
     def _factors(self, group: Any) -> dict[str, list[Any]]:
@@ -156,7 +165,7 @@ class Study:
         kind = group.get("kind")
         if kind not in KINDS:
             raise InputError(
-                f"{self.path}: kind {short(kind)} is none of {', '.join(KINDS)}", code="kind"
+                "kind", f"{self.path}: kind {short(kind)} is none of {', '.join(KINDS)}"
             )
         factors = group.get("factors", {})
         self._known(factors, OF_GROUP - {"factors"}, "factor")
@@ -172,13 +181,16 @@ class Study:
             first, last = int(ends[1]), int(ends[2])
             if last - first >= MAX_CASES:
                 raise InputError(
-                    f"{self.path}: {name} {given}: a study has {MAX_CASES} cases at most",
-                    code="too_many_cases",
+                    "too_many_cases",
+                    f"{self.path}: {name} {given}",
+                    f"a study has {MAX_CASES} cases at most",
                 )
             given = list(range(first, last + 1))
         values = given if isinstance(given, list) else [given]
         if not values:
-            raise InputError(f"{self.path}: factor {name} has no value; add one", code="no_cases")
+            raise InputError(
+                "no_cases", f"{self.path}: factor {name} has no value", remedy="add one"
+            )
         return values
 
     def _group(
@@ -200,12 +212,12 @@ class Study:
             by = value.get("by")
             if not isinstance(by, str) or by not in line:
                 raise InputError(
-                    f"{self.path}: {name}: by {short(by)} is no factor; name one", code="no_factor"
+                    "no_factor", f"{self.path}: {name}", f"by {short(by)} is no factor", "name one"
                 )
             return value.get(line[by], value.get("else"))
         if value is None:
             raise InputError(
-                f"{self.path}: {name} has no value; give one, or leave it out", code="setting"
+                "setting", f"{self.path}: {name} has no value", remedy="give one, or leave it out"
             )
         if isinstance(value, str) and isinstance(CASE[name], Number):
             return self._computed(name, value, numbers)
@@ -216,11 +228,13 @@ class Study:
         try:
             value = evaluate(text, numbers)
         except InputError as error:
-            raise InputError(f"{self.path}: {name}: {error}", code=error.code) from None
+            raise InputError(error.code, f"{self.path}: {name}", f"{error}") from None
         if not _is_number(value):
             raise InputError(
-                f"{self.path}: {name}: {short(text)} is no number; write a sum of other settings",
-                code="setting",
+                "setting",
+                f"{self.path}: {name}",
+                f"{short(text)} is no number",
+                "write a sum of other settings",
             )
         return round(float(value), 12)
 
@@ -228,7 +242,7 @@ class Study:
         """A case as the programs call its settings; InputError where one is missing."""
         for key in NEEDED:
             if line.get(key) is None:
-                raise InputError(f"{self.path}: {name} has no {key}; add it", code="no_setting")
+                raise InputError("no_setting", f"{self.path}: {name} has no {key}", remedy="add it")
         changes = self.settings["cases"].get(name, {})
         for key, value in line.items():
             if value is not None or key in changes:
@@ -252,16 +266,18 @@ class Study:
             entries = (read_yaml(path) or []) if path.exists() else []
             where = str(path)
         if not isinstance(entries, list):
-            raise InputError(f"{where}: give a list, a line - NAME: VALUE ... each", code="setting")
+            raise InputError(
+                "setting", f"{where}", remedy="give a list, a line - NAME: VALUE ... each"
+            )
         names: set[str] = set()
         for number, entry in enumerate(entries, 1):
             name = entry.get("name", entry.get("id")) if isinstance(entry, dict) else None
             if fault := PARTS[part].fault(entry):
                 entry_name = short(name or f"entry {number}")
-                raise InputError(f"{where}: {entry_name}: {fault}", code="setting")
+                raise InputError("setting", f"{where}: {entry_name}", f"{fault}")
             if name in names:
                 raise InputError(
-                    f"{where}: {short(name)} stands twice; rename one", code="same_name"
+                    "same_name", f"{where}: {short(name)} stands twice", remedy="rename one"
                 )
             names.add(name)
         return entries
@@ -285,13 +301,16 @@ class Study:
             quantities, _ = (found[name].fillna("") for name in texts)
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(
-                f"{path}: no table of {', '.join(STATED)} ({short(str(error))}); mend it",
-                code="stated",
+                "stated",
+                f"{path}: no table of {', '.join(STATED)} ({short(str(error))})",
+                remedy="mend it",
             ) from None
         infinite = any(np.isinf(column).any() for column in numbers.values())
         if infinite or not quantities.map(str.isidentifier).all():
             raise InputError(
-                f"{path}: give each line a quantity, one word, and finite numbers", code="stated"
+                "stated",
+                f"{path}",
+                remedy="give each line a quantity, one word, and finite numbers",
             )
         return found.assign(**numbers)
 
@@ -306,7 +325,9 @@ def following(entry: Mapping[str, Any]) -> Iterator[None]:
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         name, why = entry.get("name", entry.get("id")), f"{type(error).__name__}: {error}"
         raise InputError(
-            f"{name}: cannot be made ({short(why, 200)}); mend its entry in the study", code="entry"
+            "entry",
+            f"{name}: cannot be made ({short(why, 200)})",
+            remedy="mend its entry in the study",
         ) from error
 
 

@@ -29,7 +29,7 @@ def number_format(text: object) -> str:
     """
     if isinstance(text, str) and FORMAT.fullmatch(text):
         return text
-    raise InputError(f"format {short(text)}: write as .3g, .1f or +.2f", code="number_format")
+    raise InputError("number_format", f"format {short(text)}", remedy="write as .3g, .1f or +.2f")
 
 
 def field_names(text: str) -> set[str]:
@@ -48,12 +48,14 @@ def fill(text: str, values: Mapping[str, Any]) -> str:
         name, form = match.groups()
         value = values.get(name)
         if not isinstance(value, SHOWN):
-            raise InputError(f"{short(text)}: {name} is no number of a case", code="field")
+            raise InputError("field", f"{short(text)}: {name} is no number of a case")
         return format(value, number_format(form or ""))
 
     rest = FIELD.sub("", text)
     if "{" in rest or "}" in rest:
-        raise InputError(f"{short(text)}: write names in braces as {{f_max_khz:.1f}}", code="field")
+        raise InputError(
+            "field", f"{short(text)}", remedy="write names in braces as {f_max_khz:.1f}"
+        )
     return FIELD.sub(shown, text)
 
 
@@ -62,6 +64,8 @@ def inside(folder: Path, name: str) -> Path:
     path = folder / name
     if path.parent.resolve() != folder.resolve() or name in ("", ".", ".."):
         raise InputError(
-            f"{short(name)}: leads out of {folder}; give a name without /", code="outside_folder"
+            "outside_folder",
+            f"{short(name)}: leads out of {folder}",
+            remedy="give a name without /",
         )
     return path

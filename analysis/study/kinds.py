@@ -187,9 +187,9 @@ class Either:
 def refuse_other(where: str, name: str, value: Any, kind: Kind) -> None:
     """InputError where a value is not of the kind that its setting has."""
     if isinstance(kind, Lines) and (fault := kind.fault(value)):
-        raise InputError(f"{where}: {name}: {fault}", code="setting")
+        raise InputError("setting", f"{where}: {name}", f"{fault}")
     if not kind.holds(value):
-        raise InputError(f"{where}: {name} {short(value)}: give {kind.told}", code="setting")
+        raise InputError("setting", f"{where}: {name} {short(value)}", remedy=f"give {kind.told}")
 
 
 def whole(value: Any, kind: Kind) -> Any:

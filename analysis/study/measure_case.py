@@ -49,7 +49,7 @@ def measure_case(
     """
     state, quantities = name.endswith("Pa") and len(files) == 1, study.settings["measure"]
     if not state and name not in study.rows:
-        raise InputError(f"{name}: no case of {study.path}")
+        raise InputError("input", f"{name}: no case of {study.path}")
     of_files = {files[0].name.split(".")[-2]: files[0]} if state or quantities else None
     case = Case(name, folder, of_files)
     case.check()

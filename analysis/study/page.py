@@ -80,8 +80,9 @@ def page(folder: Path, content: Mapping[str, Any]) -> str:
         return sandbox.get_template(OWN).render(content)
     except (jinja2.TemplateError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
         raise InputError(
-            f"{path}: cannot be filled ({short(str(error), 200)}); mend it, or leave it out",
-            code="template",
+            "template",
+            f"{path}: cannot be filled ({short(str(error), 200)})",
+            remedy="mend it, or leave it out",
         ) from None
 
 
@@ -131,7 +132,7 @@ def _refuse_program(template: jinja2.nodes.Template) -> None:
         if not allowed:
             kind = type(node).__name__.lower()
             raise InputError(
-                f"line {node.lineno}: {kind} may not stand in a study's page", code="template"
+                "template", f"line {node.lineno}", f"{kind} may not stand in a study's page"
             )
 
 

@@ -47,7 +47,9 @@ def tables(specs: Sequence[Spec], rules: Rules) -> list[Table]:
         cases = select(rules.frame[rules.frame["there"]], spec.get("select", ""))
         kind = next((name for name in kinds if name in spec), "")
         if not kind:
-            raise InputError(f"table {spec['name']}: give it one of {', '.join(kinds)}")
+            raise InputError(
+                "input", f"table {spec['name']}", remedy=f"give it one of {', '.join(kinds)}"
+            )
         with following(spec):
             found.append(Table(spec["title"], *kinds[kind](spec, cases), spec["name"]))
     return [table for table in found if table.rows]
@@ -188,7 +190,7 @@ def table_of(study: Study, results: Path, name: str) -> tuple[Table, list[str]]:
     """
     rows = {row.name: row for row in read_results(results)}
     if name not in rows:
-        raise InputError(f"{results}: no result of {name}; run it first")
+        raise InputError("input", f"{results}: no result of {name}", remedy="run it first")
     row, frame = rows[name], frame_of(rows.values(), study.cases)
     rules = Rules(frame, study.stated())
     case, lines = frame.loc[[name]], []

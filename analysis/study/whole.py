@@ -39,7 +39,9 @@ def write_study(study: Study, results: Path, output: Path, command: list[str]) -
     rows = read_results(results)
     frame = frame_of(rows, study.cases)
     if not frame["there"].any():
-        raise InputError(f"{results}: no result of {study.path}; run its cases first")
+        raise InputError(
+            "input", f"{results}: no result of {study.path}", remedy="run its cases first"
+        )
     specs, drawn = study.part("tables"), study.part("figures")
     _refuse_same_files([*specs, *drawn])
     rules, found = Rules(frame, study.stated()), answers(study, frame)
@@ -85,7 +87,7 @@ def _refuse_same_files(specs: Sequence[Mapping[str, Any]]) -> None:
     taken = set(OF_EVERY_STUDY)
     for name in (spec["name"] for spec in specs):
         if name.lower() in taken or name.lower().startswith(SPLIT):
-            raise InputError(f"{name}: another file is called so; rename it", code="same_name")
+            raise InputError("same_name", f"{name}: another file is called so", remedy="rename it")
         taken.add(name.lower())
 
 
@@ -145,7 +147,7 @@ def _read(path: Path) -> tuple[list[str], list[list[str]]]:
     try:
         found = pd.read_csv(path, dtype=str, keep_default_na=False)
     except ValueError as error:
-        raise InputError(f"{path}: no table ({error}); make it again") from None
+        raise InputError("input", f"{path}: no table ({error})", remedy="make it again") from None
     return list(found.columns), found.to_numpy().tolist()
 
 

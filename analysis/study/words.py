@@ -36,8 +36,9 @@ class Words:
         rest = PLACE.sub("", text)
         if any(mark in rest for mark in ("{{", "}}", "{%", "{#")):
             raise InputError(
-                f"{short(text)}: write numbers as {{{{ value('case06', 'void_ratio') }}}}",
-                code="sentence",
+                "sentence",
+                f"{short(text)}",
+                remedy="write numbers as {{ value('case06', 'void_ratio') }}",
             )
         return PLACE.sub(self._number, text).removesuffix("\n")
 

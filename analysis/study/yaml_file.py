@@ -43,10 +43,10 @@ def read_yaml(path: Path) -> Any:
     except yaml.YAMLError as error:
         reason = " ".join(str(error).split())
         raise InputError(
-            f"{path}: not YAML ({short(reason, 200)}); mend the line that it names", code="yaml"
+            "yaml", f"{path}: not YAML ({short(reason, 200)})", remedy="mend the line that it names"
         ) from None
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not YAML ({short(str(error))})", code="yaml") from None
+        raise InputError("yaml", f"{path}: not YAML ({short(str(error))})") from None
 
 
 def read_small(path: Path) -> str:
@@ -54,17 +54,19 @@ def read_small(path: Path) -> str:
     try:
         if not path.is_file():
             raise InputError(
-                f"{path}: cannot be read (no such file); name a study's YAML", code="no_file"
+                "no_file", f"{path}: cannot be read (no such file)", remedy="name a study's YAML"
             )
         if path.stat().st_size > MAX_BYTES:
             raise InputError(
-                f"{path}: more than {MAX_BYTES / 1e6:g} MB; a study's file is smaller", code="size"
+                "size",
+                f"{path}: more than {MAX_BYTES / 1e6:g} MB",
+                remedy="a study's file is smaller",
             )
         return path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         reason = short(str(error))
         raise InputError(
-            f"{path}: cannot be read ({reason}); name a study's YAML", code="no_file"
+            "no_file", f"{path}: cannot be read ({reason})", remedy="name a study's YAML"
         ) from None
 
 

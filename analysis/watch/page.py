@@ -76,7 +76,9 @@ def _packing_beside(product: Path) -> Path:
         if (product.parent / name).is_file():
             return product.parent / name
     told = " or ".join(names) or "of unknown name"
-    raise InputError(f"{product}: its packing, {told}, is not beside it; name that as well")
+    raise InputError(
+        "input", f"{product}: its packing, {told}, is not beside it", remedy="name that as well"
+    )
 
 
 def _of_packing(network: Network) -> dict[str, Any]:
@@ -212,7 +214,9 @@ def _of_modes(
     fits = max(1, MOTION // (6 * network.n_particles))
     if len(numbers) > fits:
         many = f"{len(numbers)} modes of {network.n_particles} spheres"
-        raise InputError(f"{many} make too large a page; choose up to {fits} with --modes")
+        raise InputError(
+            "input", f"{many} make too large a page", remedy=f"choose up to {fits} with --modes"
+        )
     index = np.array(numbers) - 1
     shape = moved[index][:, :, :3]
     largest = np.maximum(np.linalg.norm(shape, axis=2).max(axis=1), np.finfo(float).tiny)

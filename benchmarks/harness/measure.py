@@ -94,7 +94,7 @@ class Job:
         """
         found = median_of(self.times, lambda: _run(task, threads, given))
         if found.failure and must:
-            raise InputError(f"{task.__module__}:{task.__name__}: {found.failure}")
+            raise InputError("input", f"{task.__module__}:{task.__name__}: {found.failure}")
         return found
 
     def command(self, *words: str, threads: int | None = CORES) -> Measured:
@@ -160,7 +160,7 @@ def run_command(
     if status != 0:
         lines = [line for line in log.read_text().splitlines() if "rror" in line]
         last = lines[-1] if lines else f"{status:.0f}"
-        raise InputError(f"{Path(command[0]).name} failed: {last}")
+        raise InputError("input", f"{Path(command[0]).name} failed", f"{last}")
     unit = 1 if sys.platform == "darwin" else 1024
     return Measured(None, spent if threads == 1 else elapsed, peak * unit / 1e6)
 

@@ -28,7 +28,7 @@ def run(options: Given) -> Result:
     """Write the files; their names."""
     path, count, scale = Path(options.output), options.frames, options.scale
     if count is not None and not 1 <= count <= 10_000:
-        raise InputError(f"--frames {count}: give 1 to 10000")
+        raise InputError("input", f"--frames {count}", remedy="give 1 to 10000")
     network = read_remarked(options.network, options.remarks.append)
     fields, motion = picture.sphere_fields(network), picture.Motion()
     if options.product:
@@ -39,12 +39,16 @@ def run(options: Given) -> Result:
             more, motion = _of_modes(of, moved, numbers, count)
             fields |= more
         elif of.direction == TORSION:
-            raise InputError(f"{options.product}: of torsion, turns alone; no picture shows them")
+            raise InputError(
+                "input",
+                f"{options.product}: of torsion, turns alone",
+                remedy="no picture shows them",
+            )
         else:
             axis = DIRECTIONS.index(of.direction)
             motion = picture.motion_of_wave(of.time, moved, axis, count or 50)
     elif options.modes or count or scale is not None:
-        raise InputError("--modes, --frames and --scale need a file of modes or signals")
+        raise InputError("input", "--modes, --frames and --scale need a file of modes or signals")
     frames: picture.Frames = [(0.0, network.position, fields)]
     if motion:
         frames = picture.frames_of(network, fields, motion, scale)
@@ -64,5 +68,5 @@ def _of_modes(
     if frames is None:
         return fields, []
     if len(fields) != 2:
-        raise InputError("--frames: choose one mode to animate, with --modes K")
+        raise InputError("input", "--frames", remedy="choose one mode to animate, with --modes K")
     return fields, picture.motion_of_mode(shape, frequency, frames)

@@ -67,8 +67,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     start = time.perf_counter()
     Minute.begin()
+    arguments = sys.argv[1:] if argv is None else argv
     try:
-        arguments = sys.argv[1:] if argv is None else argv
         options = parsed(parser("".join(arguments[:1])), arguments)
         command = command_of(options.command)
         skip = getattr(options, "skip_current", False)
@@ -77,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if hasattr(command, "read_product") and options.output:
             options.made = made_by(options.command, vars(options), arguments)
         elif skip:
-            raise InputError("--skip-current is about the file of -o; give one")
+            raise InputError("input", "--skip-current is about the file of -o", remedy="give one")
         if skip and is_current(options.output, options.made, say, command.read_product):
             kept: Any = getattr(command, "kept", lambda _: {})
             result = {"current": options.output} | kept(options)
@@ -89,9 +89,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         result["peak_memory_bytes"] = peak_memory()
         put(json_text(result) if options.json else page(result, options.groups))
     except MemoryError as error:
-        return refused(out_of_memory(error))
+        return refused(out_of_memory(error), arguments)
     except InputError as error:
-        return refused(error)
+        return refused(error, arguments)
     return SHORT if falls_short(result) else 0
 
 

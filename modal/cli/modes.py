@@ -45,7 +45,9 @@ def run(options: Given) -> Result:
     """The modes that are asked for, and whether their list is complete."""
     network, output = packing_of(options), options.output
     if options.uncertified and options.highest is None:
-        raise InputError("--uncertified is for --highest; other lists cost hardly less without")
+        raise InputError(
+            "input", "--uncertified is for --highest", remedy="other lists cost hardly less without"
+        )
     asked = chosen_for(eigenmodes, options)
     shapes = bool(output) and not options.no_shapes
     modes = eigenmodes(network, **asked, shapes=shapes, certify=not options.uncertified)

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple, NoReturn
 
+from modal.cli.terminal import json_text, put
 from modal.formats.whole_file import refuse_unwritable
 from modal.tools.errors import InputError, refuse_unknown
 from modal.tools.visible import visible
@@ -110,7 +111,7 @@ class Parser(argparse.ArgumentParser):
         """A mistake in the command line, in one line."""
         if re.search(r"required: \w", message):
             message += FIRST
-        raise InputError(f"{self.prog}: {message}; see {self.prog} --help")
+        raise InputError("input", f"{self.prog}: {message}", remedy=f"see {self.prog} --help")
 
 
 def number(text: str) -> float:
@@ -194,7 +195,9 @@ def parsed(parser: argparse.ArgumentParser, words: Sequence[str]) -> Given:
         try:
             word.encode()
         except UnicodeEncodeError:
-            raise InputError(f"{ascii(word)}: not valid UTF-8; rename the file") from None
+            raise InputError(
+                "input", f"{ascii(word)}: not valid UTF-8", remedy="rename the file"
+            ) from None
     options = parser.parse_args(words)
     _check_files(options)
     return options
@@ -206,25 +209,37 @@ def _check_files(options: Given) -> None:
     for name, value in vars(options).items():
         given = value if isinstance(value, list) else [value]
         if "" in given:
-            raise InputError(f"{name.replace('_', ' ')}: an empty text; give one, or leave it out")
+            raise InputError(
+                "input",
+                f"{name.replace('_', ' ')}: an empty text",
+                remedy="give one, or leave it out",
+            )
         texts += [text for text in given if isinstance(text, str)]
     read = [text for text in texts if not isinstance(text, NewFile) and os.path.isfile(text)]
     for path in texts:
         if isinstance(path, NewFolder):
             if os.path.isfile(path):
-                raise InputError(f"{path}: a file, no folder; name a folder to write to")
+                raise InputError(
+                    "input", f"{path}: a file, no folder", remedy="name a folder to write to"
+                )
             refuse_unwritable(os.path.join(path, "file"))
         if not isinstance(path, NewFile):
             continue
         refuse_unwritable(path)
         if os.path.exists(path) and any(os.path.samefile(path, other) for other in read):
             raise InputError(
-                f"{path}: it is read, and would be written over; give another name to write to"
+                "input",
+                f"{path}: it is read, and would be written over",
+                remedy="give another name to write to",
             )
         said = next((end for end in PRODUCTS if path.endswith(end)), Path(path).suffix)
         known = *path.endings, *(Path(end).suffix for end in {*path.endings} - {*PACKINGS})
         if known and said not in known:
-            raise InputError(f"{path}: its name must end in {' or '.join(path.endings)}; give one")
+            raise InputError(
+                "input",
+                f"{path}: its name must end in {' or '.join(path.endings)}",
+                remedy="give one",
+            )
 
 
 def chosen(options: Given, *names: str) -> dict[str, Any]:
@@ -243,9 +258,15 @@ def typed(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
-def refused(error: InputError) -> int:
-    """Say it in one line; the exit status."""
+def refused(error: InputError, words: Sequence[str]) -> int:
+    """Say an error in one line, and as JSON if the `words` of the command ask for it.
+
+    Returns the exit status.
+    """
     say(f"error: {error}")
+    if "--json" in words:
+        with suppress(InputError):  # of a full disk nothing is left to say
+            put(json_text({"error": error.as_json}))
     return 2
 
 

@@ -105,7 +105,9 @@ def run(options: Given) -> Result:
     kind = "with --dilate" if options.friction and options.dilate else kind
     none = unused(options.friction, options.dilate or 0.0)
     for name in given.keys() & {*none, *(("stress_ratio",) if options.friction == 0 else ())}:
-        raise InputError(f"{option_of(name)}: has no meaning {kind}; leave it out")
+        raise InputError(
+            "input", f"{option_of(name)}: has no meaning {kind}", remedy="leave it out"
+        )
     model = options.contact_model or []
     model = [] if model == [HERTZ_MINDLIN] else model
     files = packed(

@@ -39,7 +39,9 @@ def run(options: Given) -> Result:
     if options.friction is not None:
         sample = replace(sample, friction=options.friction)
     if not tolerance > 0:
-        raise InputError(f"--tolerance {tolerance:g}: must be positive; {TOLERANCE:g} is usual")
+        raise InputError(
+            "input", f"--tolerance {tolerance:g}", "must be positive", f"{TOLERANCE:g} is usual"
+        )
     before, minute = list[float](), Minute()
 
     def watch(state: Equilibrium) -> None:

@@ -52,7 +52,9 @@ def put(text: object, end: str = "\n") -> None:
         # Also what Python still writes at its exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
-            raise InputError(f"standard output: cannot be written ({error.strerror})") from error
+            raise InputError(
+                "input", "standard output", f"cannot be written ({error.strerror})"
+            ) from error
 
 
 def json_text(result: Any) -> str:

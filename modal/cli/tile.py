@@ -28,7 +28,9 @@ def run(options: Given) -> Result:
     """Write the repeated packing; a sample stays one if the name of FILE says so."""
     times, source, output = options.repeat, options.network, options.output
     if is_sample(output) and not is_sample(source):
-        raise InputError(f"-o {output}: only a sample gives a sample; write *.network.h5")
+        raise InputError(
+            "input", f"-o {output}: only a sample gives a sample", remedy="write *.network.h5"
+        )
     packing: Sample | Network = read_remarked(source, options.remarks.append)
     packing = read_sample(source) if is_sample(output) else packing
     spheres = len(packing.position) * times[0] * times[1]

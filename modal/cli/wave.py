@@ -120,10 +120,10 @@ def check_motion(options: Given) -> None:
         given = getattr(options, option)
         if option not in has and given != USUAL[option]:
             raise InputError(
-                f"{typed(option)}: the motion is a {name}, which has none", code="foreign_option"
+                "foreign_option", f"{typed(option)}: the motion is a {name}, which has none"
             )
         if option in has and given is None and option not in OF_PACKING:
-            raise InputError(f"--motion {name} needs {typed(option)}", code="missing_option")
+            raise InputError("missing_option", f"--motion {name} needs {typed(option)}")
 
 
 def motion_in(network: Network, options: Given, source: Source) -> Motion:
@@ -146,8 +146,9 @@ def run(options: Given) -> Result:
     path = options.network
     if options.nonlinear and not is_sample(path):
         raise InputError(
+            "input",
             f"{path}: --nonlinear takes a *.sample.h5, which has the law and the friction of its "
-            "contacts"
+            "contacts",
         )
     check_motion(options)
     packing: Any = read_sample(path) if options.nonlinear else packing_of(options, waves=True)

@@ -205,8 +205,10 @@ class MovingContacts:
         # Both are ways since the list was made: by their difference the farthest one has grown.
         if not moved - self.moved < self.most:
             raise InputError(
-                f"a sphere moves by more than its radius in one step of {dt:.3g} s: the motion is "
-                "unstable; take a smaller fraction"
+                "input",
+                f"a sphere moves by more than its radius in one step of {dt:.3g} s",
+                "the motion is unstable",
+                "take a smaller fraction",
             )
         self.moved = moved
         self._age += 1

@@ -167,8 +167,7 @@ class ElasticModuli(Drawn):
         """
         if len(self.soft_strains()):
             raise UnavailableError(
-                "the packing is not stable: some waves have no velocity, nor a level",
-                code="unstable",
+                "unstable", "the packing is not stable", "some waves have no velocity, nor a level"
             )
         height, weight = np.polynomial.legendre.leggauss(16)
         total = 0.0
@@ -278,7 +277,9 @@ def elastic_moduli(
     (array([776.38, 548.99, 548.99]), 0.023)
     """
     if not 0 < tolerance < 1:
-        raise InputError(f"tolerance {tolerance:g}: outside 0 to 1; it is relative to the moduli")
+        raise InputError(
+            "input", f"tolerance {tolerance:g}", "outside 0 to 1", "it is relative to the moduli"
+        )
     whole_network = network
     chosen_solver = solver
     carrying = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding)
@@ -287,8 +288,9 @@ def elastic_moduli(
     density = float(network.mass[force_bearing(network)].sum()) / volume
     if network.with_wall.all() or density == 0:
         raise UnavailableError(
-            "no sphere bears a force from another one: the packing is no solid, which has moduli",
-            code="no_solid",
+            "no_solid",
+            "no sphere bears a force from another one",
+            "the packing is no solid, which has moduli",
         )
     system = LinearSystem.of(network)
     coupling = system.put_on(UNIT_STRAINS)
@@ -296,7 +298,7 @@ def elastic_moduli(
     most = stored.max()
     if not most > 0:
         raise UnavailableError(
-            "no contact resists a strain: the packing has no stiffness", code="no_stiffness"
+            "no_stiffness", "no contact resists a strain", "the packing has no stiffness"
         )
     bulk = Bulk.of(network) if walls else None
 

@@ -23,7 +23,9 @@ def unit_vector(direction: ArrayLike) -> Floats:
         vector = np.zeros(3)
     if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
         raise InputError(
-            f"direction {direction!r}: give three numbers that are not all zero", code="direction"
+            "direction",
+            f"direction {direction!r}",
+            remedy="give three numbers that are not all zero",
         )
     vector = vector / abs(vector).max()  # so that no square overflows or vanishes
     return vector / np.linalg.norm(vector)

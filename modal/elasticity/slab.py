@@ -163,8 +163,9 @@ def static_velocity(network: Network) -> StaticVelocity:
     bulk = Bulk.of(network)
     if bulk is None:
         raise UnavailableError(
-            "the packing is too short for a velocity of its bulk; take a longer one",
-            code="too_short",
+            "too_short",
+            "the packing is too short for a velocity of its bulk",
+            remedy="take a longer one",
         )
     source = system.put_on(WallMoves(SOURCE_WALL))
     receiver = system.put_on(WallMoves(RECEIVER_WALL))
@@ -179,7 +180,7 @@ def static_velocity(network: Network) -> StaticVelocity:
     strain = -bulk.slope(layers, motion_along_z)
     if not (stress > 0 and strain > 0):
         raise UnavailableError(
-            "no force goes from wall to wall; such a packing carries no wave", code="no_wave"
+            "no_wave", "no force goes from wall to wall", remedy="such a packing carries no wave"
         )
     modulus = stress / strain
     velocity = float(np.sqrt(modulus / bulk.density(network)))

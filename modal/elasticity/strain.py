@@ -46,25 +46,28 @@ def has_walls(system: LinearSystem) -> bool:
     network = system.network
     for axis in np.flatnonzero(~network.cell_periodic[:2]):
         raise UnavailableError(
-            f"no strain {STRAINS[axis]} can be put on this packing: it is not periodic along "
-            f"{'xy'[axis]}; moduli need periods along x and y, and periods or walls along z; waves "
+            "not_periodic",
+            f"no strain {STRAINS[axis]} can be put on this packing",
+            "it is not periodic along "
+            f"{'xy'[axis]}; moduli need periods along x and y, and periods or walls along z",
+            "waves "
             "do not: `python -m modal wave` sends one from a wall, or with --plane Z from inside",
-            code="not_periodic",
         )
     if network.cell_periodic[2]:
         return False
     if not {SOURCE_WALL, RECEIVER_WALL} <= {*np.unique(network.particle_j).tolist()}:
         raise UnavailableError(
-            "no strain zz can be put on this packing: it is not periodic along z and does not "
-            "touch two walls there; `python -m modal wave` sends a wave from its wall, or with "
-            "--plane Z from inside",
-            code="no_walls",
+            "no_walls",
+            "no strain zz can be put on this packing",
+            "it is not periodic along z and does not touch two walls there",
+            "`python -m modal wave` sends a wave from its wall, or with --plane Z from inside",
         )
     if system.pre_stress != "none":
         raise InputError(
-            f"pre-stress {system.pre_stress!r}: in a slab the springs alone are known; take none, "
-            "or a cell periodic in all directions",
-            code="pre_stress",
+            "pre_stress",
+            f"pre-stress {system.pre_stress!r}",
+            "in a slab the springs alone are known",
+            "take none, or a cell periodic in all directions",
         )
     return True
 

@@ -97,9 +97,10 @@ class Groups:
         """Double the possible atoms by a question; return those that say yes."""
         if self.questions >= MAX_QUESTIONS:
             raise InputError(
+                "held_bodies",
                 f"the groups of the script hang on more than {MAX_QUESTIONS} regions and types, "
-                "so that nobody knows which spheres it holds; let it move all of them alike",
-                code="held_bodies",
+                "so that nobody knows which spheres it holds",
+                remedy="let it move all of them alike",
             )
         self.questions += 1
         size = len(self.possible)

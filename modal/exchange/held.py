@@ -157,7 +157,7 @@ class Motion(NamedTuple):
         if turning_counts:
             why = why or self.unturned
         if why:
-            raise InputError(why, code="held_bodies")
+            raise InputError("held_bodies", why)
 
 
 def motion_of(

@@ -143,7 +143,7 @@ def read_log(path: str | Path | None, units: str) -> Script:
     if not script.runs:
         script.begin_run()
     for why in script.refused.values():
-        raise InputError(why)
+        raise InputError("input", why)
     return script
 
 
@@ -180,7 +180,7 @@ def _command(script: Script, words: list[str], where: str) -> None:
         case ["dimension", "2"]:
             fault(where, "dimension 2", "a network has spheres that move in space")
         case ["bond_style", style, *_] if style not in ("none", "zero"):
-            raise InputError(f"{where}: bond_style {style}: {REFUSED_FIXES['bond']}")
+            raise InputError("input", f"{where}: bond_style {style}", f"{REFUSED_FIXES['bond']}")
         case ["pair_style", *style] if style:
             # The coefficients are kept where the same style is only given other arguments.
             if script.style[:1] != (style[0],):

@@ -41,7 +41,7 @@ class Units(NamedTuple):
         if scales is None:
             return None
         if np.shape(scales) != (3,) or not all(0 < scale < np.inf for scale in scales):
-            raise InputError("--scales: give three positive values, in m, kg, s")
+            raise InputError("input", "--scales", remedy="give three positive values, in m, kg, s")
         return cls(*scales)
 
     @property

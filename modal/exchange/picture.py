@@ -51,22 +51,30 @@ def moving(
     with open_h5(product) as file:
         schema = read_attributes(file).get("schema")
     if schema not in (MODES, SCHEMA, PLANE):
-        raise InputError(f"{product}: neither signals nor modes; give *.signals.h5 or *.modes.h5")
+        raise InputError(
+            "input",
+            f"{product}: neither signals nor modes",
+            remedy="give *.signals.h5 or *.modes.h5",
+        )
     if schema != MODES:
         if chosen:
-            raise InputError("--modes: the file has a wave; give *.modes.h5")
+            raise InputError("input", "--modes", "the file has a wave", "give *.modes.h5")
         signals = read_signals(product, of_any_source=any_source)
         if signals.particle_displacement is None:
             why = "without the motion of every sphere; make it again with wave --particles"
-            raise InputError(f"{product}: {why}")
+            raise InputError("input", f"{product}: {why}")
         return signals, signals.particle_displacement, []
     modes = read_modes(product)
     if modes.mode_shape is None or not len(modes.frequency):
-        raise InputError(f"{product}: without mode shapes; make it again with modes -o")
+        raise InputError(
+            "input", f"{product}: without mode shapes", remedy="make it again with modes -o"
+        )
     numbers = chosen or list(range(1, len(modes.frequency) + 1))
     for number in numbers:
         if not 1 <= number <= len(modes.frequency):
-            raise InputError(f"--modes {number}: the file has modes 1 to {len(modes.frequency)}")
+            raise InputError(
+                "input", f"--modes {number}", f"the file has modes 1 to {len(modes.frequency)}"
+            )
     return modes, modes.mode_shape, numbers
 
 
@@ -169,7 +177,7 @@ def _write_mesh(
         import meshio  # only where VTK is asked for
     except ImportError:
         do = "pip install meshio, or write NAME.xyz"
-        raise InputError(f"{path}: VTK is written by meshio; {do}") from None
+        raise InputError("input", f"{path}: VTK is written by meshio", remedy=f"{do}") from None
     of_cells = {name: [data] for name, data in fields.items()}
     given = {"cell_data": of_cells} if shape == "line" else {"point_data": fields}
     mesh = meshio.Mesh(points, [(shape, cells)], **given)

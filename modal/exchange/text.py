@@ -41,7 +41,7 @@ def fault(
     where = f", line {line}" if line else ""
     if column:
         where += f", column {column}"
-    raise InputError(f"{path}{where}: {what}; {do}", code=code)
+    raise InputError(code, f"{path}{where}: {what}", remedy=do)
 
 
 def shown(text: str) -> str:

@@ -73,8 +73,9 @@ def _read(node: h5py.Group | h5py.Dataset, name: str) -> Any:
     note = None if huge else node.attrs[name]
     if huge or (isinstance(note, str | bytes) and len(note) > MAX_NOTE_BYTES):
         raise InputError(
-            f"attribute {name} of {node.name} is too large for a note; keep it as a dataset",
-            code="huge_note",
+            "huge_note",
+            f"attribute {name} of {node.name} is too large for a note",
+            remedy="keep it as a dataset",
         )
     return _texts(note) if texts else note
 
@@ -95,7 +96,7 @@ def write_attributes(node: h5py.Group, notes: Mapping[str, Any]) -> None:
     for name, note in notes.items():
         what = f"the note {name!r} of {node.name}"
         if not (isinstance(name, str) and name and _storable(name)):
-            raise InputError(f"{what}: its name is no text; give one", code="note_name")
+            raise InputError("note_name", f"{what}: its name is no text", remedy="give one")
         if note is not None:
             node.attrs[name] = _as_stored(note, what)
 
@@ -107,7 +108,7 @@ def _as_stored(note: Any, what: str) -> Any:
     if isinstance(note, str):
         if _storable(note):
             return note
-        raise InputError(f"{what} has a NUL or half a character; mend the text", code="note")
+        raise InputError("note", f"{what} has a NUL or half a character", remedy="mend the text")
     try:
         data: Array = np.asarray(note)
     except (TypeError, ValueError):  # rows of unequal length
@@ -117,9 +118,11 @@ def _as_stored(note: Any, what: str) -> Any:
     texts = data.dtype.kind == "U" and all(_storable(str(each)) for each in members)
     if not (texts or data.dtype.kind in NUMBERS):
         kind = type(note).__name__
-        raise InputError(f"{what} is a {kind}; give a text, numbers or a list of them", code="note")
+        raise InputError(
+            "note", f"{what} is a {kind}", remedy="give a text, numbers or a list of them"
+        )
     if data.nbytes > MAX_NOTE_BYTES or (texts and data.size > MAX_TEXTS):
-        raise InputError(f"{what} is too large; keep it in a file of its own", code="huge_note")
+        raise InputError("huge_note", f"{what} is too large", remedy="keep it in a file of its own")
     return data.astype(h5py.string_dtype()) if texts else note
 
 

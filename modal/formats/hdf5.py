@@ -79,18 +79,18 @@ def _unreadable(path: Path, error: Exception) -> InputError:
     reason = " ".join(str(error).split())
     if isinstance(error, MemoryError):
         return InputError(
-            f"{path}: not enough memory to read it ({reason}); free some", code="memory"
+            "memory", f"{path}: not enough memory to read it ({reason})", remedy="free some"
         )
     if _is_in_use(error):
         return InputError(
-            f"{path}: another program has it open for writing, or this disk has no locks; close "
-            "it there, or set HDF5_USE_FILE_LOCKING=FALSE if nobody writes it",
-            code="file_in_use",
+            "file_in_use",
+            f"{path}: another program has it open for writing, or this disk has no locks",
+            remedy=("close it there, or set HDF5_USE_FILE_LOCKING=FALSE if nobody writes it"),
         )
     do = "it may be truncated, make it again"
     if not h5py.is_hdf5(path):
         do += "; what another program wrote is read by `import`"
-    return InputError(f"{path}: not a readable HDF5 file ({reason}); {do}", code="unreadable")
+    return InputError("unreadable", f"{path}: not a readable HDF5 file ({reason})", remedy=do)
 
 
 def _is_in_use(error: Exception) -> bool:
@@ -109,8 +109,9 @@ def complete(path: str | Path) -> Iterator[None]:
     except InputError:
         raise
     except _INCOMPLETE as error:
-        reason = f"{path}: {error}; incomplete, make it again"
-        raise InputError(reason, code="incomplete") from error
+        raise InputError(
+            "incomplete", f"{path}", f"{error}", "incomplete, make it again"
+        ) from error
 
 
 _INCOMPLETE = (
@@ -125,7 +126,8 @@ def named(path: str | Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError(f"{path}: {error}", code=error.code) from error
+        problem = f"{path}: {error.problem}"
+        raise InputError(error.code, problem, error.reason, error.remedy) from error
 
 
 def _refuse_endless_heap(path: Path) -> None:
@@ -146,8 +148,9 @@ def _refuse_endless_heap(path: Path) -> None:
                 size = int.from_bytes(raw[here + 8 : here + 16], "little")
                 step = 16 + (size + 7) // 8 * 8 if index else size
                 if step == 0:
-                    fault = f"{path}: its texts are damaged; make the file again"
-                    raise InputError(fault, code="unreadable")
+                    raise InputError(
+                        "unreadable", f"{path}: its texts are damaged", remedy="make the file again"
+                    )
                 here += step
             at = raw.find(_HEAP, at + 8)
 

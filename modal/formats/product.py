@@ -77,16 +77,17 @@ class Column(NamedTuple):
         """
         taken, words, _ = KINDS[self.kind]
         if given.dtype.kind not in taken:
-            fault = f"{name} is no array of {words}; write it as documented"
-            raise InputError(fault, code="wrong_kind")
+            raise InputError(
+                "wrong_kind", f"{name} is no array of {words}", remedy="write it as documented"
+            )
         if isinstance(given, h5py.Dataset):
             refuse_hidden(given, name)
         shape = self.shape if self.kind != "c" else (*self.shape, 2)
         wanted = tuple(lengths.get(n, n) for n in shape)
         pairs = zip(wanted, given.shape, strict=False)
         if given.ndim != len(wanted) or any(w != n for w, n in pairs if not isinstance(w, str)):
-            fault = f"{name} has shape {given.shape}, expected {wanted}; mend it"
-            raise InputError(fault, code="wrong_shape")
+            problem = f"{name} has shape {given.shape}, expected {wanted}"
+            raise InputError("wrong_shape", problem, remedy="mend it")
         lengths.update(zip(shape, given.shape, strict=True))
 
     def array(self, name: str, given: Any, lengths: dict[int | str, int], of: Any = ()) -> Array:
@@ -108,8 +109,9 @@ class Column(NamedTuple):
             data = data[..., 0] + 1j * data[..., 1]
         if self.finite and not np.isfinite(data).all():
             row = int(np.argwhere(~np.isfinite(data))[0, 0])
-            fault = f"{name} is not finite in row {row}; make it again"
-            raise InputError(fault, code="not_finite")
+            raise InputError(
+                "not_finite", f"{name} is not finite in row {row}", remedy="make it again"
+            )
         return data
 
 
@@ -218,22 +220,25 @@ class Product:
         said = read_attributes(file)
         schema, version = (said.get(name) for name in OF_THE_FORMAT[:2])
         if not (isinstance(schema, str) and schema == self.schema):
-            fault = f"schema is {schema!r}, expected {self.schema!r}; wrong file?"
-            raise InputError(fault, code="schema")
+            problem = f"schema is {schema!r}, expected {self.schema!r}"
+            raise InputError("schema", problem, remedy="wrong file?")
         number = number_noted(said, "schema_version")
         if number not in self.versions:
             reads = f"this program reads {' and '.join(map(str, self.versions))}"
-            do = "convert the file or update the program"
-            raise InputError(f"schema_version is {version}, {reads}; {do}", code="schema_version")
+            raise InputError(
+                "schema_version",
+                f"schema_version is {version}, {reads}",
+                remedy="convert the file or update the program",
+            )
         if number == 1:
             return
         known = {column.dataset for column in self.columns.values()}
         for name, node in walk(file):
             if name not in known and not isinstance(node, h5py.Group):
                 raise InputError(
-                    f"{name} is unknown to this program and may change the answer; update the "
-                    "program, or leave it out",
-                    code="unknown_column",
+                    "unknown_column",
+                    f"{name} is unknown to this program and may change the answer",
+                    remedy=("update the program, or leave it out"),
                 )
 
 
@@ -282,9 +287,10 @@ def _whole_numbers(name: str, given: Array, keep: bool) -> Array:
     if given.dtype.kind == "u" and given.max(initial=0) > np.iinfo(np.int64).max:
         row = int(np.argmax(given.reshape(len(given), -1).max(axis=1)))
         raise InputError(
+            "whole_number_too_large",
             f"{name} is {given[row]} in row {row}, more than 8 bytes with a sign hold (a negative "
-            "number without its sign?); write it with a sign",
-            code="whole_number_too_large",
+            "number without its sign?)",
+            remedy="write it with a sign",
         )
     return given.astype(np.int64, copy=False)
 
@@ -293,8 +299,8 @@ def _dataset(file: h5py.File, column: Column) -> h5py.Dataset:
     """The dataset of a column, unless it is missing or says that it is not SI."""
     node = file.get(column.dataset)
     if not isinstance(node, h5py.Dataset):
-        fault = f"dataset {column.dataset} is missing; write it as documented"
-        raise InputError(fault, code="missing_dataset")
+        problem = f"dataset {column.dataset} is missing"
+        raise InputError("missing_dataset", problem, remedy="write it as documented")
     _refuse_units(read_attributes(node), column.dataset, column.unit)
     return node
 
@@ -308,9 +314,9 @@ def _numbers(file: h5py.File, column: Column, lengths: dict[int | str, int], of:
         number = number_noted(notes, missing)
         if number is not None and (data == number).any():
             raise InputError(
-                f"{name} has the number {number:g}, which stands for none by its {missing}; give "
-                "a number there, or leave the column out",
-                code="masked",
+                "masked",
+                f"{name} has the number {number:g}, which stands for none by its {missing}",
+                remedy=("give a number there, or leave the column out"),
             )
     return data
 
@@ -320,14 +326,19 @@ def _refuse_units(notes: Mapping[str, Any], name: str, unit: str) -> None:
     for attribute, said in notes.items():
         if attribute.lower() in OF_UNITS and not says(_text_of(said), unit):
             raise InputError(
-                f"{name} is in {_text_of(said)!r}; all numbers are SI: convert them to m, kg, s, "
-                f"here {unit}, and say so or nothing",
-                code="unit",
+                "unit",
+                f"{name} is in {_text_of(said)!r}",
+                remedy=(
+                    "all numbers are SI: convert them to m, kg, s, "
+                    f"here {unit}, and say so or nothing"
+                ),
             )
     for attribute, usual in OF_PACKED.items():
         if attribute in notes and number_noted(notes, attribute) != usual:
             raise InputError(
-                f"{name} is packed by its {attribute}; write the numbers themselves", code="unit"
+                "unit",
+                f"{name} is packed by its {attribute}",
+                remedy="write the numbers themselves",
             )
 
 

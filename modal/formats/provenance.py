@@ -80,7 +80,7 @@ class Provenance:
         kept = plain(given | files)  # numbers, texts and lists as JSON gives them back
         for name, value in kept.items():
             if value is None:
-                raise InputError(f"{name} is {given[name]}; give a number")
+                raise InputError("input", f"{name} is {given[name]}", remedy="give a number")
         object.__setattr__(self, "settings", kept)
 
     @property
@@ -152,8 +152,9 @@ def read_provenance(path: str | Path) -> Provenance:
             made = replace(made, settings=settings, sources=sources)
         if digest and digest not in [source.sha256 for source in made.packing[:1]]:
             raise InputError(
-                f"{path}: names a network as its own that is not the packing among its sources; "
-                "make it again"
+                "input",
+                f"{path}: names a network as its own that is not the packing among its sources",
+                remedy="make it again",
             )
     elif digest:
         made = replace(made, sources=(Source(PACKING, "", digest),))
@@ -228,8 +229,9 @@ def require_same_packing(product: str | Path, packing: tuple[Source, ...]) -> st
     if made[0].sha256 in {source.sha256 for source in packing} or packing[0].sha256 in own:
         return ""
     raise InputError(
-        f"{product}: made from {made[0]}, not from {packing[0]}; make it again, or give the "
-        "packing that it belongs to"
+        "input",
+        f"{product}: made from {made[0]}, not from {packing[0]}",
+        remedy=("make it again, or give the packing that it belongs to"),
     )
 
 

@@ -44,7 +44,9 @@ def walk(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset | Non
             if isinstance(node, h5py.Group) and not _is_soft(group, name):
                 if _address(node) in seen:
                     raise InputError(
-                        f"group {path} has two names, or holds itself; write it once", code="link"
+                        "link",
+                        f"group {path} has two names, or holds itself",
+                        remedy="write it once",
                     )
                 seen.add(_address(node))
                 groups.append((path, node))
@@ -58,7 +60,9 @@ def _node(group: h5py.Group, name: str, path: str) -> h5py.Group | h5py.Dataset 
         link = None
     if not isinstance(link, PLAIN_LINKS):
         raise InputError(
-            f"{path} is a link out of the file; copy what it leads to into the file", code="link"
+            "link",
+            f"{path} is a link out of the file",
+            remedy="copy what it leads to into the file",
         )
     try:
         node = group[name]
@@ -83,15 +87,20 @@ def _address(group: h5py.Group) -> tuple[int, ...]:
 def refuse_hidden(dataset: h5py.Dataset, name: str) -> None:
     """InputError for a dataset whose numbers are not all in the file, or more than can be."""
     if dataset.shape is None:
-        raise InputError(f"{name} is empty, without a shape; write its numbers", code="unwritten")
+        raise InputError(
+            "unwritten", f"{name} is empty, without a shape", remedy="write its numbers"
+        )
     if dataset.is_virtual or dataset.external:
         raise InputError(
-            f"{name} has its numbers in another file; copy them into this one", code="other_file"
+            "other_file",
+            f"{name} has its numbers in another file",
+            remedy="copy them into this one",
         )
     if not _is_written(dataset):
         raise InputError(
-            f"{name} has parts that were never written; its program was stopped, make it again",
-            code="unwritten",
+            "unwritten",
+            f"{name} has parts that were never written",
+            remedy="its program was stopped, make it again",
         )
     chunks = dataset.chunks or ()
     numbers = math.prod(dataset.shape)
@@ -101,9 +110,9 @@ def refuse_hidden(dataset: h5py.Dataset, name: str) -> None:
         padded = math.prod(chunks) > numbers
         if padded or needed > MAX_COMPRESSION * dataset.id.get_storage_size():
             raise InputError(
-                f"{name} says that it has {quantity(needed, 'B', 3)}, more than its file can hold; "
-                "make it again",
-                code="declared_size",
+                "declared_size",
+                f"{name} says that it has {quantity(needed, 'B', 3)}, more than its file can hold",
+                remedy="make it again",
             )
         refuse_above_memory(needed, f"reading {name}", "take a machine with more")
 

@@ -70,12 +70,14 @@ def refuse_unwritable(path: str | Path) -> None:
     place = Path(os.path.realpath(path))
     try:
         if str(path).endswith(os.sep) or place.is_dir():
-            raise InputError(f"{path}: a folder; name the file to be written in it", code="folder")
+            raise InputError(
+                "folder", f"{path}: a folder", remedy="name the file to be written in it"
+            )
         _refuse_foreign_link(Path(path))
         there = os.path.exists(path)
         if there and not place.is_file():  # /dev/stdout, its file removed
             raise InputError(
-                f"{path}: a device or a pipe, no file; give the name of a file", code="no_file"
+                "no_file", f"{path}: a device or a pipe, no file", remedy="give the name of a file"
             )
         with suppress(FileNotFoundError):
             os.lstat(_partial_name(place))  # whose name is longer
@@ -90,19 +92,19 @@ def refuse_unwritable(path: str | Path) -> None:
 def unwritable(path: str | Path, error: OSError) -> InputError:
     """Return what is said of a file that could not be written."""
     return InputError(
-        f"{path}: cannot be written ({error.strerror or error}); check the folder, its "
-        "permissions and the space on the disk",
-        code="unwritable",
+        "unwritable",
+        f"{path}: cannot be written ({error.strerror or error})",
+        remedy=("check the folder, its permissions and the space on the disk"),
     )
 
 
 def refuse_absent(path: str | Path) -> None:
     """InputError where there is no file of this name."""
     if os.path.isdir(path):
-        raise InputError(f"{path}: a folder, no file; name the file in it", code="folder")
+        raise InputError("folder", f"{path}: a folder, no file", remedy="name the file in it")
     if not os.path.isfile(path):  # nor a name that is too long for one
         why = "a device or a pipe, no file" if os.path.exists(path) else "no such file"
-        raise InputError(f"{path}: {why}; check the name", code="no_file")
+        raise InputError("no_file", f"{path}: {why}", remedy="check the name")
 
 
 def sha256(path: str | Path) -> str:
@@ -125,8 +127,9 @@ def _refuse_foreign_link(path: Path) -> None:
         trusted = {os.getuid(), path.parent.stat().st_uid}
         if path.lstat().st_uid not in trusted:
             raise InputError(
-                f"{path}: a link that another user has put there; remove it, or give another name",
-                code="foreign_link",
+                "foreign_link",
+                f"{path}: a link that another user has put there",
+                remedy="remove it, or give another name",
             )
         path = path.parent / os.readlink(path)
 

@@ -128,7 +128,7 @@ def _found(
     source.release()
     if missing:
         raise UnavailableError(
-            f"{count} {what} were counted, but not all were found", code="not_converged"
+            "not_converged", f"{count} {what} were counted, but not all were found"
         )
     return sp.csc_matrix(orthonormal(vectors, Held(known, vectors[:, :0])))
 

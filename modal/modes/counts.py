@@ -29,14 +29,17 @@ def check_count(system: LinearSystem, count: int, available_modes: int) -> None:
     """
     if available_modes < 1 or not system.diagonal.any():
         raise UnavailableError(
-            f"no modes to list: no spring holds any of the {system.size} motions; see the "
-            "contacts with `info`",
-            code="no_stiffness",
+            "no_stiffness",
+            "no modes to list",
+            f"no spring holds any of the {system.size} motions",
+            "see the contacts with `info`",
         )
     if not (isinstance(count, int | np.integer) and 1 <= count <= available_modes):
         raise InputError(
+            "input",
             f"{count} modes asked, the network has {system.size} degrees of freedom and "
-            f"{available_modes} modes to list; ask for 1 to {available_modes}"
+            f"{available_modes} modes to list",
+            remedy=f"ask for 1 to {available_modes}",
         )
 
 
@@ -134,8 +137,10 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
     """
     if not system.symmetric:
         raise InputError(
-            f"pre-stress {system.pre_stress!r}: K is not symmetric, and no factor of it counts "
-            "modes; take pre-stress normal, or all modes of a small packing"
+            "input",
+            f"pre-stress {system.pre_stress!r}",
+            "K is not symmetric, and no factor of it counts modes",
+            "take pre-stress normal, or all modes of a small packing",
         )
     if frequency <= 0 and system.semidefinite:
         return 0
@@ -150,9 +155,10 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
         if not counts and count is not None:
             return count
     raise UnavailableError(
-        f"{frequency:g} Hz: a mode is so near that its side is round-off; ask at a slightly "
-        "different frequency",
-        code="not_converged",
+        "not_converged",
+        f"{frequency:g} Hz",
+        "a mode is so near that its side is round-off",
+        "ask at a slightly different frequency",
     )
 
 

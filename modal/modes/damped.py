@@ -114,7 +114,7 @@ def damped_modes(
     """
     system = LinearSystem.of(network)
     if not frequencies(near) > 0:
-        raise InputError(f"modes near {near:g} Hz: give a frequency above 0")
+        raise InputError("input", f"modes near {near:g} Hz", remedy="give a frequency above 0")
     check_count(system, count, system.size - (0 if system.size <= FEW else 2))
     A = system.assemble_dynamical_matrix()
     C = system.sqrt_mass.around(stiffness_matrix(damping.dashpots(network)))  # M^-1/2 C M^-1/2, 1/s
@@ -125,7 +125,9 @@ def damped_modes(
     else:
         rate, phi = _rates_near(A, C, by_structure(system).basis, shift, count, slow)
     if len(rate) < count:
-        raise InputError(f"{count} modes asked, but only {len(rate)} oscillate; ask for fewer")
+        raise InputError(
+            "input", f"{count} modes asked, but only {len(rate)} oscillate", remedy="ask for fewer"
+        )
     nearest = np.argsort(abs(rate - shift))[:count]
     order = nearest[np.argsort(rate[nearest].imag)]
     rate, phi = rate[order], phi[:, order] / np.linalg.norm(phi[:, order], axis=0)
@@ -168,8 +170,9 @@ def _rates_near(
     def invert(state: Complex) -> Complex:
         if next(solves, None) is None:
             raise InputError(
-                f"{count} modes near {near:g} Hz did not converge in {MOST} solves; ask for fewer, "
-                f"or near another frequency, or {remedy}"
+                "input",
+                f"{count} modes near {near:g} Hz did not converge in {MOST} solves",
+                remedy=(f"ask for fewer, or near another frequency, or {remedy}"),
             )
         first, second = elastic(state[:size]), elastic(state[size:])
         place = -elastic(factor.solve(second + C @ first + shift * first))

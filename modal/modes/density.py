@@ -248,12 +248,14 @@ def density_of_states(
     """
     if resolution is not None and not frequencies(resolution) > 0:
         raise InputError(
-            f"resolution {resolution:g} Hz: give a positive number of Hz", code="resolution"
+            "resolution", f"resolution {resolution:g} Hz", remedy="give a positive number of Hz"
         )
     if seed < 0 or seed % 1 != 0:
-        raise InputError(f"seed {seed}: give a whole number from 0 on")
+        raise InputError("input", f"seed {seed}", remedy="give a whole number from 0 on")
     if not 0 < tolerance < 1:
-        raise InputError(f"tolerance {tolerance:g}: give a share of all modes between 0 and 1")
+        raise InputError(
+            "input", f"tolerance {tolerance:g}", remedy="give a share of all modes between 0 and 1"
+        )
     system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding)
     return density_of(system, resolution, tolerance, seed)
 
@@ -278,7 +280,7 @@ def _density(
     operator, size, (top, products) = system.renumbered, system.size, system.spectral_bound_and_cost
     if top <= 0:
         raise UnavailableError(
-            "the network has no stiffness; all its modes are at zero", code="no_stiffness"
+            "no_stiffness", "the network has no stiffness", remedy="all its modes are at zero"
         )
     highest = system.highest_frequency
     # The kernel's standard deviation in x is pi over the number of orders, odd ones included.
@@ -298,9 +300,10 @@ def _density(
     )
     if unstable := count_below(system, 0.0):
         raise UnavailableError(
-            f"K has a negative direction ({unstable} unstable modes): the packing does not vibrate "
-            "with these springs; `count` says how many modes lie below a frequency, with these",
-            code="unstable",
+            "unstable",
+            f"K has a negative direction ({unstable} unstable modes)",
+            "the packing does not vibrate with these springs",
+            "`count` says how many modes lie below a frequency, with these",
         )
     floppy = every_floppy(system)
     if exact:
@@ -362,7 +365,7 @@ def moments_of(
     first, largest = moments[:, :, 0].sum(axis=1), moments[:, :, last].sum(axis=1)
     if not (abs(largest) <= largest_growth(operator, last) * first).all():
         raise UnavailableError(
-            "the top of the spectrum was not found; ask with another seed", code="not_converged"
+            "not_converged", "the top of the spectrum was not found", remedy="ask with another seed"
         )
     return moments[:, :, :count]
 

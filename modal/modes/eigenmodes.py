@@ -132,15 +132,19 @@ def modes_of(system: LinearSystem, *, certify: bool = True, **asked: Any) -> Mod
     """As `eigenmodes`, of a system that is at hand; the last lists are kept with its network."""
     given = {name: which for name, which in asked.items() if not (which is None or which is False)}
     if len(given) > 1:
-        raise InputError(f"{' and '.join(given)}: which modes? Ask for one of them")
+        raise InputError("input", f"{' and '.join(given)}: which modes? Ask for one of them")
     kind: str = next(iter(given), "lowest")
     value: Any = given.get(kind)
     if not certify and kind != "highest":
         raise InputError(
-            "certify=False is for the highest modes only; elsewhere it saves hardly any time"
+            "input",
+            "certify=False is for the highest modes only",
+            remedy="elsewhere it saves hardly any time",
         )
     if kind == "between" and np.shape(value) != (2,):
-        raise InputError(f"between {value}: give two frequencies in Hz, the lower one first")
+        raise InputError(
+            "input", f"between {value}", remedy="give two frequencies in Hz, the lower one first"
+        )
     how = (system.solver, system.shapes, system.limits, system.hours)
     modes = system.kept(
         "lists of modes",
@@ -208,9 +212,10 @@ def _lowest(system: LinearSystem, choice: Choice, floppy: FloppyModes) -> ModeSe
     missing = search.complete(choice.count, 1, lambda f: count_below(system, f) - floppy.held)
     if not len(search.square):
         raise UnavailableError(
-            "no mode converged: the contrast of stiffnesses or masses leaves the lowest modes "
-            "below round-off; ask for the highest, or for an interval further up",
-            code="not_converged",
+            "not_converged",
+            "no mode converged",
+            "the contrast of stiffnesses or masses leaves the lowest modes below round-off",
+            "ask for the highest, or for an interval further up",
         )
     if not missing:
         counted_floppy(system, search.at_zero)

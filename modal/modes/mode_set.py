@@ -65,11 +65,11 @@ class Choice:
     def of_interval(cls, low: float, high: float) -> Choice:
         """From `low` to below `high`, Hz; InputError where there is nothing between."""
         if high == np.inf:
-            raise InputError("an interval without an end: ask for all modes")
+            raise InputError("input", "an interval without an end", remedy="ask for all modes")
         low, high = map(float, frequencies((low, high)))
         if high <= low:
             empty = f"the interval {low:g} to {high:g} Hz is empty"
-            raise InputError(f"{empty}; give the lower end first")
+            raise InputError("input", f"{empty}", remedy="give the lower end first")
         return cls("between", low=low, high=high)
 
     def part(self, frequency: Floats, zero: float) -> slice:
@@ -171,7 +171,7 @@ class ModeSet(Drawn):
         two make together. InputError where the mode shapes were not kept.
         """
         if axis not in ("x", "y", "z"):
-            raise InputError(f"axis {axis!r}: choose x, y or z")
+            raise InputError("input", f"axis {axis!r}", remedy="choose x, y or z")
         return chi_z(self.shapes(), axis="xyz".index(axis))
 
     def shapes(self, network: Network | None = None) -> Floats:
@@ -180,15 +180,18 @@ class ModeSet(Drawn):
         With a `network` also where the modes are of another one.
         """
         if self.mode_shape is None:
-            raise InputError("no mode shapes were kept; ask for fewer modes, or with -o")
+            raise InputError(
+                "input", "no mode shapes were kept", remedy="ask for fewer modes, or with -o"
+            )
         if network is not None:
             noted = self.attributes.get("packing")
             known = noted is None or network.matches(noted)
             if not known or self.mode_shape.shape[1] != network.n_particles:
                 raise InputError(
+                    "modes_of_another_network",
                     "the modes are of another network, of other spheres, contacts, stiffnesses or "
-                    "forces; take those of this one",
-                    code="modes_of_another_network",
+                    "forces",
+                    remedy="take those of this one",
                 )
         return self.mode_shape
 
@@ -320,10 +323,12 @@ def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
         for name in WHOLE_NUMBERS & modes.attributes.keys():
             modes.attributes[name] = int(modes.attributes[name])
     if (np.diff(modes.frequency) < 0).any():
-        raise InputError(f"{path}: frequency is not in ascending order; make it again")
+        raise InputError(
+            "input", f"{path}: frequency is not in ascending order", remedy="make it again"
+        )
     along = np.isnan(modes.chi_z_chain)
     if along.any() and not along.all():
-        raise InputError(f"{path}: chi_z_chain is not finite; make it again")
+        raise InputError("input", f"{path}: chi_z_chain is not finite", remedy="make it again")
     return modes
 
 

@@ -79,7 +79,9 @@ def modes_at_an_end(system: LinearSystem, choice: Choice) -> ModeSet:
     square, vector = real_spectrum(square, vector)
     chosen = choice.part(frequency_of(square), system.zero_frequency)
     if (square > system.zero_threshold).sum() < count:
-        raise InputError(f"{count} modes asked of {len(met)}: ask for fewer, or for all")
+        raise InputError(
+            "input", f"{count} modes asked of {len(met)}", remedy="ask for fewer, or for all"
+        )
     whole = np.zeros((system.size, count))
     whole[met] = vector[:, chosen]
     piece = Piece(square[chosen], np.arange(count), lambda some: whole[:, some])

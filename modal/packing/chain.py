@@ -29,8 +29,9 @@ def _chain(network: Network) -> Ints:
     goal = np.unique(i[j == RECEIVER_WALL])
     if len(start) == 0 or len(goal) == 0:
         raise UnavailableError(
-            "the network has no contact with both walls; a chain needs the two walls",
-            code="no_walls",
+            "no_walls",
+            "the network has no contact with both walls",
+            remedy="a chain needs the two walls",
         )
     xy = network.position[:, :2]
     middle = 0.5 * (xy.min(axis=0) + xy.max(axis=0))
@@ -76,8 +77,9 @@ def _find_cheapest_path(
     nearest = float(distance[goal].min(initial=np.inf))
     if not np.isfinite(nearest):
         raise UnavailableError(
-            "no chain of contacts joins the two walls; the packing carries no wave",
-            code="carries_no_wave",
+            "carries_no_wave",
+            "no chain of contacts joins the two walls",
+            remedy="the packing carries no wave",
         )
     here = int(goal[np.argmin(_round_ties(distance[goal], nearest))])
 
@@ -94,9 +96,10 @@ def _find_cheapest_path(
         before = np.sort(before[on_shortest_path & nearer])
         if not len(before):
             raise UnavailableError(
-                f"a contact of particle {here} has levers of no length: no chain goes through it; "
+                "no_levers",
+                f"a contact of particle {here} has levers of no length",
+                "no chain goes through it",
                 "give the vectors from the centres to the contact point",
-                code="no_levers",
             )
         here = int(before[np.argmin(_round_ties(distance[before], distance[here]))])
         path.append(here)

@@ -60,7 +60,9 @@ def converted(given: Mapping[str, Any]) -> dict[str, Any]:
             own[name] = column.array(name, given[name], lengths)
     for name in ("study", "provenance"):
         if not isinstance(given[name], Mapping):
-            raise InputError(f"{name} is {given[name]!r}, not a dict; give names and values")
+            raise InputError(
+                "input", f"{name} is {given[name]!r}, not a dict", remedy="give names and values"
+            )
     return own
 
 
@@ -74,7 +76,7 @@ def refuse(faults: Faults, first: int = 0) -> None:
     for kind, wrong, fault in faults:
         if np.any(wrong):
             number = f"{kind} {first + int(np.argmax(wrong))} " if kind else ""
-            raise InputError(f"{number}{fault}" + "; mend the export" * (";" not in fault))
+            raise InputError("input", f"{number}{fault}" + "; mend the export" * (";" not in fault))
 
 
 def check(network: Columns) -> None:

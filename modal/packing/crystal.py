@@ -59,16 +59,18 @@ class FccPacking:
         refuse_other_kinds(FccPacking, type(self).__name__, vars(self))
         if not 1e-30 < self.radius < 1e9:
             raise InputError(
-                f"radius {self.radius:g}: give a positive number below 1e9, in m", code="radius"
+                "radius", f"radius {self.radius:g}", remedy="give a positive number below 1e9, in m"
             )
         max_overlap = MAX_OVERLAP_IN_RADII * self.radius
         max_force = float(self.laws[0].normal_force(max_overlap, self.radius / 2))
         max_stress = 2 * sqrt(2) * max_force / (2 * self.radius - max_overlap) ** 2
         if not 0 < self.stress < max_stress:
             raise InputError(
-                f"stress {self.stress:g} Pa: outside 0 to {max_stress:.3g} Pa, where spheres of "
-                f"this material overlap by {MAX_OVERLAP_IN_RADII:g} of the radius; give it in Pa",
-                code="stress",
+                "stress",
+                f"stress {self.stress:g} Pa",
+                f"outside 0 to {max_stress:.3g} Pa, where spheres of "
+                f"this material overlap by {MAX_OVERLAP_IN_RADII:g} of the radius",
+                "give it in Pa",
             )
 
     @property
@@ -170,13 +172,12 @@ def fcc(
     """
     if len(cells) != 3 or any(number < 1 or number % 1 != 0 for number in cells):
         raise InputError(
-            f"cells {cells}: give three whole numbers, along x and y, and layers", code="cells"
+            "cells", f"cells {cells}", remedy="give three whole numbers, along x and y, and layers"
         )
     nx, ny, layers = (int(number) for number in cells)
     if periodic_z and layers % 2:
         raise InputError(
-            f"{layers} layers: a crystal periodic along z has an even number of them",
-            code="layers",
+            "layers", f"{layers} layers", "a crystal periodic along z has an even number of them"
         )
     refuse_above_memory(
         BYTES_PER_SPHERE * nx * ny * layers,
@@ -186,9 +187,11 @@ def fcc(
     crystal = FccPacking(stress, radius, material)
     if not periodic_z and crystal.wall_overlap > MAX_OVERLAP_IN_RADII * radius:
         raise InputError(
-            f"stress {stress:g} Pa: spheres of this material overlap with the walls by more than "
-            f"{MAX_OVERLAP_IN_RADII:g} of the radius; take less",
-            code="stress",
+            "stress",
+            f"stress {stress:g} Pa",
+            "spheres of this material overlap with the walls by more than "
+            f"{MAX_OVERLAP_IN_RADII:g} of the radius",
+            "take less",
         )
     d = crystal.spacing
     layer_distance = crystal.layer_distance

@@ -33,13 +33,14 @@ class Layers:
     def __init__(self, network: Network) -> None:
         if not network.length > 0:
             raise UnavailableError(
-                "the walls are in one place; such a packing carries no wave", code="no_volume"
+                "no_volume", "the walls are in one place", remedy="such a packing carries no wave"
             )
         bearing = firmly_held(network)
         if not bearing.any():
             raise UnavailableError(
-                "no particle has two contacts; such a packing carries no wave",
-                code="carries_no_wave",
+                "carries_no_wave",
+                "no particle has two contacts",
+                remedy="such a packing carries no wave",
             )
         diameter = 2 * float(network.radius.mean())
         count = max(1, round(network.length / diameter))

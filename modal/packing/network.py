@@ -126,9 +126,9 @@ class Network(Columns):
         area = float(self.cell_size[0] * self.cell_size[1])
         if not area > 0:
             raise UnavailableError(
-                "the network has no cross-section for stresses (cell/size is 0 along x or y); "
-                "give the widths of the packing there",
-                code="no_area",
+                "no_area",
+                "the network has no cross-section for stresses (cell/size is 0 along x or y)",
+                remedy="give the widths of the packing there",
             )
         return area
 
@@ -145,9 +145,9 @@ class Network(Columns):
         data: Array | None = getattr(self, name)
         if data is None:
             raise UnavailableError(
-                f"the network has no contacts/{name}, without which there is no {purpose}; "
-                "export it too",
-                code="unknown_column",
+                "unknown_column",
+                f"the network has no contacts/{name}, without which there is no {purpose}",
+                remedy="export it too",
             )
         return data
 
@@ -156,7 +156,9 @@ class Network(Columns):
         rows = np.arange(self.n_contacts)[kept]
         if np.bincount(rows).max(initial=0) > 1:
             raise InputError(
-                "a contact is selected twice; list each once, with its whole stiffness"
+                "input",
+                "a contact is selected twice",
+                remedy="list each once, with its whole stiffness",
             )
         return self.some(rows)
 

@@ -32,11 +32,12 @@ def refuse_few_digits(network: Network) -> None:
     error = overlap_error(network)
     if error > MAX_OVERLAP_ERROR_OF_MODES:
         raise UnavailableError(
-            f"overlaps are known to {error:.1%} alone, by the digits of positions: single modes "
+            "too_few_digits",
+            f"overlaps are known to {error:.1%} alone, by the digits of positions",
+            "single modes "
             "would be off by several percent; write positions with more digits (17 are all), or "
-            "contacts with their forces, and import them again; moduli, wave, density and measure "
-            "take this packing",
-            code="too_few_digits",
+            "contacts with their forces, and import them again",
+            "moduli, wave, density and measure take this packing",
         )
 
 

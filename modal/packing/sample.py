@@ -186,8 +186,10 @@ class Sample:
         if self.shear is not None:
             if len(self.shear) != m:
                 raise InputError(
-                    f"sample: {len(self.shear)} shear forces for {m} contacts; it was written by "
-                    "another program or is damaged, make it again"
+                    "input",
+                    "sample",
+                    f"{len(self.shear)} shear forces for {m} contacts",
+                    "it was written by another program or is damaged, make it again",
                 )
             for part, along, across in contact.frames():
                 shear = self.shear[part]
@@ -261,8 +263,10 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     theirs = contact.particle_i, contact.particle_j, contact.cell_shift
     if not all(map(np.array_equal, (i, j, shift), theirs)):
         raise InputError(
-            "the network's contacts are not those of spheres that overlap in a lateral cell: by "
-            "round-off, or from another program; take the network itself"
+            "input",
+            "the network's contacts are not those of spheres that overlap in a lateral cell",
+            "by round-off, or from another program",
+            "take the network itself",
         )
     shear = contact.along(force[rows] * np.where(turned, -1, 1)[:, None])
     sample.shear = shear if shear.any() else None
@@ -271,10 +275,14 @@ def sample_of_network(network: Network, friction: float) -> Sample:
         theirs = getattr(network, name)[rows]
         if abs(getattr(rebuilt, name) - theirs).max(initial=0.0) > ANOTHER * theirs.mean():
             raise InputError(
+                "input",
                 f"the network's {name} is not that of {material.contact_model} contacts of E "
-                f"{material.young:g} Pa and nu {material.poisson:g}; note young, poisson, "
-                "contact_model and, of other walls, wall_young and wall_poisson in its group "
-                "study, or take the linear wave, which knows any law"
+                f"{material.young:g} Pa and nu {material.poisson:g}",
+                remedy=(
+                    "note young, poisson, "
+                    "contact_model and, of other walls, wall_young and wall_poisson in its group "
+                    "study, or take the linear wave, which knows any law"
+                ),
             )
     return sample
 
@@ -285,8 +293,8 @@ def _wall_material(notes: Mapping[str, float | None]) -> Elasticity | None:
     if young is None and poisson is None:
         return None
     if young is None or poisson is None:
-        fault = "one of wall_young and wall_poisson lacks; give both, or none"
-        raise InputError(fault, code="incomplete")
+        problem = "one of wall_young and wall_poisson lacks"
+        raise InputError("incomplete", problem, remedy="give both, or none")
     return Elasticity(young, poisson)
 
 
@@ -315,7 +323,9 @@ def write_sample(path: str | Path, sample: Sample) -> None:
     2
     """
     if not all(sample.periodic_sides):
-        raise InputError("a sample without periods sideways has no file; write its network")
+        raise InputError(
+            "input", "a sample without periods sideways has no file", remedy="write its network"
+        )
     period = np.diff(sample.walls) if sample.periodic_z else None
     values = vars(sample) | vars(sample.material) | sample.wall_constants
     FORMAT.write(path, values | {"period": period})

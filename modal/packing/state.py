@@ -53,8 +53,9 @@ def volume_between_walls(network: Network) -> float:
         return occupied.volume
     if not network.length > 0:
         raise UnavailableError(
-            "the network has no volume (its walls are in one place); give walls/position around it",
-            code="no_volume",
+            "no_volume",
+            "the network has no volume (its walls are in one place)",
+            remedy="give walls/position around it",
         )
     return network.area * network.length
 

@@ -23,9 +23,9 @@ def repeat(network: Network, times_x: int, times_y: int) -> Network:
     times = np.array([times_x, times_y, 1])
     if min(times) < 1 or (~network.cell_periodic & (times > 1)).any():
         raise InputError(
-            f"cannot repeat {times_x} by {times_y}: give whole numbers from 1 on, of a packing "
-            "that is periodic along the axis",
-            code="repeat",
+            "repeat",
+            f"cannot repeat {times_x} by {times_y}",
+            remedy=("give whole numbers from 1 on, of a packing that is periodic along the axis"),
         )
     copies = times_x * times_y
     shifts = network.require("cell_shift", "telling which copies touch")
@@ -66,7 +66,7 @@ def repeat_sample(sample: Sample, times_x: int, times_y: int) -> Sample:
     """
     if sample.velocity is not None or sample.strain_rate is not None:
         raise InputError(
-            "the sample is in motion; bring it to rest first (relax)", code="in_motion"
+            "in_motion", "the sample is in motion", remedy="bring it to rest first (relax)"
         )
     large = sample_of_network(repeat(sample.network(), times_x, times_y), sample.friction)
     return replace(

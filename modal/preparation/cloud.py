@@ -49,8 +49,10 @@ def crowded(study: Study) -> Sample:
     lengths = width * np.array([1.0, 1.0, aspect])
     if lengths.min() < 4 * radii.max():
         raise InputError(
-            f"{study.spheres} spheres at aspect {aspect:.3g}: the cell is narrower than two "
-            "diameters; take more spheres, or an aspect nearer to 1"
+            "input",
+            f"{study.spheres} spheres at aspect {aspect:.3g}",
+            "the cell is narrower than two diameters",
+            "take more spheres, or an aspect nearer to 1",
         )
     points = np.random.default_rng(study.seed).random((study.spheres, 3))
     return mixture.sample(points[np.argsort(points[:, 2])] * lengths, lengths, 0.0)
@@ -69,8 +71,10 @@ def random_places(
     across, along = int(side / largest), int(length / largest)
     if across < 3 or along < (3 if whole else 2):
         raise InputError(
-            f"{count} spheres at this width: the cell is narrower than three of the largest, or "
-            "less than two layers; take other numbers, or sizes that differ less"
+            "input",
+            f"{count} spheres at this width",
+            "the cell is narrower than three of the largest, or less than two layers",
+            "take other numbers, or sizes that differ less",
         )
     order, random = np.argsort(-diameters, kind="stable"), np.random.default_rng(seed)
     points = chain.from_iterable(random.random((count, 3)).tolist() for _ in repeat(None))
@@ -100,6 +104,8 @@ def random_places(
                 places[number] = x, y, z
                 break
         else:
-            raise InputError(f"{count} spheres do not fit into the cloud; take another width")
+            raise InputError(
+                "input", f"{count} spheres do not fit into the cloud", remedy="take another width"
+            )
     upwards = np.argsort(places[:, 2], kind="stable")
     return places[upwards], order[upwards]

@@ -185,11 +185,16 @@ def compress_to_stresses(
     """
     if any(lower >= higher for lower, higher in pairwise(stresses)) and study.mu_comp:
         raise InputError(
-            f"stresses {_listed(stresses)} Pa: a compression only loads; give them in rising order"
+            "input",
+            f"stresses {_listed(stresses)} Pa",
+            "a compression only loads",
+            "give them in rising order",
         )
     stages, checkpoint = stages_of(study, stresses), folder / CHECKPOINT
     if len(set(stages)) < len(stages):
-        raise InputError(f"stresses {_listed(stresses)} Pa: one comes twice; give each once")
+        raise InputError(
+            "input", f"stresses {_listed(stresses)} Pa", "one comes twice", "give each once"
+        )
     files = {f"{stress:g}": folder / f"{stress:g}Pa.sample.h5" for stress in stresses}
 
     def write(path: Path, sample: Sample) -> None:
@@ -266,16 +271,18 @@ def _way_so_far(checkpoint: Path, sample: Sample, stages: list[str]) -> list[str
     stage, way = sample.study.get("stage"), str(sample.study.pop("way", "")).split(WAY)
     if not isinstance(stage, str):
         raise InputError(
-            f"{checkpoint}: it does not say at which stage it is; move it away, and begin anew",
-            code="incomplete",
+            "incomplete",
+            f"{checkpoint}: it does not say at which stage it is",
+            remedy="move it away, and begin anew",
         )
     known = [name for name in stages if name in way]
     ahead = stages[len(known) :]
     straight = known == stages[: len(known)] == [name for name in way if name in known]
     if not straight or ((ahead or stage in way) and way[-1] not in known):
         raise InputError(
-            f"{checkpoint}: it has gone by way of {WAY.join(way)} (Pa); give stresses that go on "
-            "from there, or take another folder"
+            "input",
+            f"{checkpoint}: it has gone by way of {WAY.join(way)} (Pa)",
+            remedy=("give stresses that go on from there, or take another folder"),
         )
     if stage not in way:
         sample.study["stage"] = ahead[0] if ahead else END
@@ -289,6 +296,8 @@ def _of_study(path: Path, study: Study, command: str) -> Sample:
     by = sample.provenance.get("command", command)
     if by != command:
         raise InputError(
-            f"{path}: made by {by}, not by {command}; go on with that, or take another folder"
+            "input",
+            f"{path}: made by {by}, not by {command}",
+            remedy="go on with that, or take another folder",
         )
     return sample

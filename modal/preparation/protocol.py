@@ -151,39 +151,54 @@ class Study:
         for name, kind in Study.__annotations__.items():
             setattr(self, name, kind(getattr(self, name)))
             if kind is float and not math.isfinite(getattr(self, name)):
-                raise InputError(f"{name} {getattr(self, name)}: not a finite number; give another")
+                raise InputError(
+                    "input",
+                    f"{name} {getattr(self, name)}: not a finite number",
+                    remedy="give another",
+                )
         fewest, narrowest = (100, 4) if self.mu_comp else (8, 2)
         enough = self.spheres >= fewest and self.width >= narrowest
         if not 0 <= self.mu_comp <= 1:
-            raise InputError(f"friction (mu_comp) {self.mu_comp:g}: give a number from 0 to 1")
+            raise InputError(
+                "input", f"friction (mu_comp) {self.mu_comp:g}", remedy="give a number from 0 to 1"
+            )
         if not enough:
             raise InputError(
-                f"{self.spheres} spheres in a cell {self.width:.3g} diameters wide: too few; take "
+                "input",
+                f"{self.spheres} spheres in a cell {self.width:.3g} diameters wide",
+                "too few",
+                "take "
                 f"at least {fewest} spheres and a width of {narrowest} diameters, by more spheres "
-                "or a smaller aspect (length over width)"
+                "or a smaller aspect (length over width)",
             )
         refuse_more_than_fit(self.spheres)
         _ = self.mixture  # refuses unknown words
         if not (0 < self.fraction <= 1 and 0 < self.inertial_number < 1):
             raise InputError(
-                f"fraction {self.fraction:g}, inertial number {self.inertial_number:g}: both must "
-                f"lie between 0 and 1; {STABILITY:g} and {INERTIAL_NUMBER:g} are usual"
+                "input",
+                f"fraction {self.fraction:g}, inertial number {self.inertial_number:g}",
+                "both must lie between 0 and 1",
+                f"{STABILITY:g} and {INERTIAL_NUMBER:g} are usual",
             )
         if not (self.approach_rate > 0 and 0 <= self.agitated_damping < 1 > self.damping > 0):
             raise InputError(
+                "input",
                 f"approach rate {self.approach_rate:g}, damping {self.agitated_damping:g} while "
-                f"agitated and {self.damping:g} later: the rate must be positive, each damping "
-                "below 1, the later one above 0"
+                f"agitated and {self.damping:g} later",
+                "the rate must be positive, each damping below 1, the later one above 0",
             )
         if not (0 <= self.dilate <= 0.1 and (self.mu_comp or not self.dilate)):
             raise InputError(
-                f"dilate {self.dilate:g}: the share by which lengths grow before spheres jam with "
-                "friction, 0 to 0.1; 0.005 leaves them nearly as dense as they are without"
+                "input",
+                f"dilate {self.dilate:g}",
+                "the share by which lengths grow before spheres jam with friction, 0 to 0.1",
+                "0.005 leaves them nearly as dense as they are without",
             )
         if not (100 <= self.hot_stress <= 1e8 and 0 < self.residual < 1):
             raise InputError(
-                f"hot stress {self.hot_stress:g} Pa, residual {self.residual:g}: the stress must "
-                "lie between 100 Pa and 1e8 Pa, the residual between 0 and 1"
+                "input",
+                f"hot stress {self.hot_stress:g} Pa, residual {self.residual:g}",
+                "the stress must lie between 100 Pa and 1e8 Pa, the residual between 0 and 1",
             )
 
     @cached_property
@@ -221,9 +236,10 @@ class Study:
         for name, value in (own | self.attributes).items():
             if not np.array_equal(np.asarray(found.get(name)), np.asarray(value)):
                 raise InputError(
+                    "other_study",
                     f"{path}: it belongs to another study ({name} is {found.get(name)}, not "
-                    f"{value}); move it away or take another folder",
-                    code="other_study",
+                    f"{value})",
+                    remedy="move it away or take another folder",
                 )
 
 

@@ -87,30 +87,46 @@ def pack(
     for stress in stresses:
         if not 10 * hardness <= stress <= PEAK * hardness:
             raise InputError(
-                f"stress {stress:g} Pa: outside {10 * hardness:g} Pa to {PEAK * hardness:g} Pa; "
-                "give it in Pa"
+                "input",
+                f"stress {stress:g} Pa",
+                f"outside {10 * hardness:g} Pa to {PEAK * hardness:g} Pa",
+                "give it in Pa",
             )
     if peak is not None:
         usual = PEAK * hardness
         if not max(targets) <= peak <= 10 * usual:
             raise InputError(
-                f"peak {peak:g} Pa: below one of the stresses, or above {10 * usual:g} Pa; "
-                f"{usual:g} is usual"
+                "input",
+                f"peak {peak:g} Pa",
+                f"below one of the stresses, or above {10 * usual:g} Pa",
+                f"{usual:g} is usual",
             )
         protocol["peak"] = peak / hardness
     if oedometric and stress_ratio is not None:
-        raise InputError("a stress ratio of one-dimensional compression comes about: leave one out")
+        raise InputError(
+            "input",
+            "a stress ratio of one-dimensional compression comes about",
+            remedy="leave one out",
+        )
     if friction == 0 and (oedometric or stress_ratio is not None):
-        raise InputError("unequal stresses need friction, without which spheres flow: give some")
+        raise InputError(
+            "input",
+            "unequal stresses need friction, without which spheres flow",
+            remedy="give some",
+        )
     if stress_ratio is not None and not RATIOS[0] <= stress_ratio <= RATIOS[1]:
         raise InputError(
-            f"stress ratio {stress_ratio:g}: lateral over axial stress, {RATIOS[0]:g} to "
-            f"{RATIOS[1]:g}; few packings hold less than 0.3"
+            "input",
+            f"stress ratio {stress_ratio:g}",
+            f"lateral over axial stress, {RATIOS[0]:g} to {RATIOS[1]:g}",
+            "few packings hold less than 0.3",
         )
     if not 0 <= seed < 2**63:  # as an attribute of the file holds it
-        raise InputError(f"seed {seed}: outside 0 to 2^63 - 1; give 0, 1, 2 ...")
+        raise InputError("input", f"seed {seed}", "outside 0 to 2^63 - 1", "give 0, 1, 2 ...")
     if periodic and walls:
-        raise InputError("walls of a cell that is periodic along z: it has none; leave one out")
+        raise InputError(
+            "input", "walls of a cell that is periodic along z", "it has none", "leave one out"
+        )
     of = words({"sizes": sizes, "densities": densities, "walls": walls, "solid": solid})
     of |= {"walls": NO_WALLS} if periodic else {}
     sound = sound_aspect(spheres) if aspect is None and width is None else None

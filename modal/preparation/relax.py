@@ -121,8 +121,10 @@ def relax(
     """
     if not 0 < sample.friction < np.inf:
         raise InputError(
-            f"friction {sample.friction:g}: a balance of contacts needs friction; "
-            "give a positive one"
+            "input",
+            f"friction {sample.friction:g}",
+            "a balance of contacts needs friction",
+            "give a positive one",
         )
     limit = RESERVE * sample.friction
     of_compression = number_noted(sample.study, "mu_comp")
@@ -130,7 +132,9 @@ def relax(
         limit = min(limit, of_compression)
     contacts = MovingContacts(sample, limit)
     if contacts.touching == 0:
-        raise InputError("the sample has no contacts; compress it before it is brought to rest")
+        raise InputError(
+            "input", "the sample has no contacts", remedy="compress it before it is brought to rest"
+        )
     overlap = float(np.median(sample.contacts().overlap))
     attainable = float(10 * np.finfo(float).eps * contacts.lengths[2] / overlap)
     goal = max(tolerance, attainable)
@@ -138,8 +142,9 @@ def relax(
     for step in range(max_steps + 1):
         if contacts.touching == 0:
             raise InputError(
-                f"the spheres come apart at a friction of {limit:.3g}; give them more of it, or "
-                "compress the sample further first"
+                "input",
+                f"the spheres come apart at a friction of {limit:.3g}",
+                remedy=("give them more of it, or compress the sample further first"),
             )
         if step % LOOK == 0:
             state = _look(contacts, step)
@@ -162,8 +167,10 @@ def relax(
     state = equilibrium_of(rested, step)
     if not state.within(max(NEAR, goal)):
         raise InputError(
+            "input",
             f"the sample does not come to rest (residual {state.residual:.1e}, of a single sphere "
-            f"{state.largest:.1e}, after {step} steps); let its dynamics settle further first"
+            f"{state.largest:.1e}, after {step} steps)",
+            remedy="let its dynamics settle further first",
         )
     state.tolerance, state.attainable, state.at_rest = tolerance, attainable, state.within(goal)
     return rested, state

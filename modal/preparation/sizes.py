@@ -152,16 +152,20 @@ def radii_of(spheres: int, sizes: Sequence[str | float], seed: int) -> np.ndarra
         count = round(large * spheres)
         if not 0 < count < spheres:
             raise InputError(
-                f"sizes two {ratio:g} {share:g}: that are {count} large ones of {spheres} "
-                "spheres; take more spheres or another share"
+                "input",
+                f"sizes two {ratio:g} {share:g}",
+                f"that are {count} large ones of {spheres} spheres",
+                "take more spheres or another share",
             )
         radii = np.where(np.arange(spheres) < count, ratio, 1.0)
     else:
-        raise InputError(f"sizes {' '.join(map(str, sizes))}: give {KINDS}")
+        raise InputError("input", f"sizes {' '.join(map(str, sizes))}", remedy=f"give {KINDS}")
     if radii.max() > WIDEST * radii.min():
         raise InputError(
-            f"sizes {' '.join(map(str, sizes))}: radii from 1 to "
-            f"{radii.max() / radii.min():.3g}; up to {WIDEST:g} is allowed, take a smaller spread"
+            "input",
+            f"sizes {' '.join(map(str, sizes))}",
+            f"radii from 1 to {radii.max() / radii.min():.3g}",
+            f"up to {WIDEST:g} is allowed, take a smaller spread",
         )
     radii = RADIUS * radii / radii.mean()
     return np.random.default_rng(seed).permutation(radii)
@@ -182,8 +186,10 @@ def densities_of(
     given = _numbers(densities)
     if not given or not all(DENSE[0] <= one <= DENSE[1] for one in given):
         raise InputError(
-            f"densities {' '.join(map(str, densities))}: give {DENSITIES}; from {DENSE[0]:g} to "
-            f"{DENSE[1]:g}"
+            "input",
+            f"densities {' '.join(map(str, densities))}",
+            f"give {DENSITIES}",
+            f"from {DENSE[0]:g} to {DENSE[1]:g}",
         )
     kinds = np.unique(radii) if radii is not None else np.empty(0)
     if radii is not None and len(kinds) == len(given) == 2:
@@ -197,8 +203,10 @@ def wall_material(words: Sequence[str | float]) -> Elasticity:
     given = _numbers(words)
     if len(given) != 2 or not (YOUNG[0] <= given[0] <= YOUNG[1] and -1 < given[1] < 0.5):
         raise InputError(
-            f"walls {' '.join(map(str, words))}: give {WALLS}, as 2.1e11 0.3; from {YOUNG[0]:g} "
-            f"to {YOUNG[1]:g} Pa, and from -1 to 0.5"
+            "input",
+            f"walls {' '.join(map(str, words))}",
+            f"give {WALLS}, as 2.1e11 0.3",
+            f"from {YOUNG[0]:g} to {YOUNG[1]:g} Pa, and from -1 to 0.5",
         )
     return Elasticity(*given)
 
@@ -214,8 +222,9 @@ def solid_of(words: Sequence[str | float]) -> tuple[Material, float]:
             laws_of(material)  # refuses a model that there is not
             return material, radius
     raise InputError(
-        f"spheres of {' '.join(map(str, words))}: give {SOLID}, as "
-        f"{GLASS.young:g} {GLASS.poisson:g} {GLASS.density:g} {RADIUS:g}"
+        "input",
+        f"spheres of {' '.join(map(str, words))}",
+        remedy=(f"give {SOLID}, as {GLASS.young:g} {GLASS.poisson:g} {GLASS.density:g} {RADIUS:g}"),
     )
 
 

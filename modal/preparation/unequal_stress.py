@@ -97,7 +97,10 @@ class Loading(Stage):
         if largest > FAILED and not self.control.error() < self.limits[0]:
             stress = self.control.stress
             raise InputError(
-                f"the packing fails on its way to {self.name} Pa along z: at a strain of "
+                "input",
+                f"the packing fails on its way to {self.name} Pa along z",
+                "at a strain of "
                 f"{largest:.2f} its lateral over axial stress is "
-                f"{stress[:2].mean() / stress[2]:.3f}; take a ratio nearer to 1, or more friction"
+                f"{stress[:2].mean() / stress[2]:.3f}",
+                "take a ratio nearer to 1, or more friction",
             )

@@ -79,7 +79,7 @@ def eigenpairs(
             # ArpackNoConvergence holds the eigenvalues that did converge.
             converged = len(getattr(error, "eigenvalues", ()))
             raise UnavailableError(
-                f"{converged} of {ask} {what} converged; ask for fewer", code="not_converged"
+                "not_converged", f"{converged} of {ask} {what} converged", remedy="ask for fewer"
             ) from error
         if wanted(eigenvalues).sum() >= count or ask == max_eigenpairs:
             return eigenvalues, vectors

@@ -118,10 +118,11 @@ def conjugate_gradients(
         direction += preconditioned
     worst = float((error / bound).max())
     raise UnavailableError(
-        f"the springs do not balance the load: after {most_products} products with K the error in "
-        f"energy is still {worst:.1e} times what was asked; ask for a larger tolerance, or take "
-        "a packing whose stiffnesses differ less",
-        code="not_converged",
+        "not_converged",
+        "the springs do not balance the load",
+        f"after {most_products} products with K the error in "
+        f"energy is still {worst:.1e} times what was asked",
+        "ask for a larger tolerance, or take a packing whose stiffnesses differ less",
     )
 
 

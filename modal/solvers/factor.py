@@ -43,15 +43,16 @@ class SingularError(InputError):
     def __init__(self, definite: bool) -> None:
         if definite:
             super().__init__(
-                "K has a negative direction: the packing is not stable with these springs; ask for "
-                "the modes of an interval or for a count, which allow it",
-                code="unstable",
+                "unstable",
+                "K has a negative direction",
+                "the packing is not stable with these springs",
+                "ask for the modes of an interval or for a count, which allow it",
             )
         else:
             super().__init__(
-                "K - sigma M is exactly singular at this frequency; ask for a slightly different "
-                "one",
-                code="singular",
+                "singular",
+                "K - sigma M is exactly singular at this frequency",
+                remedy="ask for a slightly different one",
             )
 
 
@@ -186,13 +187,14 @@ def choose(
     if not available(solver):
         others = " or ".join(name for name in SOLVERS if available(name))
         raise InputError(
-            f"solver {solver}: the package {factorisation.package} is not installed; install it or "
-            f"choose {others}",
-            code="not_installed",
+            "not_installed",
+            f"solver {solver}",
+            f"the package {factorisation.package} is not installed",
+            f"install it or choose {others}",
         )
     if unsymmetric and not factorisation.unsymmetric:
         raise InputError(
-            f"solver {solver}: it takes no shear forces in K; take another", code="unsymmetric"
+            "unsymmetric", f"solver {solver}", "it takes no shear forces in K", "take another"
         )
     return factorisation
 

@@ -53,9 +53,10 @@ class GrowthError(InputError):
 
     def __init__(self) -> None:
         super().__init__(
-            "the recurrence grows: the network is unstable (strong pre-stress or negative "
-            "stiffness); take pre-stress none",
-            code="unstable",
+            "unstable",
+            "the recurrence grows",
+            "the network is unstable (strong pre-stress or negative stiffness)",
+            "take pre-stress none",
         )
 
 

@@ -86,8 +86,11 @@ def carried(network: Network, terms: tuple[str, ...]) -> dict[str, Floats]:
     """What the terms need of a network, by column; InputError where it does not know it."""
     if terms and network.inertia_tensor is not None:
         raise InputError(
-            "pre-stress of bodies that are no spheres: carried forces turn with the spheres in "
-            "contact, whose centres a network of bodies does not have; take 'none'"
+            "input",
+            "pre-stress of bodies that are no spheres",
+            "carried forces turn with the spheres in "
+            "contact, whose centres a network of bodies does not have",
+            "take 'none'",
         )
     purpose = f"pre-stress {'full' if SHEAR in terms else 'normal'!r} (there is 'none')"
     if GROWTH in terms or ARMS in terms:

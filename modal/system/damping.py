@@ -47,8 +47,10 @@ class ContactDamping:
         for name, value in vars(self).items():
             if not 0 <= value <= LARGEST:
                 raise InputError(
-                    f"{name} damping {value:g}: a contact takes energy, it gives none; give a "
-                    f"ratio from 0 to {LARGEST:g}, in parts of the critical damping"
+                    "input",
+                    f"{name} damping {value:g}",
+                    "a contact takes energy, it gives none",
+                    f"give a ratio from 0 to {LARGEST:g}, in parts of the critical damping",
                 )
 
     @property

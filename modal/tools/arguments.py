@@ -72,7 +72,7 @@ def refuse_other_kinds(owner: Callable[..., Any], name: str, given: Mapping[str,
             shown = repr(value) if len(repr(value)) < 60 else f"a {type(value).__name__}"
             made = "".join(text for cls, text in MAKES.items() if f"a {cls}" in wanted)
             message = f"{name}: {argument} is {shown}, not {wanted}{made}"
-            raise InputError(message, code="argument")
+            raise InputError("argument", message)
 
 
 @cache
@@ -124,9 +124,11 @@ def frequencies(given: ArrayLike) -> Floats:
     try:
         asked = np.asarray(given, float)
     except (TypeError, ValueError) as error:
-        raise InputError(f"frequency is {given!r}, not numbers from 0 on; give Hz") from error
+        raise InputError(
+            "input", f"frequency is {given!r}, not numbers from 0 on", remedy="give Hz"
+        ) from error
     wrong = ~((asked >= 0) & (asked <= HIGHEST))
     if wrong.any():
         what = f"{asked[wrong][0]:g} Hz is no frequency"
-        raise InputError(f"{what}; give a number from 0 to {HIGHEST:g} Hz")
+        raise InputError("input", f"{what}", remedy=f"give a number from 0 to {HIGHEST:g} Hz")
     return asked

@@ -1,22 +1,30 @@
 """The error for what a user can mend, and for a word that is none of those known."""
 
-from collections.abc import Iterable
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
+from typing import Any
 
 from modal.tools.visible import visible
 
 
 class InputError(ValueError):
-    """A user's mistake; the message says in one line what is wrong, why, and what to do.
+    """Refuse what a user can mend: bad input, in one line that says what, why and what to do.
 
-    The command line prints it and ends with status 2. Names and texts of files stand in it as a
-    terminal may show them: control characters are written as escapes.
+    The command line prints the line and ends with status 2. Names and texts of files stand in it as
+    a terminal may show them: control characters are written as escapes.
 
-    Attributes
+    Parameters
     ----------
     code : str
-        What is wrong, for programs and tests, which must not depend on the message; "input" where
-        the error has no code of its own.
+        What is wrong, for programs and tests, which must not depend on the sentences.
+    problem : str
+        What is wrong, for a reader.
+    reason : str
+        Why, or what is allowed; empty where the problem says it.
+    remedy : str
+        What to do about it; empty where that is plain.
 
     Examples
     --------
@@ -25,16 +33,45 @@ class InputError(ValueError):
     ...     modal.fcc(cells=(2, 2, 0))
     ... except modal.InputError as error:
     ...     print(error)
-    cells (2, 2, 0): give three whole numbers, along x and y, and layers
+    ...     print(error.code)
+    cells (2, 2, 0); give three whole numbers, along x and y, and layers
+    cells
     """
 
-    def __init__(self, message: str = "", *, code: str = "input") -> None:
-        super().__init__(visible(message))
+    def __init__(self, code: str, problem: str, reason: str = "", remedy: str = "") -> None:
+        sentence = problem
+        if reason:
+            sentence += f": {reason}"
+        if remedy:
+            sentence += f"; {remedy}"
+        super().__init__(visible(sentence))
         self.code = code
+        self.problem = problem
+        self.reason = reason
+        self.remedy = remedy
+
+    def __reduce__(self) -> tuple[Callable[..., InputError], tuple[Any, ...]]:
+        # A process of a pool sends its errors to another one; subclasses have other arguments.
+        return _restore, (type(self), self.args, vars(self))
+
+    @property
+    def as_json(self) -> dict[str, str]:
+        """Code and sentences by their names, for a program that reads JSON."""
+        names = ("code", "problem", "reason", "remedy")
+        return {name: visible(getattr(self, name)) for name in names}
+
+
+def _restore(
+    kind: type[InputError], args: tuple[str, ...], attributes: dict[str, Any]
+) -> InputError:
+    """Return the error that another process has sent."""
+    error = kind.__new__(kind, *args)
+    vars(error).update(attributes)
+    return error
 
 
 class UnavailableError(InputError):
-    """A refusal because of what a packing or a record is, whatever is asked of it and how.
+    """Refuse because of what a packing or a record is, whatever is asked of it and how.
 
     One quantity of several is then not known; any other refusal ends the list.
     """
@@ -58,4 +95,4 @@ def refuse_unknown(what: str, word: object, known: Iterable[str]) -> None:
     near = get_close_matches(str(word).lower(), words) if len(words) > SHOWN else []
     all_of_them = ", ".join(words[:SHOWN] + ["..."] * (len(words) > SHOWN))
     do = f"did you mean {' or '.join(near)}?" if near else f"choose from {all_of_them}"
-    raise InputError(f"{what} {word!r}: unknown; {do}".lstrip(), code="unknown_word")
+    raise InputError("unknown_word", f"{what} {word!r}".lstrip(), "unknown", do)

@@ -16,9 +16,9 @@ from modal.tools.errors import InputError
 _THREADS = os.environ.get("NUMBA_NUM_THREADS", "1")
 if _THREADS.strip().lstrip("+-").isdecimal() and int(_THREADS) < 1:
     raise InputError(
-        f"the environment has NUMBA_NUM_THREADS={_THREADS}, of which numba can make no thread; "
-        "set it to 1 or more, or unset it",
-        code="thread_count",
+        "thread_count",
+        f"the environment has NUMBA_NUM_THREADS={_THREADS}, of which numba can make no thread",
+        remedy="set it to 1 or more, or unset it",
     )
 try:
     import numba
@@ -70,9 +70,10 @@ def _start_threads() -> None:
         most = numba.get_num_threads()
     except ValueError as error:
         raise InputError(
-            f"numba cannot start its threads: {error}; unset NUMBA_THREADING_LAYER and "
-            "NUMBA_THREADING_LAYER_PRIORITY".replace("\n", " "),
-            code="threading_layer",
+            "threading_layer",
+            "numba cannot start its threads",
+            str(error).replace("\n", " "),
+            "unset NUMBA_THREADING_LAYER and NUMBA_THREADING_LAYER_PRIORITY",
         ) from None
     asked = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]  # of nested loops the first
     if asked.isdecimal() and int(asked) > 0:

@@ -110,7 +110,9 @@ def plain_numbers(given: Any, name: str, unit: str) -> Any:
     told = getattr(given, "units", getattr(given, "unit", None))
     if told is not None and not callable(told) and type(told) not in (int, float, np.ndarray):
         if not says(str(told), unit):
-            raise InputError(f"{name} is in {told}, not in {_named(unit)}; convert it", code="unit")
+            raise InputError(
+                "unit", f"{name} is in {told}, not in {_named(unit)}", remedy="convert it"
+            )
         return getattr(given, "magnitude", getattr(given, "value", given))
     if isinstance(given, list | tuple):
         return [plain_numbers(each, name, unit) if _is_object(each) else each for each in given]
@@ -129,8 +131,9 @@ def _refuse_masked(given: Any, name: str) -> None:
         if mask.any():
             row = int(np.argwhere(np.atleast_1d(mask))[0, 0])
             raise InputError(
-                f"{name} is masked in row {row}; give a number there, or leave the column out",
-                code="masked",
+                "masked",
+                f"{name} is masked in row {row}",
+                remedy="give a number there, or leave the column out",
             )
 
 

@@ -48,9 +48,10 @@ def refuse_above(
     if not seconds <= (LONGEST if longest is None else longest) or bytes_needed > at_hand:
         task += f" {duration(seconds)} here, and" if seconds else ""
         raise UnavailableError(
+            "too_large",
             f"{task} {quantity(bytes_needed, 'B', 3)} of memory "
-            f"({quantity(at_hand, 'B', 3)} are free); {remedy}",
-            code="too_large",
+            f"({quantity(at_hand, 'B', 3)} are free)",
+            remedy=f"{remedy}",
         )
 
 
@@ -67,8 +68,9 @@ def out_of_memory(error: MemoryError) -> InputError:
     wanted = str(error).replace("\n", " ").rstrip(". ")
     detail = f" ({wanted})" if wanted else ""
     return InputError(
-        f"the memory does not suffice{detail}; {quantity(peak_memory(), 'B', 3)} were in use and "
-        f"{quantity(memory_at_hand(), 'B', 3)} are free: take a smaller packing, ask for less, or "
-        "raise the limit of memory",
-        code="out_of_memory",
+        "out_of_memory",
+        f"the memory does not suffice{detail}",
+        f"{quantity(peak_memory(), 'B', 3)} were in use and "
+        f"{quantity(memory_at_hand(), 'B', 3)} are free",
+        "take a smaller packing, ask for less, or raise the limit of memory",
     )

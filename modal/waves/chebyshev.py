@@ -84,7 +84,7 @@ def summed(
     top, products = forced.system.spectral_bound_and_cost
     if top == 0:
         raise UnavailableError(
-            "the network has no stiffness; no wave goes through it", code="no_stiffness"
+            "no_stiffness", "the network has no stiffness", remedy="no wave goes through it"
         )
     series = series_for(top)
     start = forced.springs.push.toarray()[0]

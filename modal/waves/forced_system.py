@@ -149,9 +149,9 @@ class ForcedSystem:
         if not springs.push.count_nonzero():
             stiffness = "normal" if direction == "z" else "tangential"
             raise UnavailableError(
-                f"the source, {source.name}, moves nothing along {direction}: its contacts have no "
-                f"{stiffness} stiffness",
-                code="source_moves_nothing",
+                "source_moves_nothing",
+                f"the source, {source.name}, moves nothing along {direction}",
+                f"its contacts have no {stiffness} stiffness",
             )
         dashpots = None
         if system.dashpots is not None:

@@ -90,9 +90,10 @@ def by_polynomials(
     """
     if forced.dashpots is not None:
         raise InputError(
+            "damping",
             "Chebyshev polynomials of K, which give a leapfrog's steps too, know no damping of "
-            "contacts; leave it out, or give no time step",
-            code="damping",
+            "contacts",
+            remedy="leave it out, or give no time step",
         )
     steps_between_records = 0
     if time_step is not None:
@@ -120,9 +121,10 @@ def _refuse_unstable(time_step: float, top: float) -> None:
     limit = 2 / np.sqrt(top)
     if not time_step < limit:
         raise InputError(
-            f"time step {time_step:g} s: the scheme is stable up to 2 / omega_max = {limit:.4g} s; "
+            "time_step",
+            f"time step {time_step:g} s",
+            f"the scheme is stable up to 2 / omega_max = {limit:.4g} s",
             "take a smaller one",
-            code="time_step",
         )
 
 
@@ -153,14 +155,15 @@ def _refuse_endless_expansion(
 def _steps_between_records(interval: float, time_step: float) -> int:
     """Return the steps from record to record; InputError if an interval, s, is no multiple."""
     if not 0 < time_step < np.inf:
-        raise InputError("the time step must be positive; give it in s", code="time_step")
+        raise InputError("time_step", "the time step must be positive", remedy="give it in s")
     count = max(1, round(interval / time_step))
     if abs(count * time_step / interval - 1) > 1e-9:
         fitting_step = interval / np.ceil(interval / time_step)
         raise InputError(
-            f"interval {interval:g} s: no multiple of the time step {time_step:g} s; take "
-            f"{count * time_step:g} s, or a step of {fitting_step:g} s",
-            code="time_step",
+            "time_step",
+            f"interval {interval:g} s",
+            f"no multiple of the time step {time_step:g} s",
+            f"take {count * time_step:g} s, or a step of {fitting_step:g} s",
         )
     return count
 
@@ -257,7 +260,7 @@ class _TaylorStep:
             if self._size(term) <= limit and order >= len(displacement):
                 return following
         raise UnavailableError(
-            "the series of the wave did not end; take a larger tolerance", code="not_converged"
+            "not_converged", "the series of the wave did not end", remedy="take a larger tolerance"
         )
 
     def _size(self, state: Floats) -> float:
@@ -270,7 +273,7 @@ def _fastest_rate(forced: ForcedSystem) -> float:
     stiff = forced.system.spectral_bound
     if stiff <= 0:
         raise UnavailableError(
-            "the network has no stiffness; no wave goes through it", code="no_stiffness"
+            "no_stiffness", "the network has no stiffness", remedy="no wave goes through it"
         )
     viscous = 0.0
     if forced.system.dashpots:

@@ -98,17 +98,20 @@ class NonlinearWave(Wave):
 def at_rest(sample: Sample | Network, friction: float | None) -> Sample:
     """The sample to start from; InputError for one in motion, or of a law that is not known."""
     if friction is not None and not 0 < friction < math.inf:
-        raise InputError(f"friction {friction:g}: must be positive")
+        raise InputError("input", f"friction {friction:g}", "must be positive")
     if isinstance(sample, Network):
         if friction is None:
             raise InputError(
-                "a network has no friction, which says when its contacts slide: give friction"
+                "input",
+                "a network has no friction, which says when its contacts slide",
+                remedy="give friction",
             )
         return sample_of_network(sample, friction)
     if sample.velocity is not None and sample.velocity.any():
         raise UnavailableError(
-            "the sample is on its way; bring it to rest first (python -m modal relax)",
-            code="in_motion",
+            "in_motion",
+            "the sample is on its way",
+            remedy="bring it to rest first (python -m modal relax)",
         )
     return sample if friction is None else replace(sample, friction=friction)
 
@@ -136,8 +139,9 @@ class NonlinearRuns:
         self.moves = self.source.imposed(self.network, direction) is not None
         if self.moves and direction == TORSION and self.sample.periodic_z:
             raise InputError(
-                "a period along z does not turn: take a cell between walls, a sphere as the "
-                "source, or the linear wave"
+                "input",
+                "a period along z does not turn",
+                remedy=("take a cell between walls, a sphere as the source, or the linear wave"),
             )
         self.load = self.source.load(self.network, direction).reshape(-1, 6)
         self.system = LinearSystem(self.network)
@@ -156,8 +160,10 @@ class NonlinearRuns:
             wave = self.run(math.ceil(self.interval / time_step * (1 - 1e-9)))
         else:
             raise InputError(
-                f"time step {time_step:g} s: the scheme is stable up to 2 / omega_max = "
-                f"{self.limit:.4g} s; take a smaller one"
+                "input",
+                f"time step {time_step:g} s",
+                f"the scheme is stable up to 2 / omega_max = {self.limit:.4g} s",
+                "take a smaller one",
             )
         quiet = abs(self.run(self.first, driven=False).moved).max(initial=0.0)
         largest = abs(wave.moved).max(initial=0.0)
@@ -180,11 +186,13 @@ class NonlinearRuns:
             every, coarse = finer, fine
             finer = math.ceil(every * min(max(growth, 1.2), 4.0))
         raise UnavailableError(
+            "not_converged",
             f"the error of the time step is still {error:.1e} of the motion at "
-            f"{self.interval / every:.3g} s: spheres fly about, whose ways no step repeats; ask "
+            f"{self.interval / every:.3g} s",
+            "spheres fly about, whose ways no step repeats",
+            "ask "
             "for a larger tolerance, a smaller amplitude or a shorter duration, or give a time "
             "step",
-            code="not_converged",
         )
 
     def run(self, every: int, *, driven: bool = True) -> NonlinearWave:
@@ -239,7 +247,7 @@ class NonlinearRuns:
                     opened |= contacts.opened()
         if not np.isfinite(moved).all():
             raise UnavailableError(
-                "the wave is not finite: take a smaller amplitude", code="not_converged"
+                "not_converged", "the wave is not finite", remedy="take a smaller amplitude"
             )
         ends, lost, rows = contacts.slips()
         dissipated = np.zeros(len(opened))

@@ -163,7 +163,9 @@ def propagate(
     if nonlinear:
         other, foreign = "linear", of_springs
     for name in (name for name, given in foreign.items() if given):
-        raise InputError(f"{name} is of the {other} wave: leave it out, or take that")
+        raise InputError(
+            "input", f"{name} is of the {other} wave", remedy="leave it out, or take that"
+        )
     error = tolerance or (ACCURACY if nonlinear else TOLERANCE)
     sample = at_rest(network, friction) if nonlinear else None
     if isinstance(network, Sample):
@@ -175,8 +177,9 @@ def propagate(
         interval = default_interval(network, duration, time_step)
     if not (0 < interval <= duration < np.inf and 0 < error < 1 and tolerance != 0):
         raise InputError(
+            "input",
             "duration and interval must be positive, the interval no longer than the duration, "
-            "the tolerance between 0 and 1"
+            "the tolerance between 0 and 1",
         )
     if sample is not None:
         runs = NonlinearRuns(sample, duration, interval, source, motion, direction, particles)

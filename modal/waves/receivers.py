@@ -40,7 +40,7 @@ class Receivers:
     def __init__(self, network: Network, direction: str = "z", *, particles: bool = False) -> None:
         if direction not in COMPONENT:
             raise InputError(
-                f"direction {direction!r}: choose {', '.join(COMPONENT)}", code="direction"
+                "direction", f"direction {direction!r}", remedy=f"choose {', '.join(COMPONENT)}"
             )
         self.direction = direction
         self.network = network

@@ -112,7 +112,9 @@ class Response(Recording, Drawn):
         InputError where there are no two walls.
         """
         if not self.from_wall_to_wall:
-            raise InputError("a gain is from wall to wall; this response has no stress on both")
+            raise InputError(
+                "input", "a gain is from wall to wall", remedy="this response has no stress on both"
+            )
         return abs(self.receiver_stress) / abs(self.source_stress)
 
     def gain_maxima(self) -> Floats:
@@ -220,7 +222,9 @@ def frequency_response(
     if resolution is None:
         resolution = default_resolution(system.highest_frequency, highest)
     if not (frequencies(resolution) > 0 and 0 < tolerance < 1):
-        raise InputError("resolution must be a positive number of Hz, tolerance between 0 and 1")
+        raise InputError(
+            "input", "resolution must be a positive number of Hz, tolerance between 0 and 1"
+        )
     source, receivers = source or Wall(), Receivers(system.network, direction)
     # The window leaves of a wave what comes within 1 / gamma.
     forced = ForcedSystem.of(system, source, receivers, 1 / (np.pi * resolution), tolerance)
@@ -260,8 +264,11 @@ def _end(top: float, highest: float | None, resolution: float) -> float:
     end = last if highest is None else float(frequencies(highest))
     if not resolution < end <= BEYOND * last:
         raise InputError(
-            f"highest frequency {end:g} Hz: must exceed the resolution, and may be {BEYOND} times "
-            f"that of the highest mode, {last:.3g} Hz, above which all motion dies away; give Hz"
+            "input",
+            f"highest frequency {end:g} Hz",
+            f"must exceed the resolution, and may be {BEYOND} times "
+            f"that of the highest mode, {last:.3g} Hz, above which all motion dies away",
+            "give Hz",
         )
     return end
 
@@ -289,9 +296,10 @@ def _windowed(
     series, record, products, error = summed(forced, series_for, tolerance)
     if error > tolerance:
         raise UnavailableError(
-            f"round-off is up to {error:.1g} of a record: so little comes through within the "
-            f"window of {1 / gamma:g} s; take a finer resolution or a larger tolerance",
-            code="not_converged",
+            "not_converged",
+            f"round-off is up to {error:.1g} of a record",
+            f"so little comes through within the window of {1 / gamma:g} s",
+            "take a finer resolution or a larger tolerance",
         )
     return series.frequency, record, products
 
@@ -331,8 +339,9 @@ def _damped(
             refuse(clock.perf_counter() - started)
     if not np.isfinite(record).all():
         raise UnavailableError(
-            f"the damped response is not finite at a frequency of its own; {REMEDY}",
-            code="not_converged",
+            "not_converged",
+            "the damped response is not finite at a frequency of its own",
+            remedy=f"{REMEDY}",
         )
     return frequency, record, 0
 

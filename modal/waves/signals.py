@@ -99,7 +99,9 @@ def read_recording(product: Product, path: str | Path) -> dict[str, Any]:
     said = _of_direction(product, direction).read(path)
     if said["direction"] not in COMPONENT:
         known = ", ".join(COMPONENT)
-        raise InputError(f"{path}: direction {said['direction']!r} is none of {known}; mend it")
+        raise InputError(
+            "input", f"{path}: direction {said['direction']!r} is none of {known}", remedy="mend it"
+        )
     there = {name: value for name, value in said.items() if value is not None}
     length = len(said["time" if "time" in said else "frequency"])
     return {"chain_displacement": np.empty((length, 0))} | there
@@ -294,11 +296,14 @@ def read_signals(path: str | Path, *, of_any_source: bool = False) -> Signals:
     signals = Signals(**(_of_plane if plane else _said)(path))
     if not (signals.from_wall_to_wall or of_any_source):
         raise InputError(
+            "other_source",
             f"{path}: a record of {signals.source} along {signals.direction}, not of a wave from "
-            "wall to wall, of which velocities are measured; make one without --point, --plane and "
-            "torsion, look at this one with `export` (recorded with --particles), or take its "
-            "displacements in Python with read_signals(path, of_any_source=True)",
-            code="other_source",
+            "wall to wall, of which velocities are measured",
+            remedy=(
+                "make one without --point, --plane and "
+                "torsion, look at this one with `export` (recorded with --particles), or take its "
+                "displacements in Python with read_signals(path, of_any_source=True)"
+            ),
         )
     _validate(signals, str(path))
     return signals
@@ -334,16 +339,22 @@ def _validate(signals: Signals, name: str) -> None:
     time = signals.time
     chain = signals.chain_particle
     if len(time) < 2 or (len(chain) == 0 and signals.layer_position is None):
-        raise InputError(f"{name}: fewer than two times or no chain; record more")
+        raise InputError("input", f"{name}: fewer than two times or no chain", remedy="record more")
     step = np.diff(time)
     even = (abs(step - step.mean()) < 1e-3 * step.mean()).all()
     if not (abs(time[0]) < 1e-3 * step.mean() and even):
         raise InputError(
+            "input",
             f"{name}: the times, from {time[0]:g} s on, are not evenly spaced from 0 on, where the "
-            "source begins to move; record them so"
+            "source begins to move",
+            remedy="record them so",
         )
     if (chain < 0).any() or len(set(chain.tolist())) < len(chain):
-        raise InputError(f"{name}: chain/particle has a negative or a repeated index; mend it")
+        raise InputError(
+            "input", f"{name}: chain/particle has a negative or a repeated index", remedy="mend it"
+        )
     numbers = (signals.input_frequency, signals.time_step)
     if not (np.isfinite([*numbers, signals.amplitude]).all() and min(numbers) > 0):
-        raise InputError(f"{name}: input_frequency and time_step must be positive; mend them")
+        raise InputError(
+            "input", f"{name}: input_frequency and time_step must be positive", remedy="mend them"
+        )

@@ -81,11 +81,15 @@ class Pulse:
         refuse_other_kinds(Pulse, "Pulse", vars(self))
         if not (_squares(float(frequencies(self.frequency))) and _squares(self.amplitude)):
             raise InputError(
-                f"a pulse of {self.amplitude:g} m and {self.frequency:g} Hz makes no wave: the "
-                "amplitude must not be 0, the frequency above 0, and the squares of both numbers"
+                "input",
+                f"a pulse of {self.amplitude:g} m and {self.frequency:g} Hz makes no wave",
+                "the "
+                "amplitude must not be 0, the frequency above 0, and the squares of both numbers",
             )
         if self.cycles < 1 or self.cycles != int(self.cycles):
-            raise InputError(f"{self.cycles} cycles: a pulse has a whole number of them, from 1 on")
+            raise InputError(
+                "input", f"{self.cycles} cycles", "a pulse has a whole number of them, from 1 on"
+            )
 
     @property
     def corners(self) -> Floats:
@@ -119,20 +123,25 @@ class SampledMotion:
         except (TypeError, ValueError):
             own = np.empty((2, 0))
         if own.ndim != 2 or own.shape[1] < 2 or not np.isfinite(own).all():
-            raise InputError("a source motion needs at least two times, each with a displacement")
+            raise InputError(
+                "input", "a source motion needs at least two times, each with a displacement"
+            )
         for name, column in zip(("time", "value"), own, strict=True):
             object.__setattr__(self, name, column)
         if self.time[0] != 0 or self.value[0] != 0 or (np.diff(self.time) <= 0).any():
             raise InputError(
-                "a source motion starts at time 0 with displacement 0 and its times increase; "
-                "shift the record"
+                "input",
+                "a source motion starts at time 0 with displacement 0 and its times increase",
+                remedy="shift the record",
             )
         with np.errstate(over="ignore", invalid="ignore"):
             moves = _squares(self.frequency)
         if not moves:
             raise InputError(
+                "input",
                 "a source motion that never moves, or beyond what numbers can square, makes no "
-                "wave; give displacements in m that are not all 0"
+                "wave",
+                remedy="give displacements in m that are not all 0",
             )
 
     @property
@@ -174,9 +183,11 @@ def chirp(amplitude: float, first: float, last: float, duration: float) -> Sampl
     its middle.
     """
     if not (np.isfinite(amplitude) and min(first, last, duration) > 0):
-        raise InputError("a chirp needs two frequencies and a duration, all above 0")
+        raise InputError("input", "a chirp needs two frequencies and a duration, all above 0")
     if not max(first, last) * duration < MOST_PERIODS:
-        raise InputError(f"a chirp of more than {MOST_PERIODS} periods: take a shorter one")
+        raise InputError(
+            "input", f"a chirp of more than {MOST_PERIODS} periods", remedy="take a shorter one"
+        )
     count = max(2, int(np.ceil(FINE * max(first, last) * duration)))
     time = np.linspace(0, duration, count + 1)
     phase = 2 * np.pi * (first * time + (last - first) * time**2 / (2 * duration))
@@ -191,7 +202,7 @@ def step(amplitude: float, rise: float) -> SampledMotion:
     The stroke is that of a pulse of the same amplitude.
     """
     if not (np.isfinite(amplitude) and 0 < rise < np.inf):
-        raise InputError(f"a step that rises in {rise:g} s: give a time above 0")
+        raise InputError("input", f"a step that rises in {rise:g} s", remedy="give a time above 0")
     time = np.linspace(0, rise, FINE + 1)
     return SampledMotion(time, amplitude * (1 - np.cos(np.pi * time / rise)))
 
@@ -203,9 +214,12 @@ def read_motion(path: str | Path) -> SampledMotion:
             table = np.loadtxt(path, ndmin=2)
     except (OSError, ValueError, UserWarning) as error:
         raise InputError(
-            f"{path}: not a table of numbers ({' '.join(str(error).split())}); write two columns, "
-            "time in s and displacement in m"
+            "input",
+            f"{path}: not a table of numbers ({' '.join(str(error).split())})",
+            remedy=("write two columns, time in s and displacement in m"),
         ) from error
     if table.shape[1:] != (2,):
-        raise InputError(f"{path}: {table.shape[-1]} columns; write two, time in s and d in m")
+        raise InputError(
+            "input", f"{path}: {table.shape[-1]} columns", remedy="write two, time in s and d in m"
+        )
     return SampledMotion(table[:, 0], table[:, 1])

@@ -66,15 +66,19 @@ class Wall(Source):
         """The wall's unit motion; InputError where there is no such wall."""
         if network.cell_periodic[2]:
             raise InputError(
-                "the packing is periodic along z: no wall sends a wave; take a plane that opens "
-                "(--plane Z), or a sphere that is pushed (--point K)"
+                "input",
+                "the packing is periodic along z",
+                "no wall sends a wave",
+                "take a plane that opens (--plane Z), or a sphere that is pushed (--point K)",
             )
         _refuse_torsion_of_periods(network, direction)
         if SOURCE_WALL not in network.particle_j:
             raise InputError(
-                "no sphere touches the source wall, so that it sends no wave; take a plane that "
-                "opens (--plane Z), or a sphere that is pushed (--point K)",
-                code="no_source_wall",
+                "no_source_wall",
+                "no sphere touches the source wall, so that it sends no wave",
+                remedy=(
+                    "take a plane that opens (--plane Z), or a sphere that is pushed (--point K)"
+                ),
             )
         return WallMoves(SOURCE_WALL, COMPONENT[direction])
 
@@ -115,15 +119,16 @@ class Plane(Source):
         low, high = network.wall_position
         if not low <= self.height <= high:
             raise InputError(
+                "input",
                 f"a source at {self.height:g} m lies outside the cell, which reaches from {low:g} "
-                f"to {high:g} m"
+                f"to {high:g} m",
             )
         z = network.position[:, 2]
         if not network.cell_periodic[2] and not z.min() < self.height < z.max():
             raise InputError(
-                f"a source at {self.height:g} m has no spheres on one side; give a height between "
-                f"{z.min():g} and {z.max():g} m",
-                code="plane_beside_spheres",
+                "plane_beside_spheres",
+                f"a source at {self.height:g} m has no spheres on one side",
+                remedy=(f"give a height between {z.min():g} and {z.max():g} m"),
             )
         _refuse_torsion_of_periods(network, direction)
         return PlaneOpens(self.height, COMPONENT[direction])
@@ -170,7 +175,9 @@ class Point(Source):
         """Shape (6n,); InputError for a sphere that the packing does not have."""
         if self.particle not in range(network.n_particles):
             raise InputError(
-                f"sphere {self.particle}: the packing has 0 to {network.n_particles - 1}"
+                "input",
+                f"sphere {self.particle}",
+                f"the packing has 0 to {network.n_particles - 1}",
             )
         load = super().load(network, direction)
         load[6 * int(self.particle) + COMPONENT[direction]] = 1
@@ -180,6 +187,7 @@ class Point(Source):
 def _refuse_torsion_of_periods(network: Network, direction: str) -> None:
     if direction == TORSION and network.cell_periodic[:2].any():
         raise InputError(
-            "a packing that is periodic sideways cannot be twisted; take one with free sides, or a "
-            "sphere as the source"
+            "input",
+            "a packing that is periodic sideways cannot be twisted",
+            remedy=("take one with free sides, or a sphere as the source"),
         )

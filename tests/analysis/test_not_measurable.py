@@ -69,7 +69,7 @@ def test_a_mistake_in_a_quantity_is_a_traceback(call):
 
 def test_what_a_packing_lacks_is_not_known_whatever_the_words_of_the_refusal():
     def refuse(network):
-        raise UnavailableError("packing: of no kind that has it", code="no_walls")
+        raise UnavailableError("no_walls", "packing", "of no kind that has it")
 
     value = of_a_call(refuse).measured(PackingData(gallery.fcc(cells=(1, 1, 6))))
     assert not value.known and len(value.caveats) == 1
@@ -77,7 +77,7 @@ def test_what_a_packing_lacks_is_not_known_whatever_the_words_of_the_refusal():
 
 def test_a_refusal_of_the_input_ends_the_measurement():
     def refuse(network):
-        raise InputError("damaged", code="damaged_file")
+        raise InputError("damaged_file", "damaged")
 
     with pytest.raises(InputError) as refused:
         of_a_call(refuse).measured(PackingData(gallery.fcc(cells=(1, 1, 6))))

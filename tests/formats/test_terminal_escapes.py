@@ -38,7 +38,7 @@ def test_names_and_units_in_refusals(tmp_path, capsys):
     assert main(["info", str(path)]) == 2
     said = capsys.readouterr()
     assert safe(said.err) and said.err.count("\n") == 1
-    assert safe(str(InputError(CLEAR)))
+    assert safe(str(InputError("input", CLEAR)))
 
 
 def test_letters_of_all_languages_stay():

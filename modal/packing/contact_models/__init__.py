@@ -47,22 +47,26 @@ def laws_of(spheres: Material, walls: Elasticity | None = None) -> tuple[Contact
     name, *words = spheres.contact_model.split() or [""]
     if name not in MODELS:
         raise InputError(
-            f"contact model {name!r}: there are {', '.join(MODELS)}; choose one",
-            code="contact_model",
+            "contact_model",
+            f"contact model {name!r}",
+            f"there are {', '.join(MODELS)}",
+            "choose one",
         )
     try:
         numbers = [float(word) for word in words]
     except ValueError:
         raise InputError(
-            f"contact model {spheres.contact_model}: give numbers after its name",
-            code="contact_model_numbers",
+            "contact_model_numbers",
+            f"contact model {spheres.contact_model}",
+            remedy="give numbers after its name",
         ) from None
     law = importlib.import_module(f"{__name__}.{name.replace('-', '_')}").LAW
     takes_numbers = hasattr(law, "own_numbers")
     if numbers and not takes_numbers:
         raise InputError(
-            f"contact model {name} takes no numbers: leave {numbers[0]:g} out",
-            code="contact_model_numbers",
+            "contact_model_numbers",
+            f"contact model {name} takes no numbers",
+            remedy=f"leave {numbers[0]:g} out",
         )
     pair_numbers = []
     wall_numbers = []

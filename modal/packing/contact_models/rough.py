@@ -104,10 +104,11 @@ class Rough(NamedTuple):
         in_range = all(MIN_ROUGHNESS <= number <= MAX_ROUGHNESS for number in numbers)
         if len(numbers) not in (1, 2) or not in_range:
             raise InputError(
-                "contact model rough: give the root mean square roughness of the spheres, m, and "
-                "that of the walls where it is another, as rough 1e-6; "
+                "roughness",
+                "contact model rough",
+                "give the root mean square roughness of the spheres, m, and "
+                "that of the walls where it is another, as rough 1e-6",
                 f"{MIN_ROUGHNESS:g} to {MAX_ROUGHNESS:g}",
-                code="roughness",
             )
         other = numbers[-1] if wall else numbers[0]
         return (float(np.hypot(numbers[0], other)),)
