@@ -18,7 +18,7 @@ from analysis.estimators.travel_time import arrival_times, travelled
 from analysis.packing_data import PackingData
 from analysis.quantities.spectrum import modal_dispersion
 from analysis.quantities.velocity import chain
-from analysis.rows import Row, row_of
+from analysis.rows import CaseResult, row_of
 from analysis.table import cell
 
 COLUMNS = ("theory", "modal", "linear", "yade")
@@ -53,7 +53,7 @@ def _theory(m: PackingData) -> Numbers:
     twin, wall = exact_twin(m.yade or m.cut("linear"), lattice), float(m.network.wall_position[0])
     signals = replace(twin, chain_position=wall + twin.chain_position)
     exact = PackingData(m.network, [signals], linear_record=m.linear)
-    read = Row.of(exact)
+    read = CaseResult.of(exact)
     read.add(exact, BY_RULE)
     # Eq. 7
     edge = 2 * lattice.velocity / (np.pi * lattice.low_pass_frequency) / m.diameter

@@ -13,13 +13,13 @@ import pandas as pd
 from analysis.estimators.fits import power_law, straight_line
 from analysis.expressions import UnknownNameError, evaluate, names_in, short
 from analysis.mean import mean_of_values
-from analysis.rows import Row
+from analysis.rows import CaseResult
 from analysis.value import COMMON, Value
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 
-def frame_of(rows: Iterable[Row], cases: pd.DataFrame | None = None) -> pd.DataFrame:
+def frame_of(rows: Iterable[CaseResult], cases: pd.DataFrame | None = None) -> pd.DataFrame:
     """The study's cases, one line each, with all numbers; NaN where a case has no result.
 
     Columns besides those of `cases` (what a study says of each; without one what the rows say):
@@ -49,7 +49,7 @@ def frame_of(rows: Iterable[Row], cases: pd.DataFrame | None = None) -> pd.DataF
     return frame
 
 
-def _line(row: Row) -> dict[str, Any]:
+def _line(row: CaseResult) -> dict[str, Any]:
     """A result as one line of the frame."""
     words = "label", "record", "unsettled", "group", "packings"
     line: dict[str, Any] = {name: getattr(row, name) for name in words}

@@ -22,8 +22,8 @@ from modal.packing.sample import Sample, read_sample
 from modal.tools.arguments import checked
 from modal.tools.display import table
 from modal.tools.errors import InputError, refuse_unknown
+from modal.waves.motions import Motion
 from modal.waves.signals import Signals, read_signals
-from modal.waves.source import Motion
 
 
 class Measurement(dict[str, Value]):

@@ -45,9 +45,9 @@ from modal.packing.sample import Sample
 from modal.packing.summary import crystalline_shares
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import UnavailableError
+from modal.waves.motions import Motion, Pulse
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
-from modal.waves.source import Motion, Pulse
 
 RELATIVE_LINE_WIDTH = 0.005
 """Width of a line of the structure factor and of the density of states, divided by the highest

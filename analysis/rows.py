@@ -1,9 +1,9 @@
 """The numbers of a case: what tables, targets and figures over all cases are made of; its result.
 
-A `Row` holds values with their errors, and curves, but none of the case's files: a whole study fits
-into memory, and its cases are measured side by side. Its one small JSON file, the result, is
-written once, when a case is measured; whatever is made of several cases is made of these files
-alone, so that a clone of the project makes it in seconds, without any product.
+A `CaseResult` holds values with their errors, and curves, but none of the case's files: a whole
+study fits into memory, and its cases are measured side by side. Its one small JSON file, the
+result, is written once, when a case is measured; whatever is made of several cases is made of
+these files alone, so that a clone of the project makes it in seconds, without any product.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ MAY_LACK = "signals", "highest.modes", "modes", "density", "structure", "respons
 
 
 @dataclass
-class Row:
+class CaseResult:
     """One case: number of the study (None for another packing), name, what it is, its numbers.
 
     `stress` Pa and `mu_comp` of the compression; `record` is `yade`, or `linear` where no run is
@@ -85,7 +85,7 @@ class Row:
     provenance: list[list[str]] = field(default_factory=list)
 
     @classmethod
-    def of(cls, m: PackingData) -> Row:
+    def of(cls, m: PackingData) -> CaseResult:
         """Of a case of which nothing has been measured."""
         mu = 0.0 if m.crystal else m.mu_comp
         about = m.case.number, m.case.name, m.label, m.crystal, m.stress, mu
@@ -130,9 +130,9 @@ class Row:
 
 
 @cached_on_packing
-def row_of(m: PackingData) -> Row:
+def row_of(m: PackingData) -> CaseResult:
     """All numbers that a case's products allow, each measured once."""
-    case, row = m.case, Row.of(m)
+    case, row = m.case, CaseResult.of(m)
     row.add(m, records.OF_CASE)
     for percent in PERCENT:
         row.flat[percent] = row.flat[f"{percent}_{row.record}"]
@@ -149,7 +149,7 @@ def row_of(m: PackingData) -> Row:
     return row
 
 
-def _curves(m: PackingData, row: Row) -> None:
+def _curves(m: PackingData, row: CaseResult) -> None:
     """What figures over several cases draw."""
     row.curves["gain"] = (gain.gain_of(m).frequency, gain.gain_of(m).gain)
     orders = enumerate(gain.orders(m)[:5], 1)
@@ -176,7 +176,7 @@ def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:
     return PRODUCERS[producer], *(text.replace("{record}", producer) for text in columns)
 
 
-def write_result(path: Path, row: Row) -> None:
+def write_result(path: Path, row: CaseResult) -> None:
     """Write the result of a case, what is empty left out; numbers that are not known are null."""
     found = {"schema": SCHEMA, "version": VERSION} | asdict(replace(row, values={}))
     found["values"] = {name: _cell(value) for name, value in row.values.items()}
@@ -197,7 +197,7 @@ def _cell(value: Value) -> dict[str, Any]:
     return cell
 
 
-def read_result(path: str | Path) -> Row:
+def read_result(path: str | Path) -> CaseResult:
     """A result; InputError where the file is none."""
     text = read_text(path)
     try:
@@ -214,24 +214,26 @@ OF_GAIN = ("first", "resonances")
 OF_VALUES = {"value": float, "error": float, "common": float}
 
 
-def _row(found: Any) -> Row:
+def _row(found: Any) -> CaseResult:
     """The row that a file's JSON has; `MismatchError` where it is none."""
-    kinds = get_type_hints(Row) | {"schema": str, "version": int, "values": dict[str, Any]}
-    needed = {one.name for one in fields(Row) if one.default is one.default_factory is MISSING}
+    kinds = get_type_hints(CaseResult) | {"schema": str, "version": int, "values": dict[str, Any]}
+    needed = {
+        one.name for one in fields(CaseResult) if one.default is one.default_factory is MISSING
+    }
     said = fields_of(found, kinds, needed | {"schema", "version"}, "")
     if (said.pop("schema"), said.pop("version")) != (SCHEMA, VERSION):
         raise MismatchError(f"it is not of schema {SCHEMA}, version {VERSION}")
     for name, cell in said.get("values", {}).items():
         numbers = fields_of(cell, OF_VALUES, {"value", "error"}, f"values.{name}")
         said["values"][name] = estimate(**numbers)
-    row = Row(**said)
+    row = CaseResult(**said)
     for fault, wrong in _faults(row).items():
         if wrong:
             raise MismatchError(fault)
     return row
 
 
-def _faults(row: Row) -> dict[str, bool]:
+def _faults(row: CaseResult) -> dict[str, bool]:
     """What a row may contradict itself in, and whether it does."""
     odd = [
         name
@@ -254,7 +256,7 @@ def _faults(row: Row) -> dict[str, bool]:
     }
 
 
-def read_results(folder: Path) -> list[Row]:
+def read_results(folder: Path) -> list[CaseResult]:
     """All results in a folder, with the scatter of each case over those of other seeds.
 
     Other seeds have folders `seed_*` of their own in it. A result that states its scatter keeps it
@@ -274,7 +276,7 @@ def read_results(folder: Path) -> list[Row]:
     return rows
 
 
-def scatter_of_samples(several: Sequence[Row]) -> dict[str, float]:
+def scatter_of_samples(several: Sequence[CaseResult]) -> dict[str, float]:
     """Standard deviation of each number of the first over several packings of a case.
 
     The numbers of its record are compared by one producer. Empty without another packing.

@@ -18,8 +18,8 @@ from benchmarks.harness.measure import CORES, Job
 from benchmarks.harness.packing import bytes_of, sample_or_small
 from benchmarks.harness.report import Page
 from modal.packing.network import Network, read_network
+from modal.system.contact_order import OrderedContacts
 from modal.system.operator import ContactOperator
-from modal.system.packed import PackedContacts
 from modal.tools.arrays import Ints
 from modal.tools.errors import InputError
 from modal.tools.loops import numba, prange, threads_for
@@ -70,7 +70,7 @@ def by_turns(path: str, rounds: int) -> Callable[[], dict[str, Any]]:
         )
     network = read_network(path)
     operator = ContactOperator(network)
-    on, threads = PackedContacts.of(network, "none"), threads_for(network.n_particles)
+    on, threads = OrderedContacts.of(network, "none"), threads_for(network.n_particles)
     starts, needs = on.pieces[on.slabs, 0], bytes_of(operator)
     add, copy = (numba.njit(f, parallel=True, fastmath=True) for f in (_add_at_both_ends, _copy))
     u = np.random.default_rng(1).standard_normal((network.n_particles, 6))

@@ -17,8 +17,8 @@ from benchmarks.harness.measure import ROOT
 from benchmarks.harness.report import Rows, read_csv
 from modal.modes.density import RESOLUTION, density_of_states
 from modal.preparation.protocol import SETTLED
+from modal.waves.motions import RECORDING_INTERVAL, TIME_STEP_FRACTION
 from modal.waves.propagate import TOLERANCE
-from modal.waves.source import RECORDING_INTERVAL, TIME_STEP_FRACTION
 
 
 @dataclass(frozen=True)

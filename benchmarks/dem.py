@@ -18,9 +18,9 @@ from benchmarks.harness.yade import Yade, in_yades_order
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.packing.state import affine_velocity
+from modal.waves.motions import AMPLITUDE, RECORDING_INTERVAL, Pulse
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
-from modal.waves.source import AMPLITUDE, RECORDING_INTERVAL, Pulse
 
 WIDTH = 3
 """Spheres a side; a planar wave does not see the width, and three are the least that YADE takes."""

@@ -20,14 +20,14 @@ SMALL, PACKING, MADE = (f"{name}.sample.h5" for name in ("small", "packing", "ma
 """Files that the questions are asked of, in the folder in which they are asked."""
 ONCE_MORE = 60.0
 """Seconds up to which a question is asked with one thread, too."""
-Question = tuple[str, float | None]
+ModeRequest = tuple[str, float | None]
 """A command, and the seconds in which its answer should be there, if stated."""
 SIZES = {
     True: {"slender": 1000, "rough": 300, "width": 5},
     False: {"slender": 8800, "rough": 8800, "width": 9.2},
 }
 """Spheres of packings that are made, without friction and with it; diameters."""
-QUESTIONS: dict[str, Question] = {
+QUESTIONS: dict[str, ModeRequest] = {
     "what is in a small packing": (f"modal info {SMALL}", 0.35),
     "V_P, V_S, f_low-pass": (f"analysis measure {PACKING} --quick", 15),
     "all quantities": (f"analysis measure {PACKING}", 50),
@@ -59,7 +59,7 @@ def run(job: Job) -> Page:
     return answers(job, "questions", TITLE, asked)
 
 
-def answers(job: Job, name: str, title: str, questions: Mapping[str, Question]) -> Page:
+def answers(job: Job, name: str, title: str, questions: Mapping[str, ModeRequest]) -> Page:
     """The page `name` of `questions`, as `QUESTIONS`, with their answers' seconds and memory."""
     small = sample_of_network(random_packing(500, STRESS, aspect=2.5), 0.1)
     job.write(small, "small")

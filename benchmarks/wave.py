@@ -17,8 +17,8 @@ from benchmarks.harness.packing import step_and_records
 from benchmarks.harness.report import Page, Rows
 from benchmarks.harness.yade import Yade
 from modal.packing.network import Network, read_network
+from modal.waves.motions import RECORDING_INTERVAL
 from modal.waves.propagate import propagate
-from modal.waves.source import RECORDING_INTERVAL
 
 TITLE = "The same wave by linear propagation, leapfrog, YADE and LAMMPS"
 TOLERANCES = {True: (1e-1, 1e-5, 1e-9), False: (1e-1, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12)}

@@ -10,7 +10,7 @@ motion is drawn over its amplitude.
 import matplotlib.pyplot as plt
 
 import modal
-from modal.waves.source import Pulse
+from modal.waves.motions import Pulse
 
 net = modal.random_packing(400, stress=1e5, seed=1, aspect=4)
 overlap = float(net.overlap.mean())

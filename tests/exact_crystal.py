@@ -8,8 +8,8 @@ import numpy as np
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
+from modal.waves.motions import Pulse
 from modal.waves.signals import Signals, write_signals
-from modal.waves.source import Pulse
 
 CHAIN = LayerLattice.of_network(fcc(cells=(1, 1, 200)))
 LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap

@@ -15,7 +15,7 @@ import pytest
 from places import ROOT
 
 from analysis.__main__ import main
-from analysis.rows import Row, read_result
+from analysis.rows import CaseResult, read_result
 
 PAPER = "studies/otsubo2017/study.yaml"
 CRYSTALS = """
@@ -88,7 +88,7 @@ def planned(folder: Path, **settings: object) -> dict[str, int]:
     return {rule: int(n) for rule, n in rules.items() if rule != "all"}
 
 
-def measured(name: str, folder: Path) -> Row:
+def measured(name: str, folder: Path) -> CaseResult:
     """The result of a crystal whose products are in a folder, by the command line."""
     study, output = folder / "crystals.yaml", folder / f"{name}.json"
     study.write_text(CRYSTALS)

@@ -11,8 +11,8 @@ from modal.packing.contact_law import GLASS
 from modal.packing.network import Network, write_network
 from modal.packing.state import stress_tensor
 from modal.preparation.random_packing import random_packing
+from modal.waves.motions import Pulse
 from modal.waves.signals import read_signals
-from modal.waves.source import Pulse
 from modal.waves.sources import Point
 
 COMMANDS = (

@@ -26,8 +26,8 @@ from modal.solvers.factor import factorise
 from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
+from modal.waves.motions import Pulse
 from modal.waves.propagate import propagate
-from modal.waves.source import Pulse
 
 EPS = np.finfo(float).eps
 

@@ -20,8 +20,8 @@ from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.system.linear_system import LinearSystem
+from modal.waves.motions import Pulse
 from modal.waves.propagate import propagate
-from modal.waves.source import Pulse
 
 EPS = np.finfo(float).eps
 seeds = st.integers(0, 2**32 - 1)

@@ -20,7 +20,7 @@ from modal.preparation.relax import elastic_motion, relax
 from modal.solvers.same_bits import same_bits_product
 from modal.system.operator import ContactOperator
 from modal.tools import loops, slabs
-from modal.waves.source import Pulse
+from modal.waves.motions import Pulse
 
 
 def digest(*arrays: np.ndarray) -> str:

@@ -41,9 +41,9 @@ from modal.packing.sample import sample_of_network
 from modal.packing.state import affine_velocity
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
-from modal.waves import source
+from modal.waves import motions
+from modal.waves.motions import Pulse, read_motion
 from modal.waves.signals import DIRECTIONS, Signals, read_signals, write_signals
-from modal.waves.source import Pulse, read_motion
 from yade_scripts.scene import already_there, finish, products_folder
 from yade_scripts.state import build_scene
 from yade_scripts.wave_run import WaveRun
@@ -52,12 +52,12 @@ readParamsFromTable(
     noTableOk=True,
     case=2,
     mu_wave=0.1,
-    input_frequency=source.INPUT_FREQUENCY,
-    fraction=source.TIME_STEP_FRACTION,
+    input_frequency=motions.INPUT_FREQUENCY,
+    fraction=motions.TIME_STEP_FRACTION,
     passage=1.0,
-    amplitude=source.AMPLITUDE,
+    amplitude=motions.AMPLITUDE,
     duration=None,
-    interval=source.RECORDING_INTERVAL,
+    interval=motions.RECORDING_INTERVAL,
     particles=0,
     direction="z",
     damping="",

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from analysis.study.description import Study
 from analysis.study.measure_case import measure_case
+from analysis.study.report import write_study
 from analysis.study.tables import table_of
-from analysis.study.whole import write_study
 from modal.cli.options import Given, Group, NewFile, NewFolder, Option, flag, output
 from modal.cli.terminal import put
 from modal.tools.errors import InputError

@@ -14,9 +14,9 @@ from scipy.linalg import eigh_tridiagonal
 
 from analysis.estimators.source_motion import recorded_motion
 from modal.packing.network import Network
+from modal.waves.motions import Motion, Pulse
 from modal.waves.oscillator import oscillation
 from modal.waves.signals import Signals
-from modal.waves.source import Motion, Pulse
 
 MAX_UNEVENNESS_IN_RADII = 1e-3
 """Largest range of z in one layer, and of the distances between layers, in radii."""

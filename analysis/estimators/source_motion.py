@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from modal.tools.errors import UnavailableError
+from modal.waves.motions import Motion, Pulse, SampledMotion
 from modal.waves.signals import Signals
-from modal.waves.source import Motion, Pulse, SampledMotion
 
 MOTION_TOLERANCE = 1e-6
 """Largest difference of two displacements of the wall that count as equal, relative to the

@@ -10,7 +10,7 @@ from analysis.figures import groups
 from analysis.figures.groups import LOG, THIN, legend, mark, points, random_of, scatter, styles
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture
 from analysis.frame import numbers
-from analysis.rows import Row, of_one_producer
+from analysis.rows import CaseResult, of_one_producer
 
 
 def velocity_cases(cases: pd.DataFrame) -> Picture:
@@ -151,7 +151,7 @@ def gain_cases(cases: pd.DataFrame) -> Picture:
     return Picture(panels, columns=2, shape=(10, 0.3 + 3.1 * -(-len(panels) // 2)))
 
 
-def _gain(row: Row, letter: str) -> Panel:
+def _gain(row: CaseResult, letter: str) -> Panel:
     """Gain factor (receiver over source stress) of the springs, and the resonances.
 
     Between rigid walls the stress ratio of a rod is 1 / |cos kappa L|: its maxima lie midway

@@ -13,8 +13,8 @@ from analysis.quantities.passband import edges, passband
 from analysis.quantities.velocity import longest
 from modal.packing.rattlers import firmly_held
 from modal.packing.state import contacts_per_particle, void_ratio
+from modal.waves.motions import Pulse
 from modal.waves.signals import Signals
-from modal.waves.source import Pulse
 
 DISTANCE = "distance from the source wall (mm)"
 POINTS = 130

@@ -20,7 +20,7 @@ from analysis.record_rules import RECORD_INTERVAL_IN_D_PER_V
 from analysis.value import Value
 from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
-from modal.waves.source import Pulse
+from modal.waves.motions import Pulse
 
 AMPLITUDE = {
     "odd_part": "change of the odd part of waves pushed both ways from the linear one",

@@ -119,7 +119,7 @@ def _shear_edge(m: PackingData, key: str) -> Value:
     return passband.passband(m, key).low_pass[0]
 
 
-FOUND: dict[str, tuple[str, str, Number]] = {
+CASE_QUANTITIES: dict[str, tuple[str, str, Number]] = {
     "particles": ("1", "spheres", lambda m: m.network.n_particles),
     "length_over_d": ("1", "length, D", lambda m: m.network.length / m.diameter),
     "width_over_d": ("1", "width, D", lambda m: m.network.cell_size[0] / m.diameter),
@@ -199,18 +199,22 @@ SHEAR: dict[str, str] = {}
 for _producer, _told in PRODUCERS.items():
     for _name, _unit, _text, _rule_of, _key in OF_WAVE:
         _name, _key = _name.format(_producer), _key.format(_producer)
-        FOUND[_name] = _unit, f"{_text}, {_told}", _by(_rule_of, _key)
+        CASE_QUANTITIES[_name] = _unit, f"{_text}, {_told}", _by(_rule_of, _key)
         SHEAR |= {_name: _producer} if _key.startswith("shear") else {}
     for _rule, (_whose, _reference) in MAPS.items():
         for _threshold, _percent in enumerate(PERCENT):
             _key, _which = f"{_percent}_{_rule}{_producer}", (_producer, _rule, _threshold)
             _text = f"{_percent} % of the maximum, {_whose}, {_reference}; {_told}"
             LOW_PASS[_key] = _names = f"f_low_pass_{_key}", f"lambda_{_key}_over_d"
-            FOUND[_names[0]] = "Hz", f"f_low-pass, {_text}", _by(_low_pass, *_which)
-            FOUND[_names[1]] = "1", f"wavelength there, D, {_text}", _by(_wavelength, *_which)
-for _name, (_unit, _text, _number) in FOUND.items():
+            CASE_QUANTITIES[_names[0]] = "Hz", f"f_low-pass, {_text}", _by(_low_pass, *_which)
+            CASE_QUANTITIES[_names[1]] = (
+                "1",
+                f"wavelength there, D, {_text}",
+                _by(_wavelength, *_which),
+            )
+for _name, (_unit, _text, _number) in CASE_QUANTITIES.items():
     on_request(_unit, name=_name, definition=_text)(_number)
 OF_MODULI = "bulk_modulus", "shear_modulus", "poisson", "v_p_moduli", "v_s_moduli"
 OF_PACKING = "void_ratio", "coordination", "coordination_of_bearing", "v_p_static"
-OF_CASE = *OF_PACKING, *FOUND, *OF_MODULI
+OF_CASE = *OF_PACKING, *CASE_QUANTITIES, *OF_MODULI
 """What the result of a case has, as far as its files are there."""

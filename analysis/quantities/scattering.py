@@ -10,10 +10,10 @@ from analysis.estimators.coherent import STRETCH
 from analysis.estimators.low_pass import spectra
 from analysis.estimators.structure_factor import Scattering, structure_factor
 from analysis.packing_data import PackingData, cached_on_packing
-from analysis.prepare import kept_file
 from analysis.quantities.passband import low_pass_2, scale
 from analysis.quantities.registry import on_request, quantity
 from analysis.quantities.velocity import LOST, coherents, longest, of_frequency, v_p
+from analysis.spectra_cache import kept_file
 from analysis.value import Value, estimate, hertz, unknown
 from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError

@@ -9,9 +9,9 @@ from analysis.caveats import Caveat
 from analysis.estimators import resonances as resonant
 from analysis.estimators.damped_transform import Dispersion, mode_dispersion
 from analysis.packing_data import PackingData, cached_on_packing
-from analysis.prepare import as_read, kept_file, made
 from analysis.quantities.registry import on_request, quantity
 from analysis.quantities.velocity import LOW_ORDER, longest
+from analysis.spectra_cache import as_read, kept_file, made
 from analysis.value import Value, estimate, hertz, unknown
 from modal.modes.collective import every_floppy
 from modal.modes.eigenmodes import eigenmodes

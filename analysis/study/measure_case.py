@@ -15,9 +15,9 @@ from analysis.packing_data import PackingData
 from analysis.quantities.passband import passband
 from analysis.quantities.records import LOW_PASS
 from analysis.quantities.spectrum import standing, standing_waves
-from analysis.rows import Row, row_of, write_result
-from analysis.study.arrangement import wanted
+from analysis.rows import CaseResult, row_of, write_result
 from analysis.study.description import Study
+from analysis.study.figure_layout import wanted
 from analysis.study.targets import Rules
 from analysis.table import number
 from analysis.value import Value, estimate
@@ -54,7 +54,7 @@ def measure_case(
     case = Case(name, folder, of_files)
     case.check()
     m = PackingData.of(case, every_particle=not scatter)
-    row = Row.of(m)
+    row = CaseResult.of(m)
     if state:
         row.state = True
         row.add(m, OF_STATE)
@@ -77,7 +77,7 @@ def measure_case(
     write_result(output, row)
 
 
-def _add_quantities(row: Row, files: Sequence[Path], quantities: Sequence[str]) -> None:
+def _add_quantities(row: CaseResult, files: Sequence[Path], quantities: Sequence[str]) -> None:
     """Quantities by their name in the registry, of a packing and its waves."""
     for quantity, value in measure(*files, quantities=quantities).items():
         if value.at is None:
@@ -88,7 +88,7 @@ def _add_quantities(row: Row, files: Sequence[Path], quantities: Sequence[str]) 
         row.notes += [f"{quantity}: {caveat}" for caveat in value.caveats]
 
 
-def _add_tables(row: Row, m: PackingData) -> None:
+def _add_tables(row: CaseResult, m: PackingData) -> None:
     """Tables of a case by itself: resonances, choices of the threshold's rule, a theory."""
     (f, kappa), bearers = standing_waves(m), standing(m)
     if len(f):

@@ -16,11 +16,11 @@ import pandas as pd
 from analysis.crystal import COLUMNS
 from analysis.estimators.fits import power_law, straight_line
 from analysis.frame import frame_of, mean_with_error, numbers, select, spreads
-from analysis.rows import OF_RECORD, Row, read_results
+from analysis.rows import OF_RECORD, CaseResult, read_results
+from analysis.study.captions import UNKNOWN, Captions
 from analysis.study.description import Study, following
 from analysis.study.fields import fill, number_format
 from analysis.study.targets import Rules
-from analysis.study.words import UNKNOWN, Words
 from analysis.table import Table, cell, number
 from modal.tools.errors import InputError
 
@@ -127,7 +127,7 @@ def limits(spec: Spec, cases: pd.DataFrame) -> Cells:
 
 def says(spec: Spec, frame: pd.DataFrame) -> Cells:
     """What is stated beside what the cases say, each a sentence with their numbers."""
-    words = Words(frame)
+    words = Captions(frame)
     lines = [[stated, words(text)] for stated, text in spec.items()]
     return ["stated", "here"], [line for line in lines if UNKNOWN not in line[1]]
 
@@ -216,7 +216,7 @@ def _stated(name: str, value: float, case: pd.DataFrame, rules: Rules) -> tuple[
     return (f"> {low:.4g}" if np.isnan(high) else f"{low:.4g} to {high:.4g}"), off
 
 
-def _compared(row: Row, case: pd.DataFrame, rules: Rules) -> Table:
+def _compared(row: CaseResult, case: pd.DataFrame, rules: Rules) -> Table:
     """The comparison that the case was measured with, and deviations in per cent."""
     lines = []
     for key, quantity, unit, *cells, note in row.tables["comparison"]:

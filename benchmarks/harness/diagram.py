@@ -64,7 +64,9 @@ def bars(names: Sequence[str], series: Mapping[str, Sequence[Row]], column: str)
 
 
 def work_precision(
-    rows: Sequence[Row], errors: Mapping[str, str], costs: Sequence[str] = ("seconds", "peak_mb")
+    rows: Sequence[Row],
+    errors: Mapping[str, str],
+    costs: Sequence[str] = ("seconds", "peak_mb"),
 ) -> Figure:
     """Grid of panels: a row for each cost, a column for each error (column name -> axis label)."""
     figure, axes = panels(len(costs), len(errors), width=max(3.0, 6.4 / len(errors)))

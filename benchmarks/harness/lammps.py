@@ -11,9 +11,9 @@ from benchmarks.harness.packing import step_and_records
 from modal.packing.chain import wall_to_wall_chain
 from modal.packing.contact_law import GLASS
 from modal.packing.network import Network
+from modal.waves.motions import INPUT_FREQUENCY, Pulse
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
-from modal.waves.source import INPUT_FREQUENCY, Pulse
 
 SCRIPT = Path(__file__).resolve().parent / "inside_lammps.in"
 

@@ -17,7 +17,7 @@ from modal.preparation.random_packing import random_packing
 from modal.system.contacts import motion_of_contacts, slip, springs
 from modal.system.linear_system import LinearSystem, frequency_of
 from modal.system.operator import ContactOperator
-from modal.waves.source import INPUT_FREQUENCY
+from modal.waves.motions import INPUT_FREQUENCY
 
 SAMPLE = ROOT / "results" / "samples" / "case06.sample.h5"
 """35,201 spheres without friction at 100 kPa."""

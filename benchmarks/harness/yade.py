@@ -8,8 +8,8 @@ from modal.modes.mode_set import write_modes
 from modal.packing.network import Network
 from modal.packing.sample import Sample
 from modal.system.linear_system import LinearSystem
+from modal.waves.motions import AMPLITUDE, INPUT_FREQUENCY
 from modal.waves.signals import Signals, read_signals
-from modal.waves.source import AMPLITUDE, INPUT_FREQUENCY
 
 
 def in_yades_order(network: Network) -> Network:

@@ -21,10 +21,10 @@ from modal.waves.defaults import (
     default_duration,
     default_frequency,
 )
+from modal.waves.motions import Motion, Pulse, chirp, read_motion, step
 from modal.waves.nonlinear import ACCURACY, NonlinearWave
 from modal.waves.propagate import TOLERANCE, propagate
 from modal.waves.signals import COMPONENT, read_signals, write_signals
-from modal.waves.source import Motion, Pulse, chirp, read_motion, step
 from modal.waves.sources import Plane, Point, Source, Wall
 
 MOTIONS: dict[str, tuple[Any, ...]] = {

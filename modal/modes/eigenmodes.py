@@ -18,8 +18,8 @@ from modal.modes.dense import dense_modes
 from modal.modes.mode_set import Choice, ModeSet, certificate
 from modal.modes.observables import Piece, found_modes
 from modal.modes.search import AboutShift, FromBelow, FromTop, Search
+from modal.modes.strategy import ModeRequest
 from modal.modes.unsymmetric import modes_at_an_end
-from modal.modes.ways import Question
 from modal.modes.zero_modes import FloppyModes
 from modal.packing.network import Network
 from modal.packing.precision import refuse_few_digits
@@ -172,10 +172,10 @@ def _listed(system: LinearSystem, kind: str, value: Any, certify: bool) -> ModeS
 
 
 def _counted_off(system: LinearSystem, choice: Choice, of: int, certify: bool) -> ModeSet:
-    """All modes, or so many at an end `of` those there are, as `modal.modes.ways` finds them."""
+    """All modes, or some at an end `of` those there are, as `modal.modes.strategy` finds them."""
     if choice.kind != "all":
         check_count(system, choice.count, of)
-    asked = Question(system, choice, choice.count, of)
+    asked = ModeRequest(system, choice, choice.count, of)
     if asked.way == "dense":
         return dense_modes(system, choice)
     if asked.way == "arnoldi":
@@ -261,7 +261,7 @@ def _of_interval(system: LinearSystem, interval: Choice, choice: Choice) -> Mode
     whether that is one of the list is then decided by its frequency as it was found. Of a `choice`
     of the lowest modes the list has no more than these.
     """
-    if Question(system, interval, 0, system.size).way == "dense":
+    if ModeRequest(system, interval, 0, system.size).way == "dense":
         return dense_modes(system, interval)
     low, high = interval.low, interval.high
     if low <= system.zero_frequency:
@@ -285,7 +285,7 @@ def _between(
     below[high] = count_below(system, high)
     wanted = below[high] - below[low]
     from_zero = below[low] == floppy.held and not floppy.unstable
-    asked = Question(
+    asked = ModeRequest(
         system, Choice("between", low=low, high=high), wanted, system.size - floppy.held, from_zero
     )
     if asked.way == "dense":

@@ -153,7 +153,7 @@ def _combine_by_slabs(
     `single` is not None where k is 1, and `columns` a tuple of k numbers where contacts are springs
     alone and k is to be known when this is compiled. S is diagonal: `scale` (n, 2) holds its value
     for the translations of a particle and that for its rotations. The contacts as in
-    `PackedContacts`. `sums` (s + 1, 2, 6, k), where it is not None: to each slab's row are added,
+    `OrderedContacts`. `sums` (s + 1, 2, 6, k), where it is not None: to each slab's row are added,
     by component and column, the sums of y y and of y x over its fresh spheres, y as it came.
     `threads` share the slabs.
     """

@@ -16,8 +16,8 @@ from scipy.sparse.linalg import LinearOperator
 from modal.packing.network import Network
 from modal.solvers.chebyshev import WIDTHS
 from modal.system.assembly import stiffness_matrix
+from modal.system.contact_order import OrderedContacts
 from modal.system.contacts import SYMMETRIC
-from modal.system.packed import PackedContacts
 from modal.system.root_mass import RootMass
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.workload import refuse_above_memory
@@ -59,7 +59,7 @@ class ContactOperator(LinearOperator):
             matrix = stiffness_matrix(network, dof, pre_stress)
             self._matrix = RootMass.of(network, dof).around(matrix) if mass_scaled else matrix
             return
-        self._contacts = PackedContacts.of(network, pre_stress)
+        self._contacts = OrderedContacts.of(network, pre_stress)
         self._scale = np.ones((network.n_particles, 2))
         if mass_scaled:
             self._scale = 1 / np.sqrt(np.column_stack([network.mass, network.inertia]))

@@ -25,7 +25,7 @@ WORDS: dict[Any, str] = {
 """What a kind of argument is called; others by the name of their class."""
 MAKES = {
     "Network": "; modal.read makes one from a file",
-    "Motion": "; modal.waves.source has Pulse, chirp, step, SampledMotion and read_motion",
+    "Motion": "; modal.waves.motions has Pulse, chirp, step, SampledMotion and read_motion",
 }
 """What makes an argument of this class."""
 

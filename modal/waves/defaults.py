@@ -11,8 +11,8 @@ import numpy as np
 from modal.packing.network import Network
 from modal.packing.state import affine_velocity
 from modal.system.linear_system import LinearSystem
+from modal.waves.motions import Motion, Pulse
 from modal.waves.signals import TORSION
-from modal.waves.source import Motion, Pulse
 from modal.waves.sources import Source
 
 PULSE_FREQUENCY_IN_V_PER_D = 0.33

@@ -35,9 +35,9 @@ from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.chebyshev import Expansion, orders_of, summed
 from modal.waves.forced_system import ForcedSystem
+from modal.waves.motions import Motion
 from modal.waves.oscillator import leapfrog, oscillation, steps
 from modal.waves.signals import record_times
-from modal.waves.source import Motion
 
 EXPANSION_COPIES = 4
 """Arrays of orders times times that `Expansion` holds at once."""

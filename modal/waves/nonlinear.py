@@ -30,9 +30,9 @@ from modal.tools.errors import InputError, UnavailableError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 from modal.waves.energy_balance import EnergyBalance, drift_limit
+from modal.waves.motions import Motion
 from modal.waves.receivers import Receivers
 from modal.waves.signals import COMPONENT, TORSION, Wave, record_times
-from modal.waves.source import Motion
 from modal.waves.sources import Source
 
 ACCURACY = 1e-3

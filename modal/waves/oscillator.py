@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.tools.arrays import Floats
-from modal.waves.source import Motion
+from modal.waves.motions import Motion
 
 RADIANS_PER_STEP = 6.0
 """Longest step, in radians of the fastest oscillator or of the motion."""

@@ -15,10 +15,10 @@ from modal.tools.errors import InputError
 from modal.waves.defaults import default_interval, default_pulse
 from modal.waves.forced_system import ForcedSystem
 from modal.waves.integrators import by_polynomials, by_series
+from modal.waves.motions import Motion
 from modal.waves.nonlinear import ACCURACY, NonlinearRuns, NonlinearWave, at_rest
 from modal.waves.receivers import Receivers
 from modal.waves.signals import Wave
-from modal.waves.source import Motion
 from modal.waves.sources import Source, Wall
 
 TOLERANCE = 1e-9

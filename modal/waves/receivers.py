@@ -11,8 +11,8 @@ from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
+from modal.waves.motions import Motion
 from modal.waves.signals import COMPONENT, Signals
-from modal.waves.source import Motion
 from modal.waves.sources import Source
 
 

@@ -2,7 +2,7 @@
 
 A source moves, or pushes, along the direction of the wave: x, y, z, or by turning about the line
 along z through the middle of the cell, which sends torsion. How it moves in time is a `Motion`
-(`modal.waves.source`).
+(`modal.waves.motions`).
 """
 
 from dataclasses import dataclass

@@ -12,9 +12,9 @@ from analysis.packing_data import PackingData
 from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
+from modal.waves.motions import Pulse, chirp, step
 from modal.waves.propagate import TOLERANCE, propagate
 from modal.waves.signals import Signals, write_signals
-from modal.waves.source import Pulse, chirp, step
 
 NETWORK = gallery.fcc(cells=(2, 2, 20))
 QUADRATIC, DRIFT = 0.1, 1e-6

@@ -20,7 +20,7 @@ from analysis.estimators.travel_time import arrival_times, first_peak_times, tra
 from analysis.estimators.wavenumber import PADDING, end_taper, frequency_wavenumber
 from modal.packing.crystal import fcc
 from modal.theory.fcc import FccLattice
-from modal.waves.source import Pulse
+from modal.waves.motions import Pulse
 
 NETWORK = fcc(cells=(1, 1, CHAIN.layers))
 END = CHAIN.layers * CHAIN.distance / CHAIN.velocity

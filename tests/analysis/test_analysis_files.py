@@ -23,8 +23,8 @@ from modal.packing.crystal import fcc
 from modal.packing.network import write_network
 from modal.packing.sample import sample_of_network, write_sample
 from modal.tools.errors import InputError
+from modal.waves.motions import Pulse
 from modal.waves.signals import write_signals
-from modal.waves.source import Pulse
 
 STRESS = 2.5e5
 """Of the crystal, Pa; the study has none like it."""

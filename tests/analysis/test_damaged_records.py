@@ -23,8 +23,8 @@ from analysis.packing_data import PackingData
 from modal.packing.crystal import fcc
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
+from modal.waves.motions import step
 from modal.waves.signals import Signals, write_signals
-from modal.waves.source import step
 
 FULL = record()
 U = FULL.chain_displacement

@@ -9,8 +9,8 @@ import pytest
 
 from analysis.expressions import MAX_DEPTH, UnknownNameError, evaluate
 from analysis.frame import numbers, select
+from analysis.study.captions import Captions
 from analysis.study.fields import fill, inside, number_format
-from analysis.study.words import Words
 from modal.tools.errors import InputError
 
 NAMES = {"friction": 0.4, "width": 4, "kind": "random", "dense": True}
@@ -151,7 +151,7 @@ def test_a_selection_is_true_or_false_of_each_case(text):
 
 
 def test_a_sentence_calls_its_few_functions_alone():
-    words = Words(FRAME.assign(void_ratio=[0.5, 0.6, 0.7], void_ratio_spread=np.nan))
+    words = Captions(FRAME.assign(void_ratio=[0.5, 0.6, 0.7], void_ratio_spread=np.nan))
     assert words("e {{ value('b', 'void_ratio') }}, {{ span('void_ratio', form='.1f') }}") == (
         "e 0.6, 0.6 to 0.7"
     )

@@ -19,8 +19,8 @@ from analysis.estimators.low_pass import (
 from analysis.estimators.wavenumber import chain_wavenumber
 from modal.packing.contact_law import RADIUS
 from modal.packing.crystal import fcc
+from modal.waves.motions import Pulse
 from modal.waves.propagate import propagate
-from modal.waves.source import Pulse
 
 TIME = np.arange(0, 1e-3, 1e-6)
 EXACT = record(0.95)

@@ -5,8 +5,8 @@ import pytest
 
 from analysis.frame import frame_of, mean_with_error
 from analysis.measurement import Measurement, mean_of
-from analysis.rows import Row, read_result, write_result
-from analysis.study.arrangement import _plot
+from analysis.rows import CaseResult, read_result, write_result
+from analysis.study.figure_layout import _plot
 from analysis.study.tables import limits, means
 from analysis.table import number
 from analysis.value import estimate
@@ -15,9 +15,9 @@ VELOCITIES = {"a": (448.0, 70.0, 67.0), "b": (455.0, 71.0, 68.0), "c": (462.0, 6
 """Of three short packings, m/s: value, error, and the part of it that all share."""
 
 
-def row(name: str, velocity: tuple[float, float, float]) -> Row:
+def row(name: str, velocity: tuple[float, float, float]) -> CaseResult:
     values = {"v_p": estimate(*velocity), "v_s": estimate(*(0.6 * x for x in velocity))}
-    return Row(None, name, name, False, 1e5, 0.3, "linear", "", values)
+    return CaseResult(None, name, name, False, 1e5, 0.3, "linear", "", values)
 
 
 @pytest.fixture

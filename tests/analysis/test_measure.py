@@ -19,9 +19,9 @@ from analysis.quantities.registry import Quantity, quantity
 from analysis.value import Value, estimate, unknown
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
+from modal.waves.motions import Pulse, SampledMotion, chirp
 from modal.waves.propagate import propagate
 from modal.waves.signals import write_signals
-from modal.waves.source import Pulse, SampledMotion, chirp
 
 KEYS = {
     *("v_p", "v_s", "low_pass", "low_pass_unbiased", "highest_frequency", "attenuation"),

@@ -11,8 +11,8 @@ from analysis.estimators.ridge import ridge
 from analysis.packing_data import PackingData
 from analysis.quantities.passband import edge_wavelength, wavelength_at
 from modal.packing.crystal import fcc
+from modal.waves.motions import Pulse
 from modal.waves.signals import Signals
-from modal.waves.source import Pulse
 
 
 def second_neighbours(share: float, passages: float) -> Signals:

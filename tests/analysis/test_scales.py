@@ -20,7 +20,7 @@ from analysis.quantities import QUANTITIES
 from analysis.quantities.amplitude import AMPLITUDE
 from modal.packing import crystal as gallery
 from modal.packing.sample import sample_of_network
-from modal.waves.source import Pulse
+from modal.waves.motions import Pulse
 
 DIMENSIONS = {"m/s": (1, 0, -1), "Hz": (0, 0, -1), "1/m": (-1, 0, 0), "Pa": (-1, 1, -2)}
 """Powers of length, mass and time."""

@@ -6,7 +6,7 @@ import pytest
 
 from analysis.__main__ import main
 from analysis.frame import frame_of
-from analysis.rows import Row, write_result
+from analysis.rows import CaseResult, write_result
 from analysis.study.description import Study
 from analysis.study.page import page
 from analysis.study.tables import tables
@@ -45,8 +45,8 @@ def test_factors_make_cases_and_settings_follow_them(tmp_path):
         tables([spec | {"columns": 3}], rules)
 
 
-def _of_sweep(name: str, case) -> Row:
-    row = Row(None, name, name, False, 1e5, case["mu_comp"], "linear", "")
+def _of_sweep(name: str, case) -> CaseResult:
+    row = CaseResult(None, name, name, False, 1e5, case["mu_comp"], "linear", "")
     row.values["v_p"] = estimate(500 + 10 * case["seed"])
     return row
 

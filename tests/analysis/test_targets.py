@@ -5,7 +5,7 @@ import pytest
 from places import ROOT
 
 from analysis.frame import frame_of, powers
-from analysis.rows import Row, read_result, read_results, write_result
+from analysis.rows import CaseResult, read_result, read_results, write_result
 from analysis.study.description import Study
 from analysis.study.tables import tables
 from analysis.study.targets import Finding, Rules, answers, second_verdicts
@@ -34,9 +34,9 @@ def test_a_result_is_read_as_it_was_written(tmp_path):
             read_result(tmp_path / "bad.json")
 
 
-def made_up(number: int, mu: float, stress: float, record="linear", **values: float) -> Row:
+def made_up(number: int, mu: float, stress: float, record="linear", **values: float) -> CaseResult:
     name = f"case{number:02d}"
-    row = Row(number, name, name, number < 5, stress, mu, record, "")
+    row = CaseResult(number, name, name, number < 5, stress, mu, record, "")
     row.values = {key: estimate(value) for key, value in values.items()}
     row.curves["first"] = (np.array([0.5]),)
     return row
@@ -45,7 +45,7 @@ def made_up(number: int, mu: float, stress: float, record="linear", **values: fl
 FRICTIONS = 0.0, 0.01, 0.05, 0.1, 0.2, 0.3, 0.4
 
 
-def study_of(power: dict[int, float], edge: float = 1.3) -> list[Row]:
+def study_of(power: dict[int, float], edge: float = 1.3) -> list[CaseResult]:
     """Seven frictions over four stresses: V_P = e-dependent stress^b, f_low-pass a power of it."""
     return [
         made_up(
@@ -61,7 +61,7 @@ def study_of(power: dict[int, float], edge: float = 1.3) -> list[Row]:
     ]
 
 
-def of(study: Study, rows: list[Row]) -> dict[str, Finding]:
+def of(study: Study, rows: list[CaseResult]) -> dict[str, Finding]:
     found = answers(study, frame_of(rows, study.cases))
     return {spec["id"]: finding for spec, finding, _ in found}
 
@@ -143,7 +143,7 @@ def test_a_state_that_has_not_settled_or_a_threshold_on_no_plateau_meets_nothing
 
 
 def test_states_that_are_no_cases_stand_beside_those_of_their_friction(paper):
-    state = Row(None, "mu0.4_1000Pa", "", False, 1e3, 0.4, "", "residual 1e-2", state=True)
+    state = CaseResult(None, "mu0.4_1000Pa", "", False, 1e3, 0.4, "", "residual 1e-2", state=True)
     state.values["coordination_number"] = estimate(3.8)
     found = of(paper, [state, made_up(29, 0.4, 1e4)])["rnd_cn_loose"]
     assert found.value == 3.8 and not found.met and "residual 1e-2" in found.why
@@ -214,7 +214,7 @@ def two_frictions(folder, scatter: float):
     )
     study, rows = Study(folder / "study.yaml"), []
     for name, case in study.cases.iterrows():
-        row = Row(None, name, name, False, case["stress"], case["mu_comp"], "linear", "")
+        row = CaseResult(None, name, name, False, case["stress"], case["mu_comp"], "linear", "")
         row.values["top"] = estimate(100.0 if case["mu_comp"] == 0.1 else 104.0)
         row.samples["top"], row.packings = scatter, 4
         rows.append(row)

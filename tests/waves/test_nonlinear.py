@@ -23,8 +23,8 @@ from modal.preparation.relax import relax
 from modal.system.contacts import terms_of
 from modal.system.imposed import TURN, WallMoves, put_on
 from modal.tools.errors import InputError
+from modal.waves.motions import Pulse, step
 from modal.waves.signals import read_signals
-from modal.waves.source import Pulse, step
 from modal.waves.sources import Plane, Point, Wall
 
 DURATION = 4e-4

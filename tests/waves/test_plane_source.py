@@ -11,9 +11,9 @@ import modal
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
+from modal.waves.motions import Pulse
 from modal.waves.oscillator import oscillation
 from modal.waves.signals import read_signals
-from modal.waves.source import Pulse
 from modal.waves.sources import Plane
 
 CRYSTAL, LAYERS = FccLattice(1e5), 40

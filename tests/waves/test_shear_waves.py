@@ -9,7 +9,7 @@ import modal
 from analysis.estimators.damped_transform import chain_dispersion
 from modal.theory.fcc import FccLattice
 from modal.tools.errors import InputError
-from modal.waves.source import Pulse
+from modal.waves.motions import Pulse
 
 CRYSTAL = FccLattice(1e5)
 LAYERS = 40

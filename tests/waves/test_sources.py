@@ -20,7 +20,7 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.system.assembly import block, stiffness_matrix
 from modal.system.contacts import SHEAR, contact_tangent, terms_of
 from modal.system.damping import ContactDamping
-from modal.waves.source import Pulse, SampledMotion
+from modal.waves.motions import Pulse, SampledMotion
 from modal.waves.sources import Plane, Point, Wall
 
 pytestmark = pytest.mark.two_ways

@@ -12,7 +12,7 @@ from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import LinearSystem
-from modal.waves.source import Pulse, SampledMotion, chirp, step
+from modal.waves.motions import Pulse, SampledMotion, chirp, step
 from modal.waves.sources import Wall
 
 PACKINGS = {

@@ -14,8 +14,8 @@ from benchmarks.harness.yade import in_yades_order
 from modal.packing import crystal as gallery
 from modal.packing.sample import read_sample
 from modal.preparation.relax import relax
+from modal.waves.motions import Pulse
 from modal.waves.signals import read_signals
-from modal.waves.source import Pulse
 
 AMPLITUDES = ("2.5e-9", "2.5e-11")
 

@@ -14,9 +14,9 @@ from modal.packing import crystal as gallery
 from modal.packing.network import read_network, write_network
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
+from modal.waves.motions import Pulse, chirp
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals
-from modal.waves.source import Pulse, chirp
 
 WIDTH, LAYERS, STRESS = 3, 30, 1e5
 TABLE = {"case": 2, "mu_comp": 0, "mu_wave": 0.1, "stress": STRESS, "input_frequency": 1e5}

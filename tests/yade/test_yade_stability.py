@@ -17,8 +17,8 @@ from modal.modes.mode_set import read_modes, write_modes
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, read_network
 from modal.waves.energy_balance import MAX_GAP
+from modal.waves.motions import AMPLITUDE
 from modal.waves.signals import Signals, read_signals
-from modal.waves.source import AMPLITUDE
 
 
 @pytest.fixture(scope="module")

@@ -77,7 +77,7 @@ def _factorise(
     except PyPardisoError as error:
         if error.value == OUT_OF_MEMORY:
             raise UnavailableError(
-                "PARDISO found too little memory; take a smaller packing", code="memory"
+                "memory", "PARDISO found too little memory", remedy="take a smaller packing"
             ) from error
         raise SingularError(definite) from error
     # With two-level factorisation a negative pivot may pass unnoticed: its root, and solutions with

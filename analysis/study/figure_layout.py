@@ -18,9 +18,9 @@ from analysis.figures import FIGURES
 from analysis.figures.groups import EDGE, SHADES, STRESS_MARKS
 from analysis.figures.picture import Panel, Picture, merged, read_picture, share_limits
 from analysis.frame import mean_with_error, select
+from analysis.study.captions import Captions
 from analysis.study.description import following
 from analysis.study.fields import inside
-from analysis.study.words import Words
 from analysis.table import cell
 from modal.tools.errors import InputError
 
@@ -49,7 +49,7 @@ def arrange(
     from analysis.figures.render import save  # Matplotlib, which to measure a case does not need
 
     pictures, captions, absent = {}, {}, []
-    words = Words(cases)
+    words = Captions(cases)
     for spec in specs:
         caption = words(spec["caption"])
         with following(spec):

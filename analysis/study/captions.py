@@ -23,7 +23,7 @@ PLACE = re.compile(r"{{(.*?)}}", re.DOTALL)
 """Where a sentence has a number."""
 
 
-class Words:
+class Captions:
     """What a sentence may ask of the cases; what no case has is `UNKNOWN`."""
 
     def __init__(self, frame: pd.DataFrame) -> None:

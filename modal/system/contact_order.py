@@ -26,7 +26,7 @@ CENTRAL = 16 * np.finfo(float).eps
 
 
 @dataclass(frozen=True)
-class PackedContacts:
+class OrderedContacts:
     """Contacts in the order of the loops, m of them; lengths in m, stiffnesses in N/m.
 
     rows (m, 7): normal, kn - kt, kt, and how far the two levers reach along the normal, the second
@@ -49,7 +49,7 @@ class PackedContacts:
     rolling: Floats | None
 
     @classmethod
-    def of(cls, network: Network, pre_stress: str) -> PackedContacts:
+    def of(cls, network: Network, pre_stress: str) -> OrderedContacts:
         """The contacts of a network; `pre_stress` none or normal."""
         order, slabs = _order_along_z(network)
         ends, rows = np.empty((len(order), 2), np.int32), np.empty((len(order), 7))
@@ -83,7 +83,7 @@ class PackedContacts:
         in_pieces = _pieces(ends, slabs, network.n_particles)
         return cls(rows, ends, *in_pieces, lateral, aside, rolling)
 
-    def renumbered(self) -> tuple[PackedContacts, Ints]:
+    def renumbered(self) -> tuple[OrderedContacts, Ints]:
         """The same with the spheres numbered as the loops meet them, and their former numbers (n,).
 
         What is gathered for one contact then lies beside what the contacts before have gathered.
@@ -126,7 +126,7 @@ def _order_along_z(network: Network) -> tuple[Ints, Ints]:
 
 
 def _pieces(ends: Ints, slabs: Ints, n: int) -> tuple[Ints, Ints, Ints]:
-    """`slabs` in pieces, pieces and fresh spheres as in `PackedContacts`.
+    """`slabs` in pieces, pieces and fresh spheres as in `OrderedContacts`.
 
     `ends` (m, 2) of the contacts in their order, `slabs` (s + 1,) the first contact of each.
     """

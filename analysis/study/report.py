@@ -15,9 +15,9 @@ import pandas as pd
 
 from analysis.frame import frame_of, runs
 from analysis.rows import read_results
-from analysis.study.arrangement import arrange
 from analysis.study.description import Study
 from analysis.study.fields import inside
+from analysis.study.figure_layout import arrange
 from analysis.study.page import page
 from analysis.study.tables import tables, whole
 from analysis.study.targets import Answer, Rules, answers, second_verdicts, targets
