@@ -15,7 +15,7 @@ from modal.exchange.law import ProgramLaw
 from modal.exchange.particles_and_contacts import Contacts, LawOf, Packing
 from modal.exchange.text import fault
 from modal.formats.hdf5 import named
-from modal.packing.checks import WIDEST
+from modal.packing.checks import MAX_GAP_IN_SUMS_OF_RADII
 from modal.packing.neighbours import ContactList
 from modal.packing.network import Network
 from modal.packing.precision import MAX_OVERLAP_ERROR, NOTED_OVERLAP_ERROR, OVERLAP_ERROR
@@ -162,7 +162,7 @@ def _kept(listed: Contacts, packing: Packing, overlap: Floats) -> Bools:
         kept &= overlap > 0 if listed.force is None else listed.force != 0
     do = "write both at one step, in one unit of length, with the cell's periods and walls"
     listed.refuse(
-        kept & (overlap < -WIDEST * reach),
+        kept & (overlap < -MAX_GAP_IN_SUMS_OF_RADII * reach),
         lambda row: f"{ends(row)} do not touch, there are {-overlap[row]:.3g} m between them",
         do,
         packing.name,

@@ -21,7 +21,7 @@ from modal.exchange.input_script import Script
 from modal.exchange.law import DISPLACEMENT, FORCE, MIDDLE, ONE_SIDED, RADIUS, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import WALLS, Contacts, LawOf, Packing
 from modal.exchange.text import Words, fault
-from modal.packing.contact_law import YOUNG, Elasticity
+from modal.packing.contact_law import YOUNG_RANGE_PA, Elasticity
 from modal.tools.arrays import Floats, Ints
 
 TANGENTIAL = {
@@ -128,8 +128,9 @@ def coefficients(
 
 def material_of(young: float, poisson: float, where: str) -> Elasticity:
     """Young's modulus, Pa, and Poisson's ratio; InputError where no material has them."""
-    if not YOUNG[0] <= young <= YOUNG[1]:
-        do = f"write it in Pa ({YOUNG[0]:g} to {YOUNG[1]:g}), or, of other units, import --scales"
+    low, high = YOUNG_RANGE_PA
+    if not low <= young <= high:
+        do = f"write it in Pa ({low:g} to {high:g}), or, of other units, import --scales"
         fault(where, f"Young's modulus {young:g} Pa is that of no material", do)
     if not -1 < poisson < 0.5:
         fault(where, f"Poisson's ratio {poisson:g} is outside -1 to 0.5", "mend it")

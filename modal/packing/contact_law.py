@@ -14,12 +14,12 @@ from modal.tools.arrays import Floats
 
 RADIUS = 1.27e-3
 """Particle radius of the study, m (Otsubo et al. 2017, section 2)."""
-YOUNG = (1e3, 1e14)
-"""Young's moduli that are taken, Pa: from gels to what counts as rigid. Those in GPa or in dyn/mm^2
-lie outside."""
+YOUNG_RANGE_PA = (1e3, 1e14)
+"""Young's moduli that are accepted: from gels to what counts as rigid. A modulus in GPa or in
+dyn/mm^2 lies outside."""
 
 HERTZ_MINDLIN = "hertz-mindlin"
-"""The contact model where none is named."""
+"""Name of the default contact model."""
 
 
 class Moduli(NamedTuple):
@@ -31,54 +31,56 @@ class Moduli(NamedTuple):
 
 @dataclass(frozen=True)
 class Elasticity:
-    """What a body resists a contact with: `young` in Pa, `poisson`."""
+    """Elastic constants of a body: Young's modulus `young`, Pa, and Poisson's ratio `poisson`."""
 
     young: float
     poisson: float
 
     @property
     def effective_young(self) -> float:
-        """E* = E / (2 (1 - nu^2)), Pa, of two bodies of this material."""
+        """E* = E / (2 (1 - nu^2)), Pa, for two bodies of this material."""
         return self.young / (2 * (1 - self.poisson**2))
 
     @property
     def moduli(self) -> Moduli:
-        """E* and G* = G / (2 (2 - nu)), Pa: all that the law of contact needs."""
+        """E* and G* = G / (2 (2 - nu)), Pa, for two bodies of this material."""
         shear = self.young / (4 * (1 + self.poisson) * (2 - self.poisson))
         return Moduli(self.effective_young, shear)
 
     def against(self, other: Elasticity) -> Moduli:
-        """E* and G*, Pa, of a contact with a body of another material: compliances add.
+        """Return E* and G*, Pa, of a contact with a body of another material: compliances add.
 
         1/E* = (1 - nu^2)/E + (1 - nu'^2)/E', 1/G* = (2 - nu)/G + (2 - nu')/G'.
         """
         if (self.young, self.poisson) == (other.young, other.poisson):
             return self.moduli  # to the last bit
         pairs = zip(self.moduli, other.moduli, strict=True)
-        return Moduli(*(2 / (1 / own + 1 / its) for own, its in pairs))
+        return Moduli(*(2 / (1 / modulus + 1 / other_modulus) for modulus, other_modulus in pairs))
 
 
 @dataclass(frozen=True)
 class Material(Elasticity):
-    """What a sphere is made of: `young` in Pa, `poisson`, `density` in kg/m^3.
+    """Material of spheres: `young`, Pa, `poisson`, `density`, kg/m^3, and the contact model.
 
-    `contact_model` is the name of the law of its contacts, and that law's own numbers.
+    `contact_model` is the name of a module of `modal.packing.contact_models`, followed by the
+    numbers that this model takes, as in "rough 1e-6".
     """
 
     density: float
     contact_model: str = HERTZ_MINDLIN
 
     def sphere(self, radius: Any, densities: Floats | None = None) -> tuple[Any, Any]:
-        """Mass, kg, and moment of inertia, kg m^2, of a sphere, or of each, of `radius`, m.
+        """Return the mass, kg, and the moment of inertia, kg m^2, of a sphere, or of many (n,).
 
-        `densities` (n,), kg/m^3, in place of the material's own.
+        `radius` is a number or (n,), m; `densities` (n,), kg/m^3, replace that of the material.
         """
-        mass = (self.density if densities is None else densities) * 4 / 3 * np.pi * radius**3
+        density = self.density if densities is None else densities
+        mass = density * 4 / 3 * np.pi * radius**3
         return mass, 0.4 * mass * radius**2
 
 
 def sphere_volume(radius: Floats) -> Floats:
-    """4/3 pi R^3, m^3, of each radius, m."""
+    """Return the volume 4/3 pi R^3, m^3, of a sphere of each radius (n,), m."""
     return 4 / 3 * np.pi * radius**3
 
 

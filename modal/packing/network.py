@@ -15,7 +15,7 @@ import numpy as np
 
 from modal.formats.hdf5 import named
 from modal.formats.product import Product
-from modal.packing.checks import check, converted
+from modal.packing.checks import check_network, convert_columns
 from modal.packing.columns import COLUMNS, SCHEMA, UNKNOWN, VERSION, Columns, frozen
 from modal.packing.columns import RECEIVER_WALL as RECEIVER_WALL
 from modal.packing.columns import SOURCE_WALL as SOURCE_WALL
@@ -80,8 +80,8 @@ class Network(Columns):
     """
 
     def __post_init__(self) -> None:
-        self.__setstate__(converted(vars(self)))
-        check(self)
+        self.__setstate__(convert_columns(vars(self)))
+        check_network(self)
 
     def __repr__(self) -> str:
         return f"<Network: {self.n_particles} particles, {self.n_contacts} contacts>"
@@ -156,7 +156,7 @@ class Network(Columns):
         rows = np.arange(self.n_contacts)[kept]
         if np.bincount(rows).max(initial=0) > 1:
             raise InputError(
-                "input",
+                "contact_twice",
                 "a contact is selected twice",
                 remedy="list each once, with its whole stiffness",
             )

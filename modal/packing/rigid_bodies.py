@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modal.packing.checks import refuse
+from modal.packing.checks import Fault, refuse_first
 from modal.packing.network import Network
 from modal.tools.arrays import Floats, Ints
+from modal.tools.errors import InputError
 
 MAX_OFFSET_IN_PERIODS = 0.45
 """Largest distance of a member from the first one: farther away its image would not be known."""
@@ -68,8 +69,17 @@ def joined(network: Network, body: Ints, properties: Bodies | None = None) -> Ne
     shift = finite_period * turns
     offset += shift
     too_far = (abs(offset) > MAX_OFFSET_IN_PERIODS * period).any(axis=1)
-    fault = "lies half a period away from the first of its body; take a wider cell"
-    refuse([("sphere", too_far, fault)])
+    refuse_first(
+        [
+            Fault(
+                "sphere",
+                too_far,
+                "body_too_wide",
+                "lies half a period away from the first of its body",
+                remedy="take a wider cell",
+            )
+        ]
+    )
     position = network.position + shift
     mass: Floats = _sum_rows(index, network.mass, count)
     lever = _sum_rows(index, network.mass[:, None] * offset, count) / mass[:, None]
@@ -81,14 +91,23 @@ def joined(network: Network, body: Ints, properties: Bodies | None = None) -> Ne
         joint_number = number[first][joint]
         rows = np.searchsorted(properties.number, joint_number)
         missing = properties.number[np.minimum(rows, len(properties.number) - 1)] != joint_number
-        refuse([("", missing, "some bodies have no mass and tensor; give those of all of them")])
+        if missing.any():
+            raise InputError(
+                "incomplete_bodies",
+                "some bodies have no mass and tensor",
+                remedy="give those of all of them",
+            )
         centre_offset = properties.centre[rows] - centre[joint]
         centre_offset -= np.round(centre_offset / period) * finite_period
         reach = np.zeros(count)
         np.maximum.at(reach, index, np.linalg.norm(offset, axis=1) + network.radius)
         outside = np.linalg.norm(centre_offset, axis=1) > reach[joint]
-        fault = "a body's centre of mass lies outside its spheres; give both of one step"
-        refuse([("", outside, fault)])
+        if outside.any():
+            raise InputError(
+                "centre_of_mass",
+                "a body's centre of mass lies outside its spheres",
+                remedy="give both of one step",
+            )
         centre[joint] += centre_offset
         mass[joint] = properties.mass[rows]
         tensor[joint] = properties.tensor[rows]

@@ -15,63 +15,78 @@ import numpy as np
 from modal.formats.attributes import number_noted
 from modal.formats.hdf5 import named
 from modal.formats.product import Column, Product, columns_of, stored
-from modal.packing.checks import Faults, density_of, refuse
+from modal.packing.checks import Fault, Faults, density_of, refuse_first
 from modal.packing.columns import frozen
-from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, YOUNG, Elasticity, Material
+from modal.packing.contact_law import (
+    GLASS,
+    HERTZ_MINDLIN,
+    RADIUS,
+    YOUNG_RANGE_PA,
+    Elasticity,
+    Material,
+)
 from modal.packing.contact_models import ContactLaw, law_of_each, laws_of
 from modal.packing.neighbours import ContactList, canonical, touching
 from modal.packing.network import Network
-from modal.tools.arrays import Array, Floats
+from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
 
 SCHEMA = "granular-sample"
 VERSION = 1, 2, 3
-"""Between walls; periodic along z, and of another contact model than Hertz and Mindlin's, which
-earlier readers would not notice."""
-UNEQUAL = 1e-9
-"""Relative: a density so far from the material's is the sphere's own, not round-off."""
-ANOTHER = 1e-6
-"""Of the mean stiffness: a contact so far from the law's is another law's."""
+"""1: between walls. 2: periodic along z. 3: another contact model than that of Hertz and Mindlin.
+Earlier readers would not notice the last two."""
+MAX_DENSITY_ERROR = 1e-9
+"""Relative; beyond, a density differs from that of the material, and not by round-off."""
+MAX_STIFFNESS_ERROR = 1e-6
+"""Relative to the mean stiffness; beyond, a contact follows another law."""
+MIN_FRICTION_USED = 1 - 1e-9
+"""Share of the friction limit from which on a contact counts as sliding; 1 up to round-off."""
+EDGE_SLACK_IN_RADII = 1e-9
+"""Distance by which a centre may lie outside of the cell, by round-off."""
+MAKE_AGAIN = "make the sample again"
+"""Remedy for a sample that no program of this project writes."""
 SPIN = "rad/s"
 ELASTIC = ("young", "poisson")
-OF_WALLS = ("wall_young", "wall_poisson")
-"""The same of walls, as attributes and notes."""
+WALL_ELASTIC = ("wall_young", "wall_poisson")
+"""Names of the elastic constants of walls, as attributes of files and as notes."""
 
 
 @dataclass
 class Sample:
-    """Spheres between flat walls at rest, or, with velocities, on their way; SI units.
+    """Spheres between flat walls, at rest or, with velocities, in motion; SI units.
 
     Parameters
     ----------
     position : ndarray (n, 3)
         m, x and y inside the cell.
     side, walls : ndarray (2,)
-        m: of the lateral cell, and z of source and receiver wall.
+        Sides of the lateral cell, and z of source and receiver wall, m.
     friction : float
-        Coefficient mu of its contacts.
+        Friction coefficient mu of the contacts.
     shear : ndarray (m, 2), optional
         Shear force on i of each contact in canonical order along `neighbours.tangents`, N.
     velocity, angular_velocity, strain_rate : ndarray (n, 3), (n, 3), (3,), optional
-        m/s, rad/s, 1/s, of a sample in motion.
+        m/s, rad/s, and 1/s of the cell; only for a sample in motion.
     radius, radii : float, default 1.27e-3, and ndarray (n,), optional
-        m, of all spheres; of spheres of several sizes the mean, and that of each.
+        Radius of all spheres, m, or, if they differ, the mean radius and that of each sphere.
     material, densities : Material, default glass, and ndarray (n,) kg/m^3, optional
-        Of the spheres; densities in place of the material's.
+        Material of the spheres; `densities` replace its density.
     wall_material : Elasticity, optional
-        Of the walls; that of the spheres where it is None.
+        Elastic constants of the walls; by default those of the spheres.
     periodic_z : bool, default False
-        There are no walls: `walls` are the ends of a period along z.
+        Whether there are no walls and `walls` are the ends of a period along z.
     periodic_sides : tuple of 2 bool, default (True, True)
-        Whether x and y are periodic; where not, the packing ends there, and no file has it.
+        Whether x and y are periodic. A packing with free sides can be written to no file.
     study, provenance : dict, optional
         Free attributes.
 
     Examples
     --------
     >>> import numpy as np
-    >>> at = np.array([[1e-3, 1e-3, 1e-3]])
-    >>> Sample(at, np.array([4e-3, 4e-3]), np.array([0.0, 2e-3]), 0.1, radius=1e-3 + 1e-7).network()
+    >>> position = np.array([[1e-3, 1e-3, 1e-3]])
+    >>> side = np.array([4e-3, 4e-3])
+    >>> walls = np.array([0.0, 2e-3])
+    >>> Sample(position, side, walls, friction=0.1, radius=1e-3 + 1e-7).network()
     <Network: 1 particles, 2 contacts>
     """
 
@@ -97,71 +112,80 @@ class Sample:
 
     @property
     def sizes(self) -> float | Floats:
-        """The radius of all spheres, or that of each (n,), m."""
+        """Radius of all spheres, or that of each (n,), m."""
         return self.radius if self.radii is None else self.radii
 
     @property
     def laws(self) -> tuple[ContactLaw, ContactLaw]:
-        """The contact law between spheres, and with a wall."""
+        """Contact law between two spheres, and that between a sphere and a wall."""
         return laws_of(self.material, self.wall_material)
 
     @property
     def constants(self) -> dict[str, Any]:
-        """Its materials, as a network's `study` notes them; no density if the spheres' differ."""
-        own = vars(self.material)
-        kept = [*ELASTIC]
-        kept += ["contact_model"] * (self.material.contact_model != HERTZ_MINDLIN)
-        kept += ["density"] * (self.densities is None)
-        return {name: own[name] for name in kept} | self.wall_constants
+        """Constants of the materials by name, as in the `study` of a network.
+
+        There is no density if those of the spheres differ, and no name of the default contact
+        model.
+        """
+        names = list(ELASTIC)
+        if self.material.contact_model != HERTZ_MINDLIN:
+            names.append("contact_model")
+        if self.densities is None:
+            names.append("density")
+        constants = {name: getattr(self.material, name) for name in names}
+        return constants | self.wall_constants
 
     @property
     def wall_constants(self) -> dict[str, float]:
-        """The walls' own moduli by name, if they are not the spheres'."""
+        """Elastic constants of the walls by name; empty if they are those of the spheres."""
         walls = self.wall_material
-        return {} if walls is None else {f"wall_{name}": getattr(walls, name) for name in ELASTIC}
+        if walls is None:
+            return {}
+        return {f"wall_{name}": getattr(walls, name) for name in ELASTIC}
 
     @property
     def masses(self) -> tuple[Floats, Floats]:
         """Mass, kg, and moment of inertia, kg m^2, of each sphere (n,)."""
-        each = np.full(len(self.position), self.sizes)
-        mass, inertia = self.material.sphere(each, self.densities)
+        radius = np.full(len(self.position), self.sizes)
+        mass, inertia = self.material.sphere(radius, self.densities)
         return mass, inertia
 
     @property
     def length(self) -> float:
-        """Between the walls, or of the period along z, m."""
+        """Distance of the walls, or period along z, m."""
         return float(self.walls[1] - self.walls[0])
 
     @property
     def periods(self) -> Floats:
-        """Shape (2,), m: of the sides; of those that end, so far that no image is ever near."""
+        """Periods (2,) along x and y, m; without a period, so long that no image is ever near."""
         beyond = np.ptp(self.position[:, :2], axis=0) + 6 * np.max(self.sizes)
         return np.where(self.periodic_sides, self.side, beyond)
 
     @property
     def lengths(self) -> Floats:
-        """Shape (3,), m: the `periods` and the `length`."""
+        """The `periods` and the `length` (3,), m."""
         return np.array([*self.periods, self.length])
 
     def contacts(self) -> ContactList:
-        """All contacts, in canonical order; their overlaps follow from the positions."""
+        """Return all contacts in canonical order; their overlaps follow from the positions."""
         periodic = np.array([*self.periodic_sides, self.periodic_z])
         low = np.where(periodic, [0.0, 0.0, self.walls[0]], 0.0)
         return touching(self.position, low, periodic * self.lengths, self.walls, self.sizes)
 
     def network(self, contact: ContactList | None = None) -> Network:
-        """The contact network: springs of the contact model at the present overlaps.
+        """Return the contact network: springs of the contact model at the present overlaps.
 
-        Its contacts are found, unless they are known. The contact point lies in the middle of the
-        overlap, also at a wall.
-
-        Relative error of an overlap: eps times diameter over overlap, 1e-12 at 100 kPa.
+        The contacts are sought unless `contact` gives them. A contact point lies in the middle of
+        the overlap, also at a wall. The relative error of an overlap is eps times diameter divided
+        by overlap, 1e-12 at 100 kPa. InputError if the shear forces are not those of the contacts.
         """
-        contact = self.contacts() if contact is None else contact
-        n, m, wall = len(self.position), len(contact.overlap), contact.particle_j < 0
-        solid = {
+        if contact is None:
+            contact = self.contacts()
+        n = len(self.position)
+        ends = 2 * len(contact.overlap) - (contact.particle_j < 0).sum()
+        densities = {
             "void_ratio": void_ratio(n, self.sizes, self.side, self.length),
-            "coordination_number": float((2 * m - wall.sum()) / n),
+            "coordination_number": float(ends / n),
         }
         mass, inertia = self.masses
         return Network(
@@ -169,59 +193,78 @@ class Sample:
             cell_size=np.array([*self.side, self.length]),
             cell_periodic=np.array([*self.periodic_sides, self.periodic_z]),
             wall_position=np.asarray(self.walls, float),
-            study=self.study | solid | self.constants,
+            study=self.study | densities | self.constants,
             provenance=self.provenance,
             **frozen(radius=np.full(n, self.sizes), mass=mass, inertia=inertia),
-            **frozen(**vars(contact), **self._springs(contact)),
+            **frozen(**vars(contact), **self._compute_springs(contact)),
         )
 
-    def _springs(self, contact: ContactList) -> dict[str, Array]:
-        """Levers, stiffnesses and forces of contacts, as columns of a network."""
-        m, overlap, wall = len(contact.overlap), contact.overlap, contact.particle_j < 0
-        each = np.broadcast_to(self.sizes, len(self.position))
-        first, second = each[contact.particle_i], each[np.maximum(contact.particle_j, 0)]
-        effective = np.where(wall, first, first * (second / (first + second)))
+    def _compute_springs(self, contact: ContactList) -> dict[str, Array]:
+        """Return levers, stiffnesses and forces of contacts as columns of a network."""
+        overlap = contact.overlap
+        wall = contact.particle_j < 0
+        radius = np.broadcast_to(self.sizes, len(self.position))
+        radius_i = radius[contact.particle_i]
+        radius_j = radius[np.maximum(contact.particle_j, 0)]
+        effective = np.where(wall, radius_i, radius_i * (radius_j / (radius_i + radius_j)))
         law = law_of_each(self.laws, wall)
-        force, tangential = law.normal_force(overlap, effective), np.zeros((m, 3))
-        if self.shear is not None:
-            if len(self.shear) != m:
-                raise InputError(
-                    "input",
-                    "sample",
-                    f"{len(self.shear)} shear forces for {m} contacts",
-                    "it was written by another program or is damaged, make it again",
-                )
-            for part, along, across in contact.frames():
-                shear = self.shear[part]
-                tangential[part] = shear[:, :1] * along + shear[:, 1:] * across
-        backwards = (overlap / 2 - second)[:, None] * contact.normal
-        backwards[wall] = 0
+        force = law.normal_force(overlap, effective)
+        tangential = self._compute_shear(contact)
+        lever_j = (overlap / 2 - radius_j)[:, None] * contact.normal
+        lever_j[wall] = 0
+        limit = self.friction * force * MIN_FRICTION_USED
         return {
-            "lever_i": (first - overlap / 2)[:, None] * contact.normal,
-            "lever_j": backwards,
+            "lever_i": (radius_i - overlap / 2)[:, None] * contact.normal,
+            "lever_j": lever_j,
             "stiffness_normal": law.stiffness_normal(overlap, effective),
             "stiffness_tangential": law.stiffness_tangential(overlap, effective),
             "force_normal": force,
             "force_tangential": tangential,
-            "sliding": np.linalg.norm(tangential, axis=1) >= self.friction * force * (1 - 1e-9),
+            "sliding": np.linalg.norm(tangential, axis=1) >= limit,
         }
+
+    def _compute_shear(self, contact: ContactList) -> Floats:
+        """Return the tangential forces (m, 3), N, from their components along both tangents."""
+        m = len(contact.overlap)
+        tangential = np.zeros((m, 3))
+        if self.shear is None:
+            return tangential
+        if len(self.shear) != m:
+            raise InputError(
+                "shear_forces",
+                "sample",
+                f"{len(self.shear)} shear forces for {m} contacts",
+                "it was written by another program or is damaged, make it again",
+            )
+        for part, first_tangent, second_tangent in contact.frames():
+            shear = self.shear[part]
+            tangential[part] = shear[:, :1] * first_tangent + shear[:, 1:] * second_tangent
+        return tangential
 
 
 def void_ratio(n: int, radius: float | Floats, side: Floats, length: float) -> float:
-    """Volume of voids over volume of n spheres, wall to wall; `radius` of all or of each (n,)."""
-    cube = float(np.mean(radius**3))
-    return float(side[0] * side[1] * length / (n * 4 / 3 * np.pi * cube) - 1)
+    """Return the volume of voids divided by that of n spheres, from wall to wall.
+
+    `radius` is that of all spheres or of each (n,), m; `side` (2,) and `length` of the cell, m.
+    """
+    mean_cube = float(np.mean(radius**3))
+    return float(side[0] * side[1] * length / (n * 4 / 3 * np.pi * mean_cube) - 1)
 
 
-_NUMBERS = "friction", "radius", *ELASTIC, "density", *(f"wall_{name}" for name in ELASTIC)
+_NUMBERS = ("friction", "radius", *ELASTIC, "density", *WALL_ELASTIC)
 COLUMNS = columns_of(Sample)
 FORMAT = Product(
     SCHEMA,
     COLUMNS | {"period": Column("cell/period", "f", (1,), "m", optional=True, since=2)},
     attributes=dict.fromkeys(_NUMBERS, float) | {"contact_model": str},
-    # A sample of several sizes may lack the mean of them, one whose walls are its spheres' theirs.
-    defaults={"radius": np.nan, "wall_young": None, "wall_poisson": None}
-    | {"contact_model": HERTZ_MINDLIN},
+    # The file of a sample with several sizes may lack the mean radius, that of a sample whose walls
+    # are of the material of its spheres lacks their constants.
+    defaults={
+        "radius": np.nan,
+        "wall_young": None,
+        "wall_poisson": None,
+        "contact_model": HERTZ_MINDLIN,
+    },
     since={"contact_model": 3},
     groups=("study", "provenance"),
     versions=VERSION,
@@ -229,72 +272,96 @@ FORMAT = Product(
 
 
 def sample_of_network(network: Network, friction: float) -> Sample:
-    """The compact form of a network of spheres, in canonical order then.
+    """Return the compact form of a network of spheres, whose contacts are then in canonical order.
 
-    Moduli and contact model are those that its `study` notes, or those of glass. InputError for
-    other networks: stiffnesses of another law or of other moduli, or other contacts.
+    Moduli and contact model are those in the `study` of the network, or those of glass. InputError
+    if stiffnesses are those of another law or of other moduli, or if there are other contacts.
     """
-    radius, density = network.radius, density_of(network)
-    alike, noted = bool((radius == radius[0]).all()), network.study
-    own = {name: number_noted(noted, name) for name in (*ELASTIC, "density")}
-    known = {name: number for name, number in own.items() if number is not None}
-    model = str(noted.get("contact_model", HERTZ_MINDLIN))
-    material = replace(GLASS, contact_model=model, **known)
-    mixed = abs(density / material.density - 1).max() > UNEQUAL
-    sample = Sample(
-        position=network.position.copy(),
-        side=network.cell_size[:2].copy(),
-        walls=network.wall_position.copy(),
-        friction=friction,
-        radius=float(radius[0] if alike else radius.mean()),
-        radii=None if alike else radius.copy(),
-        material=material,
-        densities=density if mixed else None,
-        wall_material=_wall_material({name: number_noted(noted, name) for name in OF_WALLS}),
-        periodic_z=bool(network.cell_periodic[2]),
-        periodic_sides=(bool(network.cell_periodic[0]), bool(network.cell_periodic[1])),
-        study=noted,
-        provenance=network.provenance,
-    )
+    sample = _bare_sample(network, friction)
     contact = sample.contacts()
-    periods = network.require("cell_shift", "sample with its contacts in order")
+    shift = network.require("cell_shift", "sample with its contacts in order")
     force = network.require("force_tangential", "sample with its history")
-    rows, i, j, shift, turned = canonical(network.particle_i, network.particle_j, periods)
-    theirs = contact.particle_i, contact.particle_j, contact.cell_shift
-    if not all(map(np.array_equal, (i, j, shift), theirs)):
+    rows, i, j, ordered_shift, turned = canonical(network.particle_i, network.particle_j, shift)
+    ends_agree = np.array_equal(i, contact.particle_i) and np.array_equal(j, contact.particle_j)
+    if not ends_agree or not np.array_equal(ordered_shift, contact.cell_shift):
         raise InputError(
-            "input",
+            "other_contacts",
             "the network's contacts are not those of spheres that overlap in a lateral cell",
             "by round-off, or from another program",
             "take the network itself",
         )
     shear = contact.along(force[rows] * np.where(turned, -1, 1)[:, None])
     sample.shear = shear if shear.any() else None
-    rebuilt = sample.network(contact)
-    for name in ("stiffness_normal", "stiffness_tangential"):
-        theirs = getattr(network, name)[rows]
-        if abs(getattr(rebuilt, name) - theirs).max(initial=0.0) > ANOTHER * theirs.mean():
-            raise InputError(
-                "input",
-                f"the network's {name} is not that of {material.contact_model} contacts of E "
-                f"{material.young:g} Pa and nu {material.poisson:g}",
-                remedy=(
-                    "note young, poisson, "
-                    "contact_model and, of other walls, wall_young and wall_poisson in its group "
-                    "study, or take the linear wave, which knows any law"
-                ),
-            )
+    _check_stiffnesses(network, sample, sample.network(contact), rows)
     return sample
 
 
-def _wall_material(notes: Mapping[str, float | None]) -> Elasticity | None:
-    """The walls' own material, as notes or a file's attributes tell it; None without."""
-    young, poisson = (notes.get(f"wall_{name}") for name in ELASTIC)
+def _bare_sample(network: Network, friction: float) -> Sample:
+    """Return the sample of a network without shear forces."""
+    radius = network.radius
+    radii_are_equal = bool((radius == radius[0]).all())
+    study = network.study
+    constants = {}
+    for name in (*ELASTIC, "density"):
+        number = number_noted(study, name)
+        if number is not None:
+            constants[name] = number
+    contact_model = str(study.get("contact_model", HERTZ_MINDLIN))
+    material = replace(GLASS, contact_model=contact_model, **constants)
+    density = density_of(network)
+    densities_differ = abs(density / material.density - 1).max() > MAX_DENSITY_ERROR
+    return Sample(
+        position=network.position.copy(),
+        side=network.cell_size[:2].copy(),
+        walls=network.wall_position.copy(),
+        friction=friction,
+        radius=float(radius[0] if radii_are_equal else radius.mean()),
+        radii=None if radii_are_equal else radius.copy(),
+        material=material,
+        densities=density if densities_differ else None,
+        wall_material=_read_wall_material(
+            {name: number_noted(study, name) for name in WALL_ELASTIC}
+        ),
+        periodic_z=bool(network.cell_periodic[2]),
+        periodic_sides=(bool(network.cell_periodic[0]), bool(network.cell_periodic[1])),
+        study=study,
+        provenance=network.provenance,
+    )
+
+
+def _check_stiffnesses(network: Network, sample: Sample, rebuilt: Network, rows: Ints) -> None:
+    """Raise InputError if the stiffnesses of contacts `rows` (m,) are not those of `rebuilt`."""
+    material = sample.material
+    for name in ("stiffness_normal", "stiffness_tangential"):
+        stiffness = getattr(network, name)[rows]
+        error = abs(getattr(rebuilt, name) - stiffness).max(initial=0.0)
+        if error > MAX_STIFFNESS_ERROR * stiffness.mean():
+            raise InputError(
+                "other_law",
+                f"the network's {name} is not that of {material.contact_model} contacts of E "
+                f"{material.young:g} Pa and nu {material.poisson:g}",
+                remedy=(
+                    "note young, poisson, contact_model and, of other walls, wall_young and "
+                    "wall_poisson in its group study, or take the linear wave, which knows any law"
+                ),
+            )
+
+
+def _read_wall_material(notes: Mapping[str, float | None]) -> Elasticity | None:
+    """Return the material of the walls from notes or attributes; None if there is none.
+
+    InputError if one of the two numbers lacks.
+    """
+    young = notes.get("wall_young")
+    poisson = notes.get("wall_poisson")
     if young is None and poisson is None:
         return None
     if young is None or poisson is None:
-        problem = "one of wall_young and wall_poisson lacks"
-        raise InputError("incomplete", problem, remedy="give both, or none")
+        raise InputError(
+            "incomplete",
+            "one of wall_young and wall_poisson lacks",
+            remedy="give both, or none",
+        )
     return Elasticity(young, poisson)
 
 
@@ -306,25 +373,29 @@ def write_sample(path: str | Path, sample: Sample) -> None:
     path : str or Path
         `*.sample.h5`, replaced if it is there.
     sample : Sample
-        Spheres with their contact model, and the shear forces of their contacts.
+        Spheres, their contact model, and the shear forces of their contacts.
 
     Raises
     ------
     InputError
-        For a sample without periods along x and y; where the file cannot be written.
+        If the sample has no periods along x and y, or the file cannot be written.
 
     Examples
     --------
     >>> import modal, os, tempfile
     >>> path = os.path.join(tempfile.mkdtemp(), "mine.sample.h5")
-    >>> at, walls = np.array([[1e-3, 1e-3, 1e-3]]), np.array([0.0, 2e-3])
-    >>> write_sample(path, Sample(at, np.array([4e-3, 4e-3]), walls, 0.1, radius=1.0001e-3))
+    >>> position = np.array([[1e-3, 1e-3, 1e-3]])
+    >>> side = np.array([4e-3, 4e-3])
+    >>> walls = np.array([0.0, 2e-3])
+    >>> write_sample(path, Sample(position, side, walls, friction=0.1, radius=1.0001e-3))
     >>> modal.read(path).n_contacts
     2
     """
     if not all(sample.periodic_sides):
         raise InputError(
-            "input", "a sample without periods sideways has no file", remedy="write its network"
+            "no_periods",
+            "a sample without periods sideways has no file",
+            remedy="write its network",
         )
     period = np.diff(sample.walls) if sample.periodic_z else None
     values = vars(sample) | vars(sample.material) | sample.wall_constants
@@ -332,54 +403,93 @@ def write_sample(path: str | Path, sample: Sample) -> None:
 
 
 def read_sample(path: str | Path) -> Sample:
-    """Read and validate a sample; raises InputError with one line for anything wrong."""
-    said = FORMAT.read(path)
+    """Read and validate a sample; raise InputError with one line for anything wrong."""
+    values = FORMAT.read(path)
+    wall_constants = {name: values.pop(name) for name in WALL_ELASTIC}
     with named(path):
-        walls = _wall_material({name: said.pop(name) for name in OF_WALLS})
-    material = Material(**{name: said.pop(name) for name in vars(GLASS)})
-    if said["radii"] is not None:
-        said["radius"] = float(said["radii"].mean())
-    periodic = said.pop("period") is not None
-    sample = Sample(**said, periodic_z=periodic, material=material, wall_material=walls)
+        wall_material = _read_wall_material(wall_constants)
+    material = Material(**{name: values.pop(name) for name in vars(GLASS)})
+    if values["radii"] is not None:
+        values["radius"] = float(values["radii"].mean())
+    periodic_z = values.pop("period") is not None
+    sample = Sample(**values, periodic_z=periodic_z, material=material, wall_material=wall_material)
     validate(sample, str(path))
     return sample
 
 
 def validate(sample: Sample, name: str = "sample") -> None:
-    """Refuse what no packing of spheres can be; InputError with one line."""
+    """Raise InputError for what no packing of spheres can be; the line begins with `name`."""
     with named(name):
-        refuse(_faults(sample))
-        _ = sample.laws
+        refuse_first(_check_sample(sample))
+        _ = sample.laws  # refuses an unknown contact model
 
 
-def _faults(sample: Sample) -> Faults:
-    """One after the other: the positions last, as they take longest."""
+def _check_sample(sample: Sample) -> Faults:
+    """Check numbers, material, cell and, last as they take longest, the positions."""
     for column in COLUMNS:
         data = getattr(sample, column)
-        wrong = data is not None and not np.isfinite(data).all()
-        yield "", wrong, f"{column} is not finite; the run failed, make it again"
-    material, radius = sample.material, sample.radius
-    wall = sample.wall_material or material
-    dense = material.density if sample.densities is None else float(sample.densities.min())
-    sound = all(0 < number < np.inf for number in (dense, float(np.min(sample.sizes))))
-    sound &= -1 < min(material.poisson, wall.poisson) <= max(material.poisson, wall.poisson) < 0.5
-    fault = (
-        "radius, friction and the material's constants must be positive, Poisson's ratio from -1 "
-        "to 0.5; make the sample again"
+        if data is not None:
+            yield Fault(
+                "",
+                not np.isfinite(data).all(),
+                "not_finite",
+                f"{column} is not finite",
+                remedy="the run failed, make it again",
+            )
+    yield from _check_constants(sample)
+    low, high = sample.walls
+    has_cell = low < high and min(sample.side) >= sample.radius
+    yield Fault(
+        "",
+        len(sample.position) == 0 or not has_cell,
+        "no_cell",
+        "a sample needs spheres, a cell at least one radius wide and two walls",
+        remedy=MAKE_AGAIN,
     )
-    yield "", not (sound and 0 <= sample.friction < np.inf), fault
+    yield from _check_positions(sample)
+
+
+def _check_constants(sample: Sample) -> Faults:
+    """Check the radii, the friction and the constants of both materials."""
+    material = sample.material
+    wall = sample.wall_material or material
+    density = material.density
+    if sample.densities is not None:
+        density = float(sample.densities.min())
+    radius = float(np.min(sample.sizes))
+    are_positive = 0 < density < np.inf and 0 < radius < np.inf and 0 <= sample.friction < np.inf
+    are_poisson = -1 < material.poisson < 0.5 and -1 < wall.poisson < 0.5
+    yield Fault(
+        "",
+        not (are_positive and are_poisson),
+        "constants",
+        "radius, friction and the material's constants must be positive, Poisson's ratio from -1 "
+        "to 0.5",
+        remedy=MAKE_AGAIN,
+    )
+    low, high = YOUNG_RANGE_PA
     for young in (material.young, wall.young):
-        fault = f"Young's modulus {young:g} Pa is none of a solid ({YOUNG[0]:g} to {YOUNG[1]:g})"
-        yield "", not YOUNG[0] <= young <= YOUNG[1], f"{fault}; give it in Pa"
-    n, (low, high) = len(sample.position), sample.walls
-    fault = "a sample needs spheres, a cell at least one radius wide and two walls; make it again"
-    yield "", n == 0 or low >= high or min(sample.side) < radius, fault
-    lateral, z = sample.position[:, :2], sample.position[:, 2]
+        yield Fault(
+            "",
+            not low <= young <= high,
+            "young",
+            f"Young's modulus {young:g} Pa is none of a solid ({low:g} to {high:g})",
+            remedy="give it in Pa",
+        )
+
+
+def _check_positions(sample: Sample) -> Faults:
+    """Check that the spheres lie inside the cell, each in its own place."""
+    low, high = sample.walls
+    lateral = sample.position[:, :2]
+    z = sample.position[:, 2]
     # On the cell's edge a centre may lie on either side of it by round-off.
-    slack = 1e-9 * radius
+    slack = EDGE_SLACK_IN_RADII * sample.radius
     outside = ((lateral < -slack) | (lateral > sample.side + slack)).any(axis=1)
     outside |= (z < low) | (z > high)
-    yield "sphere", outside, "lies outside the cell or the walls; make the sample again"
+    yield Fault(
+        "sphere", outside, "outside_cell", "lies outside the cell or the walls", remedy=MAKE_AGAIN
+    )
     ordered = sample.position[np.lexsort(sample.position.T)]
     repeated = ~np.diff(ordered, axis=0).any(axis=1)
-    yield "", repeated, "two spheres lie in one place; make the sample again"
+    yield Fault("", repeated, "same_place", "two spheres lie in one place", remedy=MAKE_AGAIN)

@@ -9,7 +9,14 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, YOUNG, Elasticity, Material
+from modal.packing.contact_law import (
+    GLASS,
+    HERTZ_MINDLIN,
+    RADIUS,
+    YOUNG_RANGE_PA,
+    Elasticity,
+    Material,
+)
 from modal.packing.contact_models import laws_of
 from modal.packing.sample import Sample
 from modal.tools.arrays import Floats, Ints
@@ -32,7 +39,8 @@ LARGE = (1e-8, 10.0)
 DENSE = (10.0, 30_000.0)
 """kg/m^3: from foam to osmium; densities in g/cm^3 lie outside."""
 SOLID = (
-    f"Young's modulus, Pa ({YOUNG[0]:g} to {YOUNG[1]:g}), Poisson's ratio (-1 to 0.5), density, "
+    f"Young's modulus, Pa ({YOUNG_RANGE_PA[0]:g} to {YOUNG_RANGE_PA[1]:g}), "
+    "Poisson's ratio (-1 to 0.5), density, "
     f"kg/m^3 ({DENSE[0]:g} to {DENSE[1]:g}), (mean) radius, m ({LARGE[0]:g} to {LARGE[1]:g}) of "
     "the spheres, and their contact model if it is another than hertz-mindlin"
 )
@@ -201,12 +209,14 @@ def densities_of(
 def wall_material(words: Sequence[str | float]) -> Elasticity:
     """What walls are made of, from Young's modulus, Pa, and Poisson's ratio; else InputError."""
     given = _numbers(words)
-    if len(given) != 2 or not (YOUNG[0] <= given[0] <= YOUNG[1] and -1 < given[1] < 0.5):
+    if len(given) != 2 or not (
+        YOUNG_RANGE_PA[0] <= given[0] <= YOUNG_RANGE_PA[1] and -1 < given[1] < 0.5
+    ):
         raise InputError(
             "input",
             f"walls {' '.join(map(str, words))}",
             f"give {WALLS}, as 2.1e11 0.3",
-            f"from {YOUNG[0]:g} to {YOUNG[1]:g} Pa, and from -1 to 0.5",
+            f"from {YOUNG_RANGE_PA[0]:g} to {YOUNG_RANGE_PA[1]:g} Pa, and from -1 to 0.5",
         )
     return Elasticity(*given)
 
@@ -216,7 +226,7 @@ def solid_of(words: Sequence[str | float]) -> tuple[Material, float]:
     given, model = _numbers(words[:4]), " ".join(map(str, words[4:])) or HERTZ_MINDLIN
     if len(given) == 4:
         young, poisson, density, radius = given
-        sound = YOUNG[0] <= young <= YOUNG[1] and -1 < poisson < 0.5
+        sound = YOUNG_RANGE_PA[0] <= young <= YOUNG_RANGE_PA[1] and -1 < poisson < 0.5
         if sound and DENSE[0] <= density <= DENSE[1] and LARGE[0] <= radius <= LARGE[1]:
             material = Material(young, poisson, density, model)
             laws_of(material)  # refuses a model that there is not
