@@ -19,20 +19,21 @@ RECEIVER_WALL = -2
 
 SCHEMA = NETWORK_SCHEMA
 VERSION = (1, 2)
-"""A reader that would miss a column of `OF_BONDS` refuses a file that says 2."""
-UNKNOWN = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
+"""Version 2 has columns of `BOND_COLUMNS`: readers that would miss them refuse the file."""
+OPTIONAL_CONTACT_COLUMNS = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
 """Columns of the contacts that a program may not know."""
-TURN, KG_M2 = {"unit": "N m/rad", "since": 2}, "kg m^2"
+ROTATIONAL = {"unit": "N m/rad", "since": 2}
+KG_M2 = "kg m^2"
 
 
 PART = 1 << 14
-"""Contacts of a part, of those that are worked on together."""
-Made = TypeVar("Made")
+"""Number of contacts that are computed together, which bounds the memory."""
+Cached = TypeVar("Cached")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Columns:
-    """The columns of `modal.packing.network.Network`, which has their meaning."""
+    """The columns of a network; `modal.packing.network.Network` explains them."""
 
     position: Annotated[Floats, stored("particles", "f", "n", 3, unit="m")]
     radius: Annotated[Floats, stored("particles", "f", "n", unit="m")]
@@ -56,34 +57,38 @@ class Columns:
     shear_growth: Annotated[Floats | None, stored("contacts", "f", "m", unit="1/m")] = None
     motion_shortening: Annotated[Floats | None, stored("contacts", "f", "m")] = None
     torque_shortening: Annotated[Floats | None, stored("contacts", "f", "m")] = None
-    stiffness_rolling: Annotated[Floats | None, stored("contacts", "f", "m", **TURN)] = None
-    stiffness_twisting: Annotated[Floats | None, stored("contacts", "f", "m", **TURN)] = None
+    stiffness_rolling: Annotated[Floats | None, stored("contacts", "f", "m", **ROTATIONAL)] = None
+    stiffness_twisting: Annotated[Floats | None, stored("contacts", "f", "m", **ROTATIONAL)] = None
     inertia_tensor: Annotated[
         Floats | None, stored("particles", "f", "n", 3, 3, unit=KG_M2, since=2)
     ] = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
-    _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _cache: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        """A copy, or what is pickled: without the results, which are made again when needed."""
-        return {**vars(self), "_made": {}}
+        """Return the columns without cached results, for a copy or a pickle."""
+        return {**vars(self), "_cache": {}}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Arrays and notes become its own; the arrays cannot be written to."""
-        own = {k: _own(v) if isinstance(v, np.ndarray) else v for k, v in state.items()}
-        vars(self).update(own, study=dict(state["study"]), provenance=dict(state["provenance"]))
+        """Take over columns and notes as arrays that nobody can write to, and copies of dicts."""
+        for name, value in state.items():
+            vars(self)[name] = _lock_or_copy(value) if isinstance(value, np.ndarray) else value
+        vars(self)["study"] = dict(state["study"])
+        vars(self)["provenance"] = dict(state["provenance"])
 
-    def cached(self, name: str, make: Callable[[], Made]) -> Made:
-        """What `make` gives, made when this name is first asked for and kept with the network.
+    def cached(self, name: str, compute: Callable[[], Cached]) -> Cached:
+        """Return the cached result of this name, after the first call of `compute`.
 
-        An array that is kept cannot be written to.
+        The name has to contain everything besides the network that the result depends on. A cached
+        array cannot be written to.
         """
-        if name not in self._made:
-            self._made[name] = make()
-            if isinstance(self._made[name], np.ndarray):
-                self._made[name].flags.writeable = False
-        return self._made[name]
+        if name not in self._cache:
+            result = compute()
+            if isinstance(result, np.ndarray):
+                result.flags.writeable = False
+            self._cache[name] = result
+        return self._cache[name]
 
     @property
     def n_particles(self) -> int:
@@ -97,37 +102,37 @@ class Columns:
 
     @property
     def with_wall(self) -> Bools:
-        """Shape (m,) bool: contacts between a particle and a wall."""
+        """Whether each contact (m,) is between a particle and a wall."""
         return self.particle_j < 0
 
     @property
     def partner(self) -> Ints:
-        """Shape (m,): index of the contact's second particle; 0, for none, at a wall."""
+        """Index (m,) of the second particle of each contact; 0 for a wall."""
         return np.where(self.with_wall, 0, self.particle_j)
 
     @property
     def periods(self) -> Ints:
-        """Shape (m, 3): the periods to add to j, `cell_shift`.
+        """Periods (m, 3) to add to the position of j: `cell_shift`, if it is known.
 
-        Where that is absent, as many as bring the branch nearest to the levers.
+        Otherwise the periods that bring the branch vector nearest to the levers.
         """
         if self.cell_shift is not None:
             return self.cell_shift
-        apart = self.lever_i - self.lever_j - self._apart
+        missing = self.lever_i - self.lever_j - self._difference_of_positions
         period = np.where(self.cell_periodic & (self.cell_size > 0), self.cell_size, np.inf)
-        return np.round(apart / period).astype(int)
+        return np.round(missing / period).astype(int)
 
     @property
-    def _apart(self) -> Floats:
-        """Shape (m, 3), m: from the centre of i to that of j in one and the same period."""
-        apart = self.position.take(self.partner, axis=0)
-        apart -= self.position.take(self.particle_i, axis=0)
-        return apart
+    def _difference_of_positions(self) -> Floats:
+        """Position of j less that of i (m, 3), m, without periods."""
+        difference = self.position.take(self.partner, axis=0)
+        difference -= self.position.take(self.particle_i, axis=0)
+        return difference
 
     @property
     def branch(self) -> Floats:
-        """Shape (m, 3), m: from the centre of i to that of j through `periods`, or to the wall."""
-        branch = self._apart
+        """Branch vectors (m, 3), m: from the centre of i to that of j or to the wall's plane."""
+        branch = self._difference_of_positions
         if self.cell_periodic.any():
             branch += self.periods * np.where(self.cell_periodic, self.cell_size, 0.0)
         wall = np.flatnonzero(self.with_wall)
@@ -137,70 +142,75 @@ class Columns:
         return branch
 
     def noted(self, name: str) -> float | None:
-        """The positive number that the free notes in `study` give under this name, or None."""
+        """Return the positive number of this name in the group `study`; None if there is none."""
         number = number_noted(self.study, name)
         return number if number is not None and number > 0 else None
 
     def unchecked(self, **columns: Array | None) -> Self:
-        """The same with other columns, which nobody checks: for those that follow from sound ones.
+        """Return a network with other columns, without checks.
 
-        `dataclasses.replace` makes one that is checked.
+        This is for columns that follow from sound ones; `dataclasses.replace` checks its result.
         """
-        other = object.__new__(type(self))
-        other.__setstate__(self.__getstate__() | columns)
-        return other
+        network = object.__new__(type(self))
+        network.__setstate__(self.__getstate__() | columns)
+        return network
 
-    def some(self, kept: Bools | Ints | slice) -> Self:
-        """The contacts that `kept` selects, (m,) bool, indices or a slice, unchecked."""
-        own = {name: data[kept] for name, data in self._known(CONTACTS).items()}
-        return self.unchecked(**frozen(**own))
+    def some(self, selection: Bools | Ints | slice) -> Self:
+        """Return the network with the selected contacts, without checks.
+
+        `selection` is (m,) bool, indices or a slice.
+        """
+        selected = {name: data[selection] for name, data in self._present(CONTACTS).items()}
+        return self.unchecked(**frozen(**selected))
 
     def bodies(self) -> dict[str, Any]:
-        """The columns of the particles that it has, by name."""
-        return self._known(PARTICLES)
+        """Return the columns of the particles by name, without absent ones."""
+        return self._present(PARTICLES)
 
-    def _known(self, names: list[str]) -> dict[str, Any]:
-        return {name: data for name in names if (data := getattr(self, name)) is not None}
+    def _present(self, names: list[str]) -> dict[str, Any]:
+        """Return the columns of these names that are not absent."""
+        columns = {name: getattr(self, name) for name in names}
+        return {name: data for name, data in columns.items() if data is not None}
 
     def parts(self) -> Iterator[Self]:
-        """`PART` contacts at a time, whose matrices then take little memory."""
+        """Yield the network with `PART` contacts at a time, whose matrices take little memory."""
         for first in range(0, self.n_contacts, PART):
             yield self.some(slice(first, first + PART))
 
 
 COLUMNS = columns_of(Columns)
 """All columns of a network and of its file."""
-PARTICLES, CONTACTS = (
-    [name for name, column in COLUMNS.items() if column.shape[0] == length] for length in "nm"
-)
-"""Names of those of the particles and of the contacts."""
-OF_BONDS = tuple(name for name, column in COLUMNS.items() if column.since > 1)
-"""What spheres that touch do not have: contacts that roll or twist, bodies of other shapes."""
+PARTICLES = [name for name, column in COLUMNS.items() if column.shape[0] == "n"]
+"""Names of the columns of the particles."""
+CONTACTS = [name for name, column in COLUMNS.items() if column.shape[0] == "m"]
+"""Names of the columns of the contacts."""
+BOND_COLUMNS = tuple(name for name, column in COLUMNS.items() if column.since > 1)
+"""Columns that spheres in contact do not have: of bonds that roll or twist, of other shapes."""
 
 
 _LOCKED = WeakValueDictionary[int, Array]()
-"""By their id the arrays that were locked here, of which nobody has a view that can be written to.
+"""Arrays that were locked here, by their id: nobody has a view of them that can be written to.
 
-Of any other array its caller may have such a view, or unlock it again, however it is flagged.
+Of any other array the caller may have such a view, or unlock it again, however it is flagged.
 """
 
 
 def frozen(**columns: Array) -> dict[str, Any]:
-    """Lock new arrays that nobody else has: a network takes them as they are, without a copy."""
+    """Lock new arrays that nobody else has, so that a network takes them without a copy."""
     for data in columns.values():
         _lock(data)
     return columns
 
 
 def _lock(data: Array) -> None:
-    """Lock a new array for good; a view of one is flagged alone, and copied when it is taken."""
+    """Lock a new array for good; a view is only flagged, and copied when a network takes it."""
     data.flags.writeable = False
     if data.base is None:
         _LOCKED[id(data)] = data
 
 
-def _own(data: Array) -> Array:
-    """Return a view of an array that was locked here, or of a copy of any other."""
+def _lock_or_copy(data: Array) -> Array:
+    """Return a view of an array that was locked here, or of a locked copy of any other."""
     owner = data
     while isinstance(owner.base, np.ndarray):
         owner = owner.base

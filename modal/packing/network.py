@@ -1,7 +1,7 @@
 """The contact network: particles, contacts, periodic cell and walls; and its file.
 
-This module is the one definition of the format "granular-contact-network". The columns:
-`modal.packing.columns`; which networks are refused: `modal.packing.checks`.
+This module is the one definition of the format "granular-contact-network". The columns are in
+`modal.packing.columns`; `modal.packing.checks` says which networks are refused.
 """
 
 from __future__ import annotations
@@ -16,7 +16,14 @@ import numpy as np
 from modal.formats.hdf5 import named
 from modal.formats.product import Product
 from modal.packing.checks import check_network, convert_columns
-from modal.packing.columns import COLUMNS, SCHEMA, UNKNOWN, VERSION, Columns, frozen
+from modal.packing.columns import (
+    COLUMNS,
+    OPTIONAL_CONTACT_COLUMNS,
+    SCHEMA,
+    VERSION,
+    Columns,
+    frozen,
+)
 from modal.packing.columns import RECEIVER_WALL as RECEIVER_WALL
 from modal.packing.columns import SOURCE_WALL as SOURCE_WALL
 from modal.tools.arrays import Array, Bools, Ints
@@ -29,47 +36,48 @@ FORMAT = Product(SCHEMA, COLUMNS, groups=("study", "provenance"), versions=VERSI
 class Network(Columns):
     """A packing at rest, n particles and m contacts, SI units; see `docs/formats.md`.
 
-    A network is checked when it is made and does not change: what follows from it is kept with it
-    (`cached`), and `dataclasses.replace` makes another one. What a program does not know of its
-    contacts is None, the default, which is not zero. Contacts that resist rolling and twisting, as
-    bonds do, put on i the moment minus (kr (1 - n n^T) + kw n n^T)(theta_i - theta_j); a wall does
-    not turn.
+    A network is checked when it is made and does not change; `dataclasses.replace` makes another
+    one. Results that follow from it are kept with it (`cached`). Data of the contacts that a
+    program does not know are None, the default, which is not zero. Contacts that resist rolling and
+    twisting, as bonds do, exert on i the moment -(kr (1 - n n^T) + kw n n^T)(theta_i - theta_j); a
+    wall does not turn.
 
     Parameters
     ----------
     position, radius, mass, inertia : ndarray (n, 3) m, (n,) m, (n,) kg, (n,) kg m^2
-        Of the particles; of bodies that are no spheres their centres of mass.
+        Particles; the position of a body that is no sphere is its centre of mass.
     particle_i, particle_j : ndarray of int (m,)
-        Of the contacts; j < 0 is a wall.
+        Ends of the contacts; j < 0 is a wall.
     normal : ndarray (m, 3)
-        From i towards j or the wall.
+        Unit vectors from i towards j or the wall.
     lever_i, lever_j : ndarray (m, 3)
-        From the centre to the contact point, m; zero for a wall.
+        From the centre of each end to the contact point, m; zero for a wall.
     stiffness_normal, stiffness_tangential : ndarray (m,)
-        N/m.
+        Contact stiffnesses, N/m.
     cell_size, cell_periodic, wall_position : ndarray (3,) m, (3,) bool, (2,) m
-        The cell, and the walls along z.
+        Sides of the cell, which of them are periods, and z of source and receiver wall.
     force_normal, force_tangential : ndarray (m,) and (m, 3), optional
-        N, compression positive; on i.
+        Normal force, compression positive, and tangential force on i, N.
     overlap, sliding : ndarray (m,) m and bool, optional
-        Of the contacts.
+        Overlaps, and whether each contact is at its friction limit.
     cell_shift : ndarray of int (m, 3), optional
-        Periods that are added to j.
+        Periods that are added to the position of j.
     shear_growth : ndarray (m,), optional
-        Another program's law: by which share the shear force grows per overlap, 1/m.
+        Relative growth of the shear force with the overlap, 1/m, in the law of another program.
     motion_shortening, torque_shortening : ndarray (m,), optional
-        Which share of the overlap its lever arms lack of the radius.
+        In such a law, lever arms are shorter than the radius by this share of the overlap.
     stiffness_rolling, stiffness_twisting : ndarray (m,), optional
-        kr, kw, N m/rad.
+        Rolling and twisting stiffnesses kr and kw, N m/rad.
     inertia_tensor : ndarray (n, 3, 3), optional
-        kg m^2, of bodies as clumps, in the packing's axes; `inertia` is its trace over three.
+        Of bodies such as clumps, in the axes of the packing, kg m^2; `inertia` is a third of its
+        trace.
     study, provenance : dict, optional
         Free attributes.
 
     Raises
     ------
     InputError
-        For what no packing can be.
+        If no packing can have such columns.
 
     Examples
     --------
@@ -88,24 +96,23 @@ class Network(Columns):
 
     @property
     def coordination_number(self) -> float:
-        """Contacts a particle, walls included, of all particles: rattlers too."""
+        """Mean number of contacts of a particle, walls and rattlers included."""
         return (2 * self.n_contacts - int(self.with_wall.sum())) / self.n_particles
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of every column: by this a result in memory or in a file knows its network.
+        """SHA-256 of every column, by which a result in memory or in a file names its network.
 
-        It holds all that an answer can depend on, to the last bit: spheres or bodies, contacts with
-        their levers, stiffnesses, forces, overlaps and which of them slide, cell, periods and
-        walls. The free notes in `study` and `provenance` are not in it, nor how wide its integers
-        are, so a network that was written and read again has the same.
+        It contains all that a result can depend on, to the last bit: particles, contacts, cell and
+        walls. The notes in `study` and `provenance` and the widths of integers are not in it, so a
+        network that was written and read has the same fingerprint.
         """
-        return self.cached("fingerprint", lambda: _digest(self._known(list(COLUMNS))))
+        return self.cached("fingerprint", lambda: _digest(self._present(list(COLUMNS))))
 
     def matches(self, fingerprint: str) -> bool:
-        """Return whether the fingerprint that a result holds is that of this network.
+        """Return whether the fingerprint in a result is that of this network.
 
-        Files of version 0.1.0 hold a digest of the spheres alone, which is known as well.
+        The digest of the spheres alone, which files of version 0.1.0 hold, is accepted too.
         """
         return fingerprint in (self.fingerprint, self._digest_of_spheres)
 
@@ -122,7 +129,7 @@ class Network(Columns):
 
     @property
     def area(self) -> float:
-        """Cross-section, m^2, to which stresses refer; InputError where the cell has none."""
+        """Cross-section, m^2, to which stresses refer; UnavailableError if there is none."""
         area = float(self.cell_size[0] * self.cell_size[1])
         if not area > 0:
             raise UnavailableError(
@@ -135,12 +142,12 @@ class Network(Columns):
     @property
     def absent(self) -> list[str]:
         """Names of the optional data of contacts that are not known."""
-        return [name for name in UNKNOWN if getattr(self, name) is None]
+        return [name for name in OPTIONAL_CONTACT_COLUMNS if getattr(self, name) is None]
 
     def require(self, name: str, purpose: str) -> Array:
-        """The optional data `name` of the contacts; InputError where they are absent.
+        """Return the optional column `name` of the contacts; UnavailableError if it is absent.
 
-        `purpose` says in the message what cannot be computed without them.
+        `purpose` names in the message what cannot be computed without the column.
         """
         data: Array | None = getattr(self, name)
         if data is None:
@@ -151,9 +158,12 @@ class Network(Columns):
             )
         return data
 
-    def with_contacts(self, kept: Bools | Ints | slice) -> Network:
-        """The same particles with the contacts that `kept` selects: (m,) bool, indices, a slice."""
-        rows = np.arange(self.n_contacts)[kept]
+    def with_contacts(self, selection: Bools | Ints | slice) -> Network:
+        """Return the network with the selected contacts and all particles.
+
+        `selection` is (m,) bool, indices or a slice. InputError if it has a contact twice.
+        """
+        rows = np.arange(self.n_contacts)[selection]
         if np.bincount(rows).max(initial=0) > 1:
             raise InputError(
                 "contact_twice",
@@ -182,12 +192,12 @@ def write_network(path: str | Path, network: Network) -> None:
     path : str or Path
         `*.network.h5`, replaced if it is there.
     network : Network
-        The packing; it was checked when it was made.
+        The network; it was checked when it was made.
 
     Raises
     ------
     InputError
-        Where the file cannot be written.
+        If the file cannot be written.
 
     Examples
     --------
@@ -201,8 +211,8 @@ def write_network(path: str | Path, network: Network) -> None:
 
 
 def read_network(path: str | Path) -> Network:
-    """Read and validate a network; raises InputError with one line for anything wrong."""
-    said = FORMAT.read(path)
-    columns = {name: said[name] for name in COLUMNS if said[name] is not None}
+    """Read and validate a network; raise InputError with one line for anything wrong."""
+    values = FORMAT.read(path)
+    columns = {name: values[name] for name in COLUMNS if values[name] is not None}
     with named(path):
-        return Network(**frozen(**columns), study=said["study"], provenance=said["provenance"])
+        return Network(**frozen(**columns), study=values["study"], provenance=values["provenance"])

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.packing.columns import OF_BONDS, RECEIVER_WALL, SOURCE_WALL
+from modal.packing.columns import BOND_COLUMNS, RECEIVER_WALL, SOURCE_WALL
 from modal.packing.neighbours import canonical
 from modal.packing.network import Network
 from modal.tools.arrays import Array, Floats, Ints
@@ -103,7 +103,7 @@ def undivided(network: Network) -> Repeats:
 
 def _find_finest(network: Network, pre_stress: bool) -> Repeats | None:
     """Return what `lateral_repeats` does, but None if there is one part: no copy is kept then."""
-    if any(getattr(network, name) is not None for name in OF_BONDS):
+    if any(getattr(network, name) is not None for name in BOND_COLUMNS):
         return None  # bonds and clumps are not compared
     columns: tuple[str, ...] = STIFFNESSES
     if pre_stress:

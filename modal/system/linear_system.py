@@ -11,7 +11,7 @@ from weakref import finalize
 import numpy as np
 import scipy.sparse as sp
 
-from modal.packing.columns import Made
+from modal.packing.columns import Cached
 from modal.packing.network import Network
 from modal.solvers.factor import SOLVERS, Factor, factorise
 from modal.solvers.spectrum import bound_of_spectrum
@@ -109,7 +109,7 @@ class LinearSystem:
         """The network that was asked about, to which results belong."""
         return self.asked_of or self.network
 
-    def cached(self, name: str, make: Callable[[], Made], bytes: float = 0.0) -> Made:
+    def cached(self, name: str, make: Callable[[], Cached], bytes: float = 0.0) -> Cached:
         """Return what `make` returns, made once for all systems that differ by the solver alone.
 
         The network keeps the result under the name together with the degrees of freedom, the
@@ -272,10 +272,10 @@ class LinearSystem:
         return self.kept("factors", (square, definite, name), make, lambda factor: factor.bytes)
 
     def kept(
-        self, name: str, key: Any, make: Callable[[], Made], size: Callable[[Made], float]
-    ) -> Made:
+        self, name: str, key: Any, make: Callable[[], Cached], size: Callable[[Cached], float]
+    ) -> Cached:
         """What `make` gives for a key; the last ones of a name stay, `KEPT` bytes together."""
-        known = self.cached(name, dict[Any, Made])
+        known = self.cached(name, dict[Any, Cached])
         if key in known:
             return known[key]
         made = make()

@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 
 import modal
 from modal.modes.zero_modes import by_structure
-from modal.packing.columns import OF_BONDS
+from modal.packing.columns import BOND_COLUMNS
 from modal.packing.crystal import column
 from modal.packing.network import Network, read_network, write_network
 from modal.packing.rigid_bodies import joined
@@ -217,7 +217,7 @@ def test_a_file_of_bonds_says_version_2_and_hides_nothing(tmp_path):
     path, chain = tmp_path / "beam.network.h5", bonded_chain(6)
     write_network(path, chain)
     again = read_network(path)
-    for name in OF_BONDS:
+    for name in BOND_COLUMNS:
         np.testing.assert_array_equal(getattr(again, name), getattr(chain, name))
     # A straight chain under a strain along it has EA over the area of its cell.
     modulus = modal.elastic_moduli(again).stiffness[2, 2]
