@@ -22,8 +22,8 @@ from modal.waves.defaults import (
     default_frequency,
 )
 from modal.waves.motions import Motion, Pulse, chirp, read_motion, step
-from modal.waves.nonlinear import ACCURACY, NonlinearWave
-from modal.waves.propagate import TOLERANCE, propagate
+from modal.waves.nonlinear import NONLINEAR_TOLERANCE, NonlinearWave
+from modal.waves.propagate import LINEAR_TOLERANCE, propagate
 from modal.waves.signals import COMPONENT, read_signals, write_signals
 from modal.waves.sources import Plane, Point, Source, Wall
 
@@ -77,7 +77,10 @@ OF_SOURCE = (
 )
 """What moves, along which direction, and how its motion decays."""
 BY_LAW = "contacts follow their law, slide and open; of a sample, in steps of an error of 1e-3"
-ERROR = f"relative error; of --nonlinear that of the time step (default {TOLERANCE}, {ACCURACY})"
+ERROR = (
+    f"relative error; of --nonlinear that of the time step (default {LINEAR_TOLERANCE}, "
+    f"{NONLINEAR_TOLERANCE})"
+)
 HOLDS = "of --nonlinear: in place of the sample's own; 10 holds all contacts"
 WHOLE = "compute all of a packing of equal parts side by side, as a crystal, not one of them"
 OPTIONS = (
@@ -100,7 +103,7 @@ read_product = partial(read_signals, of_any_source=True)
 def in_force(options: Given) -> None:
     """The tolerance of the wave that is asked for, where none is given."""
     if options.tolerance is None:
-        options.tolerance = ACCURACY if options.nonlinear else TOLERANCE
+        options.tolerance = NONLINEAR_TOLERANCE if options.nonlinear else LINEAR_TOLERANCE
 
 
 def source_of(options: Given) -> dict[str, Any]:

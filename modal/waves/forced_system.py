@@ -135,7 +135,7 @@ class ForcedSystem:
         network = system.network
         part_system = system
         part = undivided(network)
-        if source.alike and not whole:
+        if source.moves_parts_alike and not whole:
             part_system, part = one_part(system, duration, tolerance)
         builder = _CouplingBuilder(
             root_under=system.sqrt_mass.under,

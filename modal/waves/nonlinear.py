@@ -1,19 +1,20 @@
 """The wave at finite amplitude: contacts that follow their law, slide, open and close.
 
-The spheres of a sample move in the leapfrog steps of `modal.dem`. State k is at time k dt: forces
-of the positions x_k and of the source at d(k dt), velocities half a step ahead, as in YADE and
-in `modal.waves.integrators`. The step follows from the error that it makes: the scheme is of second
-order, so two runs whose steps differ by a factor r tell the error of the finer one, their
-difference over r^2 - 1. Where contacts slide or open the order may be lower; then the last
-difference is all that is known, and it is told.
+The spheres of a sample move in the leapfrog steps of `modal.dem`. State k is at time k dt: the
+forces are those of the positions x_k and of the source at d(k dt); velocities are half a step
+ahead, as in YADE and in `modal.waves.integrators`. The time step is chosen by its error: the scheme
+is of second order, so that the difference of two runs whose steps differ by a factor r, divided by
+r^2 - 1, is the error of the finer run. Where contacts slide or open the order may be lower; the
+reported error is then only an estimate, the last difference divided by r^2 - 1.
 
 Sources are those of the linear wave: the source wall, a plane between spheres that opens, a sphere
-that a force pushes or a torque turns. A wall that twists turns about z as a body, and with a plane
-all that lies below it, which moves in the frame that turns.
+that a force pushes or a torque turns. A wall that twists turns about z as a body. With a plane, all
+that lies below it turns, and moves in the frame that turns.
 
-The energy is booked: what the source has given is kinetic, or stored in contacts, or
-dissipated by slip. With the kinetic energy from the velocities on both sides of a state, and works
-by the trapezoidal rule, leapfrog keeps that sum but for the change of stiffness within a step.
+The energy is balanced: the work of the source is kinetic energy, energy stored in contacts, or
+energy dissipated by slip. With the kinetic energy from the velocities on both sides of a state, and
+work by the trapezoidal rule, leapfrog conserves the sum except for the change of stiffness within a
+step.
 """
 
 import math
@@ -32,21 +33,28 @@ from modal.tools.workload import refuse_endless
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from modal.waves.motions import Motion
 from modal.waves.receivers import Receivers
-from modal.waves.signals import COMPONENT, TORSION, Wave, record_times
+from modal.waves.signals import COMPONENT, TORSION, Direction, Wave, record_times
 from modal.waves.sources import Source
 
-ACCURACY = 1e-3
-"""Error of the time step, over the largest displacement recorded, where no other is asked for."""
-FIRST = 0.25
-"""Step of the first run, over the longest stable one 2 / omega_max; that of the second is half."""
-MOST_RUNS = 5
-"""At most, each with a step up to a quarter of the one before."""
-SURE = 0.8
-"""Share of the accuracy that a next step is chosen for, so that it seldom just misses it."""
-LOOKS = 40
-"""Looks at which contacts have opened, in a run: sorting them costs some steps."""
-PRODUCTS = 2.0
-"""What a step costs, in products with K, about."""
+NONLINEAR_TOLERANCE = 1e-3
+"""Default error of the time step, relative to the largest recorded displacement. The number of
+steps grows with the inverse of its root."""
+FIRST_STEP_OVER_LIMIT = 0.25
+"""Time step of the first run divided by the longest stable one, 2 / omega_max; the second run takes
+half of it."""
+MAX_REFINEMENTS = 5
+"""Largest number of runs after the first one. If five do not suffice, the error does not shrink
+with the step, because spheres collide."""
+MIN_REFINEMENT = 1.2
+MAX_REFINEMENT = 4.0
+"""Bounds of the ratio of two successive time steps: far enough apart to be compared, and not finer
+than a rough estimate of the error justifies."""
+TARGET_OVER_TOLERANCE = 0.8
+"""Error that the next step aims at, divided by the tolerance, which is then seldom just missed."""
+OPENING_CHECKS = 40
+"""Number of times in a run at which opened contacts are sought: each costs some steps."""
+PRODUCTS_PER_STEP = 2.0
+"""Approximate cost of a step in products with K."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -56,19 +64,21 @@ class NonlinearWave(Wave):
     Attributes
     ----------
     signals : Signals
-        As of the linear wave, with the energy balance, and the slip of all contacts, those that the
-        wave has closed among them.
+        As for the linear wave, with the energy balance, and the slip of all contacts, including
+        those that the wave has closed.
     steps : int
-        Of the last run.
+        Number of steps of the last run.
     error : float
-        That of its time step, over the largest displacement recorded; NaN where it was given.
+        Error due to the time step, relative to the largest recorded displacement; NaN for a given
+        time step.
     noise : float
-        Largest displacement without any motion of the wall, over the same.
+        Largest displacement without any motion of the source, relative to the same.
     energy : ndarray (nt, 4)
-        J, at the times of the signals: work of the source, kinetic energy, what the contacts have
-        stored beyond the state at rest, what slip has dissipated.
+        J, at the times of the signals: work of the source, kinetic energy, energy stored in
+        contacts beyond the state at rest, energy dissipated by slip.
     dissipated, opened : ndarray (m,) J, ndarray of bool (m,)
-        Of each contact of the sample's network: by its slip, and whether it was seen open.
+        For each contact of the sample's network: energy dissipated by its slip, and whether it has
+        been seen open.
 
     Examples
     --------
@@ -87,22 +97,27 @@ class NonlinearWave(Wave):
     opened: Bools
 
     @property
-    def moved(self) -> Floats:
-        """Shape (nt, k): all displacements that are recorded, of chain, layers and spheres."""
-        signals, nt = self.signals, len(self.energy)
-        records = (signals.chain_displacement, signals.layer_displacement)
-        every = signals.particle_displacement
-        return np.hstack([*records, np.empty((nt, 0)) if every is None else every])
+    def displacements(self) -> Floats:
+        """All recorded displacements (nt, k): of the chain, the layers and the spheres."""
+        signals = self.signals
+        records = [signals.chain_displacement, signals.layer_displacement]
+        if signals.particle_displacement is not None:
+            records.append(signals.particle_displacement)
+        return np.hstack(records)
 
 
-def at_rest(sample: Sample | Network, friction: float | None) -> Sample:
-    """The sample to start from; InputError for one in motion, or of a law that is not known."""
+def sample_at_rest(sample: Sample | Network, friction: float | None) -> Sample:
+    """Return the sample to start from.
+
+    `friction` replaces a sample's own. Raises InputError for a network without `friction` or with
+    an unknown contact law, and UnavailableError for a sample in motion.
+    """
     if friction is not None and not 0 < friction < math.inf:
-        raise InputError("input", f"friction {friction:g}", "must be positive")
+        raise InputError("friction", f"friction {friction:g}", "must be positive")
     if isinstance(sample, Network):
         if friction is None:
             raise InputError(
-                "input",
+                "no_friction",
                 "a network has no friction, which says when its contacts slide",
                 remedy="give friction",
             )
@@ -110,18 +125,20 @@ def at_rest(sample: Sample | Network, friction: float | None) -> Sample:
     if sample.velocity is not None and sample.velocity.any():
         raise UnavailableError(
             "in_motion",
-            "the sample is on its way",
+            "the sample is in motion",
             remedy="bring it to rest first (python -m modal relax)",
         )
-    return sample if friction is None else replace(sample, friction=friction)
+    if friction is None:
+        return sample
+    return replace(sample, friction=friction)
 
 
 @dataclass
 class NonlinearRuns:
-    """A sample at rest, its source and the motion of that, and the runs in steps of any length.
+    """Runs of one wave through a sample at rest, in time steps of any length.
 
-    Fields, and what is recorded, as of `modal.propagate`. `limit`, s, is the longest stable step of
-    the springs at rest; `first` the steps from record to record of a first run.
+    Arguments as in `modal.propagate`. `max_time_step`, s, is the longest stable step of the springs
+    at rest; `coarsest` is the number of steps between two records in the first run.
     """
 
     sample: Sample
@@ -129,166 +146,277 @@ class NonlinearRuns:
     interval: float
     source: Source
     motion: Motion
-    direction: str
+    direction: Direction
     particles: bool
 
     def __post_init__(self) -> None:
-        self.network, direction = self.sample.network(), self.direction
+        self.network = self.sample.network()
         self.time = record_times(self.duration, self.interval)
-        self.receivers = Receivers(self.network, direction, particles=self.particles)
-        self.moves = self.source.imposed(self.network, direction) is not None
-        if self.moves and direction == TORSION and self.sample.periodic_z:
+        self.receivers = Receivers(self.network, self.direction, particles=self.particles)
+        # Building the source's motion and load refuses a source that the packing does not have.
+        self.source_moves = self.source.imposed(self.network, self.direction) is not None
+        if self.source_moves and self.direction == TORSION and self.sample.periodic_z:
             raise InputError(
-                "input",
+                "torsion_of_periods",
                 "a period along z does not turn",
-                remedy=("take a cell between walls, a sphere as the source, or the linear wave"),
+                remedy="take a cell between walls, a sphere as the source, or the linear wave",
             )
-        self.load = self.source.load(self.network, direction).reshape(-1, 6)
+        self.load = self.source.load(self.network, self.direction).reshape(-1, 6)
         self.system = LinearSystem(self.network)
-        top = self.system.spectral_bound
-        self.limit = 2 / math.sqrt(top) if top > 0 else math.inf
-        self.first = math.ceil(self.interval / (FIRST * self.limit))
+        spectral_bound = self.system.spectral_bound
+        self.max_time_step = math.inf
+        if spectral_bound > 0:
+            self.max_time_step = 2 / math.sqrt(spectral_bound)
+        self.coarsest = math.ceil(self.interval / (FIRST_STEP_OVER_LIMIT * self.max_time_step))
 
-    def wave(self, accuracy: float, time_step: float | None) -> NonlinearWave:
-        """The wave within the `accuracy`, or in steps of at most `time_step`, s.
+    @property
+    def component(self) -> int:
+        """Index of the recorded motion among the six of a sphere."""
+        return COMPONENT[self.direction]
 
-        The noise of a sample that is not quite at rest is told, not taken off.
+    def compute_wave(self, tolerance: float, time_step: float | None) -> NonlinearWave:
+        """Compute the wave within the `tolerance`, or in steps of at most `time_step`, s.
+
+        The noise of a sample that is not quite at rest is reported, not subtracted.
         """
         if time_step is None:
-            wave = self.run_to(accuracy)
-        elif 0 < time_step < self.limit:
+            wave = self.refine(tolerance)
+        elif 0 < time_step < self.max_time_step:
+            # Round-off of a step that divides the interval does not make one step more.
             wave = self.run(math.ceil(self.interval / time_step * (1 - 1e-9)))
         else:
             raise InputError(
-                "input",
+                "unstable_time_step",
                 f"time step {time_step:g} s",
-                f"the scheme is stable up to 2 / omega_max = {self.limit:.4g} s",
+                f"the scheme is stable up to 2 / omega_max = {self.max_time_step:.4g} s",
                 "take a smaller one",
             )
-        quiet = abs(self.run(self.first, driven=False).moved).max(initial=0.0)
-        largest = abs(wave.moved).max(initial=0.0)
-        return replace(wave, noise=float(quiet / largest) if largest else math.inf)
+        without_source = self.run(self.coarsest, driven=False)
+        noise = math.inf
+        largest = abs(wave.displacements).max(initial=0.0)
+        if largest:
+            noise = float(abs(without_source.displacements).max(initial=0.0) / largest)
+        return replace(wave, noise=noise)
 
-    def run_to(self, accuracy: float) -> NonlinearWave:
-        """The run in steps so short that their error, over the largest motion, is the `accuracy`.
+    def refine(self, tolerance: float) -> NonlinearWave:
+        """Run in ever shorter steps until their error, relative to the largest motion, is small.
 
-        InputError where that is not reached.
+        Raises UnavailableError if the `tolerance` is not reached.
         """
-        every, finer, coarse = self.first, 2 * self.first, self.run(self.first)
-        for _ in range(MOST_RUNS):
-            fine = self.run(finer)
-            largest = abs(fine.moved).max(initial=0.0)
-            apart = abs(fine.moved - coarse.moved).max(initial=0.0)
-            error = float(apart / largest / ((finer / every) ** 2 - 1)) if largest else 0.0
-            if error <= accuracy:
+        steps = self.coarsest
+        finer_steps = 2 * self.coarsest
+        coarse = self.run(steps)
+        for _ in range(MAX_REFINEMENTS):
+            fine = self.run(finer_steps)
+            error = _step_error(fine, coarse, finer_steps / steps)
+            if error <= tolerance:
                 return replace(fine, error=error)
-            growth = math.sqrt(error / (SURE * accuracy))
-            every, coarse = finer, fine
-            finer = math.ceil(every * min(max(growth, 1.2), 4.0))
+            ratio = math.sqrt(error / (TARGET_OVER_TOLERANCE * tolerance))
+            steps = finer_steps
+            coarse = fine
+            finer_steps = math.ceil(steps * min(max(ratio, MIN_REFINEMENT), MAX_REFINEMENT))
         raise UnavailableError(
             "not_converged",
             f"the error of the time step is still {error:.1e} of the motion at "
-            f"{self.interval / every:.3g} s",
-            "spheres fly about, whose ways no step repeats",
-            "ask "
-            "for a larger tolerance, a smaller amplitude or a shorter duration, or give a time "
+            f"{self.interval / steps:.3g} s",
+            "spheres fly about on paths that no other step repeats",
+            "ask for a larger tolerance, a smaller amplitude or a shorter duration, or give a time "
             "step",
         )
 
-    def run(self, every: int, *, driven: bool = True) -> NonlinearWave:
-        """One run of `every` steps from record to record; at rest the source where not `driven`."""
-        started, nt, along = clock.perf_counter(), len(self.time), COMPONENT[self.direction]
-        dt, steps = self.interval / every, every * (nt - 1)
-        # Of what moves along the direction alone.
-        reading = self.receivers.rows[:, along::6].tocsr()
+    def run(self, steps_per_record: int, *, driven: bool = True) -> NonlinearWave:
+        """Run once, with so many steps from record to record; the source rests if not `driven`."""
+        started = clock.perf_counter()
+        n_records = len(self.time)
+        time_step = self.interval / steps_per_record
+        steps = steps_per_record * (n_records - 1)
+        # The rows of the receivers read one component of the motion alone.
+        reading = self.receivers.rows[:, self.component :: 6].tocsr()
         refuse_endless(
-            f"a wave of {self.time[-1]:g} s in steps of {dt:.3g} s",
+            f"a wave of {self.time[-1]:g} s in steps of {time_step:.3g} s",
             self.system.renumbered,
-            products=PRODUCTS * steps,
-            bytes_needed=8 * (3 * nt * reading.shape[0] + steps),
+            products=PRODUCTS_PER_STEP * steps,
+            bytes_needed=8 * (3 * n_records * reading.shape[0] + steps),
             remedy="take a shorter duration or a larger tolerance",
         )
-        from modal.dem.motion import Dynamics  # not at import: linear waves need none of its loops
-
-        moving = Dynamics(self.sample, books=True)
-        moving.axis = self.network.cell_size[:2] / 2
-        contacts, inertia = moving.contacts, np.repeat(moving.masses, 3, axis=1)
-        moving.carried = self.source.carried(self.sample.position)
-        given = driven * self.motion.displacement(dt * np.arange(steps + 1, dtype=float))
-        moved, on_walls, energy = (np.empty((nt, count)) for count in (reading.shape[0], 2, 4))
-        turned, opened = np.zeros(len(inertia)), np.zeros(self.network.n_contacts, bool)
-        work = force = rest = 0.0
+        source_motion = np.zeros(steps + 1)
+        if driven:
+            source_motion = self.motion.displacement(time_step * np.arange(steps + 1, dtype=float))
+        dynamics = _DrivenDynamics(self, time_step, source_motion)
+        motion = np.empty((n_records, reading.shape[0]))
+        forces = np.empty((n_records, 2))
+        energy = np.empty((n_records, 4))
+        opened = np.zeros(self.network.n_contacts, bool)
         for k in progress(steps + 1, "wave" if driven else "noise"):
-            row, recorded = k // every, k % every == 0
-            if recorded:
-                moved[row] = reading @ (turned if along > 2 else moving.displacement()[:, along])
-                before = moving.velocity.copy()
-            # Works are those of the mean force of both ends of a step, as between spheres.
-            if self.moves:
-                moving.place_source(given[k] * np.eye(6)[along])
-                moving.step(dt)
-                now = float(moving.held()[along])
-                work += 0.5 * (force + now) * (given[k] - given[k - 1]) if k else 0.0
-                force = now
-            else:
-                way = dt * float((self.load * moving.velocity).sum())
-                work += 0.5 * (given[k - 1] + given[k]) * way if k else 0.0
-                moving.push = given[k] * self.load
-                moving.step(dt)
-            if along > 2:
-                turned += dt * moving.velocity[:, along]
-            if recorded:
-                stored = contacts.elastic_energy + float(contacts.work[:, 0].sum())
-                rest = rest if k else stored
-                kinetic = 0.5 * float((inertia * before * moving.velocity).sum())
-                energy[row] = work, kinetic, stored - rest, contacts.slipped
-                on_walls[row] = force, contacts.on_walls[1, along]
-                if row % max(1, nt // LOOKS) == 0 or k == steps:
-                    opened |= contacts.opened()
-        if not np.isfinite(moved).all():
+            if k % steps_per_record:
+                dynamics.step(k)
+                continue
+            record = k // steps_per_record
+            motion[record] = reading @ dynamics.displacement()
+            velocity_behind = dynamics.velocity.copy()
+            dynamics.step(k)
+            energy[record] = dynamics.energy(velocity_behind)
+            forces[record] = dynamics.wall_forces()
+            if record % max(1, n_records // OPENING_CHECKS) == 0 or k == steps:
+                opened |= dynamics.contacts.opened()
+        if not np.isfinite(motion).all():
             raise UnavailableError(
                 "not_converged", "the wave is not finite", remedy="take a smaller amplitude"
             )
-        ends, lost, rows = contacts.slips()
+        energy[:, 2] -= energy[0, 2]
+        ends, slip_energy, rows = dynamics.contacts.slips()
+        in_network = rows >= 0
         dissipated = np.zeros(len(opened))
-        dissipated[rows[rows >= 0]] = lost[rows >= 0]
-        kinds = {"source_stress": self.moves, "receiver_stress": self.receivers.walls}
-        there = [name for name, known in kinds.items() if known]
+        dissipated[rows[in_network]] = slip_energy[in_network]
+        stresses = []
+        columns = []
+        if self.source_moves:
+            stresses.append("source_stress")
+            columns.append(0)
+        if self.receivers.walls:
+            stresses.append("receiver_stress")
+            columns.append(1)
+        balance = None
+        if driven:
+            slid = int((dissipated > 0).sum())
+            balance = self._balance(energy, time_step, slid, opened)
         signals = self.receivers.signals(
             self.time,
-            np.hstack([(on_walls - on_walls[0])[:, list(kinds.values())], moved]),
+            np.hstack([(forces - forces[0])[:, columns], motion]),
             self.motion,
             self.source,
-            there,
+            stresses,
             producer="nonlinear",
-            time_step=dt,
+            time_step=time_step,
             run_time=clock.perf_counter() - started,
-            balance=self._balance(energy, dt, int((dissipated > 0).sum()), opened)
-            if driven
-            else None,
+            balance=balance,
             slip_ends=ends,
-            slip_energy=lost,
+            slip_energy=slip_energy,
         )
         return NonlinearWave(signals, steps, math.nan, math.nan, energy, dissipated, opened)
 
-    def _balance(self, energy: Floats, dt: float, slid: int, opened: Bools) -> EnergyBalance | None:
-        """The books from the end of the wall's motion on; None where the record ends before it."""
-        quiet = int(np.searchsorted(self.time, self.motion.corners[-1]))
-        if quiet >= len(self.time) - 1:
+    def _balance(
+        self, energy: Floats, time_step: float, slid: int, opened: Bools
+    ) -> EnergyBalance | None:
+        """Return the energy balance from the end of the source's motion on.
+
+        Return None if the record ends before. `slid` is the number of contacts that slid.
+        """
+        start = int(np.searchsorted(self.time, self.motion.corners[-1]))
+        if start >= len(self.time) - 1:
             return None
-        work, kinetic, stored, lost = energy.T
-        held = kinetic + stored
-        # A force bends contacts by what nobody knows beforehand: any share of them.
-        size = self.motion.amplitude if self.moves else math.inf
-        bound = drift_limit(self.network, dt / self.limit, size, held[quiet])
+        work, kinetic, stored, dissipated = energy.T
+        elastic = kinetic + stored
+        # How far a force compresses contacts is not known beforehand: any share of their overlap.
+        amplitude = math.inf
+        if self.source_moves:
+            amplitude = self.motion.amplitude
+        limit = math.nan
+        if not slid:
+            fraction = time_step / self.max_time_step
+            limit = float(drift_limit(self.network, fraction, amplitude, elastic[start]))
         return EnergyBalance(
-            energy=float(held[quiet]),
-            drift=float(held[-1] / held[quiet] - 1),
-            friction=float((lost[-1] - lost[quiet]) / held[quiet]),
+            energy=float(elastic[start]),
+            drift=float(elastic[-1] / elastic[start] - 1),
+            friction=float((dissipated[-1] - dissipated[start]) / elastic[start]),
             contacts=len(opened),
             opened=int(opened.sum()),
             slid=slid,
-            limit=math.nan if slid else float(bound),
+            limit=limit,
             work=float(work[-1]),
-            gap=float((held[-1] + lost[-1] - work[-1]) / abs(work[-1])),
+            gap=float((elastic[-1] + dissipated[-1] - work[-1]) / abs(work[-1])),
         )
+
+
+def _step_error(fine: NonlinearWave, coarse: NonlinearWave, ratio: float) -> float:
+    """Return the error of the finer of two runs, relative to the largest motion.
+
+    `ratio` is the number of steps of the finer run divided by that of the coarser.
+    """
+    largest = abs(fine.displacements).max(initial=0.0)
+    if not largest:
+        return 0.0
+    difference = abs(fine.displacements - coarse.displacements).max(initial=0.0)
+    return float(difference / largest / (ratio**2 - 1))
+
+
+class _DrivenDynamics:
+    """The dynamics of a sample whose source moves or pushes, and the work of the source.
+
+    `source_motion` (steps + 1,) is the source's displacement, m, or force, N, at each step.
+    """
+
+    def __init__(self, runs: NonlinearRuns, time_step: float, source_motion: Floats) -> None:
+        from modal.dem.motion import Dynamics  # not at import: linear waves need none of its loops
+
+        self.runs = runs
+        self.time_step = time_step
+        self.source_motion = source_motion
+        self.dynamics = Dynamics(runs.sample, books=True)
+        self.dynamics.axis = runs.network.cell_size[:2] / 2
+        self.dynamics.carried = runs.source.carried(runs.sample.position)
+        self.contacts = self.dynamics.contacts
+        self.inertia = np.repeat(self.dynamics.masses, 3, axis=1)
+        self.rotation = np.zeros(len(self.inertia))
+        self.work = 0.0
+        self.source_force = 0.0
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocities (n, 6), m/s and rad/s, half a step ahead."""
+        return self.dynamics.velocity
+
+    @property
+    def turns(self) -> bool:
+        """True if turns are recorded, not displacements."""
+        return self.runs.component > 2
+
+    def displacement(self) -> Floats:
+        """Return the recorded component of the motion (n,), m or rad."""
+        if self.turns:
+            return self.rotation
+        return self.dynamics.displacement()[:, self.runs.component]
+
+    def step(self, k: int) -> None:
+        """Take step k, with the source where it is at that time, and add up the work."""
+        if self.runs.source_moves:
+            self._step_moved(k)
+        else:
+            self._step_pushed(k)
+        if self.turns:
+            self.rotation += self.time_step * self.velocity[:, self.runs.component]
+
+    def _step_moved(self, k: int) -> None:
+        """Take step k of a source that moves.
+
+        Its work is that of the mean of the forces at both ends of a step, as between spheres.
+        """
+        component = self.runs.component
+        self.dynamics.place_source(self.source_motion[k] * np.eye(6)[component])
+        self.dynamics.step(self.time_step)
+        force = float(self.dynamics.held()[component])
+        if k:
+            path = self.source_motion[k] - self.source_motion[k - 1]
+            self.work += 0.5 * (self.source_force + force) * path
+        self.source_force = force
+
+    def _step_pushed(self, k: int) -> None:
+        """Take step k of a source that pushes; its work is that of the mean force as well."""
+        if k:
+            path = self.time_step * float((self.runs.load * self.velocity).sum())
+            self.work += 0.5 * (self.source_motion[k - 1] + self.source_motion[k]) * path
+        self.dynamics.push = self.source_motion[k] * self.runs.load
+        self.dynamics.step(self.time_step)
+
+    def energy(self, velocity_behind: Floats) -> tuple[float, float, float, float]:
+        """Return work, kinetic energy, energy stored in contacts and energy dissipated by slip, J.
+
+        `velocity_behind` (n, 6) are the velocities half a step behind the state.
+        """
+        stored = self.contacts.elastic_energy + float(self.contacts.work[:, 0].sum())
+        kinetic = 0.5 * float((self.inertia * velocity_behind * self.velocity).sum())
+        return self.work, kinetic, stored, self.contacts.slipped
+
+    def wall_forces(self) -> tuple[float, float]:
+        """Return the force that holds the source and that on the receiver wall, N or N m."""
+        return self.source_force, self.contacts.on_walls[1, self.runs.component]

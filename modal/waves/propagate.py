@@ -2,7 +2,7 @@
 
 import time as clock
 from dataclasses import dataclass
-from typing import Any, Literal, overload
+from typing import Literal, overload
 
 import numpy as np
 
@@ -16,30 +16,31 @@ from modal.waves.defaults import default_interval, default_pulse
 from modal.waves.forced_system import ForcedSystem
 from modal.waves.integrators import by_polynomials, by_series
 from modal.waves.motions import Motion
-from modal.waves.nonlinear import ACCURACY, NonlinearRuns, NonlinearWave, at_rest
+from modal.waves.nonlinear import NONLINEAR_TOLERANCE, NonlinearRuns, NonlinearWave, sample_at_rest
 from modal.waves.receivers import Receivers
-from modal.waves.signals import Wave
+from modal.waves.signals import Direction, Wave
 from modal.waves.sources import Source, Wall
 
-TOLERANCE = 1e-9
-"""Of a linear wave where no other is asked for."""
+LINEAR_TOLERANCE = 1e-9
+"""Default error of a linear wave, relative to the largest record. The number of products with K
+grows only with its logarithm, so that a larger one would save little."""
 
 
 @dataclass(frozen=True, repr=False)
 class LinearWave(Wave):
-    """Result of `modal.propagate` on springs.
+    """Result of `modal.propagate` with linear springs.
 
     Attributes
     ----------
     signals : Signals
-        What was recorded.
+        The recorded signals.
     products : int
-        Products with K.
+        Number of products with K.
     truncation : float
         Bound of the error, relative to the largest recorded displacement, and to the largest stress
         on either wall.
     repeats : int, default 1
-        Of how many equal parts the packing consists sideways, one of which was computed.
+        Number of equal parts, side by side, of which the packing consists; one was computed.
 
     Examples
     --------
@@ -56,15 +57,42 @@ class LinearWave(Wave):
 
 @overload
 def propagate(
-    network: Network | Sample, duration: float, *, nonlinear: Literal[True], **options: Any
+    network: Network | Sample,
+    duration: float,
+    *,
+    nonlinear: Literal[True],
+    source: Source | None = None,
+    motion: Motion | None = None,
+    interval: float | None = None,
+    tolerance: float | None = None,
+    particles: bool = False,
+    direction: Direction = "z",
+    time_step: float | None = None,
+    friction: float | None = None,
 ) -> NonlinearWave: ...
 
 
 @overload
-def propagate(network: Network | Sample, duration: float, **options: Any) -> LinearWave: ...
+def propagate(
+    network: Network | Sample,
+    duration: float,
+    *,
+    nonlinear: Literal[False] = False,
+    source: Source | None = None,
+    motion: Motion | None = None,
+    interval: float | None = None,
+    tolerance: float | None = None,
+    pre_stress: str = "none",
+    sliding: str = "elastic",
+    particles: bool = False,
+    direction: Direction = "z",
+    damping: ContactDamping | None = None,
+    whole: bool = False,
+    time_step: float | None = None,
+) -> LinearWave: ...
 
 
-@checked  # type: ignore[misc]  # the overloads leave the options to the function itself
+@checked
 def propagate(
     network: Network | Sample,
     duration: float,
@@ -77,18 +105,18 @@ def propagate(
     pre_stress: str = "none",
     sliding: str = "elastic",
     particles: bool = False,
-    direction: str = "z",
+    direction: Direction = "z",
     damping: ContactDamping | None = None,
     whole: bool = False,
     time_step: float | None = None,
     friction: float | None = None,
 ) -> LinearWave | NonlinearWave:
-    """The wave that a small motion of a source sends through a packing.
+    """Propagate the wave that a motion of a source sends through a packing.
 
-    The contacts' springs stay what they are (linear), and there is no time-step error. A packing of
-    equal parts side by side, as a crystal, is computed in one of them where that is exact to the
-    `tolerance` too (`modal.waves.forced_system`). With `nonlinear` contacts follow their law
-    instead: they harden, slide, open and close, and the wave is of any size
+    By default contacts are linear springs, and there is no time-step error. If a packing consists
+    of equal parts side by side, as a crystal does, one of them is computed where this is exact
+    within `tolerance` (`modal.waves.forced_system`). With `nonlinear=True` contacts follow their
+    law: they harden, slide, open and close, and the wave may have any size
     (`modal.waves.nonlinear`).
 
     Parameters
@@ -96,39 +124,40 @@ def propagate(
     network : Network or Sample
         The packing, n spheres.
     duration : float
-        s.
+        Length of the record, s.
     nonlinear : bool, default False
-        Contacts by their law.
+        Let contacts follow their law.
     source : Source, optional
         One of `modal.waves.sources`: the source wall (default), a plane inside the packing that
         opens, or one sphere that is pushed.
     motion : Motion, optional
-        Of the source, m (N of a force); by default one pulse with a frequency, Hz, of 0.33 V / D,
-        and 1e-6 D high, or a hundredth of the mean overlap where that is less.
+        Motion of the source, m (force: N). The default is one pulse of frequency 0.33 V / D, Hz,
+        and of amplitude 1e-6 D or a hundredth of the mean overlap, whichever is smaller.
     interval : float, optional
-        Between recorded times, s; by default 0.3 D / V, with the affine velocity V of P-waves.
+        Time between records, s; by default 0.3 D / V, with the affine velocity V of P-waves.
     tolerance : float, optional
-        Error of displacements, in parts of the largest recorded one, and of stresses, in parts of
-        the largest on either wall: 1e-9. Of a non-linear wave that of displacements by the time
-        step: 1e-3.
+        Error of displacements, relative to the largest recorded one, and of stresses, relative to
+        the largest on either wall; by default 1e-9. For a non-linear wave, the error of
+        displacements due to the time step; by default 1e-3.
     pre_stress : str, default "none"
-        As of `modal.eigenmodes`.
+        As in `modal.eigenmodes`.
     sliding : str, default "elastic"
-        As of `modal.eigenmodes`.
+        As in `modal.eigenmodes`.
     particles : bool, default False
         Record every particle.
     direction : str, default "z"
-        Of the motion, and of all records: "z" sends P-waves, "x" and "y" S-waves, "torsion" turns
-        about z.
+        Direction of the motion and of all records: "z" sends P-waves, "x" and "y" S-waves,
+        "torsion" turns about z.
     damping : ContactDamping, optional
-        Dashpots of the contacts (`modal.system.damping`); takes some ten times as many products K
-        u.
+        Dashpots of the contacts (`modal.system.damping`); the wave then takes some ten times as
+        many products K u.
     whole : bool, default False
-        Compute all parts of a packing of equal ones.
+        Compute all equal parts of a packing, not one of them.
     time_step : float, optional
-        s; goes by leapfrog, with the error of DEM programs.
+        Integrate with the leapfrog scheme of DEM codes at this step, s, with their error.
     friction : float, optional
-        Of the non-linear wave alone: a network has none, a sample its own.
+        Coefficient of friction, for a non-linear wave: required for a network; the default of a
+        sample is its own.
 
     Returns
     -------
@@ -140,10 +169,10 @@ def propagate(
     Raises
     ------
     InputError
-        For impossible arguments, for a network without stiffness, and where the run would take more
-        than a day or the memory.
+        If an argument is impossible, if the source moves nothing, or if the run would take more
+        than a day or more than the free memory.
     GrowthError
-        Where K has negative directions.
+        If K has negative directions.
 
     Examples
     --------
@@ -157,17 +186,20 @@ def propagate(
     >>> shear.signals.layer_displacement.shape
     (21, 28)
     """
-    of_springs = {"pre_stress": pre_stress != "none", "sliding": sliding != "elastic"}
-    of_springs |= {"damping": damping is not None, "whole": whole}
-    other, foreign = "non-linear", {"friction": friction is not None}
     if nonlinear:
-        other, foreign = "linear", of_springs
-    for name in (name for name, given in foreign.items() if given):
-        raise InputError(
-            "input", f"{name} is of the {other} wave", remedy="leave it out, or take that"
+        _refuse_options(
+            "linear",
+            pre_stress=pre_stress != "none",
+            sliding=sliding != "elastic",
+            damping=damping is not None,
+            whole=whole,
         )
-    error = tolerance or (ACCURACY if nonlinear else TOLERANCE)
-    sample = at_rest(network, friction) if nonlinear else None
+    else:
+        _refuse_options("non-linear", friction=friction is not None)
+    error = tolerance or (NONLINEAR_TOLERANCE if nonlinear else LINEAR_TOLERANCE)
+    sample = None
+    if nonlinear:
+        sample = sample_at_rest(network, friction)
     if isinstance(network, Sample):
         network = network.network()
     source = source or Wall()
@@ -177,13 +209,13 @@ def propagate(
         interval = default_interval(network, duration, time_step)
     if not (0 < interval <= duration < np.inf and 0 < error < 1 and tolerance != 0):
         raise InputError(
-            "input",
+            "interval_or_tolerance",
             "duration and interval must be positive, the interval no longer than the duration, "
             "the tolerance between 0 and 1",
         )
     if sample is not None:
         runs = NonlinearRuns(sample, duration, interval, source, motion, direction, particles)
-        return runs.wave(error, time_step)
+        return runs.compute_wave(error, time_step)
     started = clock.perf_counter()
     system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
     receivers = Receivers(system.network, direction, particles=particles)
@@ -204,3 +236,14 @@ def propagate(
     )
     part = forced.part
     return LinearWave(signals, wave.products, wave.error + part.difference, part.count)
+
+
+def _refuse_options(kind: str, **is_set: bool) -> None:
+    """Raise InputError for the first set option that belongs to the other kind of wave, `kind`."""
+    for name, foreign in is_set.items():
+        if foreign:
+            raise InputError(
+                "option_of_other_wave",
+                f"{name} is of the {kind} wave",
+                remedy="leave it out, or take that",
+            )

@@ -12,7 +12,7 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 from modal.waves.motions import Motion
-from modal.waves.signals import COMPONENT, Signals
+from modal.waves.signals import COMPONENT, Direction, Signals
 from modal.waves.sources import Source
 
 
@@ -37,7 +37,9 @@ class Receivers:
     layers : Layers
     """
 
-    def __init__(self, network: Network, direction: str = "z", *, particles: bool = False) -> None:
+    def __init__(
+        self, network: Network, direction: Direction = "z", *, particles: bool = False
+    ) -> None:
         if direction not in COMPONENT:
             raise InputError(
                 "direction", f"direction {direction!r}", remedy=f"choose {', '.join(COMPONENT)}"

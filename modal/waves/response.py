@@ -8,10 +8,10 @@ w = z + sqrt(z^2 - 1), |w| > 1, the recurrence that carries a wave carries it to
     1 / (z - x) = 4 / (w - 1/w) * (1/2 + sum_k w^-k T_k(x)).
 
 About omega_max / (2 gamma) ln(1 / tolerance) products serve all frequencies, and half as many more
-make sure of it (`modal.waves.chebyshev`). With dashpots a resonance has a width of its own, and no
-window is needed: at real frequencies (A - i omega D - omega^2) v = push - i omega drag is solved
-for each by one complex factorisation; neither moments of K nor a wave serve, since a mode that is
-slow decays slowest. The format "granular-frequency-response" is defined here, its columns in
+make sure of it (`modal.waves.chebyshev`). With dashpots resonances have their own widths, and no
+window is needed: at each real frequency (A - i omega D - omega^2) v = push - i omega drag is solved
+by one complex factorisation. Neither moments of K nor a wave would serve, because slow modes decay
+slowest. The format "granular-frequency-response" is defined here, its columns in
 `modal.waves.signals`.
 """
 
@@ -39,44 +39,57 @@ from modal.tools.workload import refuse_above, refuse_endless
 from modal.waves.chebyshev import CHUNK, Resolvent, summed
 from modal.waves.forced_system import ForcedSystem
 from modal.waves.receivers import Receivers
-from modal.waves.signals import VERSION, Recording, along, read_recording, write_recording
+from modal.waves.signals import (
+    FILE_VERSIONS,
+    Direction,
+    Recording,
+    is_directed,
+    read_recording,
+    write_recording,
+)
 from modal.waves.sources import Source, Wall
 
 RESOLUTION = 0.005
-"""Where none is given, of the highest mode's frequency: 1 kHz in the study's packings under 100
-kPa; and at most `RESOLUTION_OF_RANGE` of the highest frequency that is asked for."""
+"""Default resolution divided by the highest mode's frequency: 1 kHz in the study's packings under
+100 kPa."""
 RESOLUTION_OF_RANGE = 0.05
+"""Largest default resolution divided by the highest frequency of the response, so that at least
+eighty frequencies show it."""
+MAX_FREQUENCY_OVER_HIGHEST_MODE = 10
+"""Highest frequency of a response divided by that of the highest mode, above which all motion dies
+away with the distance from the source."""
 REMEDY = "take fewer frequencies, or a smaller packing"
+"""Remedy for a damped response that takes too long or too much memory."""
 
 
 @dataclass(repr=False, kw_only=True)
 class Response(Recording, Drawn):
     """Transfer functions per unit motion of the source, time dependence exp(-i omega t).
 
-    With `damping` of the contacts resonances have their own widths. The chain, heights
-    of layers, `source`, `direction` and what is empty without walls are as of
+    With `damping` of the contacts resonances have their own widths. The chain, the heights of
+    layers, `source`, `direction`, and the fields that are empty without walls are as in
     `modal.waves.signals.Signals`.
 
     Attributes
     ----------
     frequency : ndarray (nf,)
-        Hz.
+        Frequencies, Hz.
     source_stress, receiver_stress : ndarray of complex (nf,)
-        Pa/m, compression positive.
+        Stresses on both walls, Pa/m, compression positive.
     chain_displacement, layer_displacement : ndarray of complex (nf, nc) and (nf, nl)
-        m/m.
+        Displacements, m/m.
     resolution : float
-        Hz, the full width at half height of a single resonance in power; 0 with `damping`.
+        Full width at half height of a single resonance in power, Hz; 0 with `damping`.
     products : int
-        Products with K; 0 with `damping`.
+        Number of products with K; 0 with `damping`.
     damping : ContactDamping or None
-        Of the contacts.
+        Dashpots of the contacts.
 
     Examples
     --------
     >>> import modal
-    >>> found = modal.frequency_response(modal.fcc(cells=(1, 1, 20)), highest=2e4)
-    >>> found.gain.shape == found.frequency.shape
+    >>> response = modal.frequency_response(modal.fcc(cells=(1, 1, 20)), highest=2e4)
+    >>> response.gain.shape == response.frequency.shape
     True
     """
 
@@ -90,14 +103,14 @@ class Response(Recording, Drawn):
         width = f"resolution {quantity(self.resolution, 'Hz')}"
         if self.damping:
             width = f"damping {self.damping.normal:g} {self.damping.tangential:g}"
-        most = f"layers move up to {abs(self.layer_displacement).max():.4g} times the source"
+        largest = f"layers move up to {abs(self.layer_displacement).max():.4g} times the source"
         if self.from_wall_to_wall:
-            most = f"gain up to {self.gain.max():.4g}"
-        return f"<Response: {len(self.frequency)} frequencies from {ends}, {width}, {most}>"
+            largest = f"gain up to {self.gain.max():.4g}"
+        return f"<Response: {len(self.frequency)} frequencies from {ends}, {width}, {largest}>"
 
     @property
     def from_wall_to_wall(self) -> bool:
-        """Whether there is a stress on the source and on a receiver wall."""
+        """True if there is a stress on the source and on a receiver wall."""
         return bool(len(self.receiver_stress) and len(self.source_stress))
 
     def draw(self, ax: Any) -> None:
@@ -107,48 +120,55 @@ class Response(Recording, Drawn):
 
     @property
     def gain(self) -> Floats:
-        """Shape (nf,): receiver stress over source stress (Otsubo et al. 2017, Fig. 19).
+        """Receiver stress divided by source stress (nf,) (Otsubo et al. 2017, Fig. 19).
 
-        InputError where there are no two walls.
+        Raises InputError if there are no two walls.
         """
         if not self.from_wall_to_wall:
             raise InputError(
-                "input", "a gain is from wall to wall", remedy="this response has no stress on both"
+                "no_gain", "a gain is from wall to wall", "this response has no stress on both"
             )
         return abs(self.receiver_stress) / abs(self.source_stress)
 
     def gain_maxima(self) -> Floats:
-        """Shape (number of maxima,), Hz: where the gain has a local maximum.
-
-        Found between the frequencies of the response as `maxima` has it.
-        """
+        """Return the frequencies (k,), Hz, of the local maxima of the gain, by `maxima`."""
         return maxima(self.frequency, self.gain)[0]
 
 
 def maxima(frequency: Floats, gain: Floats) -> tuple[Floats, Floats]:
-    """Frequencies (k,) Hz and heights (k,) of the local maxima of a gain (nf,).
+    """Return frequencies (k,), Hz, and heights (k,) of the local maxima of a gain (nf,).
 
-    By the parabola through three values of 1 / gain^2, which of a single resonance is one.
+    They are those of the parabola through three values of 1 / gain^2, which is a parabola for a
+    single resonance.
     """
-    g = gain**-2.0
-    k = 1 + np.flatnonzero((g[1:-1] < g[:-2]) & (g[1:-1] <= g[2:]))
-    left, right = g[k - 1] - g[k], g[k + 1] - g[k]
+    inverse = gain**-2.0
+    is_minimum = (inverse[1:-1] < inverse[:-2]) & (inverse[1:-1] <= inverse[2:])
+    k = 1 + np.flatnonzero(is_minimum)
+    left = inverse[k - 1] - inverse[k]
+    right = inverse[k + 1] - inverse[k]
     shift = 0.5 * (left - right) / (left + right)
-    least = g[k] - 0.25 * (left - right) * shift
-    heights = np.where(least > 0, least, g[k]) ** -0.5
+    vertex = inverse[k] - 0.25 * (left - right) * shift
+    heights = np.where(vertex > 0, vertex, inverse[k]) ** -0.5
     return frequency[k] + shift * (frequency[1] - frequency[0]), heights
 
 
-BEYOND = 10
-"""Times the highest mode's frequency up to which a response may go."""
 SCHEMA = "granular-frequency-response"
-_TABLE = product_of(SCHEMA, Response, versions=VERSION)
+_TABLE = product_of(SCHEMA, Response, versions=FILE_VERSIONS)
+
+
+def _response_columns() -> dict[str, Column]:
+    """Return the columns of the file: directed ones are complex, per metre of the source."""
+    columns = dict(_TABLE.columns)
+    for name, column in columns.items():
+        if is_directed(column):
+            columns[name] = column._replace(kind="c", unit=f"{column.unit}/m")
+    columns["gain"] = Column("gain", "f", ("n",), "1", optional=True)
+    return columns
+
+
 FORMAT = replace(
     _TABLE,
-    columns={
-        **{name: along(c, kind="c", unit=f"{c.unit}/m") for name, c in _TABLE.columns.items()},
-        "gain": Column("gain", "f", ("n",), "1", optional=True),
-    },
+    columns=_response_columns(),
     attributes={**_TABLE.attributes, "damping": np.ravel},
     defaults={**_TABLE.defaults, "damping": np.empty(0)},
 )
@@ -164,13 +184,13 @@ def frequency_response(
     tolerance: float = 1e-5,
     pre_stress: str = "none",
     sliding: str = "elastic",
-    direction: str = "z",
+    direction: Direction = "z",
     damping: ContactDamping | None = None,
 ) -> Response:
-    """What a steady motion of a source does at each frequency: motions, stresses, gain.
+    """Compute motions, stresses and gain under a steady motion of a source at each frequency.
 
-    Frequencies go from a quarter of a `resolution` up, four to a resolution. With `damping` the
-    contacts have dashpots; then each frequency takes a factorisation, and resonances have their own
+    Frequencies start at a quarter of the `resolution` and are a quarter apart. With `damping` the
+    contacts have dashpots; each frequency then takes a factorisation, and resonances have their own
     widths.
 
     Parameters
@@ -178,38 +198,38 @@ def frequency_response(
     network : Network
         The packing.
     source : Source, optional
-        As of `modal.propagate`: the source wall by default.
+        As in `modal.propagate`; the source wall by default.
     highest : float, optional
-        Last frequency, Hz; the top of the spectrum by default.
+        Highest frequency, Hz; by default that of the highest mode.
     resolution : float, optional
-        Width that a resonance has, Hz; by default 0.005 of the highest mode's frequency, at most a
+        Width of a resonance, Hz; by default 0.005 of the highest mode's frequency, at most a
         twentieth of `highest`.
     tolerance : float, default 1e-5
-        What the expansion leaves out at most: of the motions, of the stress on the source and of
-        that on the receiver wall, in parts of the largest of each at any frequency. Where a stress
-        is small, as at an antiresonance, it and the gain are off by more of their own.
+        Largest truncation error of the motions, of the stress on the source and of that on the
+        receiver wall, relative to the largest of each at any frequency. Where a stress is small, as
+        at an antiresonance, its relative error and that of the gain are larger.
     pre_stress : str, default "none"
-        As of `modal.eigenmodes`.
+        As in `modal.eigenmodes`.
     sliding : str, default "elastic"
-        As of `modal.eigenmodes`.
+        As in `modal.eigenmodes`.
     direction : str, default "z"
-        As of `modal.propagate`.
+        As in `modal.propagate`.
     damping : ContactDamping, optional
         Dashpots of the contacts (`modal.system.damping`).
 
     Returns
     -------
     Response
-        `frequency` (nf,) Hz; `gain` (nf,), receiver over source stress (Otsubo et al. 2017, Fig.
-        19); complex motions and stresses per metre of the source's motion.
+        `frequency` (nf,) Hz; `gain` (nf,), receiver stress divided by source stress (Otsubo et al.
+        2017, Fig. 19); complex motions and stresses per metre of the source's motion.
 
     Raises
     ------
     InputError
-        For packings without stiffness, for a source that they do not have, and where it would take
-        more than a day or the memory.
+        If the packing has no stiffness or not the source, or if the response would take more than a
+        day or more than the free memory.
     GrowthError
-        Where K has negative directions.
+        If K has negative directions.
 
     Examples
     --------
@@ -223,26 +243,36 @@ def frequency_response(
         resolution = default_resolution(system.highest_frequency, highest)
     if not (frequencies(resolution) > 0 and 0 < tolerance < 1):
         raise InputError(
-            "input", "resolution must be a positive number of Hz, tolerance between 0 and 1"
+            "resolution_or_tolerance",
+            "resolution must be a positive number of Hz, tolerance between 0 and 1",
         )
-    source, receivers = source or Wall(), Receivers(system.network, direction)
-    # The window leaves of a wave what comes within 1 / gamma.
+    source = source or Wall()
+    receivers = Receivers(system.network, direction)
+    # The window cuts a wave off after about 1 / gamma.
     forced = ForcedSystem.of(system, source, receivers, 1 / (np.pi * resolution), tolerance)
-    record_of = _damped if forced.dashpots else _windowed
-    frequency, record, products = record_of(forced, highest, resolution, tolerance)
+    if forced.dashpots:
+        frequency, record = _damped_record(forced, highest, resolution)
+        products = 0
+        resolution = 0.0
+    else:
+        frequency, record, products = _windowed_record(forced, highest, resolution, tolerance)
+        damping = None
     return Response(
         frequency=frequency,
         **receivers.columns(record, forced.stresses),
-        resolution=0.0 if forced.dashpots else resolution,
+        resolution=resolution,
         products=products,
         source=source.name,
         source_height=source.height_in(network),
-        damping=damping if forced.dashpots else None,
+        damping=damping,
     )
 
 
 def default_resolution(highest_mode: float, highest: float | None) -> float:
-    """Return the resolution, Hz, of a response up to `highest`, Hz, of modes to `highest_mode`."""
+    """Return the default resolution, Hz, of a response up to `highest`, Hz.
+
+    `highest_mode`, Hz, is the frequency of the highest mode.
+    """
     resolution = RESOLUTION * highest_mode
     if highest is not None:
         resolution = min(resolution, RESOLUTION_OF_RANGE * float(frequencies(highest)))
@@ -250,39 +280,47 @@ def default_resolution(highest_mode: float, highest: float | None) -> float:
 
 
 def frequencies_up_to(end: float, resolution: float) -> Floats:
-    """Return the frequencies (nf,), Hz, below `end`: four to a resolution, from a quarter of one.
+    """Return the frequencies (nf,), Hz, below `end`, a quarter of the resolution apart.
 
-    Round-off does not decide whether `end` itself is among them.
+    `end` itself is left out, whatever the round-off.
     """
     count = int(np.ceil(4 * end / resolution * (1 - 1e-9))) - 1
     return np.arange(1.0, count + 1) * (resolution / 4)
 
 
-def _end(top: float, highest: float | None, resolution: float) -> float:
-    """Hz: where the frequencies end; `top` is the end of the spectrum in omega^2, 1/s^2."""
-    last = float(np.sqrt(top) / (2 * np.pi))
-    end = last if highest is None else float(frequencies(highest))
-    if not resolution < end <= BEYOND * last:
+def _end_frequency(spectral_bound: float, highest: float | None, resolution: float) -> float:
+    """Return the frequency, Hz, at which a response ends.
+
+    `spectral_bound`, 1/s^2, is the largest omega^2. Raises InputError for an impossible `highest`.
+    """
+    highest_mode = float(np.sqrt(spectral_bound) / (2 * np.pi))
+    end = highest_mode
+    if highest is not None:
+        end = float(frequencies(highest))
+    if not resolution < end <= MAX_FREQUENCY_OVER_HIGHEST_MODE * highest_mode:
         raise InputError(
-            "input",
+            "highest_frequency",
             f"highest frequency {end:g} Hz",
-            f"must exceed the resolution, and may be {BEYOND} times "
-            f"that of the highest mode, {last:.3g} Hz, above which all motion dies away",
+            f"must exceed the resolution, and may be {MAX_FREQUENCY_OVER_HIGHEST_MODE} times "
+            f"that of the highest mode, {highest_mode:.3g} Hz, above which all motion dies away",
             "give Hz",
         )
     return end
 
 
-def _windowed(
+def _windowed_record(
     forced: ForcedSystem, highest: float | None, resolution: float, tolerance: float
 ) -> tuple[Floats, Complex, int]:
-    """Frequencies (nf,), Hz, what is recorded at them (nf, count), and products with K."""
+    """Compute a response by an expansion in Chebyshev polynomials.
+
+    Return frequencies (nf,), Hz, the record (nf, count), and the number of products with K.
+    """
     # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
     gamma = np.pi * resolution
 
-    def series_for(top: float) -> Resolvent:
-        end = _end(top, highest, resolution)
-        orders = 1.5 * float(np.sqrt(top)) / (2 * gamma) * float(np.log(1 / tolerance))
+    def series_for(spectral_bound: float) -> Resolvent:
+        end = _end_frequency(spectral_bound, highest, resolution)
+        orders = 1.5 * float(np.sqrt(spectral_bound)) / (2 * gamma) * float(np.log(1 / tolerance))
         numbers = (orders + 16 * end / resolution) * forced.count + 4 * CHUNK * orders
         refuse_endless(
             f"a response with a resolution of {resolution:g} Hz",
@@ -291,7 +329,7 @@ def _windowed(
             bytes_needed=8 * numbers,
             remedy="take a coarser resolution or a lower highest frequency",
         )
-        return Resolvent(frequencies_up_to(end, resolution), gamma, top)
+        return Resolvent(frequencies_up_to(end, resolution), gamma, spectral_bound)
 
     series, record, products, error = summed(forced, series_for, tolerance)
     if error > tolerance:
@@ -304,31 +342,35 @@ def _windowed(
     return series.frequency, record, products
 
 
-def _damped(
-    forced: ForcedSystem, highest: float | None, resolution: float, _: float
-) -> tuple[Floats, Complex, int]:
-    """The same of dashpots, by a factorisation for each frequency, which takes no products.
+def _damped_record(
+    forced: ForcedSystem, highest: float | None, resolution: float
+) -> tuple[Floats, Complex]:
+    """Compute the response of a system with dashpots by a factorisation for each frequency.
 
-    InputError where these would take more than the memory or more than a day.
+    Return frequencies (nf,), Hz, and the record (nf, count). Raises UnavailableError if the
+    factorisations would take more than a day or more than the free memory.
     """
-    system, springs, dashpots = forced.system, forced.springs, forced.dashpots
+    system = forced.system
+    springs = forced.springs
+    dashpots = forced.dashpots
     assert dashpots and system.dashpots
-    end = _end(system.spectral_bound, highest, resolution)
+    end = _end_frequency(system.spectral_bound, highest, resolution)
     count = 4 * end / resolution
 
-    def refuse(seconds: float) -> None:
+    def refuse_too_large(seconds_each: float) -> None:
         task = f"a damped response at {count:.2g} frequencies takes"
-        refuse_above(seconds * count, 16.0 * count * forced.count, task, REMEDY)
+        refuse_above(seconds_each * count, 16.0 * count * forced.count, task, REMEDY)
 
-    refuse(0.0)
+    refuse_too_large(0.0)
     frequency = frequencies_up_to(end, resolution)
-    A, C = system.assemble_dynamical_matrix(), system.dashpots.assemble_dynamical_matrix()
+    A = system.assemble_dynamical_matrix()
+    D = system.dashpots.assemble_dynamical_matrix()
     identity = sp.identity(system.size, format="csr")
     record: Complex = forced.blank(np.ones(len(frequency), complex))
     started = clock.perf_counter()
     for k in progress(len(frequency), "response"):
         s = -2j * np.pi * frequency[k]
-        matrix = (A + s * C + s**2 * identity).tocsr()
+        matrix = (A + s * D + s**2 * identity).tocsr()
         factor = factorise(matrix, symmetric=system.symmetric, remedy=REMEDY)
         load = springs.operator.outward((springs.push + s * dashpots.push).toarray()[0])
         v = springs.operator.inward(factor.solve(load))
@@ -336,31 +378,35 @@ def _damped(
         record[k] += springs.rows @ v
         record[k, : forced.walls] += s * (dashpots.rows @ v + dashpots.held)
         if k == 0:
-            refuse(clock.perf_counter() - started)
+            refuse_too_large(clock.perf_counter() - started)
     if not np.isfinite(record).all():
         raise UnavailableError(
             "not_converged",
-            "the damped response is not finite at a frequency of its own",
-            remedy=f"{REMEDY}",
+            "the damped response is not finite at one of its frequencies",
+            remedy=REMEDY,
         )
-    return frequency, record, 0
+    return frequency, record
 
 
 def write_response(path: str | Path, response: Response, made: Provenance | None = None) -> None:
-    """Write the response atomically."""
-    ratios = response.damping
-    more = {
-        "gain": response.gain if response.from_wall_to_wall else None,
-        "damping": [ratios.normal, ratios.tangential] if ratios else [],
-    }
-    write_recording(FORMAT, path, vars(response) | more, made)
+    """Write a response atomically, with its provenance."""
+    gain = None
+    if response.from_wall_to_wall:
+        gain = response.gain
+    damping = []
+    if response.damping:
+        damping = [response.damping.normal, response.damping.tangential]
+    write_recording(FORMAT, path, vars(response) | {"gain": gain, "damping": damping}, made)
 
 
 def read_response(path: str | Path) -> Response:
-    """What `write_response` has written, `products` unknown (0); InputError for anything wrong."""
-    said = read_recording(FORMAT, path)
+    """Read a response that `write_response` has written; `products` is 0, as it is not written.
+
+    Raises InputError if anything in the file is wrong.
+    """
+    values = read_recording(FORMAT, path)
     with complete(path):
-        ratios = tuple(map(float, said["damping"]))
-        said["damping"] = ContactDamping(*ratios) if ratios else None
-    said.pop("gain", None)
-    return Response(products=0, **said)
+        ratios = tuple(map(float, values["damping"]))
+        values["damping"] = ContactDamping(*ratios) if ratios else None
+    values.pop("gain", None)
+    return Response(products=0, **values)

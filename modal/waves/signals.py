@@ -1,17 +1,17 @@
-"""Wave signals: what a run, by DEM or by the linear operator, has recorded; its file format.
+"""Signals of a wave, recorded by a DEM or from the linear system, and their file format.
 
-This module defines the format "granular-wave-signals": version 1 from wall to wall, version 2 also
-of what else can send a wave. The columns of a recording, over time or over frequency, are one table
-for both of their files. A wave is recorded over time, in m and Pa (of torsion in rad, and torque
-over area, N/m); a response over frequency, complex, per unit of the source's motion. What a source
-or a packing does not have, as a cell without walls a chain and stresses on them, is an empty array,
-and not in the file.
+This module defines the format "granular-wave-signals": version 1 for waves from wall to wall,
+version 2 for waves from other sources as well. A wave is recorded over time, in m and Pa (torsion:
+in rad, and in N/m, torque divided by area); a response is recorded over frequency, complex, per
+unit motion of the source. Both files share one table of columns. What a source or a packing does
+not have is an empty array, and absent from the file: a cell without walls, for example, has neither
+a chain nor stresses on walls.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -26,127 +26,137 @@ from modal.tools.visible import visible
 from modal.tools.workload import refuse_above_memory
 from modal.waves.energy_balance import EnergyBalance
 
-TORSION = "torsion"
+Direction = Literal["x", "y", "z", "torsion"]
+"""Motion of a source: z sends P-waves, x and y send S-waves, torsion turns about z."""
+TORSION: Literal["torsion"] = "torsion"
 DIRECTIONS = ("x", "y", "z")
-"""Along which a source may move: z sends P-waves, x and y send S-waves."""
+"""Directions of a source that moves without turning."""
 COMPONENT = {"x": 0, "y": 1, "z": 2, TORSION: 5}
-"""Of the six motions of a sphere the one that is recorded: along the direction, or about z."""
-VERSION = (1, 2)
-"""Of the files."""
-MOVED = ("displacement", "stress")
-"""Names of columns along the direction of the source."""
-TWISTED = {"m": "rad", "Pa": "N/m"}
-"""Units in torsion, of what moves and of what resists."""
+"""Index, among the six motions of a sphere, of the one that is recorded for each direction."""
+FILE_VERSIONS = (1, 2)
+"""Versions of the file format that are read."""
+DIRECTED_COLUMNS = ("displacement", "stress")
+"""Last parts of the names of columns with components along the direction of the source."""
+TORSION_UNITS = {"m": "rad", "Pa": "N/m"}
+"""Units in torsion in place of those of displacements and of stresses."""
+MAX_UNEVEN_STEP = 1e-3
+"""Largest relative deviation of a recorded time step from the mean: estimators need even steps."""
 
 
-def absent(kind: type = float) -> Any:
-    """A column of a recording that an empty array stands for where it is not there."""
+def no_values(kind: type = float) -> Any:
+    """Return a dataclass field that is an empty array by default."""
     return field(default_factory=lambda: np.empty(0, kind))
 
 
 @dataclass(repr=False, kw_only=True)
 class Recording:
-    """What is recorded over time or over frequency, n of them, as its file has it.
+    """What a source sends, recorded at n times or n frequencies; the fields are the file's columns.
 
-    What a source or a packing does not have is empty, or None. Stresses are along `direction`, in
-    which the source moves, as the walls push: for z compression is positive.
+    Fields that a source or a packing does not have are empty, or None. Stresses are along
+    `direction`, in which the source moves, as the walls push: for z compression is positive.
     """
 
-    chain_particle: Annotated[Ints, Column("chain/particle", "i", ("nc",), "1")] = absent(int)
+    chain_particle: Annotated[Ints, Column("chain/particle", "i", ("nc",), "1")] = no_values(int)
     chain_displacement: Annotated[Any, Column("chain/displacement", "f", ("n", "nc"), "m")] = (
-        absent()
+        no_values()
     )
     layer_position: Annotated[Any, Column("layers/position", "f", ("nl",), "m")] = None
     layer_displacement: Annotated[Any, Column("layers/displacement", "f", ("n", "nl"), "m")] = None
-    source_stress: Annotated[Any, Column("source/stress", "f", ("n",), "Pa")] = absent()
-    receiver_stress: Annotated[Any, Column("receiver/stress", "f", ("n",), "Pa")] = absent()
+    source_stress: Annotated[Any, Column("source/stress", "f", ("n",), "Pa")] = no_values()
+    receiver_stress: Annotated[Any, Column("receiver/stress", "f", ("n",), "Pa")] = no_values()
     source_height: Annotated[Any, Column("source/height", "f", (1,), "m", since=2)] = None
     direction: str = "z"
     source: str = "wall"
 
 
-def along(column: Column, **changed: Any) -> Column:
-    """The column, changed where it is along the direction of the source."""
-    return column._replace(**changed) if column.dataset.rpartition("/")[2] in MOVED else column
+def is_directed(column: Column) -> bool:
+    """Return whether a column holds components along the direction of the source."""
+    return column.dataset.rpartition("/")[2] in DIRECTED_COLUMNS
 
 
 def write_recording(
     product: Product, path: str | Path, values: Mapping[str, Any], made: Provenance | None
 ) -> None:
-    """Write what is there, torsion in its own units; what is empty is left out."""
-    there = {
-        name: None if name in product.columns and np.size(value) == 0 else value
-        for name, value in values.items()
-    }
-    _of_direction(product, values["direction"]).write(path, there, made)
+    """Write a recording, torsion in its own units; empty columns are left out."""
+    present = dict(values)
+    for name in product.columns:
+        if np.size(values.get(name)) == 0:
+            present[name] = None
+    _with_units_along(product, values["direction"]).write(path, present, made)
 
 
-def _of_direction(product: Product, direction: str) -> Product:
+def _with_units_along(product: Product, direction: str) -> Product:
     """Return the format of a recording along a direction: torsion has units of its own."""
     if direction != TORSION:
         return product
     columns = dict(product.columns)
     for name, column in columns.items():
-        unit, *per = column.unit.split("/")
-        columns[name] = along(column, unit="/".join([TWISTED.get(unit, unit), *per]))
+        if is_directed(column):
+            unit, *per = column.unit.split("/")
+            unit = TORSION_UNITS.get(unit, unit)
+            columns[name] = column._replace(unit="/".join([unit, *per]))
     return replace(product, columns=columns)
 
 
 def read_recording(product: Product, path: str | Path) -> dict[str, Any]:
-    """All values that are there; InputError for anything wrong."""
+    """Return all values that a file has; raise InputError if anything in the file is wrong."""
     with open_h5(path) as file:
         direction = read_attributes(file).get("direction", "z")
-    said = _of_direction(product, direction).read(path)
-    if said["direction"] not in COMPONENT:
-        known = ", ".join(COMPONENT)
+    values = _with_units_along(product, direction).read(path)
+    if values["direction"] not in COMPONENT:
         raise InputError(
-            "input", f"{path}: direction {said['direction']!r} is none of {known}", remedy="mend it"
+            "direction",
+            f"{path}: direction {values['direction']!r}",
+            f"is none of {', '.join(COMPONENT)}",
+            "mend it",
         )
-    there = {name: value for name, value in said.items() if value is not None}
-    length = len(said["time" if "time" in said else "frequency"])
-    return {"chain_displacement": np.empty((length, 0))} | there
+    present = {name: value for name, value in values.items() if value is not None}
+    axis = "time" if "time" in values else "frequency"
+    no_chain = np.empty((len(values[axis]), 0))
+    return {"chain_displacement": no_chain} | present
 
 
 @dataclass(repr=False, kw_only=True)
 class Signals(Recording, Drawn):
     """Recorded signals of one wave run; nt times, nc particles of the chain, nl layers.
 
-    All displacements, and both stresses, are along `direction`, in which the source moves. Of
-    torsion displacements are turns about z, rad, and stresses torques over the area, N/m. What a
-    cell without walls has not, the chain and a stress on the receiver, is empty.
+    All displacements, and both stresses, are along `direction`, in which the source moves. In
+    torsion displacements are turns about z, rad, and stresses are torques divided by the area, N/m.
+    A cell without walls has an empty chain and an empty stress on the receiver.
 
     Attributes
     ----------
     time : ndarray (nt,)
-        s, evenly spaced from 0.
+        Times, s, evenly spaced from 0.
     chain_particle, chain_position : ndarray (nc,), index into the network and m
-        Of the chain, and z of its centres at the start.
+        Particles of the chain, and z of their centres at the start.
     chain_displacement : ndarray (nt, nc)
-        m.
+        Displacements of the chain, m.
     source_displacement : ndarray (nt,)
-        m; of a force that is given N, or N m.
+        Displacement of the source, m; its force, N, or torque, N m, if it pushes.
     source_stress, receiver_stress : ndarray (nt,)
-        Pa, change from the static value, positive as the walls push: along z compression. Of a
-        plane what holds it, over the area; empty of a force.
+        Change of the stress from its static value, Pa, positive as the walls push: along z
+        compression. For a plane, the force that holds it divided by the area; empty for a force.
     layer_position, layer_displacement : ndarray (nl,) and (nt, nl), m, or None
         Means over slabs as in `modal.packing.layers`.
     particle_displacement : ndarray (nt, n), m, or None
-        Of every particle of the network.
+        Displacement of every particle of the network.
     source, source_height : str, ndarray (1,) m or None
-        "wall", or what else was moved, and where.
+        Name of the source, "wall" or another, and its height inside the packing.
     direction : str, default "z"
-        x, y, z or torsion.
+        Direction of the source: x, y, z or torsion.
     amplitude, input_frequency : float, m and Hz
         A and f of u = A (1 - cos 2 pi f t).
     time_step, run_time : float
-        s; the latter is the wall-clock time that the run took.
+        Step of the integration and wall-clock time of the run, s.
     producer, case : str
-        Who made it, and of which packing.
+        Program that made the record, and case of the packing.
     balance : EnergyBalance or None
-        The energy of a DEM run.
+        Energy balance of a run in time steps.
     slip_ends, slip_energy : ndarray of int (ns, 2) and ndarray (ns,) J, or None
-        Of a non-linear wave the two ends, particles or a wall's number, of each contact that slid,
-        and what its slip dissipated: their sum is all that slip dissipated.
+        For a non-linear wave, the two ends of each contact that slid (a particle's index or a
+        wall's number), and the energy that slip dissipated there; their sum is all that slip
+        dissipated.
 
     Examples
     --------
@@ -159,7 +169,7 @@ class Signals(Recording, Drawn):
 
     time: Annotated[Floats, Column("time", "f", ("n",), "s")]
     source_displacement: Annotated[Floats, Column("source/displacement", "f", ("n",), "m")]
-    chain_position: Annotated[Floats, Column("chain/position", "f", ("nc",), "m")] = absent()
+    chain_position: Annotated[Floats, Column("chain/position", "f", ("nc",), "m")] = no_values()
     particle_displacement: Annotated[
         Floats | None, Column("particles/displacement", "f", ("n", "np"), "m")
     ] = None
@@ -181,73 +191,84 @@ class Signals(Recording, Drawn):
 
     @property
     def from_wall_to_wall(self) -> bool:
-        """Whether a wall sent it along x, y or z, and a chain leads to another one."""
-        whole = min(map(len, (self.chain_particle, self.source_stress, self.receiver_stress)))
-        return whole > 0 and self.source == "wall" and self.direction != TORSION
+        """True if a wall sent the wave along x, y or z, and a chain leads to another wall."""
+        records = (self.chain_particle, self.source_stress, self.receiver_stress)
+        is_complete = all(len(record) for record in records)
+        return is_complete and self.source == "wall" and self.direction != TORSION
 
     def draw(self, ax: Any) -> None:
-        """Draw the displacement over time and distance from the source.
+        """Draw the displacement over time and height.
 
-        Means over layers where they are recorded, else the particles of the chain.
+        Draw the means over layers if at least two are recorded, else the particles of the chain.
         """
-        place, motion = self.layer_position, self.layer_displacement
-        if place is None or motion is None or len(place) < 2:
-            place, motion = self.chain_position, self.chain_displacement
-        order = np.argsort(place)
+        height = self.layer_position
+        motion = self.layer_displacement
+        if height is None or motion is None or len(height) < 2:
+            height = self.chain_position
+            motion = self.chain_displacement
+        order = np.argsort(height)
         largest = float(abs(motion).max()) * 1e9 or 1.0
-        drawn = self.time * 1e6, place[order] * 1e3, motion[:, order].T * 1e9
-        style: dict[str, Any] = {"cmap": "RdBu_r", "shading": "nearest", "rasterized": True}
-        image = ax.pcolormesh(*drawn, vmin=-largest, vmax=largest, **style)
-        twisted = self.direction == TORSION
-        label = r"$\theta_z$, nrad" if twisted else rf"$u_{self.direction}$, nm"
+        image = ax.pcolormesh(
+            self.time * 1e6,
+            height[order] * 1e3,
+            motion[:, order].T * 1e9,
+            vmin=-largest,
+            vmax=largest,
+            cmap="RdBu_r",
+            shading="nearest",
+            rasterized=True,
+        )
+        label = rf"$u_{self.direction}$, nm"
+        if self.direction == TORSION:
+            label = r"$\theta_z$, nrad"
         ax.figure.colorbar(image, ax=ax, label=label)
         ax.set(xlabel=r"time, $\mu$s", ylabel="z, mm")
 
 
 SCHEMA = "granular-wave-signals"
-FORMAT = product_of(SCHEMA, Signals, groups=("balance",), versions=VERSION)
-PLANE = "granular-plane-wave"
-"""The schema, version 1, of a wave from a plane in files of before."""
+FORMAT = product_of(SCHEMA, Signals, groups=("balance",), versions=FILE_VERSIONS)
+EARLY_PLANE_SCHEMA = "granular-plane-wave"
+"""Schema, version 1, of waves from a plane in early files."""
 
 
 @dataclass(frozen=True, repr=False)
 class Wave(Drawn):
-    """What a run gives: its `signals`, and what else it has to tell."""
+    """The result of a run: its `signals`; subclasses add how the run went."""
 
     signals: Signals
 
     def __repr__(self) -> str:
-        found = quantity(float(abs(self.signals.receiver_stress).max(initial=0.0)), "Pa")
-        return f"<{type(self).__name__}: {self.signals!r}, {found} at most on the receiver wall>"
+        stress = quantity(float(abs(self.signals.receiver_stress).max(initial=0.0)), "Pa")
+        return f"<{type(self).__name__}: {self.signals!r}, {stress} at most on the receiver wall>"
 
     def draw(self, ax: Any) -> None:
-        """Draw the displacement over time and distance, as `Signals`."""
+        """Draw the displacement over time and height, as `Signals` does."""
         self.signals.draw(ax)
 
 
 def record_times(duration: float, interval: float) -> Floats:
-    """Times (nt,), s, of a record: from 0 on, none after its `duration` but by round-off."""
+    """Return the times (nt,), s, of a record from 0 to its `duration`, within round-off."""
     count = np.floor(duration / interval * (1 + 1e-9)) + 1
     refuse_above_memory(8 * count, f"a record every {interval:g} s", "take a longer interval")
     return interval * np.arange(count)
 
 
 def write_signals(path: str | Path, signals: Signals, made: Provenance | None = None) -> None:
-    """Write the signals atomically, and what they were made from.
+    """Write signals atomically, with their provenance.
 
     Parameters
     ----------
     path : str or Path
-        `*.signals.h5`, replaced if it is there.
+        `*.signals.h5`; an existing file is replaced.
     signals : Signals
-        What a wave recorded.
+        Signals of one wave.
     made : Provenance, optional
-        Command, sources and settings, kept with it.
+        Command, sources and settings to write into the file.
 
     Raises
     ------
     InputError
-        Where the file cannot be written.
+        If the file cannot be written.
 
     Examples
     --------
@@ -270,17 +291,18 @@ def read_signals(path: str | Path, *, of_any_source: bool = False) -> Signals:
     path : str or Path
         `*.signals.h5`.
     of_any_source : bool, default False
-        Take also waves that do not go from wall to wall along x, y or z, and older files of planes.
+        Also accept waves that do not go from wall to wall along x, y or z, and early files of
+        waves from planes.
 
     Returns
     -------
     Signals
-        What the wave recorded, as it was written.
+        The signals as they were written.
 
     Raises
     ------
     InputError
-        With one line for anything wrong with the file.
+        If anything in the file is wrong, or if the wave has a source that is not accepted.
 
     Examples
     --------
@@ -292,69 +314,81 @@ def read_signals(path: str | Path, *, of_any_source: bool = False) -> Signals:
     'linear'
     """
     with open_h5(path) as file:
-        plane = of_any_source and read_attributes(file).get("schema") == PLANE
-    signals = Signals(**(_of_plane if plane else _said)(path))
+        schema = read_attributes(file).get("schema")
+    if of_any_source and schema == EARLY_PLANE_SCHEMA:
+        values = _read_early_plane(path)
+    else:
+        values = _read_values(path)
+    signals = Signals(**values)
     if not (signals.from_wall_to_wall or of_any_source):
         raise InputError(
             "other_source",
-            f"{path}: a record of {signals.source} along {signals.direction}, not of a wave from "
-            "wall to wall, of which velocities are measured",
-            remedy=(
-                "make one without --point, --plane and "
-                "torsion, look at this one with `export` (recorded with --particles), or take its "
-                "displacements in Python with read_signals(path, of_any_source=True)"
-            ),
+            f"{path}: a record of {signals.source} along {signals.direction}",
+            "not of a wave from wall to wall, of which velocities are measured",
+            "make one without --point, --plane and torsion, look at this one with `export` "
+            "(recorded with --particles), or take its displacements in Python with "
+            "read_signals(path, of_any_source=True)",
         )
     _validate(signals, str(path))
     return signals
 
 
-def _said(path: str | Path) -> dict[str, Any]:
-    said = read_recording(FORMAT, path)
+def _read_values(path: str | Path) -> dict[str, Any]:
+    """Return the fields of `Signals` in a file."""
+    values = read_recording(FORMAT, path)
     with complete(path):
-        said["balance"] = EnergyBalance.of_attributes(said["balance"])
-    return said
+        values["balance"] = EnergyBalance.of_attributes(values["balance"])
+    return values
 
 
-def _of_plane(path: str | Path) -> dict[str, Any]:
-    """What a file of before says of a wave from a plane; the rest is taken from its columns."""
+def _read_early_plane(path: str | Path) -> dict[str, Any]:
+    """Return the fields of `Signals` in an early file of a wave from a plane.
+
+    What such a file does not say follows from its columns.
+    """
     attributes = {"height": float, "direction": str}
-    said = read_recording(Product(PLANE, FORMAT.columns, attributes), path)
-    height, time = said.pop("height"), said["time"]
-    return (
-        {"producer": "linear", "case": "", "run_time": 0.0}
-        | said
-        | {
-            "source": f"plane at {height:g} m",
-            "source_height": np.array([height]),
-            "amplitude": float(np.ptp(said["source_displacement"])) / 2,
-            "input_frequency": 1 / float(time[-1]),
-            "time_step": float(time[1]),
-        }
-    )
+    values = read_recording(Product(EARLY_PLANE_SCHEMA, FORMAT.columns, attributes), path)
+    height = values.pop("height")
+    time = values["time"]
+    absent_from_file = {"producer": "linear", "case": "", "run_time": 0.0}
+    derived = {
+        "source": f"plane at {height:g} m",
+        "source_height": np.array([height]),
+        "amplitude": float(np.ptp(values["source_displacement"])) / 2,
+        "input_frequency": 1 / float(time[-1]),
+        "time_step": float(time[1]),
+    }
+    return absent_from_file | values | derived
 
 
 def _validate(signals: Signals, name: str) -> None:
-    """Refuse signals that no run records; all estimators rely on evenly spaced times."""
+    """Raise InputError for signals that no run records; estimators rely on evenly spaced times."""
     time = signals.time
     chain = signals.chain_particle
     if len(time) < 2 or (len(chain) == 0 and signals.layer_position is None):
-        raise InputError("input", f"{name}: fewer than two times or no chain", remedy="record more")
-    step = np.diff(time)
-    even = (abs(step - step.mean()) < 1e-3 * step.mean()).all()
-    if not (abs(time[0]) < 1e-3 * step.mean() and even):
         raise InputError(
-            "input",
+            "too_few_records", f"{name}: fewer than two times or no chain", remedy="record more"
+        )
+    step = np.diff(time)
+    tolerance = MAX_UNEVEN_STEP * step.mean()
+    is_even = (abs(step - step.mean()) < tolerance).all()
+    if not (abs(time[0]) < tolerance and is_even):
+        raise InputError(
+            "uneven_times",
             f"{name}: the times, from {time[0]:g} s on, are not evenly spaced from 0 on, where the "
             "source begins to move",
             remedy="record them so",
         )
     if (chain < 0).any() or len(set(chain.tolist())) < len(chain):
         raise InputError(
-            "input", f"{name}: chain/particle has a negative or a repeated index", remedy="mend it"
+            "wrong_chain",
+            f"{name}: chain/particle has a negative or a repeated index",
+            remedy="mend it",
         )
-    numbers = (signals.input_frequency, signals.time_step)
-    if not (np.isfinite([*numbers, signals.amplitude]).all() and min(numbers) > 0):
+    positive = (signals.input_frequency, signals.time_step)
+    if not (np.isfinite([*positive, signals.amplitude]).all() and min(positive) > 0):
         raise InputError(
-            "input", f"{name}: input_frequency and time_step must be positive", remedy="mend them"
+            "wrong_setting",
+            f"{name}: input_frequency and time_step must be positive",
+            remedy="mend them",
         )

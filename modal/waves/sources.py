@@ -1,11 +1,13 @@
-"""What a wave starts from: the source wall, a plane inside the packing, or one sphere.
+"""Sources of waves: the source wall, a plane inside the packing, or one sphere.
 
 A source moves, or pushes, along the direction of the wave: x, y, z, or by turning about the line
 along z through the middle of the cell, which sends torsion. How it moves in time is a `Motion`
-(`modal.waves.motions`).
+(`modal.waves.motions`). A further source is a subclass of `MovingSource` or of `PushingSource`.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,47 +15,77 @@ from modal.packing.network import SOURCE_WALL, Network
 from modal.system.imposed import Imposed, PlaneOpens, WallMoves
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
-from modal.waves.signals import COMPONENT, TORSION
+from modal.waves.signals import COMPONENT, TORSION, Direction
+
+OTHER_SOURCES = "take a plane that opens (--plane Z), or a sphere that is pushed (--point K)"
+"""Remedy for a packing without a source wall."""
 
 
-class Source:
-    """Where a packing is moved, or pushed, from outside; `name` is it in words.
+class Source(ABC):
+    """A place where a packing is moved, or pushed, from outside.
 
-    A further one says in `imposed` which motion it puts on the contacts, or in `load` how it
-    pushes. `alike`: whether equal parts of a packing side by side are moved alike; `pushes`:
-    whether its motion is that of a force.
+    `moves_parts_alike` is true if equal parts of a packing side by side are moved alike, so that
+    one of them is enough; `pushes` is true if the motion in time is that of a force.
     """
 
-    alike = True
-    pushes = False
+    moves_parts_alike: ClassVar[bool] = True
+    pushes: ClassVar[bool]
 
     @property
+    @abstractmethod
     def name(self) -> str:
-        """In words: wall, plane at 0.01 m, sphere 12."""
-        return type(self).__name__.lower()
+        """The source in words, as a file of signals has it."""
 
+    @abstractmethod
     def height_in(self, network: Network) -> Floats | None:
-        """Shape (1,), m: where it lies inside the packing; None of its wall."""
-        return None
+        """Return the height (1,), m, of the source inside the packing; None for a wall."""
 
-    def imposed(self, network: Network, direction: str) -> Imposed | None:
-        """The motion that it puts on the contacts; None of a source that pushes."""
-        return None
+    @abstractmethod
+    def imposed(self, network: Network, direction: Direction) -> Imposed | None:
+        """Return the unit motion that the source puts on contacts; None if it pushes."""
 
-    def load(self, network: Network, direction: str) -> Floats:
-        """Shape (6n,): the unit force, N, or torque, N m, of a source that pushes."""
+    @abstractmethod
+    def load(self, network: Network, direction: Direction) -> Floats:
+        """Return the unit force, N, or torque, N m, on all spheres (6n,); zero if it moves."""
+
+    @abstractmethod
+    def carried(self, position: Floats) -> Ints:
+        """Return the indices of the spheres that move with the source, of positions (n, 3), m."""
+
+
+class MovingSource(Source):
+    """A source with a prescribed motion, which it puts on contacts."""
+
+    pushes = False
+
+    @abstractmethod
+    def imposed(self, network: Network, direction: Direction) -> Imposed:
+        """Return the unit motion that the source puts on contacts."""
+
+    def load(self, network: Network, direction: Direction) -> Floats:
+        """Return no load (6n,): the source moves."""
         return np.zeros(6 * network.n_particles)
 
+
+class PushingSource(Source):
+    """A source with a prescribed force, which it puts on spheres."""
+
+    pushes = True
+
+    def imposed(self, network: Network, direction: Direction) -> None:
+        """Return no motion: the source pushes."""
+        return None
+
     def carried(self, position: Floats) -> Ints:
-        """The spheres, by number, that go with the source wall: those that no contact opens to."""
+        """Return no spheres: those that are pushed move by themselves."""
         return np.empty(0, int)
 
 
 @dataclass(frozen=True)
-class Wall(Source):
+class Wall(MovingSource):
     """The source wall, at the lower end of the packing, which is moved as a whole.
 
-    A packing that is periodic along z has none, which is an InputError when a wave is sent.
+    A packing that is periodic along z has none; propagating a wave then raises InputError.
 
     Examples
     --------
@@ -62,33 +94,47 @@ class Wall(Source):
     'wall'
     """
 
-    def imposed(self, network: Network, direction: str) -> Imposed:
-        """The wall's unit motion; InputError where there is no such wall."""
+    @property
+    def name(self) -> str:
+        """The name of the source: wall."""
+        return "wall"
+
+    def height_in(self, network: Network) -> None:
+        """Return None: the wall is at the end of the packing."""
+        return None
+
+    def imposed(self, network: Network, direction: Direction) -> WallMoves:
+        """Return the unit motion of the wall.
+
+        Raises InputError if the packing has no such wall, or if no sphere touches the wall.
+        """
         if network.cell_periodic[2]:
             raise InputError(
-                "input",
+                "no_source_wall",
                 "the packing is periodic along z",
                 "no wall sends a wave",
-                "take a plane that opens (--plane Z), or a sphere that is pushed (--point K)",
+                OTHER_SOURCES,
             )
         _refuse_torsion_of_periods(network, direction)
         if SOURCE_WALL not in network.particle_j:
             raise InputError(
                 "no_source_wall",
                 "no sphere touches the source wall, so that it sends no wave",
-                remedy=(
-                    "take a plane that opens (--plane Z), or a sphere that is pushed (--point K)"
-                ),
+                remedy=OTHER_SOURCES,
             )
         return WallMoves(SOURCE_WALL, COMPONENT[direction])
 
+    def carried(self, position: Floats) -> Ints:
+        """Return no spheres: all are on the other side of the wall's contacts."""
+        return np.empty(0, int)
+
 
 @dataclass(frozen=True)
-class Plane(Source):
-    """All contacts across the plane at `height`, m, open: above it one way, below it the other.
+class Plane(MovingSource):
+    """A plane across which all contacts open: what is above moves one way, what is below the other.
 
-    Nothing is pushed as a whole, and two equal waves leave the plane, up and down. A height outside
-    the cell is an InputError when a wave is sent.
+    Nothing is pushed as a whole, and two equal waves leave the plane, up and down. Propagating a
+    wave raises InputError if the plane is outside the cell.
 
     Parameters
     ----------
@@ -107,43 +153,46 @@ class Plane(Source):
 
     @property
     def name(self) -> str:
-        """With its height."""
+        """The name of the source: plane at 0.02 m."""
         return f"plane at {self.height:g} m"
 
     def height_in(self, network: Network) -> Floats:
-        """Its height."""
+        """Return the height of the plane (1,), m."""
         return np.array([self.height])
 
-    def imposed(self, network: Network, direction: str) -> Imposed:
-        """The unit opening; InputError for a plane outside the cell."""
-        low, high = network.wall_position
-        if not low <= self.height <= high:
+    def imposed(self, network: Network, direction: Direction) -> PlaneOpens:
+        """Return the unit opening of the plane.
+
+        Raises InputError if the plane is outside the cell, or has spheres on one side only.
+        """
+        bottom, top = network.wall_position
+        if not bottom <= self.height <= top:
             raise InputError(
-                "input",
-                f"a source at {self.height:g} m lies outside the cell, which reaches from {low:g} "
-                f"to {high:g} m",
+                "plane_outside_cell",
+                f"a source at {self.height:g} m lies outside the cell, which reaches from "
+                f"{bottom:g} to {top:g} m",
             )
         z = network.position[:, 2]
         if not network.cell_periodic[2] and not z.min() < self.height < z.max():
             raise InputError(
                 "plane_beside_spheres",
                 f"a source at {self.height:g} m has no spheres on one side",
-                remedy=(f"give a height between {z.min():g} and {z.max():g} m"),
+                remedy=f"give a height between {z.min():g} and {z.max():g} m",
             )
         _refuse_torsion_of_periods(network, direction)
         return PlaneOpens(self.height, COMPONENT[direction])
 
     def carried(self, position: Floats) -> Ints:
-        """All that lie below, of places (n, 3), m."""
+        """Return the indices of all spheres below the plane."""
         return np.flatnonzero(position[:, 2] < self.height)
 
 
 @dataclass(frozen=True)
-class Point(Source):
+class Point(PushingSource):
     """One sphere, by its index, that a force pushes, or a torque about z turns.
 
-    Its motion in time is that force in N, or torque in N m. A sphere that the packing does not have
-    is an InputError when a wave is sent.
+    Its motion in time is that force in N, or torque in N m. Propagating a wave raises InputError if
+    the packing has no such sphere.
 
     Parameters
     ----------
@@ -159,35 +208,38 @@ class Point(Source):
     """
 
     particle: int
-    alike = False
-    pushes = True
+    moves_parts_alike = False
 
     @property
     def name(self) -> str:
-        """With its index."""
+        """The name of the source: sphere 7."""
         return f"sphere {self.particle}"
 
     def height_in(self, network: Network) -> Floats:
-        """That of the sphere."""
+        """Return the height of the sphere (1,), m."""
         return network.position[[int(self.particle)], 2]
 
-    def load(self, network: Network, direction: str) -> Floats:
-        """Shape (6n,); InputError for a sphere that the packing does not have."""
+    def load(self, network: Network, direction: Direction) -> Floats:
+        """Return the unit force or torque on the sphere, among all (6n,).
+
+        Raises InputError if the packing has no such sphere.
+        """
         if self.particle not in range(network.n_particles):
             raise InputError(
-                "input",
+                "no_such_sphere",
                 f"sphere {self.particle}",
                 f"the packing has 0 to {network.n_particles - 1}",
             )
-        load = super().load(network, direction)
+        load = np.zeros(6 * network.n_particles)
         load[6 * int(self.particle) + COMPONENT[direction]] = 1
         return load
 
 
-def _refuse_torsion_of_periods(network: Network, direction: str) -> None:
+def _refuse_torsion_of_periods(network: Network, direction: Direction) -> None:
+    """Raise InputError if a packing is to be twisted although it is periodic sideways."""
     if direction == TORSION and network.cell_periodic[:2].any():
         raise InputError(
-            "input",
+            "torsion_of_periods",
             "a packing that is periodic sideways cannot be twisted",
-            remedy=("take one with free sides, or a sphere as the source"),
+            remedy="take one with free sides, or a sphere as the source",
         )

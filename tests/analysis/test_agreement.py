@@ -13,7 +13,7 @@ from modal.packing import crystal as gallery
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
 from modal.waves.motions import Pulse, chirp, step
-from modal.waves.propagate import TOLERANCE, propagate
+from modal.waves.propagate import LINEAR_TOLERANCE, propagate
 from modal.waves.signals import Signals, write_signals
 
 NETWORK = gallery.fcc(cells=(2, 2, 20))
@@ -135,7 +135,7 @@ def test_the_recorded_motion_of_the_source_is_sent_again(motion, within, produce
     every = round(again.time[1] / 1e-6)
     again = again.chain_displacement[: 1 + 300 // every]
     difference = again - springs.chain_displacement[::every][: len(again)]
-    bound = max(within, 2 * TOLERANCE)
+    bound = max(within, 2 * LINEAR_TOLERANCE)
     assert abs(difference).max() < bound * abs(springs.chain_displacement).max()
     pair = Agreement(NETWORK, replace(wave, time_step=1e-6))
     found, linear = pair.measured(pair.run), pair.linear("full", exact_in_time=True)
