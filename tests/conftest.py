@@ -1,8 +1,8 @@
-"""Shared by the tests: which optional packages they see, and unasked skips.
+"""What tests share: fixtures, which optional packages they see, and skips that nobody asked for.
 
 GRANULAR_WITHOUT=numba,pypardiso hides these packages from every import of the run and of the
-programs that it starts, so that code with a second way takes it. With CI=true a test that was
-skipped without being asked to has failed.
+programs that it starts, so that code with an alternative to them takes it. With CI=true a test that
+is skipped without being asked to fails.
 """
 
 import importlib.util
@@ -18,10 +18,11 @@ FAST = ("numba", "pypardiso")
 """Optional packages of the recommended path."""
 HIDDEN = [name for name in os.environ.get("GRANULAR_WITHOUT", "").split(",") if name]
 MAY_BE_ABSENT = ["LAMMPS", "Chromium", "Slurm", *HIDDEN]
-"""What a test that is skipped where the tests must be complete may name as its reason."""
+"""Names in the reason of a skip that is allowed also where the tests must be complete."""
 LONG = ("same_bits", "faults_study", "workflow", "docs", "yade")
-"""What the names of files hold that take longest; the first compiles what others then find."""
+"""Parts of the names of the slowest files; the first compiles loops that others then load."""
 COMPLETE = os.environ.get("CI") == "true"
+"""Whether a test that is skipped without being asked to fails."""
 
 if HIDDEN:
     # No test module has imported modal yet; programs that the tests start do the same themselves.
@@ -42,7 +43,7 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(items):
-    """The longest files come first, so that no worker is left with one alone at the end."""
+    """Put the slowest files first, so that no worker is left with one of them at the end."""
     items.sort(key=lambda item: not any(name in item.path.name for name in LONG))
 
 
@@ -58,19 +59,22 @@ def refuse_unasked_skip(report):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport():
-    """Of a test and its fixtures."""
+    """Refuse the skip of a test, or of its fixtures."""
     return refuse_unasked_skip((yield))
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_make_collect_report():
-    """Of a whole module."""
+    """Refuse the skip of a whole module."""
     return refuse_unasked_skip((yield))
 
 
 @pytest.fixture
 def printed(capsys):
-    """The JSON object that a command, of modal unless told, prints; NaN is not JSON."""
+    """Return a function that runs a command and returns the JSON object which it prints.
+
+    The command is one of modal unless `main` is given. NaN is not JSON, and fails the test.
+    """
 
     def run(*command: object, main=None, status=0) -> dict:
         # Not before packages are hidden.
@@ -84,20 +88,41 @@ def printed(capsys):
 
 @pytest.fixture(scope="session")
 def yade():
-    """What a test asks for that runs YADE."""
+    """Skip the test where YADE is not installed."""
     if shutil.which("yade-batch") is None:
         packages = "yade python3-h5py python3-scipy"
         pytest.skip(f"YADE is missing: apt-get install --no-install-recommends {packages}")
 
 
 @pytest.fixture
-def one_line(capsys):
-    """What a test asks for whose command must be refused: status 2, and one line that says why."""
+def one_line(capsys, monkeypatch):
+    """Return a function that runs a command which must be refused, and returns the error.
 
-    def refused(main, words, said=""):
+    The exit status is 2, and standard error has one line. The error has the `code`, if one is
+    given; `said` must be in the line, and is for names of files and numbers.
+    """
+    errors = []
+    for package in ("modal", "analysis"):
+        main_module = importlib.import_module(f"{package}.cli.main")
+        monkeypatch.setattr(main_module, "refused", _recording(main_module.refused, errors))
+
+    def refused(main, words, said="", *, code=None):
         capsys.readouterr()
+        errors.clear()
         assert main([str(word) for word in words]) == 2
-        error = capsys.readouterr().err
-        assert said in error and error.count("\n") == 1, error
+        printed = capsys.readouterr().err
+        assert said in printed and printed.count("\n") == 1, printed
+        assert code is None or errors[-1].code == code, (errors[-1].code, printed)
+        return errors[-1] if errors else None
 
     return refused
+
+
+def _recording(report, errors):
+    """Return the function `report`, which then also appends the error to a list."""
+
+    def report_and_record(error, words):
+        errors.append(error)
+        return report(error, words)
+
+    return report_and_record

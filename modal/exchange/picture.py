@@ -26,7 +26,7 @@ from modal.packing.network import Network
 from modal.packing.state import contact_forces, contacts_per_particle, has_forces
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
-from modal.waves.signals import PLANE, SCHEMA, Signals, read_signals
+from modal.waves.signals import EARLY_PLANE_SCHEMA, SCHEMA, Signals, read_signals
 
 VISIBLE = 0.5
 """Largest displacement in a frame, in mean radii, unless a scale is given."""
@@ -50,7 +50,7 @@ def moving(
     """
     with open_h5(product) as file:
         schema = read_attributes(file).get("schema")
-    if schema not in (MODES, SCHEMA, PLANE):
+    if schema not in (MODES, SCHEMA, EARLY_PLANE_SCHEMA):
         raise InputError(
             "input",
             f"{product}: neither signals nor modes",
