@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from modal.cli.options import SHORT
+from modal.cli.options import FALLS_SHORT_STATUS
 from modal.cli.pack import option_of
 from modal.preparation.protocol import OF_FRICTION
 from modal.tools.errors import InputError
@@ -45,7 +45,7 @@ class Commands:
         row, made = self.rows[self.walks[walk][0]], self.walk_folder(walk)
         if self.prepare != "yade" or row["mu_comp"] == 0:
             # A state that was not reached is kept, and says so.
-            return f"({PYTHON} -m {self.pack(walk)} || [ $? = {SHORT} ])"
+            return f"({PYTHON} -m {self.pack(walk)} || [ $? = {FALLS_SHORT_STATUS} ])"
         if own := [name for name in COLUMNS["pack"] if row.get(name)]:
             raise InputError(
                 "input",

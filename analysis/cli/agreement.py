@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from analysis.agreement import OTHER_RUNS, Agreement, report
-from modal.cli.options import Given, Option, output, say, typed
+from modal.cli.options import Option, Options, output, say, typed
 from modal.cli.terminal import put
 from modal.exchange.registry import read
 from modal.formats.provenance import packing_of, require_same_packing
@@ -15,11 +15,11 @@ OPTIONS = [
     Option("network", "NETWORK", "*.network.h5 or *.sample.h5 of the run", kind=str),
     Option("signals", "SIGNALS", "*.signals.h5 of the run", kind=str),
     *(Option(typed(name), "FILE", what, kind=str) for name, what in OTHER_RUNS.items()),
-    output("write the table, *.md"),
+    output("write the table, *.md", (".md",)),
 ]
 
 
-def run(options: Given) -> None:
+def run(options: Options) -> None:
     """Print the table, and write it where --output says."""
     network, first = read(options.network), read_signals(options.signals)
     paths = {name: path for name in OTHER_RUNS if (path := getattr(options, name))}

@@ -8,7 +8,7 @@ from analysis.figures.looks import refuse_undrawable
 from analysis.figures.picture import read_picture
 from analysis.figures.render import save
 from analysis.packing_data import PackingData
-from modal.cli.options import Given, Option, output
+from modal.cli.options import Option, Options, output_folder
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
 
@@ -20,11 +20,11 @@ FILES = "packings, and what was made from them; what lies beside under their nam
 OPTIONS = [
     Option("name", "NAME", "one of those below, or a CSV file of one", kind=str),
     Option("file", "FILE", FILES, kind=str, more={"nargs": "*"}),
-    output("to write to", "DIR")._replace(default="products"),
+    output_folder("to write to", "products"),
 ]
 
 
-def run(options: Given) -> None:
+def run(options: Options) -> None:
     """Draw into --output, then print what the cases' reader should know."""
     name, again = options.name, options.name.endswith(".csv")
     if again and options.file:

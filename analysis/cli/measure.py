@@ -6,7 +6,7 @@ from analysis.measurement import Measurement, measure_files
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.amplitude import AMPLITUDE
 from analysis.table import Table
-from modal.cli.options import Given, Group, NewFolder, Option, flag, output, say
+from modal.cli.options import Group, NewFolder, Option, Options, flag, output, say
 from modal.cli.terminal import json_text, put
 from modal.formats.whole_file import write_text
 
@@ -33,7 +33,7 @@ OPTIONS = [
     flag("--json", "print JSON"),
     Option("--amplitudes", "A ...", f"of pulses through a sample, m: {OF_PULSES}", ()),
     Option("--keep", "DIR", "folder that keeps costly spectra", kind=NewFolder),
-    output("what --json prints, *.json; or a table, *.md"),
+    output("what --json prints, *.json; or a table, *.md", (".json", ".md")),
 ]
 
 
@@ -45,7 +45,7 @@ def _table(found: dict[str, Measurement]) -> str:
     return Table("Quantities", ["quantity", *stems], rows).markdown()
 
 
-def run(options: Given) -> int:
+def run(options: Options) -> int:
     """Measure; 3 where a file, or a quantity asked for by name or as quick, could not be.
 
     And where nothing could.

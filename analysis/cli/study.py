@@ -6,7 +6,7 @@ from analysis.study.description import Study
 from analysis.study.measure_case import measure_case
 from analysis.study.report import write_study
 from analysis.study.tables import table_of
-from modal.cli.options import Given, Group, NewFile, NewFolder, Option, flag, output
+from modal.cli.options import Group, NewFile, NewFolder, Option, Options, flag, output_folder
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
 
@@ -22,7 +22,7 @@ OPTIONS = [
     Option("study", "YAML", "the study", kind=str),
     Option("file", "FILE", "packing and waves to --measure", kind=str, more={"nargs": "*"}),
     Option("--results", "DIR", "to read", "products/results", str),
-    output(TO, "DIR")._replace(default="products/study", kind=_new),
+    output_folder(TO, "products/study")._replace(kind=_new),
     Option("--products", "DIR", "folder to read", "products", str),
     Group(
         "",
@@ -35,7 +35,7 @@ OPTIONS = [
 ]
 
 
-def run(options: Given) -> int:
+def run(options: Options) -> int:
     """One stage, or the whole; 3 for a page that lacks cases."""
     results, folder, products = map(Path, (options.results, options.output, options.products))
     study = Study(options.study)

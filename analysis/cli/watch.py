@@ -1,7 +1,7 @@
 """A wave or modes in three dimensions: one HTML page that opens without a network."""
 
 from analysis.watch.page import watch_page
-from modal.cli.options import Given, Option, output, say
+from modal.cli.options import Option, Options, output, say
 from modal.cli.terminal import put
 
 EXAMPLE = "watch mine.signals.h5 mine.network.h5 -o wave.html"
@@ -10,11 +10,11 @@ OPTIONS = [
     Option("product", "FILE", "*.signals.h5 or *.modes.h5", kind=str),
     Option("packing", "PACKING", BESIDE, kind=str, more={"nargs": "?"}),
     Option("--modes", "K ...", "which, from 1; all", kind=int),
-    output("*.html", required=True),
+    output("*.html", (".html",), required=True),
 ]
 
 
-def run(options: Given) -> None:
+def run(options: Options) -> None:
     """Write the page, and say what its reader should know."""
     for note in watch_page(options.product, options.output, options.packing, options.modes):
         say(f"note: {note}")

@@ -1,6 +1,6 @@
 """Exact number of modes below each frequency, by inertia counts."""
 
-from modal.cli.options import REQUIRED, Given, Group, Option, Result, chosen
+from modal.cli.options import REQUIRED, Group, Option, Options, Result, chosen
 from modal.cli.reading import packing_of, remark_on_ends, springs
 from modal.modes.collective import summary_at_zero
 from modal.modes.counts import counts_below
@@ -17,7 +17,7 @@ OPTIONS = (
 )
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """Counts by the frequencies as they were typed."""
     network = packing_of(options)
     system = LinearSystem.of(network, **chosen(options, "pre_stress", "sliding", "solver"))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from modal.cli.options import Given, Option, Result, chosen_for
+from modal.cli.options import Option, Options, Result, chosen_for
 from modal.cli.reading import packing_of, remark_on_ends, springs
 from modal.modes.density import RESOLUTION, density_of_states, write_density
 from modal.tools.arguments import frequencies
@@ -13,7 +13,7 @@ QUARTILES = (0.25, 0.5, 0.75)
 WIDTH = f"width of a peak (default: {RESOLUTION:g} of the highest frequency)"
 EXAMPLE = "density mine.network.h5 --resolution 2000 -o mine.density.h5"
 OPTIONS = (
-    *springs("*.density.h5"),
+    *springs(".density.h5"),
     Option("--resolution", "HZ", WIDTH),
     Option("--tolerance", "T", "error of counts over all modes", 1e-3),
     Option("--at", "HZ ...", "print how many modes lie below", [], str),
@@ -22,7 +22,7 @@ OPTIONS = (
 read_product = None
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """How the modes are distributed, in numbers, and how many lie below the frequencies of --at."""
     at = frequencies(options.at)
     network = packing_of(options)

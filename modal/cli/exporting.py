@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from modal.cli.options import Given, Option, Result, output
+from modal.cli.options import Option, Options, Result, output
 from modal.cli.reading import NETWORK
 from modal.exchange import picture
 from modal.exchange.registry import read_remarked
@@ -20,11 +20,11 @@ OPTIONS = (
     Option("--modes", "K ...", "which modes, from 1 (default all)", kind=int),
     Option("--frames", "N", "of an animation: a mode's period, a wave's times", kind=int),
     Option("--scale", "X", SCALE),
-    output("*.vtu or *.xyz", required=True),
+    output("*.vtu or *.xyz", (".vtu", ".xyz"), required=True),
 )
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """Write the files; their names."""
     path, count, scale = Path(options.output), options.frames, options.scale
     if count is not None and not 1 <= count <= 10_000:

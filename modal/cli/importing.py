@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.cli.options import Given, Option, Result, chosen, output
+from modal.cli.options import Option, Options, Result, chosen, output
 from modal.exchange.import_result import ImportResult
 from modal.exchange.registry import all_options, import_packing
 from modal.packing.network import Network, read_network, write_network
@@ -26,13 +26,13 @@ OF_PROGRAMS = {
 OPTIONS = (
     Option("file", "", FILE, kind=str),
     *OF_PROGRAMS.values(),
-    output("*.network.h5", required=True),
+    output("*.network.h5", (".network.h5",), required=True),
 )
 
 read_product = read_network
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """Read the packing, write the network, and say what was found."""
     found = import_packing(options.file, **chosen(options, *OF_PROGRAMS))
     write_network(options.output, replace(found.network, provenance=options.made.attributes()))

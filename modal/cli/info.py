@@ -1,6 +1,6 @@
 """What is in a packing: stresses, void ratio, coordination number, rattlers, zero modes."""
 
-from modal.cli.options import Given, NewFile, Option, Result
+from modal.cli.options import NewFile, Option, Options, Result
 from modal.cli.reading import NETWORK
 from modal.exchange.registry import import_packing
 from modal.modes.collective import summary_at_zero
@@ -13,12 +13,12 @@ OF_BULK = "crystalline_share", "_of_bulk", "_along_z"
 """What the names of results on order, and on how the bulk differs along z, begin with or end in."""
 LAYERS = "write stress, void ratio ... of layers along z, *.csv"
 EXAMPLE = "info mine.network.h5"
-OPTIONS = NETWORK, Option("--layers", "FILE", LAYERS, kind=NewFile)
+OPTIONS = NETWORK, Option("--layers", "FILE", LAYERS, kind=NewFile, endings=(".csv",))
 OF_STAGES = ("steps_", "seconds_", "contacts_")
 """How notes begin that `pack` leaves of each stage of a loading path: --json has them."""
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """Numbers of the packing as a whole, and its layers where they are asked for."""
     found = import_packing(options.network)
     network = found.network

@@ -1,13 +1,13 @@
 """The face-centred cubic crystal in theory: stiffness, velocity, low-pass frequency."""
 
-from modal.cli.options import Given, Option, Result
+from modal.cli.options import Option, Options, Result
 from modal.theory.fcc import FccLattice
 
 EXAMPLE = "lattice --stress 1e5"
 OPTIONS = (Option("--stress", "PA", "isotropic", 1e5),)
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """Stiffnesses, f_low-pass and the velocity of long waves at this stress."""
     crystal = FccLattice(options.stress)
     return {

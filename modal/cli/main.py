@@ -10,7 +10,16 @@ from types import ModuleType
 from typing import Any
 
 from modal import __version__
-from modal.cli.options import SHORT, Parser, Result, add_command, flag, parsed, refused, say
+from modal.cli.options import (
+    FALLS_SHORT_STATUS,
+    Parser,
+    Result,
+    add_command,
+    flag,
+    parsed,
+    refused,
+    say,
+)
 from modal.cli.terminal import json_text, page, put
 from modal.formats.provenance import is_current, made_by
 from modal.tools.errors import InputError
@@ -92,7 +101,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return refused(out_of_memory(error), arguments)
     except InputError as error:
         return refused(error, arguments)
-    return SHORT if falls_short(result) else 0
+    return FALLS_SHORT_STATUS if falls_short(result) else 0
 
 
 def falls_short(result: Result) -> bool:

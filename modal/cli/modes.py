@@ -1,6 +1,16 @@
 """Natural frequencies and mode shapes, their list proved complete by inertia counts."""
 
-from modal.cli.options import SHORT, Given, Group, Option, Result, chosen, chosen_for, flag, say
+from modal.cli.options import (
+    FALLS_SHORT_STATUS,
+    Group,
+    Option,
+    Options,
+    Result,
+    chosen,
+    chosen_for,
+    flag,
+    say,
+)
 from modal.cli.reading import packing_of, springs
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.first_order import shift_by_law
@@ -12,7 +22,7 @@ from modal.system.linear_system import LinearSystem
 from modal.tools.errors import InputError
 
 EXAMPLE = "modes mine.network.h5 --lowest 20 -o mine.modes.h5"
-EPILOG = f"Exit status {SHORT}: the list lacks modes; it says how many."
+EPILOG = f"Exit status {FALLS_SHORT_STATUS}: the list lacks modes; it says how many."
 WHICH = (
     Option("--lowest", "K", "the K lowest modes", kind=int),
     Option("--highest", "K", "the K highest modes", kind=int),
@@ -26,7 +36,7 @@ ADVANCED = (
     Option("--solver", "", "factorisation (default: the fastest)", kind=SOLVERS),
 )
 OPTIONS = (
-    *springs("*.modes.h5"),
+    *springs(".modes.h5"),
     Group("", WHICH),
     Option("--hours", "H", "refuse what is estimated to take longer", 1.0),
     flag("--translations-only", "hold rotations at zero"),
@@ -36,12 +46,12 @@ OPTIONS = (
 read_product = read_modes
 
 
-def kept(options: Given) -> Result:
+def kept(options: Options) -> Result:
     """What a list that is kept fell short of when it was made: its exit status stays."""
     return {"missing": read_modes(options.output).missing}
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """The modes that are asked for, and whether their list is complete."""
     network, output = packing_of(options), options.output
     if options.uncertified and options.highest is None:

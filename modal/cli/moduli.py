@@ -1,6 +1,6 @@
 """The elastic stiffness tensor, V_P and V_S along any direction."""
 
-from modal.cli.options import Given, Group, Option, Result, chosen_for, flag
+from modal.cli.options import Group, Option, Options, Result, chosen_for, flag
 from modal.cli.reading import packing_of, springs
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli, read_moduli, write_moduli
 from modal.elasticity.plane_waves import unit_vector
@@ -11,7 +11,7 @@ ALONG = "of waves, besides x, y and z; may be repeated"
 SOLVES = "what solves (default: the likely faster)"
 EXAMPLE = "moduli mine.network.h5 --direction 1 1 0"
 OPTIONS = (
-    *springs("*.moduli.h5"),
+    *springs(".moduli.h5"),
     Option("--direction", ("X", "Y", "Z"), ALONG, [], more={"action": "append"}),
     Option("--tolerance", "T", "relative error", TOLERANCE),
     Group("advanced", [Option("--solver", "", SOLVES, kind=SOLVERS)]),
@@ -21,7 +21,7 @@ OPTIONS = (
 read_product = read_moduli
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """Moduli in Pa, and velocities along the axes and the directions that are asked for."""
     along = {" ".join(f"{x:g}" for x in given): tuple(given) for given in options.direction}
     for direction in along.values():

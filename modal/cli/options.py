@@ -1,4 +1,4 @@
-"""Commands as data: options, a parser whose mistakes are one line, files to write, what is said."""
+"""Commands as data: their options, the parser, files to be written, and messages."""
 
 import argparse
 import math
@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
-from inspect import signature
+from inspect import Parameter, signature
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple, NoReturn
@@ -18,18 +18,40 @@ from modal.formats.whole_file import refuse_unwritable
 from modal.tools.errors import InputError, refuse_unknown
 from modal.tools.visible import visible
 
-Given = argparse.Namespace
-"""What was typed, by the names of options, and `made`, `remarks`, `groups` of the command."""
+Options = argparse.Namespace
+"""Values of a command line by the names of options, with `made`, `remarks` and `groups`."""
 Result = dict[str, Any]
-"""What a command has found, by name."""
+"""Results of a command by name."""
+
+REQUIRED = {"required": True}
+"""Setting of argparse for an option that must be given."""
+FALLS_SHORT_STATUS = 3
+"""Exit status if a product is written but falls short: a list of modes that lacks some, a sample
+that has not come to rest within the tolerance."""
+PACKING_ENDINGS = (".network.h5", ".sample.h5")
+"""Endings of the names of packings, by which they are recognised; other products are recognised by
+their content."""
+PRODUCT_ENDINGS = (
+    *PACKING_ENDINGS,
+    ".modes.h5",
+    ".signals.h5",
+    ".density.h5",
+    ".response.h5",
+    ".moduli.h5",
+)
+"""Endings of names that say what a file holds."""
+FILES_FIRST = "; files stand before the options"
+"""Hint if an option with several values may have taken a file."""
 
 
 class Option(NamedTuple):
-    """An option as it is typed, or a file by its place, with its help, which says the default.
+    """An option of a command, or a file by its place.
 
-    `kind` makes the value from a text; bool is for an option that is there or not, a tuple of words
-    for one of these. A tuple as `metavar` names as many values, one that ends in ... any number;
-    `more` is what argparse takes.
+    `text` is its help, to which the default is added. `kind` converts what was typed: a function, a
+    tuple of words to choose from, or bool for an option without a value. A tuple as `metavar` names
+    that many values; a `metavar` that ends in ... stands for any number of them. The name of a file
+    to be written must end in one of the `endings`, if there are any. `more` are further settings of
+    argparse.
     """
 
     name: str
@@ -38,20 +60,18 @@ class Option(NamedTuple):
     default: Any = None
     kind: Any = float
     more: Mapping[str, Any] = {}
+    endings: tuple[str, ...] = ()
 
 
 class Group(NamedTuple):
-    """Options under a title in the help; without one, of which only one may be given."""
+    """Options under a title in the help; without a title, options that exclude each other."""
 
     title: str
     options: Sequence[Option]
 
 
 class NewFile(str):
-    """A name that was given for a file to be written: the type of such an option.
-
-    It ends in one of the `endings`, those that the option's text says behind a *.
-    """
+    """The name of a file to be written; it must end in one of the `endings`, if there are any."""
 
     endings: tuple[str, ...] = ()
 
@@ -60,219 +80,312 @@ class NewFolder(str):
     """The name of a folder for files to be written."""
 
 
-REQUIRED = {"required": True}
-
-
 def flag(name: str, text: str) -> Option:
-    """An option that is there or not."""
+    """Return an option without a value."""
     return Option(name, "", text, kind=bool)
 
 
-def output(text: str, metavar: str = "FILE", required: bool = False) -> Option:
-    """The option -o of a command that writes a FILE, or into a folder (DIR)."""
-    kind = NewFolder if metavar == "DIR" else NewFile
-    return Option("--output", metavar, text, kind=kind, more={"required": required})
+def output(text: str, endings: tuple[str, ...] = (), *, required: bool = False) -> Option:
+    """Return the option -o for a file whose name ends in one of the `endings`."""
+    more = {"required": required}
+    return Option("--output", "FILE", text, kind=NewFile, more=more, endings=endings)
+
+
+def output_folder(text: str, default: str | None = None) -> Option:
+    """Return the option -o for a folder; it must be given if there is no default."""
+    more = {"required": default is None}
+    return Option("--output", "DIR", text, default, kind=NewFolder, more=more)
 
 
 SKIP = flag("--skip-current", "keep FILE if sources and settings are the same")
 
 
-SHORT = 3
-"""Exit status where a product is written but falls short: a list of modes that lacks some, a sample
-that has not come to rest within the tolerance."""
-PACKINGS = ".network.h5", ".sample.h5"
-"""How the names of packings end, by which they are known; other products are by what they hold."""
-PRODUCTS = *PACKINGS, ".modes.h5", ".signals.h5", ".density.h5", ".response.h5", ".moduli.h5"
-"""How names end that say what a file holds."""
-
-
-FIRST = "; files stand before the options"
-"""What is said where an option with several values may have taken them."""
-
-
 class Parser(argparse.ArgumentParser):
-    """A parser that raises InputError where argparse would print its usage and end the program."""
+    """A parser that raises InputError where argparse would print its usage and exit."""
 
     def __init__(self, **settings: Any) -> None:
-        """Descriptions and what follows the help keep their lines."""
+        """Create a parser that keeps the lines of descriptions and epilogs."""
         super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **settings)
-        self._negative_number_matcher = re.compile(r"-(\.?\d|inf|nan)")  # as -1e5, no option
+        self._negative_number_matcher = re.compile(r"-(\.?\d|inf|nan)")  # -1e5 is no option
 
-    def parse_known_args(self, *given: Any, **more: Any) -> Any:
-        """Refuse what is no option here, where the command's own options are known."""
-        found, unknown = super().parse_known_args(*given, **more)
+    def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:
+        """Parse as argparse does, but refuse unknown words here, where the command is known."""
+        options, unknown = super().parse_known_args(*args, **kwargs)
         if unknown:
-            near = get_close_matches(unknown[0], self._option_string_actions, 1)
-            hint = f"; did you mean {near[0]}?" if near else FIRST * (unknown[0][0] != "-")
-            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
-        return found, unknown
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{self._hint(unknown[0])}")
+        return options, unknown
+
+    def _hint(self, word: str) -> str:
+        """Return what may be wrong with an unknown word, for the end of a message."""
+        similar = get_close_matches(word, self._option_string_actions, 1)
+        if similar:
+            return f"; did you mean {similar[0]}?"
+        if word.startswith("-"):
+            return ""
+        return FILES_FIRST
 
     def error(self, message: str) -> NoReturn:
-        """A mistake in the command line, in one line."""
+        """Raise InputError for a mistake in the command line."""
+        # argparse has only its sentence to say that an argument without a dash is missing.
         if re.search(r"required: \w", message):
-            message += FIRST
-        raise InputError("input", f"{self.prog}: {message}", remedy=f"see {self.prog} --help")
+            message += FILES_FIRST
+        raise InputError(
+            "command_line", f"{self.prog}: {message}", remedy=f"see {self.prog} --help"
+        )
 
 
-def number(text: str) -> float:
-    """What was typed, as a number."""
+def read_number(text: str) -> float:
+    """Return a finite number that was typed; raise argparse's error for any other text."""
     with suppress(ValueError):
-        if math.isfinite(value := float(text)):
-            return value
+        number = float(text)
+        if math.isfinite(number):
+            return number
     raise argparse.ArgumentTypeError(f"{text!r} is no number; give it in SI, as 1e5")
 
 
-def whole(text: str) -> int:
-    """What was typed, as a whole number: 1000, or 1e3."""
-    if not (value := number(text)).is_integer():
+def read_whole_number(text: str) -> int:
+    """Return a whole number that was typed, as 1000 or as 1e3."""
+    number = read_number(text)
+    if not number.is_integer():
         raise argparse.ArgumentTypeError(f"{text!r} is no whole number; give one")
-    return int(text) if text.isdigit() else int(value)
+    if text.isdigit():
+        return int(text)
+    return int(number)
 
 
-def one_of(words: tuple[str, ...]) -> Callable[[str], str]:
-    """A function that passes these words on and refuses others."""
+def choice_reader(words: tuple[str, ...]) -> Callable[[str], str]:
+    """Return a function that passes these words on and refuses all others."""
 
-    def word(text: str) -> str:
+    def read_choice(text: str) -> str:
         try:
             refuse_unknown("", text, words)
         except InputError as error:
-            raise argparse.ArgumentTypeError(f"{error}{FIRST * os.path.isfile(text)}") from None
+            hint = ""
+            if os.path.isfile(text):
+                hint = FILES_FIRST
+            raise argparse.ArgumentTypeError(f"{error}{hint}") from None
         return text
 
-    return word
+    return read_choice
+
+
+def new_file_reader(endings: tuple[str, ...]) -> Callable[[str], NewFile]:
+    """Return a function that makes a text the name of a file with one of these endings."""
+
+    def read_new_file(text: str) -> NewFile:
+        path = NewFile(text)
+        path.endings = endings
+        return path
+
+    return read_new_file
 
 
 def add_command(commands: Any, name: str, module: ModuleType, *more: Option) -> None:
-    """Give subparsers of argparse a command, with the options of its module and `more`.
+    """Add a command to subparsers of argparse, with the options of its module and `more`.
 
-    What it does is the first line of the module's docstring; its help ends in `EXAMPLE`, what is
-    typed behind the program's name, after an `EPILOG` if it has one.
+    The first line of the module's docstring is its description. Its help ends in `EXAMPLE`, which
+    is what one types after the program's name, after an `EPILOG` if there is one.
     """
-    said = (module.__doc__ or name).split("\n")[0].rstrip(".")
-    short = said[0].lower() + said[1:]
-    command = commands.add_parser(name, description=said, help=short)
+    description = (module.__doc__ or name).split("\n")[0].rstrip(".")
+    help_line = description[0].lower() + description[1:]
+    command = commands.add_parser(name, description=description, help=help_line)
     example = f"example: {command.prog}{module.EXAMPLE.removeprefix(name)}"
     command.epilog = f"{getattr(module, 'EPILOG', '')}\n\n{example}".strip()
     add_options(command, [*more, *module.OPTIONS])
 
 
 def add_options(command: Any, options: Iterable[Option | Group]) -> None:
-    """Give a parser of argparse its options."""
+    """Add options and groups of options to a parser of argparse."""
     for option in options:
         if isinstance(option, Group):
-            titled = command.add_argument_group, command.add_mutually_exclusive_group
-            add_options(titled[0](option.title) if option.title else titled[1](), option.options)
-            continue
-        names = ("-o", option.name) if option.name == "--output" else (option.name,)
-        if option.kind is bool:
-            command.add_argument(*names, action="store_true", help=option.text)
-            continue
-        how: dict[str, Any] = {"help": option.text, "default": option.default, **option.more}
-        kind = one_of(option.kind) if isinstance(option.kind, tuple) else option.kind
-        if kind is NewFile:
-            endings = tuple(re.findall(r"\*(\.[\w.]+\w)", option.text))
-            kind = type("NewFile", (NewFile,), {"endings": endings})
-        how["type"] = number if kind is float else whole if kind is int else kind
-        if option.metavar:
-            how["metavar"] = option.metavar
-        if isinstance(option.metavar, tuple):
-            how["nargs"] = len(option.metavar)
-        elif option.metavar.endswith(" ..."):
-            how |= {"nargs": "+", "metavar": option.metavar.removesuffix(" ...")}
-        if isinstance(option.default, int | float):
-            how["help"] += f" (default {option.default:g})"
-        elif option.default:
-            how["help"] += f" (default {option.default})"
-        command.add_argument(*names, **how)
+            if option.title:
+                group = command.add_argument_group(option.title)
+            else:
+                group = command.add_mutually_exclusive_group()
+            add_options(group, option.options)
+        else:
+            _add_option(command, option)
 
 
-def parsed(parser: argparse.ArgumentParser, words: Sequence[str]) -> Given:
-    """What was typed; InputError for words that are no command, and for files that cannot be.
+def _add_option(command: Any, option: Option) -> None:
+    """Add one option to a parser of argparse."""
+    names = [option.name]
+    if option.name == "--output":
+        names = ["-o", option.name]
+    if option.kind is bool:
+        command.add_argument(*names, action="store_true", help=option.text)
+        return
+    settings: dict[str, Any] = {
+        "help": option.text + _default_text(option.default),
+        "default": option.default,
+        "type": _reader(option),
+        **option.more,
+    }
+    if isinstance(option.metavar, tuple):
+        settings["metavar"] = option.metavar
+        settings["nargs"] = len(option.metavar)
+    elif option.metavar.endswith(" ..."):
+        settings["metavar"] = option.metavar.removesuffix(" ...")
+        settings["nargs"] = "+"
+    elif option.metavar:
+        settings["metavar"] = option.metavar
+    command.add_argument(*names, **settings)
 
-    A name whose bytes are no text is refused: a product could not say what it is made of.
+
+def _reader(option: Option) -> Callable[[str], Any]:
+    """Return the function that converts what was typed for an option."""
+    if isinstance(option.kind, tuple):
+        return choice_reader(option.kind)
+    if option.kind is NewFile:
+        return new_file_reader(option.endings)
+    if option.kind is float:
+        return read_number
+    if option.kind is int:
+        return read_whole_number
+    reader: Callable[[str], Any] = option.kind
+    return reader
+
+
+def _default_text(default: Any) -> str:
+    """Return the end of a help text that says the default; "" if there is none."""
+    if isinstance(default, int | float):
+        return f" (default {default:g})"
+    if default:
+        return f" (default {default})"
+    return ""
+
+
+def parsed(parser: argparse.ArgumentParser, words: Sequence[str]) -> Options:
+    """Return the options of a command line.
+
+    Raises InputError for words that are no command, for files that cannot be written, and for
+    names whose bytes are no text: a product could not say which file it was made from.
     """
     for word in words:
         try:
             word.encode()
         except UnicodeEncodeError:
             raise InputError(
-                "input", f"{ascii(word)}: not valid UTF-8", remedy="rename the file"
+                "not_utf8", f"{ascii(word)}: not valid UTF-8", remedy="rename the file"
             ) from None
     options = parser.parse_args(words)
     _check_files(options)
     return options
 
 
-def _check_files(options: Given) -> None:
-    """InputError for a file to be written that cannot be, or that is read as well."""
+def _check_files(options: Options) -> None:
+    """Raise InputError for a file that cannot be written, or that is read as well."""
+    texts = _texts(options)
+    read_files = []
+    for text in texts:
+        if not isinstance(text, NewFile) and os.path.isfile(text):
+            read_files.append(text)
+    for path in texts:
+        if isinstance(path, NewFolder):
+            _check_new_folder(path)
+        elif isinstance(path, NewFile):
+            _check_new_file(path, read_files)
+
+
+def _texts(options: Options) -> list[str]:
+    """Return all texts among the values of options; raise InputError for an empty one."""
     texts = list[str]()
     for name, value in vars(options).items():
-        given = value if isinstance(value, list) else [value]
-        if "" in given:
+        values = value if isinstance(value, list) else [value]
+        if "" in values:
             raise InputError(
-                "input",
+                "empty_text",
                 f"{name.replace('_', ' ')}: an empty text",
                 remedy="give one, or leave it out",
             )
-        texts += [text for text in given if isinstance(text, str)]
-    read = [text for text in texts if not isinstance(text, NewFile) and os.path.isfile(text)]
-    for path in texts:
-        if isinstance(path, NewFolder):
-            if os.path.isfile(path):
-                raise InputError(
-                    "input", f"{path}: a file, no folder", remedy="name a folder to write to"
-                )
-            refuse_unwritable(os.path.join(path, "file"))
-        if not isinstance(path, NewFile):
-            continue
-        refuse_unwritable(path)
-        if os.path.exists(path) and any(os.path.samefile(path, other) for other in read):
-            raise InputError(
-                "input",
-                f"{path}: it is read, and would be written over",
-                remedy="give another name to write to",
-            )
-        said = next((end for end in PRODUCTS if path.endswith(end)), Path(path).suffix)
-        known = *path.endings, *(Path(end).suffix for end in {*path.endings} - {*PACKINGS})
-        if known and said not in known:
-            raise InputError(
-                "input",
-                f"{path}: its name must end in {' or '.join(path.endings)}",
-                remedy="give one",
-            )
+        texts += [text for text in values if isinstance(text, str)]
+    return texts
 
 
-def chosen(options: Given, *names: str) -> dict[str, Any]:
-    """Options of these names that are given, as arguments of a function with the same names."""
-    return {name: x for name in names if (x := getattr(options, name, None)) is not None}
+def _check_new_folder(path: NewFolder) -> None:
+    """Raise InputError for a folder that is a file, or that cannot be written to."""
+    if os.path.isfile(path):
+        raise InputError(
+            "not_a_folder", f"{path}: a file, no folder", remedy="name a folder to write to"
+        )
+    refuse_unwritable(os.path.join(path, "file"))
 
 
-def chosen_for(function: Callable[..., Any], options: Given) -> dict[str, Any]:
-    """Options that are given, as what a function takes by name alone under the same names."""
-    every = signature(function).parameters.values()
-    return chosen(options, *(one.name for one in every if one.kind is one.KEYWORD_ONLY))
+def _check_new_file(path: NewFile, read_files: Sequence[str]) -> None:
+    """Raise InputError for a file that cannot be written, is read as well, or has a wrong name."""
+    refuse_unwritable(path)
+    if os.path.exists(path) and any(os.path.samefile(path, other) for other in read_files):
+        raise InputError(
+            "overwrites_source",
+            f"{path}: it is read, and would be written over",
+            remedy="give another name to write to",
+        )
+    if path.endings and not has_ending(path, path.endings):
+        raise InputError(
+            "file_ending",
+            f"{path}: its name must end in {' or '.join(path.endings)}",
+            remedy="give one",
+        )
+
+
+def has_ending(path: str, endings: Sequence[str]) -> bool:
+    """Return whether a name ends in one of the `endings`, or says nothing else than its format.
+
+    A product may be called results.h5, but not results.modes.h5 if it holds signals; packings are
+    recognised by their ending, and need it.
+
+    >>> has_ending("a.modes.h5", [".modes.h5"]), has_ending("a.h5", [".modes.h5"])
+    (True, True)
+    >>> has_ending("a.signals.h5", [".modes.h5"]), has_ending("a.h5", [".network.h5"])
+    (False, False)
+    """
+    for product_ending in PRODUCT_ENDINGS:
+        if path.endswith(product_ending):
+            return product_ending in endings
+    suffix = Path(path).suffix
+    if suffix in endings:
+        return True
+    formats = {"." + end.rpartition(".")[2] for end in endings if end not in PACKING_ENDINGS}
+    return suffix in formats
+
+
+def chosen(options: Options, *names: str) -> dict[str, Any]:
+    """Return the options of these names that were given, as arguments of a function."""
+    arguments = {}
+    for name in names:
+        value = getattr(options, name, None)
+        if value is not None:
+            arguments[name] = value
+    return arguments
+
+
+def chosen_for(function: Callable[..., Any], options: Options) -> dict[str, Any]:
+    """Return the options that were given, as keyword-only arguments of a function."""
+    parameters = signature(function).parameters.values()
+    names = [each.name for each in parameters if each.kind is Parameter.KEYWORD_ONLY]
+    return chosen(options, *names)
 
 
 def typed(name: str) -> str:
-    """The option of this name, as it is typed."""
+    """Return the option of this name, as it is typed."""
     return "--" + name.replace("_", "-")
 
 
 def refused(error: InputError, words: Sequence[str]) -> int:
-    """Say an error in one line, and as JSON if the `words` of the command ask for it.
+    """Print an error in one line, and as JSON if the `words` of the command ask for it.
 
-    Returns the exit status.
+    Return the exit status.
     """
     say(f"error: {error}")
     if "--json" in words:
-        with suppress(InputError):  # of a full disk nothing is left to say
+        with suppress(InputError):  # a full disk leaves nothing to print to
             put(json_text({"error": error.as_json}))
     return 2
 
 
 def say(text: str) -> None:
-    """A line for whoever sits at the terminal."""
-    # Closed, or on a full disk: what is computed is worth more than what is said of it.
+    """Print a line for the user to standard error."""
+    # Closed, or on a full disk: what is computed is worth more than the message.
     with suppress(OSError):
         if sys.stderr:
             print(visible(text, keep="\n"), file=sys.stderr, flush=True)

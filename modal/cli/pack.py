@@ -4,7 +4,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from modal.cli.options import SHORT, Given, Group, Option, Result, chosen, flag, output, say, typed
+from modal.cli.options import (
+    FALLS_SHORT_STATUS,
+    Group,
+    Option,
+    Options,
+    Result,
+    chosen,
+    flag,
+    output_folder,
+    say,
+    typed,
+)
 from modal.exchange.registry import read_remarked
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS
 from modal.packing.contact_models import MODELS
@@ -50,8 +61,8 @@ OF_COMPRESSION = (
     ),
 )
 EPILOG = (
-    f"Exit status {SHORT}: a state did not come to its stresses or to rest; it is kept, and a line "
-    "says how far it came."
+    f"Exit status {FALLS_SHORT_STATUS}: a state did not come to its stresses or to rest; it is "
+    "kept, and a line says how far it came."
 )
 EXAMPLE = "pack --spheres 300 --stress 1e5 -o dense"
 OPTIONS = (
@@ -72,7 +83,7 @@ OPTIONS = (
     Option("--contact-model", "M ...", MODEL, kind=str),
     flag("--periodic", "a cell without walls, with a period along z too"),
     Group("with friction alone", OF_COMPRESSION),
-    output("folder; goes on where it was", "DIR", required=True),
+    output_folder("folder; goes on where it was"),
 )
 
 
@@ -97,7 +108,7 @@ def shortfall(study: Mapping[str, Any], stress_ratio: float | None) -> str:
     )
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """Run or continue a compression; names of the files that hold its states."""
     names = "aspect", "width", "residual", "peak", "dilate", "stress_ratio", *MIXTURE, *OF_FRICTION
     given, solid = chosen(options, *names), chosen(options, *SOLID)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.cli.options import SKIP, Given, Option, Result, output, say
+from modal.cli.options import SKIP, Option, Options, Result, output, say
 from modal.formats.provenance import Provenance
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.summary import summary
@@ -18,7 +18,7 @@ OPTIONS = (
     Option("sample", "", "*.sample.h5", kind=str),
     Option("--friction", "MU", "of the wave that will follow (default: the sample's)"),
     Option("--tolerance", "T", "mean net force over mean contact force at rest", TOLERANCE),
-    output("the sample at rest, *.sample.h5", required=True),
+    output("the sample at rest, *.sample.h5", (".sample.h5",), required=True),
     SKIP,
 )
 CREPT = 5e-3
@@ -28,12 +28,12 @@ YADE refuses a sample. Settled packings of 35,201 spheres change by up to 0.7 %.
 read_product = read_sample
 
 
-def kept(options: Given) -> Result:
+def kept(options: Options) -> Result:
     """What a sample that is kept fell short of: its exit status stays."""
     return {"at_rest": bool(read_sample(options.output).study.get("at_rest", True))}
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """Bring one sample to rest; its residuals before and after, and its reserve of friction."""
     sample, tolerance = read_sample(options.sample), options.tolerance
     if options.friction is not None:

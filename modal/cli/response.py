@@ -1,6 +1,6 @@
 """What passes at each frequency: gain from wall to wall, motion of chain and layers."""
 
-from modal.cli.options import Given, Option, Result, chosen_for
+from modal.cli.options import Option, Options, Result, chosen_for
 from modal.cli.reading import packing_of, springs
 from modal.cli.wave import OF_SOURCE, source_of
 from modal.waves.response import RESOLUTION, frequency_response, write_response
@@ -11,7 +11,7 @@ WIDTH = (
 )
 EXAMPLE = "response mine.network.h5 --highest 20000 -o mine.response.h5"
 OPTIONS = (
-    *springs("*.response.h5"),
+    *springs(".response.h5"),
     Option("--highest", "HZ", "up to here (default: the whole spectrum)"),
     Option("--resolution", "HZ", WIDTH),
     *OF_SOURCE,
@@ -20,7 +20,7 @@ OPTIONS = (
 read_product = None
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """The response up to the highest frequency, and where the gain has its maxima."""
     asked = chosen_for(frequency_response, options) | source_of(options)
     found = frequency_response(packing_of(options), **asked)

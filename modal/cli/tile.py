@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from modal.cli.options import REQUIRED, Given, Option, Result, output
+from modal.cli.options import PACKING_ENDINGS, REQUIRED, Option, Options, Result, output
 from modal.cli.reading import NETWORK
 from modal.exchange.programs.own import is_sample
 from modal.exchange.registry import read, read_remarked
@@ -18,13 +18,13 @@ EXAMPLE = "tile mine.network.h5 --repeat 2 2 -o wide.network.h5"
 OPTIONS = (
     NETWORK,
     Option("--repeat", ("NX", "NY"), "how often along x and y", kind=int, more=REQUIRED),
-    output("*.network.h5, or of a sample *.sample.h5", required=True),
+    output("*.network.h5, or of a sample *.sample.h5", PACKING_ENDINGS, required=True),
 )
 
 read_product = read
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """Write the repeated packing; a sample stays one if the name of FILE says so."""
     times, source, output = options.repeat, options.network, options.output
     if is_sample(output) and not is_sample(source):

@@ -4,7 +4,7 @@ import math
 from functools import partial
 from typing import Any
 
-from modal.cli.options import Given, Group, Option, Result, chosen_for, flag, say, typed
+from modal.cli.options import Group, Option, Options, Result, chosen_for, flag, say, typed
 from modal.cli.reading import packing_of, springs
 from modal.exchange.programs.own import is_sample
 from modal.packing.network import Network
@@ -84,7 +84,7 @@ ERROR = (
 HOLDS = "of --nonlinear: in place of the sample's own; 10 holds all contacts"
 WHOLE = "compute all of a packing of equal parts side by side, as a crystal, not one of them"
 OPTIONS = (
-    *springs("*.signals.h5"),
+    *springs(".signals.h5"),
     Option("--duration", "S", LENGTH),
     *OF_MOTION,
     Group("", WHICH_MOTION),
@@ -100,13 +100,13 @@ OPTIONS = (
 read_product = partial(read_signals, of_any_source=True)
 
 
-def in_force(options: Given) -> None:
+def in_force(options: Options) -> None:
     """The tolerance of the wave that is asked for, where none is given."""
     if options.tolerance is None:
         options.tolerance = NONLINEAR_TOLERANCE if options.nonlinear else LINEAR_TOLERANCE
 
 
-def source_of(options: Given) -> dict[str, Any]:
+def source_of(options: Options) -> dict[str, Any]:
     """What moves, and the dashpots of the contacts."""
     source: Source = Wall() if options.point is None else Point(options.point)
     if options.plane is not None:
@@ -115,7 +115,7 @@ def source_of(options: Given) -> dict[str, Any]:
     return {"source": source, "damping": damping}
 
 
-def check_motion(options: Given) -> None:
+def check_motion(options: Options) -> None:
     """Refuse options that another motion has, and a motion that lacks one of its own."""
     name = "file" if options.motion_file else options.motion
     _, *has = MOTIONS[name]
@@ -129,7 +129,7 @@ def check_motion(options: Given) -> None:
             raise InputError("missing_option", f"--motion {name} needs {typed(option)}")
 
 
-def motion_in(network: Network, options: Given, source: Source) -> Motion:
+def motion_in(network: Network, options: Options, source: Source) -> Motion:
     """Make the motion of the source; what is not given follows from the packing."""
     make, *has = MOTIONS["file" if options.motion_file else options.motion]
     defaults = {
@@ -144,7 +144,7 @@ def motion_in(network: Network, options: Given, source: Source) -> Motion:
     return motion
 
 
-def run(options: Given) -> Result:
+def run(options: Options) -> Result:
     """The wave that the source sends, and how exact it is."""
     path = options.network
     if options.nonlinear and not is_sample(path):
