@@ -19,7 +19,7 @@ from modal.elasticity.strain import AXES, UNIT_STRAINS
 from modal.packing.layers import Layers
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rattlers import force_bearing
-from modal.packing.state import WALL_ZONE
+from modal.packing.state import WALL_ZONE_IN_DIAMETERS
 from modal.system.contacts import contact_tangent, motion_of_contacts
 from modal.system.imposed import WallMoves
 from modal.system.linear_system import LinearSystem
@@ -46,9 +46,9 @@ class Bulk:
 
     @classmethod
     def of(cls, network: Network) -> Bulk | None:
-        """Find the bulk further than `WALL_ZONE` from both walls; None if there is hardly any."""
+        """Find the bulk beyond the zones of both walls; None if there is hardly any."""
         diameter = 2 * float(network.radius.mean())
-        wall_zone = WALL_ZONE * diameter
+        wall_zone = WALL_ZONE_IN_DIAMETERS * diameter
         low, high = network.wall_position + np.array([wall_zone, -wall_zone])
         if high - low < max(MIN_LAYERS, 2 * SOFT_END_DIAMETERS) * diameter:
             return None

@@ -1,8 +1,9 @@
-"""Places where spheres, or a sphere and a wall, overlap though the network has no contact there.
+"""Count places where spheres, or a sphere and a wall, overlap without a contact in the network.
 
-A network whose file has lost contacts, or whose program wrote the contacts of one kind alone, is a
-sound network of a softer packing: nothing but the places of its spheres tells. It is not refused,
-since contacts that were plastic, or that only just parted, may overlap without a force.
+If a file has lost contacts, or a program wrote the contacts of one kind only, the network is a
+sound one of a softer packing: only the positions of its spheres show what is missing. Such a
+network is not refused, since contacts that were plastic or have just opened may overlap without a
+force.
 """
 
 from itertools import product
@@ -15,30 +16,30 @@ from modal.packing.neighbours import images_within, periodic_pairs
 from modal.tools.arrays import Floats, Ints
 
 SIZE_STEP = 2.0
-"""Radii of one class of sizes differ at most by this factor: among spheres alike few are near that
-do not touch."""
-IMAGES_AT_ONCE = 4096
-"""Large spheres whose small neighbours are looked at together, to bound the memory."""
-DEPTH_IN_MEAN_OVERLAPS = 0.1
-"""Overlaps that are shallower are not counted: so much two descriptions of a packing may differ."""
+"""Largest factor between the radii of one class of sizes: among similar spheres few pairs are near
+each other without touching."""
+IMAGES_PER_PART = 4096
+"""Number of large spheres whose small neighbours are sought together, which bounds the memory."""
+MIN_DEPTH_IN_MEAN_OVERLAPS = 0.1
+"""Shallower overlaps are not counted: two descriptions of a packing may differ by as much."""
 
 
 class MissingContacts(NamedTuple):
-    """How many contacts of spheres, and of spheres with a wall, are missing."""
+    """Numbers of missing contacts between spheres (`pairs`), and of spheres with a wall."""
 
     pairs: int
     with_wall: int
 
-    def of_pairs(self, network: Columns) -> str:
-        """In words, of the contacts between spheres."""
+    def describe_pairs(self, network: Columns) -> str:
+        """Describe the missing contacts between spheres in a sentence."""
         known = int((~network.with_wall).sum())
         return (
             f"contacts missing: {self.pairs} pairs of spheres overlap without one, {known} have "
             "one; export all contacts"
         )
 
-    def of_walls(self, network: Columns) -> str:
-        """In words, of the contacts with walls."""
+    def describe_walls(self, network: Columns) -> str:
+        """Describe the missing contacts with walls in a sentence."""
         low, high = network.wall_position
         return (
             f"contacts with walls missing: {self.with_wall} spheres reach beyond z = {low:g} or "
@@ -48,47 +49,51 @@ class MissingContacts(NamedTuple):
 
 
 def missing_contacts(network: Columns) -> MissingContacts:
-    """Return how many places overlap without a contact; none for bodies that are no spheres."""
+    """Return how many contacts are missing; none for bodies that are no spheres."""
     return network.cached("missing contacts", lambda: _missing_contacts(network))
 
 
 def least_overlap(network: Columns, overlap: Floats) -> float:
-    """Return the depth, m, from which an overlap counts, by those (m,), m, of the contacts."""
+    """Return the smallest overlap that counts, m, from the overlaps (m,), m, of the contacts."""
     round_off = 8 * float(np.spacing(abs(network.position).max() + 2 * network.radius.max()))
     mean = float(abs(overlap).mean()) if len(overlap) else 0.0
-    return max(DEPTH_IN_MEAN_OVERLAPS * mean, round_off)
+    return max(MIN_DEPTH_IN_MEAN_OVERLAPS * mean, round_off)
 
 
 def overlaps_by_places(network: Columns) -> Floats:
-    """Return the overlaps (m,), m, of the contacts by positions and radii."""
-    other = np.where(network.with_wall, 0.0, network.radius[network.partner])
-    reach = network.radius[network.particle_i] + other
+    """Compute the overlaps (m,), m, of the contacts from positions and radii."""
+    radius_j = np.where(network.with_wall, 0.0, network.radius[network.partner])
+    reach = network.radius[network.particle_i] + radius_j
     return reach - np.linalg.norm(network.branch, axis=1)
 
 
 def _missing_contacts(network: Columns) -> MissingContacts:
+    """Compute what `missing_contacts` keeps."""
     if network.inertia_tensor is not None:
         return MissingContacts(0, 0)
-    known = overlaps_by_places(network)
-    depth = least_overlap(network, known)
+    overlap = overlaps_by_places(network)
+    depth = least_overlap(network, overlap)
+    is_deep = overlap > depth
     wall = network.with_wall
-    pairs = _overlapping_pairs(network, depth) - int((known[~wall] > depth).sum())
-    with_wall = _overlapping_walls(network, depth) - int((known[wall] > depth).sum())
+    pairs = _count_pairs(network, depth) - int(is_deep[~wall].sum())
+    with_wall = _count_at_walls(network, depth) - int(is_deep[wall].sum())
     return MissingContacts(max(pairs, 0), max(with_wall, 0))
 
 
-def _overlapping_walls(network: Columns, depth: float) -> int:
-    """Return how many spheres overlap a wall by more than `depth`, m; coincident walls are none."""
+def _count_at_walls(network: Columns, depth: float) -> int:
+    """Count spheres that overlap a wall by more than `depth`, m; coincident walls are none."""
     low, high = network.wall_position
     if network.cell_periodic[2] or not high > low:
         return 0
-    z, radius = network.position[:, 2], network.radius
+    z = network.position[:, 2]
+    radius = network.radius
     return int((radius - (z - low) > depth).sum() + (radius - (high - z) > depth).sum())
 
 
-def _overlapping_pairs(network: Columns, depth: float) -> int:
-    """Return how many pairs of spheres overlap by more than `depth`, m, each image once."""
-    periodic, radius = network.cell_periodic, network.radius
+def _count_pairs(network: Columns, depth: float) -> int:
+    """Count pairs of spheres that overlap by more than `depth`, m, each image once."""
+    periodic = network.cell_periodic
+    radius = network.radius
     periods = np.where(periodic, network.cell_size, 0.0)
     position = network.position - network.position.min(axis=0)
     position[:, periodic] %= network.cell_size[periodic]
@@ -100,46 +105,48 @@ def _overlapping_pairs(network: Columns, depth: float) -> int:
     count = 0
     for number, small in enumerate(classes):
         i, j, shift = periodic_pairs(position[small], side, 2 * float(radius[small].max()))
-        apart = position[small[j]] - position[small[i]]
-        apart[:, : len(side)] += shift[:, : len(side)] * side
-        overlap = radius[small[i]] + radius[small[j]] - np.linalg.norm(apart, axis=1)
+        branch = position[small[j]] - position[small[i]]
+        branch[:, : len(side)] += shift[:, : len(side)] * side
+        overlap = radius[small[i]] + radius[small[j]] - np.linalg.norm(branch, axis=1)
         count += int((overlap > depth).sum())
         for large in classes[number + 1 :]:
-            count += _overlaps_of_classes(position, radius, side, depth, small, large)
+            count += _count_between_classes(position, radius, side, depth, small, large)
     return count
 
 
-def _overlaps_of_classes(
+def _count_between_classes(
     position: Floats, radius: Floats, side: Floats, depth: float, small: Ints, large: Ints
 ) -> int:
-    """Return how many of the `small` spheres and of the images of `large` ones overlap so deep.
+    """Count pairs of `small` and `large` spheres that overlap by more than `depth`, m.
 
-    Small spheres are sorted into cubes as wide as the two reach; each large one looks at the cubes
-    about its own.
+    Small spheres are sorted into cubes whose width is the largest distance of a pair; the
+    neighbours of a large sphere, or of one of its images, are in the 27 cubes around it.
     """
     reach = float(radius[small].max() + radius[large].max())
-    images, owner, _ = images_within(position[large], side, reach)
-    image_radius = radius[large][owner]
-    places = position[small]
-    low = np.minimum(places.min(axis=0), images.min(axis=0))
-    cubes = ((places - low) / reach).astype(np.int64) + 1
+    images, original, _ = images_within(position[large], side, reach)
+    image_radius = radius[large][original]
+    small_position = position[small]
+    small_radius = radius[small]
+    low = np.minimum(small_position.min(axis=0), images.min(axis=0))
+    cubes = ((small_position - low) / reach).astype(np.int64) + 1
     image_cubes = ((images - low) / reach).astype(np.int64) + 1
     count = np.maximum(cubes.max(axis=0), image_cubes.max(axis=0)) + 2
     strides = np.array([count[1] * count[2], count[2], 1])
-    key, image_key = cubes @ strides, image_cubes @ strides
+    key = cubes @ strides
+    image_key = image_cubes @ strides
     order = np.argsort(key, kind="stable")
     key = key[order]
-    deep = 0
-    for first in range(0, len(images), IMAGES_AT_ONCE):
-        some = slice(first, first + IMAGES_AT_ONCE)
+    total = 0
+    for first in range(0, len(images), IMAGES_PER_PART):
+        part = slice(first, first + IMAGES_PER_PART)
         for step in product((-1, 0, 1), repeat=3):
-            beside = image_key[some] + step @ strides
-            begin = np.searchsorted(key, beside)
-            number = np.searchsorted(key, beside, side="right") - begin
-            image = np.repeat(np.arange(len(beside)) + first, number)
-            ahead = np.arange(len(image)) - np.repeat(np.cumsum(number) - number, number)
-            sphere = order[np.repeat(begin, number) + ahead]
-            distance = np.linalg.norm(places[sphere] - images[image], axis=1)
-            overlap = radius[small][sphere] + image_radius[image] - distance
-            deep += int((overlap > depth).sum())
-    return deep
+            cube = image_key[part] + step @ strides
+            begin = np.searchsorted(key, cube)
+            number = np.searchsorted(key, cube, side="right") - begin
+            image = np.repeat(np.arange(len(cube)) + first, number)
+            rank = np.arange(len(image)) - np.repeat(np.cumsum(number) - number, number)
+            sphere = order[np.repeat(begin, number) + rank]
+            distance = np.linalg.norm(small_position[sphere] - images[image], axis=1)
+            overlap = small_radius[sphere] + image_radius[image] - distance
+            total += int((overlap > depth).sum())
+    return total

@@ -1,9 +1,10 @@
-"""Where grains are in a cell that they do not fill: below a free surface, between free sides.
+"""Find the part of a cell that a packing with free surfaces or free sides fills.
 
-The void ratio of such a packing is that of cubes, a little wider than a sphere, all of whose
-neighbours hold spheres too, so that neither a wall nor a surface is near. How far the cubes differ
-is its error. The volume of the packing is that of its spheres at this void ratio, and a surface
-lies where it would lie if the packing were as dense up to there (the dividing surface of Gibbs).
+The void ratio of such a packing is the mean over cubes, a little wider than a sphere, all of whose
+neighbours contain spheres too, so that neither a wall nor a surface is near. Its error follows from
+the scatter of the cubes. The volume of the packing is that of its spheres at this void ratio, and a
+surface lies where it would be if the packing were equally dense up to it (the dividing surface of
+Gibbs).
 """
 
 from collections.abc import Iterator
@@ -18,31 +19,43 @@ from modal.packing.network import Network
 from modal.tools.arrays import Bools, Floats
 
 CUBE_IN_DIAMETERS = 1.5
-"""Width of a cube: among equal spheres at random it holds four centres, and is never empty."""
-LEAST_SOLID_FRACTION = 0.25
-"""Of a cube that counts as holding spheres; within a packing cubes have 0.4 to 0.75."""
-SCATTER_OF_CUBES = 0.1
-"""Relative, of the solid fractions of single cubes, where there are too few to tell."""
-FEW_CUBES = 8
-GAP_IN_DIAMETERS = 1.0
-"""Space beside the spheres from which on a side without a period is free: a cell as wide as its
-packing leaves less."""
+"""Width of a cube: among equal spheres at random it holds four centres and is never empty."""
+MIN_CUBE_FRACTION = 0.25
+"""Solid fraction below which a cube counts as empty; within a packing cubes have 0.4 to 0.75."""
+DEFAULT_RELATIVE_SCATTER = 0.1
+"""Relative scatter of the solid fractions of cubes, for packings with too few to measure it."""
+MIN_CUBES_FOR_SCATTER = 8
+MIN_GAP_IN_DIAMETERS = 1.0
+"""Gap between spheres and cell from which on a side without a period is free; it is smaller in a
+cell as wide as its packing."""
 ROUGHNESS_IN_DIAMETERS = 0.5
-"""By which the volume of a packing without a core ends before, or behind, its outermost spheres."""
-DENSEST = 0.7405
+"""Uncertainty of where a packing without a core ends, relative to its outermost spheres."""
+MAX_SOLID_FRACTION = 0.7405
 """Solid fraction of the densest packing of equal spheres."""
-POINT_SPACING = 0.4
-"""Of the points that stand for a sphere, in radii: their shares in two cubes are right to 1 %."""
+POINTS_STEP_IN_RADII = 0.4
+"""Spacing of the points that represent a sphere: its shares in two cubes are right to 1 %."""
+MAX_CUBES_PER_SPHERE = 100
+"""Beyond, spheres are scattered in a wide space."""
 END_NAMES = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 
 
 @dataclass(frozen=True)
 class Occupied:
-    """What a packing with free ends fills.
+    """The space that a packing with free ends fills.
 
-    void_ratio, void_ratio_error: of its core; volume, m^3; cubes: how many the core has, 0 where
-    the packing is too small for one and the space up to its outermost spheres is taken; low, high:
-    ends along z, m; free (3, 2) bool: whether the lower and the upper end along each axis are.
+    Attributes
+    ----------
+    void_ratio, void_ratio_error : float
+        Of its core.
+    volume : float
+        m^3.
+    cubes : int
+        Number of cubes in the core; 0 if the packing is too small for one. The numbers are then
+        those of the space up to its outermost spheres.
+    low, high : float
+        Ends along z, m.
+    free : ndarray of bool (3, 2)
+        Whether the lower and the upper end along each axis are free.
     """
 
     void_ratio: float
@@ -60,16 +73,16 @@ class Occupied:
 
     @property
     def free_names(self) -> list[str]:
-        """Names of the free ends, as -x or +z."""
+        """Names of the free ends, such as "-x" and "+z"."""
         return [END_NAMES[axis][end] for axis, end in np.argwhere(self.free)]
 
 
 def free_ends(network: Network) -> Bools:
     """Return which ends (3, 2) of the packing along x, y and z are free surfaces.
 
-    Along z those whose wall nothing touches, along x and y both where the cell has no period and
-    is wider than the spheres reach. A cell without a width there has none to compare with, and
-    spheres without any contact are no packing.
+    An end along z is free if nothing touches its wall. Both ends along x or y are free if there is
+    no period and the cell is wider than the packing. A cell without a width has no free ends there,
+    and spheres without any contact have none at all.
     """
     free = np.zeros((3, 2), bool)
     if not network.n_contacts:
@@ -80,7 +93,7 @@ def free_ends(network: Network) -> Bools:
             continue
         along = network.position[:, axis]
         reach = (along + radius).max() - (along - radius).min()
-        gap = GAP_IN_DIAMETERS * 2 * float(radius.mean())
+        gap = MIN_GAP_IN_DIAMETERS * 2 * float(radius.mean())
         free[axis] = network.cell_size[axis] - reach > gap
     if network.length > 0 and not network.cell_periodic[2]:
         free[2] = [wall not in network.particle_j for wall in (SOURCE_WALL, RECEIVER_WALL)]
@@ -88,11 +101,12 @@ def free_ends(network: Network) -> Bools:
 
 
 def occupied_part(network: Network) -> Occupied | None:
-    """Return what the packing fills of its cell; None where no end is free, or the cell is flat."""
+    """Return the filled part of the cell; None if no end is free or the cell is flat."""
     return network.cached("occupied part", lambda: _occupied_part(network))
 
 
 def _occupied_part(network: Network) -> Occupied | None:
+    """Compute what `occupied_part` keeps."""
     free = free_ends(network)
     if not free.any() or not network.length > 0 or not network.cell_size[:2].all():
         return None
@@ -100,8 +114,8 @@ def _occupied_part(network: Network) -> Occupied | None:
     fractions = core_solid_fractions(network)
     if len(fractions):
         fraction = float(fractions.mean())
-        scatter = SCATTER_OF_CUBES * fraction
-        if len(fractions) >= FEW_CUBES:
+        scatter = DEFAULT_RELATIVE_SCATTER * fraction
+        if len(fractions) >= MIN_CUBES_FOR_SCATTER:
             scatter = float(fractions.std(ddof=1))
         void_ratio = 1 / fraction - 1
         error = scatter / np.sqrt(len(fractions)) / fraction**2
@@ -115,7 +129,7 @@ def _occupied_part(network: Network) -> Occupied | None:
 
 
 def _extent(network: Network, free: Bools) -> Floats:
-    """Shape (3, 2), m: where the packing begins and ends along each axis."""
+    """Return where the packing begins and ends along each axis (3, 2), m."""
     radius = network.radius[:, None]
     spheres = np.column_stack(
         [(network.position - radius).min(axis=0), (network.position + radius).max(axis=0)]
@@ -126,18 +140,19 @@ def _extent(network: Network, free: Bools) -> Floats:
 
 
 def _volume_of_extent(network: Network, free: Bools) -> tuple[float, float]:
-    """Volume up to the centres of the outermost spheres, m^3, and its relative error."""
+    """Return the volume up to the centres of the outermost spheres, m^3, and its relative error."""
     diameter = 2 * float(network.radius.mean())
     centres = np.column_stack([network.position.min(axis=0), network.position.max(axis=0)])
     ends = np.where(free, centres, _extent(network, free))
     extent = np.maximum(np.diff(ends, axis=1)[:, 0], diameter / 2)
     solid = float(sphere_volume(network.radius).sum())
-    volume = max(float(extent.prod()), solid / DENSEST)
-    return volume, float((free.sum(axis=1) * ROUGHNESS_IN_DIAMETERS * diameter / extent).sum())
+    volume = max(float(extent.prod()), solid / MAX_SOLID_FRACTION)
+    relative_errors = free.sum(axis=1) * ROUGHNESS_IN_DIAMETERS * diameter / extent
+    return volume, float(relative_errors.sum())
 
 
 def _ends_along_z(network: Network, free: Bools, volume: float) -> tuple[float, float]:
-    """Where the packing begins and ends along z, m."""
+    """Return where the packing begins and ends along z, m."""
     low, high = _extent(network, free)[2]
     if free[:2].any() or not free[2].any():
         return float(low), float(high)
@@ -156,26 +171,26 @@ def core_solid_fractions(network: Network) -> Floats:
     low = np.where(periodic, 0.0, (network.position - network.radius[:, None]).min(axis=0))
     high = (network.position + network.radius[:, None]).max(axis=0)
     length = np.where(periodic, network.cell_size, high - low)
-    # By volume, so that among small spheres a few large ones decide.
+    # Weighted by volume, so that a few large spheres among small ones set the width of the cubes.
     diameter = 2 * float((network.radius**4).sum() / (network.radius**3).sum())
-    apart = length / (CUBE_IN_DIAMETERS * diameter)
-    count = np.maximum(np.where(periodic, np.floor(apart), np.ceil(apart)), 1).astype(int)
+    cubes = length / (CUBE_IN_DIAMETERS * diameter)
+    count = np.maximum(np.where(periodic, np.floor(cubes), np.ceil(cubes)), 1).astype(int)
     cube = np.where(periodic, length / count, CUBE_IN_DIAMETERS * diameter)
-    if count.prod() > 100 * (network.n_particles + 1000):
-        return np.empty(0)  # spheres here and there in a wide space
+    if count.prod() > MAX_CUBES_PER_SPHERE * (network.n_particles + 1000):
+        return np.empty(0)
     solid = np.zeros(count.prod())
-    for place, volume in _points(network):
+    for place, volume in _sphere_points(network):
         index = np.floor((place - low) / cube).astype(int)
         index = np.where(periodic, index % count, np.clip(index, 0, count - 1))
         flat = np.ravel_multi_index(tuple(index.T), tuple(count))
         solid += np.bincount(flat, volume, len(solid))
     fraction = solid.reshape(count) / cube.prod()
-    return fraction[_surrounded(fraction > LEAST_SOLID_FRACTION, periodic)]
+    return fraction[_surrounded(fraction > MIN_CUBE_FRACTION, periodic)]
 
 
-def _points(network: Network) -> Iterator[tuple[Floats, Floats]]:
-    """Points (k, 3), m, in the spheres and the volume (k,), m^3, that each stands for."""
-    line = np.arange(-1 + POINT_SPACING / 2, 1, POINT_SPACING)
+def _sphere_points(network: Network) -> Iterator[tuple[Floats, Floats]]:
+    """Yield points (k, 3), m, inside the spheres and the volume (k,), m^3, that each represents."""
+    line = np.arange(-1 + POINTS_STEP_IN_RADII / 2, 1, POINTS_STEP_IN_RADII)
     ball = np.array([point for point in product(line, repeat=3) if np.dot(point, point) < 1])
     part = max(1, PART // 4)
     for first in range(0, network.n_particles, part):
@@ -187,7 +202,7 @@ def _points(network: Network) -> Iterator[tuple[Floats, Floats]]:
 
 
 def _surrounded(full: Bools, periodic: Bools) -> Bools:
-    """Return which cubes are full, with all of their neighbours; outside of the cell none is."""
+    """Return which cubes are full and have full neighbours only; none is full outside the cell."""
     widths = [(0, 0) if wraps else (1, 1) for wraps in periodic]
     around = np.pad(full, widths)
     for axis in range(3):

@@ -210,8 +210,8 @@ def _of_places(network: Network, told: dict[str, Any]) -> Remarks:
     missing = missing_contacts(network)
     told["missing_contacts"] = missing.pairs
     told["missing_wall_contacts"] = missing.with_wall
-    yield missing.pairs, missing.of_pairs(network)
-    yield missing.with_wall, missing.of_walls(network)
+    yield missing.pairs, missing.describe_pairs(network)
+    yield missing.with_wall, missing.describe_walls(network)
 
 
 def _of_stiffnesses(network: Network, told: dict[str, Any]) -> Remarks:

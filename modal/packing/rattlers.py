@@ -1,83 +1,93 @@
-"""Who carries force and who rattles: particles that keep contacts enough, and are firmly held."""
+"""Find rattlers, the particles that bear force, and those that are firmly held."""
 
 import numpy as np
 
 from modal.packing.network import Network
 from modal.tools.arrays import Bools, Ints
 
-HELD = 0.05
-"""Largest contact force, over the mean one, from which a particle counts as firmly held."""
+MIN_FORCE_IN_MEAN_FORCES = 0.05
+"""Largest contact force of a particle from which on it counts as firmly held: the others, a few in
+a thousand, move between their neighbours by more than a wave moves them."""
 
 
 def keeping_contacts(network: Network, least: int) -> Bools:
-    """Shape (n,) bool: particles left when those with fewer than `least` contacts are removed.
+    """Return which particles (n,) remain when those with fewer than `least` contacts are removed.
 
-    Removing a particle removes its contacts, so this repeats until all that are left have at least
-    `least` contacts with each other and with walls.
+    A particle's contacts are removed with it, so this is repeated until all remaining particles
+    have at least `least` contacts with each other and with walls.
     """
-    return network.cached(f"keeping {least} contacts", lambda: _keeping(network, least))
+    return network.cached(f"keeping {least} contacts", lambda: _keeping_contacts(network, least))
 
 
-def _keeping(network: Network, least: int) -> Bools:
-    i, j, pair = network.particle_i, network.partner, ~network.with_wall
-    kept = np.ones(network.n_particles, bool)
+def _keeping_contacts(network: Network, least: int) -> Bools:
+    """Compute what `keeping_contacts` keeps."""
+    i = network.particle_i
+    j = network.partner
+    pair = ~network.with_wall
+    remaining = np.ones(network.n_particles, bool)
     while True:
-        alive = kept[i] & (kept[j] | ~pair)
-        ends = np.concatenate([i[alive], j[alive & pair]])
-        remaining = kept & (np.bincount(ends, minlength=len(kept)) >= least)
-        if np.array_equal(remaining, kept):
-            return kept
-        kept = remaining
+        present = remaining[i] & (remaining[j] | ~pair)
+        ends = np.concatenate([i[present], j[present & pair]])
+        contacts = np.bincount(ends, minlength=len(remaining))
+        fewer = remaining & (contacts >= least)
+        if np.array_equal(fewer, remaining):
+            return remaining
+        remaining = fewer
 
 
 def force_bearing(network: Network) -> Bools:
-    """Shape (n,) bool: particles that keep two or more contacts once those with fewer are removed.
+    """Return which particles (n,) have at least two contacts with others of which this holds.
 
     A particle with a single contact cannot be in balance under a force; it is a rattler. So are all
-    of a cluster that touches nothing else: no wall, and not the largest. One that lies across the
-    end of a period is taken for one that touches itself through it.
+    particles of a cluster that touches no wall and is not the largest. A cluster with a contact
+    through a period is taken for one that spans the cell.
     """
-    return network.cached("force-bearing", lambda: _bearing(network))
+    return network.cached("force-bearing", lambda: _force_bearing(network))
 
 
-def _bearing(network: Network) -> Bools:
-    kept, i, j = keeping_contacts(network, 2), network.particle_i, network.partner
-    pair, wall = kept[i] & kept[j] & ~network.with_wall, network.with_wall
-    cluster = _clusters(len(kept), i[pair], j[pair])
-    size = np.bincount(cluster, kept)
-    held = size == size.max(initial=0)
-    held[cluster[i[wall | (pair & network.periods.any(axis=1))]]] = True
-    return kept & held[cluster]
+def _force_bearing(network: Network) -> Bools:
+    """Compute what `force_bearing` keeps."""
+    remaining = keeping_contacts(network, 2)
+    i = network.particle_i
+    j = network.partner
+    pair = remaining[i] & remaining[j] & ~network.with_wall
+    cluster = _find_clusters(len(remaining), i[pair], j[pair])
+    size = np.bincount(cluster, remaining)
+    is_supported = size == size.max(initial=0)
+    through_period = pair & network.periods.any(axis=1)
+    is_supported[cluster[i[network.with_wall | through_period]]] = True
+    return remaining & is_supported[cluster]
 
 
-def _clusters(n: int, i: Ints, j: Ints) -> Ints:
-    """Shape (n,): the lowest particle of each one's cluster; i and j (m,) touch.
+def _find_clusters(n: int, i: Ints, j: Ints) -> Ints:
+    """Return the lowest particle (n,) in the cluster of each, where i and j (m,) touch.
 
-    Each round the lowest of a cluster falls to the lowest that its members touch, and so do they.
+    In each round the label of a cluster drops to the lowest label that its members touch.
     """
-    lowest = np.arange(n)
+    label = np.arange(n)
     while True:
-        own, other = lowest[i], lowest[j]
-        below = lowest.copy()
-        np.minimum.at(below, own, other)
-        np.minimum.at(below, other, own)
-        below = below[below]
-        if np.array_equal(below, lowest):
-            return lowest
-        lowest = below
+        label_i = label[i]
+        label_j = label[j]
+        lower = label.copy()
+        np.minimum.at(lower, label_i, label_j)
+        np.minimum.at(lower, label_j, label_i)
+        lower = lower[lower]
+        if np.array_equal(lower, label):
+            return label
+        label = lower
 
 
 def firmly_held(network: Network) -> Bools:
-    """Shape (n,) bool: force-bearing particles with a contact force above `HELD` times the mean.
+    """Return which particles (n,) bear force, at least one contact force above a limit.
 
-    The others, a few in a thousand, move about between their neighbours by more than a wave moves
-    them. Where the forces are not known, all force-bearing particles count as firmly held.
+    The limit is `MIN_FORCE_IN_MEAN_FORCES`. If the forces are not known, all force-bearing
+    particles count as firmly held.
     """
     if network.force_normal is None or network.n_contacts == 0:
         return force_bearing(network)
     force = abs(network.force_normal)
-    strong = force >= HELD * force.mean()
-    held = np.zeros(network.n_particles, bool)
-    held[network.particle_i[strong]] = True
-    held[network.particle_j[strong & ~network.with_wall]] = True
-    return force_bearing(network) & held
+    strong = force >= MIN_FORCE_IN_MEAN_FORCES * force.mean()
+    has_strong_contact = np.zeros(network.n_particles, bool)
+    has_strong_contact[network.particle_i[strong]] = True
+    has_strong_contact[network.particle_j[strong & ~network.with_wall]] = True
+    return force_bearing(network) & has_strong_contact

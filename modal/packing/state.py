@@ -1,9 +1,10 @@
-"""State of a packing: stresses, density, coordination and fabric, in total and along z.
+"""Compute stresses, density, coordination and fabric of a packing, in total and along z.
 
-Stresses follow from the contact forces (Love, Weber: force times branch vector, over the volume)
-and, independently, from the forces on the walls. Along z each contact's share is spread over the
-layers that its branch passes (the plane average of Irving and Kirkwood): in a packing at rest
-sigma_zz is then the same in every layer, and the layers add up to the total exactly.
+Stresses follow from the contact forces (Love, Weber: force times branch vector, divided by the
+volume) and, independently, from the forces on the walls. Along z the contribution of each contact
+is spread over the layers that its branch vector crosses (the plane average of Irving and Kirkwood):
+in a packing at rest sigma_zz is then equal in all layers, and the layers add up to the total
+exactly.
 """
 
 import io
@@ -20,20 +21,33 @@ from modal.packing.rattlers import force_bearing
 from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.errors import UnavailableError
 
-WALL_ZONE = 5.0
-"""Depth to which a flat wall orders the spheres beside it, mean diameters."""
-SURFACE_ZONE = 2.0
-"""Depth to which a free surface is rough and loose, mean diameters."""
+WALL_ZONE_IN_DIAMETERS = 5.0
+"""Depth to which a flat wall orders the spheres beside it."""
+SURFACE_ZONE_IN_DIAMETERS = 2.0
+"""Depth to which a free surface is rough and loose."""
+MIN_RISE_IN_RADII = 1e-12
+"""Height of a branch vector below which it counts as horizontal, so that nothing is divided by
+zero."""
 FORCES = ("force_normal", "force_tangential")
 
 
 @dataclass
 class Profile:
-    """Layers along z, k in number.
+    """The state of k layers along z.
 
-    edges (k + 1,), m; stress (k, 3), Pa, along x, y, z, compression positive, or None where forces
-    are absent; void_ratio, coordination (k,), contacts a particle; particles (k,), centres inside;
-    bulk (k,) bool, further than `WALL_ZONE` from walls and `SURFACE_ZONE` from free ends.
+    Attributes
+    ----------
+    edges : ndarray (k + 1,)
+        m.
+    stress : ndarray (k, 3) or None
+        Normal stresses along x, y, z, Pa, compression positive; None if forces are absent.
+    void_ratio, coordination : ndarray (k,)
+        Void ratio, and mean number of contacts of a particle.
+    particles : ndarray of int (k,)
+        Number of centres inside.
+    bulk : ndarray of bool (k,)
+        Whether the layer is further than `WALL_ZONE_IN_DIAMETERS` from walls and
+        `SURFACE_ZONE_IN_DIAMETERS` from free ends.
     """
 
     edges: Floats
@@ -45,11 +59,13 @@ class Profile:
 
 
 def volume_between_walls(network: Network) -> float:
-    """Area of the cell times the distance of the walls, m^3; InputError where there is none.
+    """Return the area of the cell times the distance of the walls, m^3.
 
-    Of a packing with free ends what it fills of that.
+    If the packing has free ends, the volume is only that of the part of the cell that it fills.
+    UnavailableError if there is no volume.
     """
-    if occupied := occupied_part(network):
+    occupied = occupied_part(network)
+    if occupied:
         return occupied.volume
     if not network.length > 0:
         raise UnavailableError(
@@ -61,221 +77,261 @@ def volume_between_walls(network: Network) -> float:
 
 
 def contact_forces(network: Network, purpose: str) -> Floats:
-    """Shape (m, 3), N: what each contact exerts on its i; `purpose` as of `Network.require`."""
-    along, across = (network.require(name, purpose) for name in FORCES)
-    return across - along[:, None] * network.normal
+    """Return the force (m, 3), N, of each contact on its i; `purpose` as in `Network.require`."""
+    normal_force, tangential_force = (network.require(name, purpose) for name in FORCES)
+    return tangential_force - normal_force[:, None] * network.normal
 
 
 def _virials(network: Network) -> tuple[Floats, Floats]:
-    """Force times branch (m, 3, 3), N m, compression positive, and the branch's z (m,), m.
+    """Return force times branch vector (m, 3, 3), N m, and the z of the branch (m,), m.
 
-    A wall's branch ends on the wall's plane, so that the walls' work is counted to the last bit.
+    Compression is positive. The branch of a contact with a wall ends on the wall's plane, so that
+    the work of walls is counted to the last bit.
     """
-    on_j, branch = -contact_forces(network, "stress"), network.branch
-    return on_j[:, :, None] * branch[:, None, :], branch[:, 2]
+    force_on_j = -contact_forces(network, "stress")
+    branch = network.branch
+    return force_on_j[:, :, None] * branch[:, None, :], branch[:, 2]
 
 
 def stress_tensor(network: Network) -> Floats:
-    """Shape (3, 3), Pa: mean stress between the walls from the contact forces."""
+    """Return the mean stress (3, 3), Pa, between the walls from the contact forces."""
     virial, _ = _virials(network)
     return virial.sum(axis=0) / volume_between_walls(network)
 
 
 def void_ratio(network: Network) -> float:
-    """Volume of voids over volume of spheres, wall to wall; what overlaps counts twice.
+    """Return the volume of voids divided by that of spheres, from wall to wall.
 
-    Of a packing with free ends that of its core, as `modal.packing.occupied` has it.
+    Overlaps count twice as solid. For a packing with free ends the void ratio is that of its core
+    (`modal.packing.occupied`). UnavailableError if there is no volume.
     """
-    if occupied := occupied_part(network):
+    occupied = occupied_part(network)
+    if occupied:
         return occupied.void_ratio
     solid = float(sphere_volume(network.radius).sum())
     return volume_between_walls(network) / solid - 1
 
 
 def wall_stress(network: Network) -> Floats:
-    """Shape (2,), Pa: normal force on source and receiver wall over their area."""
+    """Return the normal force on source and receiver wall divided by their area (2,), Pa."""
     force = network.require("force_normal", "stress on the walls")
-    push = [force[network.particle_j == wall].sum() for wall in (SOURCE_WALL, RECEIVER_WALL)]
-    return np.array(push) / network.area
+    on_walls = [force[network.particle_j == wall].sum() for wall in (SOURCE_WALL, RECEIVER_WALL)]
+    return np.array(on_walls) / network.area
 
 
 def contacts_per_particle(network: Network) -> Ints:
-    """Shape (n,): number of contacts, walls included."""
-    n, j = network.n_particles, network.particle_j
+    """Return the number of contacts of each particle (n,), walls included."""
+    n = network.n_particles
+    j = network.particle_j
     return np.bincount(network.particle_i, minlength=n) + np.bincount(j[j >= 0], minlength=n)
 
 
 def fabric_tensor(network: Network) -> Floats:
-    """Shape (3, 3): mean of n n^T over contacts of particles; 1/3 of unity if isotropic."""
+    """Return the mean (3, 3) of n n^T over contacts between particles; unity / 3 if isotropic."""
     normal = network.normal[~network.with_wall]
     return normal.T @ normal / max(len(normal), 1)
 
 
 def coordination_without_rattlers(network: Network) -> tuple[float, int]:
-    """Mean number of contacts of a force-bearing particle, and the number of rattlers.
+    """Return the mean number of contacts of a force-bearing particle, and the number of rattlers.
 
     Only contacts with walls and between force-bearing particles count; rattlers are all others.
     """
-    bearing, wall = force_bearing(network), network.with_wall
-    kept = bearing[network.particle_i] & (bearing[network.partner] | wall)
-    ends = 2 * int(kept.sum()) - int((kept & wall).sum())
+    bearing = force_bearing(network)
+    wall = network.with_wall
+    counts = bearing[network.particle_i] & (bearing[network.partner] | wall)
+    ends = 2 * int(counts.sum()) - int((counts & wall).sum())
     return ends / max(int(bearing.sum()), 1), int((~bearing).sum())
 
 
 def friction_used(network: Network, friction: float) -> Floats:
-    """Shape (m,): shear force over friction times normal force; 1 at the limit, 0 without shear."""
+    """Return the shear force of each contact (m,) divided by friction times normal force.
+
+    It is 1 at the friction limit and 0 without shear. UnavailableError if forces are absent.
+    """
     limit = friction * network.require("force_normal", "share of friction")
     shear = np.linalg.norm(network.require("force_tangential", "share of friction"), axis=1)
     return shear / np.where(shear > 0, limit, 1.0)
 
 
 def layer_edges(network: Network, thickness: float | None = None) -> tuple[Floats, Bools]:
-    """Edges (k + 1,), m, of layers as those of `profile`, and which (k,) are of the bulk."""
+    """Return the edges (k + 1,), m, of the layers of `profile`, and which (k,) are in the bulk."""
     diameter = 2 * float(network.radius.mean())
     low, high = network.wall_position
-    zones = np.full(2, WALL_ZONE)
-    if occupied := occupied_part(network):
-        low, high = occupied.low, occupied.high
-        zones[occupied.free[2]] = SURFACE_ZONE
+    zones = np.full(2, WALL_ZONE_IN_DIAMETERS)
+    occupied = occupied_part(network)
+    if occupied:
+        low = occupied.low
+        high = occupied.high
+        zones[occupied.free[2]] = SURFACE_ZONE_IN_DIAMETERS
     count = max(1, round((high - low) / (thickness or diameter)))
     edges = np.linspace(low, high, count + 1)
-    reach = edges[[0, -1]] + np.array([1, -1]) * zones * diameter
-    inner = (edges[:-1] >= reach[0]) & (edges[1:] <= reach[1])
+    bulk_low, bulk_high = edges[[0, -1]] + np.array([1, -1]) * zones * diameter
+    inner = (edges[:-1] >= bulk_low) & (edges[1:] <= bulk_high)
     return edges, inner | bool(network.cell_periodic[2])
 
 
 def profile(network: Network, thickness: float | None = None) -> Profile:
-    """Layers of about `thickness`, m (one mean diameter), from wall to wall, or to a free surface.
+    """Compute the state of layers from wall to wall, or to a free surface.
 
-    A sphere's volume is split at the edges as the spherical caps that they cut off; volume and
-    force beyond a wall count to the last layer, beyond a period to the layer that they enter there.
+    Layers are about `thickness`, m, thick, by default one mean diameter. The volume of a sphere is
+    split at the edges into spherical caps. Volume and force beyond a wall count to the last layer,
+    those beyond a period to the layer that they enter there.
     """
     edges, bulk = layer_edges(network, thickness)
     count = len(bulk)
     volume = volume_between_walls(network) / count
-    z, radius = network.position[:, 2], network.radius
-    solid, periodic = np.zeros(count + 1), bool(network.cell_periodic[2])
-    solid[-1] = sphere_volume(radius).sum()
-    for edge in range(count + 1) if periodic else range(1, count):
+    z = network.position[:, 2]
+    radius = network.radius
+    solid_below = np.zeros(count + 1)
+    solid_below[-1] = sphere_volume(radius).sum()
+    for edge in _inner_edges(network, count):
         height = np.clip(edges[edge] - _images(z, network) + radius, 0, 2 * radius)
-        solid[edge] = (np.pi * height**2 * (radius - height / 3)).sum()
+        solid_below[edge] = (np.pi * height**2 * (radius - height / 3)).sum()
     layer = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, count - 1)
     particles = np.bincount(layer, minlength=count)
     ends = np.bincount(layer, contacts_per_particle(network), count)
-    own, empty = np.diff(solid), np.full(count, np.inf)
+    solid = np.diff(solid_below)
+    infinite = np.full(count, np.inf)
+    stress = None
+    if has_forces(network):
+        stress = _virials_of_layers(network, edges) / volume
     return Profile(
         edges=edges,
-        stress=_stress_along_z(network, edges) / volume if has_forces(network) else None,
-        void_ratio=np.divide(volume, own, out=empty, where=own > 0) - 1,
+        stress=stress,
+        void_ratio=np.divide(volume, solid, out=infinite, where=solid > 0) - 1,
         coordination=ends / np.maximum(particles, 1),
         particles=particles,
         bulk=bulk,
     )
 
 
+def _inner_edges(network: Network, count: int) -> range:
+    """Return the numbers of the edges of `count` layers that can cut a sphere or a branch."""
+    if network.cell_periodic[2]:
+        return range(count + 1)
+    return range(1, count)
+
+
 def _images(height: Floats, network: Network) -> Floats:
-    """Shape (1, k) or (3, k): heights, m, with those a period below and above if there is one."""
+    """Return heights (1, k), m, or, with those a period below and above, (3, k)."""
     period = network.cell_size[2]
     shifts = np.array([-period, 0.0, period] if network.cell_periodic[2] else [0.0])
     return height + shifts[:, None]
 
 
 def has_forces(network: Network) -> bool:
-    """Whether the forces of its contacts are known."""
+    """Return whether the forces of the contacts are known."""
     return all(getattr(network, name) is not None for name in FORCES)
 
 
-def _stress_along_z(network: Network, edges: Floats) -> Floats:
-    """Shape (k, 3), N m: each layer's share of force times branch, compression positive."""
+def _virials_of_layers(network: Network, edges: Floats) -> Floats:
+    """Return each layer's part (k, 3), N m, of force times branch, compression positive."""
     virial, rise = _virials(network)
     virial = np.einsum("caa->ca", virial)
     start = network.position[network.particle_i, 2]
-    thinnest = 1e-12 * float(network.radius.mean())
-    low, span = np.minimum(start, start + rise), np.maximum(abs(rise), thinnest)
+    low = np.minimum(start, start + rise)
+    min_rise = MIN_RISE_IN_RADII * float(network.radius.mean())
+    span = np.maximum(abs(rise), min_rise)
     below = np.zeros((len(edges), 3))
     below[-1] = virial.sum(axis=0)
-    inner = range(len(edges)) if network.cell_periodic[2] else range(1, len(edges) - 1)
-    for edge in inner:
+    for edge in _inner_edges(network, len(edges) - 1):
         share = np.clip((edges[edge] - _images(low, network)) / span, 0, 1)
         below[edge] = share.sum(axis=0) @ virial
     return np.diff(below, axis=0)
 
 
 def write_profile(path: str | Path, layers: Profile) -> None:
-    """Write the layers as a table, *.csv: the middle of each, then what `Profile` has."""
+    """Write the layers as a table, *.csv: the middle of each, then the columns of `Profile`."""
     columns: dict[str, Array] = {"z_m": (layers.edges[1:] + layers.edges[:-1]) / 2}
     if layers.stress is not None:
-        columns |= zip((f"stress_{a}{a}_Pa" for a in "xyz"), layers.stress.T, strict=True)
-    columns |= {"void_ratio": layers.void_ratio, "coordination_number": layers.coordination}
-    columns |= {"particles": layers.particles, "bulk": layers.bulk}
-    text, table = io.StringIO(), np.column_stack(list(columns.values()))
+        for axis, stress in zip("xyz", layers.stress.T, strict=True):
+            columns[f"stress_{axis}{axis}_Pa"] = stress
+    columns["void_ratio"] = layers.void_ratio
+    columns["coordination_number"] = layers.coordination
+    columns["particles"] = layers.particles
+    columns["bulk"] = layers.bulk
+    text = io.StringIO()
+    table = np.column_stack(list(columns.values()))
     np.savetxt(text, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
     write_text(path, text.getvalue())
 
 
 def net_forces(network: Network) -> Floats:
-    """Shape (n, 6), N and N m: force and torque that the contacts exert on each sphere."""
-    force, load = contact_forces(network, "balance"), np.zeros((network.n_particles, 6))
+    """Return force and torque (n, 6), N and N m, of the contacts on each sphere."""
+    force = contact_forces(network, "balance")
+    load = np.zeros((network.n_particles, 6))
     ends = ((network.particle_i, network.lever_i), (network.particle_j, network.lever_j))
     for end, lever in ends:
-        body = end >= 0
-        both = np.hstack([force, np.cross(lever, force)])
+        is_sphere = end >= 0
+        force_and_torque = np.hstack([force, np.cross(lever, force)])
         for column in range(6):
-            load[:, column] += np.bincount(end[body], both[body, column], len(load))
-        # What acts on i acts on j the other way.
+            values = force_and_torque[is_sphere, column]
+            load[:, column] += np.bincount(end[is_sphere], values, len(load))
+        # The force on j is opposite to that on i.
         np.negative(force, out=force)
     return load
 
 
 def sizes_of_loads(load: Floats, radius: Floats) -> Floats:
-    """Shape (n,), N: length of each sphere's force, its torque over its radius with it."""
+    """Return the size (n,), N, of force and torque / radius of each sphere together."""
     torque = load[:, 3:] / radius[:, None]
     return np.sqrt((load[:, :3] ** 2).sum(axis=1) + (torque**2).sum(axis=1))
 
 
 def residual_forces(network: Network) -> Floats:
-    """Shape (n,): net force and torque of each sphere over the mean normal force of a contact."""
+    """Return net force and torque of each sphere (n,) divided by the mean normal force."""
     mean = abs(network.require("force_normal", "balance")).mean()
     return sizes_of_loads(net_forces(network), network.radius) / mean
 
 
 def affine_stiffness(network: Network) -> Floats:
-    """Shape (p,), J: what each contact between spheres adds to P-wave modulus times volume.
+    """Return the affine contribution (p,), J, of each contact between spheres.
 
-    If every sphere followed the mean strain along z and none turned: an upper bound, exact for
-    crystals whose spheres are all centres of symmetry. (kn n_z^4 + kt (n_z^2 - n_z^4)) l^2 with
-    the branch's length l; contacts with walls are left out.
+    The sum is P-wave modulus times volume if every sphere follows the mean strain along z and none
+    turns: an upper bound, exact for crystals whose spheres are all centres of symmetry. A contact
+    contributes (kn n_z^4 + kt (n_z^2 - n_z^4)) l^2, where l is the length of its branch vector;
+    contacts with walls are left out.
     """
     pair = ~network.with_wall
     branch = network.branch[pair]
     nz2 = network.normal[pair, 2] ** 2
-    kn, kt = network.stiffness_normal[pair], network.stiffness_tangential[pair]
+    kn = network.stiffness_normal[pair]
+    kt = network.stiffness_tangential[pair]
     return (kn * nz2**2 + kt * (nz2 - nz2**2)) * (branch**2).sum(axis=1)
 
 
 def unevenness(network: Network) -> float:
-    """By which part P-waves are faster in one third of the length than in another.
+    """Return the relative excess of P-wave velocity in the fastest third over the slowest.
 
-    By the mean contact's stiffness times squared branch over the mean sphere's mass: as V^2 goes.
+    V^2 is taken as proportional to the mean of stiffness times squared branch vector, divided by
+    the mean mass. The result is infinite if a third has no springs.
     """
-    pair, branch, start = ~network.with_wall, network.branch, network.position[:, 2]
-    middle = start[network.particle_i] + branch[:, 2] / 2
+    pair = ~network.with_wall
+    branch = network.branch
+    z = network.position[:, 2]
+    middle = z[network.particle_i] + branch[:, 2] / 2
     stiffness = network.stiffness_normal * (branch**2).sum(axis=1)
+    mass = _means_of_thirds(network, z, network.mass)
+    mean_stiffness = _means_of_thirds(network, middle[pair], stiffness[pair])
+    square = mean_stiffness / np.where(mass > 0, mass, np.inf)
+    if not square.min() > 0:
+        return np.inf
+    return float(np.sqrt(square.max() / square.min()) - 1)
 
-    def means(height: Floats, values: Floats) -> Floats:
-        part = (height - network.wall_position[0]) / network.length % 1
-        third = (3 * part).astype(int) % 3  # of a rounding below zero the part is 1
-        return np.bincount(third, values, 3) / np.maximum(np.bincount(third, minlength=3), 1)
 
-    mass = means(start, network.mass)
-    square = means(middle[pair], stiffness[pair]) / np.where(mass > 0, mass, np.inf)
-    return float(np.sqrt(square.max() / square.min()) - 1) if square.min() > 0 else np.inf
+def _means_of_thirds(network: Network, height: Floats, values: Floats) -> Floats:
+    """Return the means (3,) of values (k,) at heights (k,), m, in the thirds of the length."""
+    share_of_length = (height - network.wall_position[0]) / network.length % 1
+    # Just below the source wall round-off makes the share 1.
+    third = (3 * share_of_length).astype(int) % 3
+    return np.bincount(third, values, 3) / np.maximum(np.bincount(third, minlength=3), 1)
 
 
 def affine_velocity(network: Network) -> float:
-    """P-wave velocity, m/s, of all contacts over the mass of all spheres, rattlers included.
+    """Return the P-wave velocity, m/s, of affine motion, rattlers included.
 
-    For times to be reckoned with in packings of any size. The ends count: n layers have n - 1
-    distances, so a crystal's is sqrt(1 - 1/n) of that of its bulk.
+    It estimates travel times in packings of any size. n layers have n - 1 distances, so the result
+    for a crystal is sqrt(1 - 1/n) of the velocity in its bulk.
     """
     return float(np.sqrt(affine_stiffness(network).sum() / network.mass.sum()))

@@ -101,7 +101,7 @@ def test_one_large_sphere_among_many_counts_in_the_memory(monkeypatch):
     position = np.random.default_rng(1).random((1000, 3)) * side
     ends, _, _ = periodic_pairs(position, np.full(2, side), 2 * radii.max())
     # Half the reach of spheres near a wall is empty.
-    looked_at = neighbours.PAIR_BYTES * len(ends)
+    looked_at = neighbours.BYTES_PER_PAIR * len(ends)
     monkeypatch.setattr(workload, "memory_at_hand", lambda: looked_at)
     with pytest.raises(InputError, match="of memory"):
         periodic_pairs(position, np.full(2, side), 2 * radii.max())
