@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from modal.tools.display import plain
 from modal.tools.errors import InputError
 
 TEXTS: Final[Mapping[str, str]] = {
@@ -108,6 +109,11 @@ class Caveat:
         if "text" in self.values:
             return str(self.values["text"])
         return TEXTS[self.code].format(**self.values)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return code, numbers and names, and the sentence."""
+        values = {name: value for name, value in self.values.items() if name != "text"}
+        return {"code": self.code, "values": plain(values), "text": str(self)}
 
     def __hash__(self) -> int:
         return hash((self.code, tuple(sorted(self.values.items()))))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from analysis.caveats import Caveat
+from analysis.explanation import ERROR_PARTS, Explanation, Step
 from modal.tools.arrays import Floats
 from modal.tools.display import plain, quantity, scaled
 
@@ -31,11 +32,8 @@ class Value:
     unit : str
         SI unit, "1" for a number.
     parts : dict
-        Contributions to the error, in the same unit. `fit`: scatter about a fit, or the residual of
-        a solver. `chain`: choice of the chain of spheres, of the part of a record, or of its
-        window. `resolution`: width of lines. `length`: that the packing is short. `digits`: few
-        digits of positions, from which overlaps follow. `samples`: differences between samples of
-        one state.
+        Contributions to the error, in the same unit, by the keys of `ERROR_PARTS`, which says what
+        each of them stands for.
     caveats : tuple of Caveat
         Facts to know before the value is quoted; `str()` of each is its sentence.
     at : ndarray (n,), Hz, or None
@@ -44,6 +42,8 @@ class Value:
         Standard deviation over samples, for a mean over them.
     plateau : bool or None
         Whether a threshold's value does not depend on where it is read; None for all other values.
+    steps : tuple of Step
+        Windows, fits and limits that led to the value, or to not knowing it.
 
     Examples
     --------
@@ -58,6 +58,13 @@ class Value:
     at: Floats | None = None
     scatter: float | Floats | None = None
     plateau: bool | None = None
+    steps: tuple[Step, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse a part of the error that nothing explains."""
+        unexplained = self.parts.keys() - ERROR_PARTS.keys()
+        if unexplained:
+            raise RuntimeError(f"parts of an error without a meaning: {sorted(unexplained)}")
 
     @property
     def error(self) -> Any:
@@ -96,18 +103,39 @@ class Value:
         """Return the value with further caveats, each of them once."""
         return replace(self, caveats=tuple(dict.fromkeys((*self.caveats, *caveats))))
 
+    def explain(self) -> Explanation:
+        """Return how the value, or that it is not known, comes about; `str()` of it is its text.
+
+        >>> print(Value(776.4, "m/s", {"fit": 3.0, "window": 4.0}).explain())
+        776.4 ± 5.0 m/s
+          parts of the error
+          - fit 3 m/s: scatter about a fit, change with the order of a fit, or residual of a solver
+          - window 4 m/s: choice of the window, or of the part of a record, that is read
+        """
+        return Explanation(
+            self.text(), self.value, self.error, self.unit, self.parts, self.steps, self.caveats
+        )
+
     def as_json(self) -> dict[str, Any]:
-        """Return value, error, unit, caveats as sentences; `at`, Hz, and `scatter` if there are."""
+        """Return the value as JSON has it, in SI units; `value_of_json` reads it again.
+
+        The keys are `value`, `error`, `unit`, `parts`, `caveats` (sentences) and `codes` (of the
+        caveats); further `at`, Hz, `scatter` and `plateau`, if there are. Unknown numbers are None.
+        """
         fields: dict[str, Any] = {
             "value": plain(self.value),
             "error": plain(self.error),
             "unit": self.unit,
+            "parts": plain(self.parts),
             "caveats": [str(caveat) for caveat in self.caveats],
+            "codes": self.codes,
         }
         if self.at is not None:
             fields["at"] = plain(self.at)
         if self.scatter is not None:
             fields["scatter"] = plain(self.scatter)
+        if self.plateau is not None:
+            fields["plateau"] = self.plateau
         return fields
 
     def text(self) -> str:
@@ -164,9 +192,9 @@ class Value:
         return f"{' ± '.join(texts)} {unit}".strip() + ending
 
 
-def unknown(unit: str, *caveats: Caveat) -> Value:
-    """Return no value, and why."""
-    return Value(np.nan, unit, {"fit": np.nan}, caveats)
+def unknown(unit: str, *caveats: Caveat, steps: tuple[Step, ...] = ()) -> Value:
+    """Return no value, why it is not known, and the steps that led there."""
+    return Value(np.nan, unit, {"fit": np.nan}, caveats, steps=steps)
 
 
 def estimate(value: float, error: float = np.nan, common: float = 0.0) -> Value:

@@ -18,14 +18,14 @@ ORDER = {
         *("elasticity", "preparation", "theory", "exchange", "description", "cli", "__main__"),
     ),
     "analysis": (
-        *("table", "typed_json", "watch", "caveats", "value", "mean", "estimators"),
+        *("table", "typed_json", "watch", "caveats", "explanation", "value", "mean", "estimators"),
         *("agreement", "case"),
         *(
             "same_state",
             "packing_state",
             "record_rules",
             "packing_data",
-            "prepare",
+            "spectra_cache",
             "quantities",
             "measurement",
         ),

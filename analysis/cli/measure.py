@@ -1,26 +1,41 @@
 """Velocities, low-pass frequency, moduli ... of any packing, with errors and caveats."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from analysis.measurement import Measurement, measure_files
+from analysis.measurement import MeasuredFiles, Measurement, measure_files
 from analysis.quantities import QUANTITIES, QUICK
 from analysis.quantities.amplitude import AMPLITUDE
+from analysis.quantities.registry import Quantity
 from analysis.table import Table
 from modal.cli.options import Group, NewFolder, Option, Options, flag, output, say
 from modal.cli.terminal import json_text, put
 from modal.formats.whole_file import write_text
 
 EXAMPLE = "measure mine.network.h5 --quick"
-OF_PRODUCERS = "_yade", "_linear", "_over_d"
+ENDINGS_LEFT_OUT_OF_HELP = "_yade", "_linear", "_over_d"
+"""Endings of the names of quantities of one record, which the help does not list."""
+
+
+def _help_line(quantity: Quantity) -> str:
+    """Return name, definition and unit of a quantity for the help."""
+    line = f"{quantity.name}: {quantity.definition} ({quantity.unit})"
+    if quantity.on_request:
+        line += ", on request"
+    return line
+
+
+_listed = [each for each in QUANTITIES.values() if not each.name.endswith(ENDINGS_LEFT_OUT_OF_HELP)]
 EPILOG = "\n".join(
     [
-        f"{q.name}: {q.definition} ({q.unit}){', on request' * q.on_request}"
-        for q in QUANTITIES.values()
-        if not q.name.endswith(OF_PRODUCERS)
+        *map(_help_line, _listed),
+        "..._yade, ..._linear: numbers of one record, in analysis/quantities/records.py",
     ]
-    + ["..._yade, ..._linear: numbers of one record, in analysis/quantities/records.py"]
 )
-NAMES, OF_PULSES = "names below, or those that end in _yade, _linear", ", ".join(AMPLITUDE)
+NAMES = "names below, or those that end in _yade, _linear"
+AMPLITUDES_HELP = f"of pulses through a sample, m: {', '.join(AMPLITUDE)}"
+EXPLAIN_HELP = "how these come about, or why they are not known: windows, fits, limits, errors"
 OPTIONS = [
     Option("files", "FILE ...", "packings, and waves recorded in them", kind=str),
     Group(
@@ -28,49 +43,86 @@ OPTIONS = [
         [
             flag("--quick", f"only {', '.join(QUICK)}"),
             Option("--quantities", "NAME ...", NAMES, kind=tuple(QUANTITIES)),
+            Option("--explain", "NAME ...", EXPLAIN_HELP, kind=tuple(QUANTITIES)),
         ],
     ),
     flag("--json", "print JSON"),
-    Option("--amplitudes", "A ...", f"of pulses through a sample, m: {OF_PULSES}", ()),
+    Option("--amplitudes", "A ...", AMPLITUDES_HELP, ()),
     Option("--keep", "DIR", "folder that keeps costly spectra", kind=NewFolder),
     output("what --json prints, *.json; or a table, *.md", (".json", ".md")),
 ]
 
 
-def _table(found: dict[str, Measurement]) -> str:
-    """All packings side by side, one line a quantity, as Markdown."""
-    stems = [Path(name).name.split(".h5")[0] for name in found]
-    first = next(iter(found.values()))
-    rows = [[name, *(one[name].text() for one in found.values())] for name in first]
-    return Table("Quantities", ["quantity", *stems], rows).markdown()
-
-
 def run(options: Options) -> int:
-    """Measure; 3 where a file, or a quantity asked for by name or as quick, could not be.
-
-    And where nothing could.
-    """
-    names = QUICK if options.quick else options.quantities
-    how = {"quantities": names, "keep": options.keep, "amplitudes": options.amplitudes}
-    measured = measure_files(options.files, say, **how)
-    found = measured.found
-    text = json_text(measured.as_json())
-    if options.output:
-        as_json = options.output.endswith(".json")
-        write_text(options.output, text + "\n" if as_json else _table(found))
+    """Measure; return 3 if a file, a quantity requested by name, or everything is not known."""
+    names = options.quantities or options.explain
+    if options.quick:
+        names = QUICK
+    measured = measure_files(
+        options.files, say, quantities=names, keep=options.keep, amplitudes=options.amplitudes
+    )
+    text = json_text(_as_json(measured, explained=bool(options.explain)))
+    if options.output and options.output.endswith(".json"):
+        write_text(options.output, text + "\n")
+    elif options.output:
+        write_text(options.output, _table(measured.found))
     if options.json:
         put(text)
+    elif options.explain:
+        put("\n\n".join(f"{path}\n{_explain(each)}" for path, each in measured.found.items()))
     else:
-        parts = dict(found)
-        if measured.mean is not None and not measured.differences:
-            parts["mean"] = measured.mean
-        put("\n\n".join(f"{path}\n{each}" for path, each in parts.items()))
+        put(_text(measured))
     for path, error in measured.refused.items():
         say(f"{path} could not be measured: {error}")
     if measured.differences:
         say(f"no mean: the packings differ in {'; '.join(map(str, measured.differences))}")
-    missing = {name for each in found.values() for name in names or () if not each[name].known}
+    return _status(measured, names or ())
+
+
+def _as_json(measured: MeasuredFiles, explained: bool) -> dict[str, Any]:
+    """Return what is printed as JSON: all values, or by file how each of them comes about."""
+    if not explained:
+        return measured.as_json()
+    by_file = {}
+    for path, measurement in measured.found.items():
+        by_file[path] = {name: value.explain().as_json() for name, value in measurement.items()}
+    return by_file
+
+
+def _explain(measurement: Measurement) -> str:
+    """Return how each quantity of a packing comes about."""
+    texts = []
+    for name, value in measurement.items():
+        texts.append(f"{name}: {QUANTITIES[name].definition}\n{value.explain()}")
+    return "\n".join(texts)
+
+
+def _text(measured: MeasuredFiles) -> str:
+    """Return the quantities of each packing, and their mean if there is one."""
+    blocks = [f"{path}\n{each}" for path, each in measured.found.items()]
+    if measured.mean is not None and not measured.differences:
+        blocks.append(f"mean\n{measured.mean}")
+    return "\n\n".join(blocks)
+
+
+def _table(measurements: Mapping[str, Measurement]) -> str:
+    """Return all packings side by side, one line a quantity, as Markdown."""
+    stems = [Path(path).name.split(".h5")[0] for path in measurements]
+    rows = []
+    for name in next(iter(measurements.values())):
+        rows.append([name, *(each[name].text() for each in measurements.values())])
+    return Table("Quantities", ["quantity", *stems], rows).markdown()
+
+
+def _status(measured: MeasuredFiles, requested: tuple[str, ...]) -> int:
+    """Return the exit status, and say which of the requested quantities are not known."""
+    measurements = measured.found.values()
+    missing = set()
+    for name in requested:
+        if not all(each[name].known for each in measurements):
+            missing.add(name)
     for name in sorted(missing):
         say(f"{name} could not be measured of every packing; its caveat says why")
-    nothing = not any(each.known for each in found.values())
-    return 3 if missing or measured.refused or nothing else 0
+    if missing or measured.refused or not any(each.known for each in measurements):
+        return 3
+    return 0

@@ -9,10 +9,12 @@ not change kappa.
 """
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from analysis.estimators.travel_time import first_peak_times, travel_velocity
+from modal.tools.arrays import Ints
 from modal.waves.signals import Signals
 
 DECAY = 4.0
@@ -33,6 +35,14 @@ SKIPPED_FREQUENCIES = 2
 MIN_FREQUENCIES = 5
 """Fewest frequencies from which the velocity is extrapolated."""
 
+WaveEnd = Literal["range", "incoherent", "backward", "few_layers"]
+"""Which rule ends the coherent wave towards high frequencies.
+
+range: the highest frequency that is read. incoherent: neighbouring layers correlate by less than
+`MIN_CORRELATION`. backward: the wave number does not rise with frequency. few_layers: too few
+layers for any wave.
+"""
+
 
 @dataclass(frozen=True)
 class Coherent:
@@ -46,12 +56,15 @@ class Coherent:
         1/m.
     resolution : float
         Hz. Values at frequencies that are closer to each other are not independent.
+    ended_by : str
+        The rule that ends the wave (`WaveEnd`).
     """
 
     frequency: np.ndarray
     wavenumber: np.ndarray
     attenuation: np.ndarray
     resolution: float
+    ended_by: WaveEnd = "range"
 
     @property
     def phase_velocity(self) -> np.ndarray:
@@ -94,7 +107,7 @@ def coherent_wave(
     z, u = _used_layers(signals, length)
     if len(z) < MIN_LAYERS:
         unknown = np.full(points, np.nan)
-        return Coherent(frequency, unknown, unknown, np.nan)
+        return Coherent(frequency, unknown, unknown, np.nan, "few_layers")
     velocity, _ = travel_velocity(z, first_peak_times(replace(signals, chain_displacement=u)))
     end = np.inf
     if velocity > 0:
@@ -112,7 +125,16 @@ def coherent_wave(
     wavenumber = np.where(known, q.real, np.nan)
     attenuation = np.where(known, q.imag - eta * slowness, np.nan)
     # Noise under the window is correlated as 1 / (1 + (pi df / eta)^2), whose integral is eta.
-    return Coherent(frequency, wavenumber, attenuation, eta)
+    return Coherent(frequency, wavenumber, attenuation, eta, _end_rule(incoherent, lost))
+
+
+def _end_rule(incoherent: np.ndarray, lost: np.ndarray) -> WaveEnd:
+    """Return the rule that ends the wave at the first frequency where it is `lost` (nf,)."""
+    if not lost.any():
+        return "range"
+    if incoherent[np.argmax(lost)]:
+        return "incoherent"
+    return "backward"
 
 
 def _used_layers(signals: Signals, length: float) -> tuple[np.ndarray, np.ndarray]:
@@ -150,6 +172,12 @@ def _wavenumber_of_neighbours(field: np.ndarray, z: np.ndarray) -> tuple[np.ndar
     return q, abs(product) < MIN_CORRELATION * power
 
 
+def fitted_frequencies(wave: Coherent) -> Ints:
+    """Return the indices (k,) of the frequencies from which `longest_waves` extrapolates."""
+    known = np.flatnonzero(np.isfinite(1 / wave.phase_velocity))
+    return known[SKIPPED_FREQUENCIES : max(8, len(known) // 3)]
+
+
 def longest_waves(wave: Coherent) -> tuple[float, float]:
     """Return V_P of the longest waves and its standard error, m/s.
 
@@ -159,8 +187,7 @@ def longest_waves(wave: Coherent) -> tuple[float, float]:
     the scatter of records with white noise. NaN for fewer than `MIN_FREQUENCIES` frequencies.
     """
     slowness = 1 / wave.phase_velocity
-    known = np.flatnonzero(np.isfinite(slowness))
-    known = known[SKIPPED_FREQUENCIES : max(8, len(known) // 3)]
+    known = fitted_frequencies(wave)
     if len(known) < MIN_FREQUENCIES:
         return np.nan, np.nan
     frequency = wave.frequency[known]

@@ -11,9 +11,17 @@ import numpy as np
 
 from analysis.case import AbsentError
 from analysis.caveats import Caveat
-from analysis.estimators.coherent import DECAY, Coherent, coherent_wave, longest_waves
+from analysis.estimators.coherent import (
+    DECAY,
+    MIN_FREQUENCIES,
+    Coherent,
+    coherent_wave,
+    fitted_frequencies,
+    longest_waves,
+)
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
 from analysis.estimators.travel_time import first_peaks_of_columns, travelled
+from analysis.explanation import Step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import quantity
 from analysis.value import Value, hertz, unknown
@@ -103,17 +111,46 @@ def longest(packing: PackingData, key: str) -> Value:
     if packing.crystal:
         order, next_order = FIT_ORDERS[record.direction]
         velocity = chain(packing, key, order).velocity
-        difference = abs(velocity - chain(packing, key, next_order).velocity)
-        return Value(velocity, "m/s", {"fit": difference})
+        next_velocity = chain(packing, key, next_order).velocity
+        steps = (_step_of_order(order, velocity), _step_of_order(next_order, next_velocity))
+        return Value(velocity, "m/s", {"fit": abs(velocity - next_velocity)}, steps=steps)
+    steps = tuple(_step_of_damping(packing, key, decay) for decay in (DECAY, *OTHER_DECAYS))
     velocity, error = longest_waves(coherent(packing, key))
     weaker, stronger = OTHER_DECAYS
     under_weaker = longest_waves(coherent(packing, key, weaker))[0]
     under_stronger = longest_waves(coherent(packing, key, stronger))[0]
     if not np.isfinite(velocity + under_weaker + under_stronger):
         # As after a pulse that is much longer than the packing.
-        return unknown("m/s", Caveat("wave_lost"))
+        return unknown("m/s", Caveat("wave_lost"), steps=steps)
     window = DECAY * abs(under_stronger - under_weaker) / (stronger - weaker)
-    return Value(velocity, "m/s", {"fit": error, "chain": window})
+    return Value(velocity, "m/s", {"fit": error, "window": window}, steps=steps)
+
+
+def _step_of_order(order: int, velocity: float) -> Step:
+    """Return the fit of this order to a crystal's neighbour ratio as a step."""
+    return Step("fit", "fitted", {"order": order, "velocity": velocity}, {"velocity": "m/s"})
+
+
+def _step_of_damping(packing: PackingData, key: str, decay: float) -> Step:
+    """Return the fit to the longest waves under one damping of the window as a step."""
+    wave = coherent(packing, key, decay)
+    known = wave.frequency[np.isfinite(wave.attenuation)]
+    frequency = wave.frequency[fitted_frequencies(wave)]
+    velocity, error = longest_waves(wave)
+    numbers = {
+        "damping": decay,
+        "velocity": velocity,
+        "error": error,
+        "frequencies": len(frequency),
+        "needed": MIN_FREQUENCIES,
+        "lowest": frequency.min(initial=np.inf),
+        "highest": frequency.max(initial=-np.inf),
+        "end_frequency": known.max(initial=-np.inf),
+    }
+    units = {"velocity": "m/s", "error": "m/s"}
+    units |= dict.fromkeys(("lowest", "highest", "end_frequency"), "Hz")
+    outcome = "fitted" if np.isfinite(velocity) else "too_few"
+    return Step("window", outcome, numbers, units, wave.ended_by)
 
 
 def _value_of_arrivals(velocity: float, error: float, scatter: float = 0.0) -> Value:
@@ -173,7 +210,13 @@ def _measure_long_waves(packing: PackingData, key: str) -> Value:
     """
     velocity = longest(packing, key).with_caveats(*packing.of_waves)
     length = packing.network.length / packing.diameter
-    if packing.crystal or not velocity.known or length >= MIN_LENGTH_IN_DIAMETERS:
+    if packing.crystal:
+        return velocity
+    long_enough = length >= MIN_LENGTH_IN_DIAMETERS
+    numbers = {"length": length, "limit": MIN_LENGTH_IN_DIAMETERS}
+    limit = Step("limit", "kept" if long_enough else "exceeded", numbers)
+    velocity = replace(velocity, steps=(*velocity.steps, limit))
+    if not velocity.known or long_enough:
         return velocity
     values = {
         "length": length,

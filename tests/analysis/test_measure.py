@@ -141,7 +141,7 @@ def test_files_on_the_command_line(tmp_path, printed, one_line):
         write_network(paths[-1], modal.random_packing(spheres=500, aspect=12, seed=seed))
     alone = printed("measure", paths[0], "--quick", main=main)
     assert set(alone) == set(QUICK)
-    assert set(alone["v_p"]) == {"value", "error", "unit", "caveats"}
+    assert set(alone["v_p"]) == {"value", "error", "unit", "parts", "caveats", "codes"}
     assert alone["v_p"]["unit"] == "m/s" and alone["void_ratio"]["error"] == 0
     several = printed("measure", *paths, "--quick", main=main)
     assert set(several) == {*paths, "mean"} and several[paths[0]] == alone
@@ -318,7 +318,7 @@ def test_attenuation_velocity_and_unbiased_low_pass_are_those_of_the_signals(ran
     wide = alpha.value * 500 / np.pi
     assert (abs(line.value - wide) < abs(line.parts["fit"]) + 0.02 * wide).all()
     wanted = scale * (np.log(50) / 50 / loss) ** (1 / power)
-    known = np.hypot(edge.parts["fit"], edge.parts["chain"])  # without that of one draw
+    known = np.hypot(edge.parts["fit"], edge.parts["window"])  # without that of one draw
     assert edge.value == pytest.approx(wanted, abs=2 * known + 0.01 * wanted)
 
 
