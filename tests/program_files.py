@@ -71,6 +71,8 @@ def lammps(network: Network, folder: Path, digits: int = 17) -> tuple[Path, Path
     return atoms, contacts, log
 
 
+ONE_SAFE_LINE = r"[^\x00-\x1f\x7f]{,700}\n"
+"""A line of moderate length, without the bytes that a terminal obeys."""
 COLUMN_PAIR = "granular hooke 1e5 0 tangential linear_history 8e4 0 0.5"
 """Springs of the column, N/m."""
 COLUMN_WALL = f"{COLUMN_PAIR} zplane 0 2.99994"
@@ -177,12 +179,18 @@ class Given:
         assert "\n" not in str(refused.value)
         return refused.value.code
 
-    def refused(self, said: str, **more: object) -> None:
-        """`import` refuses in one line, which says so, and writes nothing."""
+    def refused(self, code: str, *names: str, **more: object) -> None:
+        """Check that `import` refuses with this code in one line, and writes nothing.
+
+        `names` are what the line must name: file, line, column, numbers.
+        """
         self.out.unlink(missing_ok=True)
-        status, _, error = self._import(more)
-        assert status == 2 and error.count("\n") == 1, error
-        assert re.search(said, error), error
+        status, out, line = self._import(more)
+        assert status == 2, line
+        assert json.loads(out)["error"]["code"] == code, line
+        assert re.fullmatch(ONE_SAFE_LINE, line), line
+        for name in names:
+            assert name in line
         assert not self.out.exists()
 
     def network(self, **more: object) -> Network:

@@ -14,7 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from modal.exchange.picture import VISIBLE, moving, sphere_stress
+from modal.exchange.picture import (
+    MAX_SHOWN_DISPLACEMENT_IN_RADII,
+    read_sphere_motion,
+    sphere_stress,
+)
 from modal.exchange.registry import read
 from modal.formats.provenance import packing_of, read_provenance, require_same_packing
 from modal.formats.whole_file import write_whole
@@ -55,7 +59,7 @@ def watch_page(
     `chosen` are the modes by number from 1, all by default.
     InputError for files without the motion of every sphere.
     """
-    of, moved, numbers = moving(product, chosen)
+    of, moved, numbers = read_sphere_motion(product, chosen)
     packing = packing or _packing_beside(Path(product))
     notes = [note for note in [require_same_packing(product, packing_of(packing))] if note]
     network = read(packing)
@@ -92,7 +96,7 @@ def _of_packing(network: Network) -> dict[str, Any]:
         "position": coded(np.round((network.position - low) / step), "<u2"),
         "radius": coded(network.radius, "<f4"),
         "mean_radius": float(network.radius.mean()),
-        "visible": VISIBLE * float(network.radius.mean()),
+        "visible": MAX_SHOWN_DISPLACEMENT_IN_RADII * float(network.radius.mean()),
         "cell": _of_cell(network),
         "walls": [
             float(z) if (network.particle_j == wall).any() else None

@@ -34,7 +34,9 @@ def run(options: Options) -> Result:
     if options.product:
         note = require_same_packing(options.product, packing_of(options.network))
         options.remarks += [note] if note else []
-        of, moved, numbers = picture.moving(options.product, options.modes, any_source=True)
+        of, moved, numbers = picture.read_sphere_motion(
+            options.product, options.modes, any_source=True
+        )
         if not isinstance(of, Signals):
             more, motion = _of_modes(of, moved, numbers, count)
             fields |= more
@@ -46,12 +48,12 @@ def run(options: Options) -> Result:
             )
         else:
             axis = DIRECTIONS.index(of.direction)
-            motion = picture.motion_of_wave(of.time, moved, axis, count or 50)
+            motion = picture.animate_wave(of.time, moved, axis, count or 50)
     elif options.modes or count or scale is not None:
         raise InputError("input", "--modes, --frames and --scale need a file of modes or signals")
     frames: picture.Frames = [(0.0, network.position, fields)]
     if motion:
-        frames = picture.frames_of(network, fields, motion, scale)
+        frames = picture.displace_spheres(network, fields, motion, scale)
     written = picture.WRITERS[path.suffix](path, network, frames, series=bool(motion))
     return {"spheres": network.n_particles, "contacts": network.n_contacts, "written": written}
 
@@ -69,4 +71,4 @@ def _of_modes(
         return fields, []
     if len(fields) != 2:
         raise InputError("input", "--frames", remedy="choose one mode to animate, with --modes K")
-    return fields, picture.motion_of_mode(shape, frequency, frames)
+    return fields, picture.animate_mode(shape, frequency, frames)

@@ -1,7 +1,7 @@
 """The text dumps of LAMMPS and LIGGGHTS: `ITEM:` headers, a box, rows of spheres or contacts.
 
-The columns c_ID[k] of a dump of contacts mean what the compute lines in the log say, or, where no
-log names them, what a program's recipe of so many columns has.
+The columns c_ID[k] of a dump of contacts mean what the compute lines in the log say. If no log
+names them, they mean what a usual recipe with as many columns has.
 """
 
 import itertools
@@ -10,46 +10,52 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Literal, NamedTuple, NoReturn
 
 import numpy as np
 
-from modal.exchange.input_script import WIDTHS, Script, columns_of_liggghts
+from modal.exchange.input_script import LIGGGHTS_WIDTHS, Script, list_liggghts_columns
 from modal.exchange.law import SI, ProgramLaw, Units
-from modal.exchange.particles_and_contacts import WALLS, Cell, Packing, ends_of
+from modal.exchange.particles_and_contacts import WALLS, Cell, Packing, SphereColumns, find_ends
 from modal.exchange.text import (
     Rows,
     Words,
-    fault,
-    kept_lines,
-    last_step,
-    shown,
-    text_lines,
-    written_digits,
+    count_written_digits,
+    last_digit_unit,
+    quote,
+    read_lines,
+    refuse,
+    take_rows,
 )
-from modal.tools.arrays import Array, Bools, Floats, Ints
+from modal.tools.arrays import Bools, Floats, Ints
+
+Item = Literal["ATOMS", "ENTRIES"]
+"""What the rows of a dump are, as its header says."""
 
 UNITS = {"si": SI, "cgs": Units(1e-2, 1e-3, 1.0), "micro": Units(1e-6, 1e-15, 1e-6)}
-"""What their systems of units are in SI; `lj` has none."""
+"""SI values of the programs' systems of units; `lj` has none."""
+UNITS_RELATIVE_TOLERANCE = 1e-9
+"""Relative difference of typed units that counts as none."""
 ITEMS = {"ATOMS": "spheres (dump custom)", "ENTRIES": "contacts (dump local)"}
-"""What the rows behind these are."""
-SEVERAL = 5
-"""Steps that a message lists."""
-DIGITS_OF_G = 6
-"""Significant digits that the format %g leaves, in which LIGGGHTS writes the bounds. Fewer stand
-there when somebody chose them, more when all were written."""
-ROUNDED = (DIGITS_OF_G, 7)
+"""What the rows below these headers are, for messages."""
+MAX_LISTED_STEPS = 5
+"""Most steps that a message lists."""
+FORMAT_G_DIGITS = 6
+"""Significant digits of the format %g, with which LIGGGHTS writes bounds. Bounds with fewer digits
+were chosen by somebody, bounds with more were written in full."""
+ROUNDED_DIGITS = (FORMAT_G_DIGITS, 7)
 """Significant digits of radii that a program has rounded: by %g, or in single precision."""
-SHAPED = ("shapex", "quatw", "quat1", "blockiness1", "length", "corner1x")
+SHAPE_COLUMNS = ("shapex", "quatw", "quat1", "blockiness1", "length", "corner1x")
 """Columns of LAMMPS and LIGGGHTS for ellipsoids, superquadrics, rods and polygons."""
-COLUMNS = (
-    [(axis, f"{axis}u", f"{axis}s") for axis in "xyz"],
-    [("radius", "diameter"), ("mass", "rmass", "density")],
-)
-"""Of spheres, in one of these words each: places, then size and what tells their mass."""
+PLACE_COLUMNS = [("x", "xu", "xs"), ("y", "yu", "ys"), ("z", "zu", "zs")]
+"""Names of the columns of centres, each in one of these forms."""
+SIZE_COLUMNS = ("radius", "diameter")
+"""Names of the column of sizes."""
+MASS_COLUMNS = ("mass", "rmass", "density")
+"""Names of the column from which masses follow."""
 ONLY_TYPE = 1
 """The type of spheres of a dump without types."""
-TYPED = "--wall"
+TYPED_WALL = "--wall"
 """The name of walls that are typed on the command line."""
 OTHER_WALLS = ("xplane", "yplane", "zcylinder")
 """Walls that no network has."""
@@ -58,21 +64,22 @@ RECIPES: dict[int, Sequence[str]] = {
     4: ("patom1", "patom2", "ptype1", "ptype2"),
     9: ("dist", "force", "fx", "fy", "fz", "p1", "p2", "p3", "p4"),
     12: ("dist", "dx", "dy", "dz", "force", "fx", "fy", "fz", "p1", "p2", "p3", "p4"),
-    25: columns_of_liggghts(),
-    32: columns_of_liggghts(tuple(WIDTHS)),
+    25: list_liggghts_columns(),
+    32: list_liggghts_columns(tuple(LIGGGHTS_WIDTHS)),
 }
-"""Columns of `write_contacts.lmp`, of a usual recipe, and of LIGGGHTS, where no log names them."""
+"""Columns of `write_contacts.lmp`, of a usual recipe, and of LIGGGHTS, by their number."""
 QUANTITIES: dict[str, Sequence[str]] = {
     "force": ("force",),
     "shear": ("p1", "p2", "p3"),
     "line": ("fx", "fy", "fz"),
-    "whole": columns_of_liggghts(["force"]),
-    "parts": columns_of_liggghts(["force_normal", "force_tangential"]),
+    "whole": list_liggghts_columns(["force"]),
+    "parts": list_liggghts_columns(["force_normal", "force_tangential"]),
 }
-"""Forces of contacts, and the columns in which they stand; the last two are of LIGGGHTS."""
+"""Forces of contacts, and the columns that have them; `whole` and `parts` are of LIGGGHTS."""
+FORCES = {"force", "whole", "parts"}
+"""Quantities of which a dump of contacts must have one."""
 
-
-OfKind = Callable[[int], ProgramLaw]
+WallLaw = Callable[[int], ProgramLaw]
 """The law between a wall and a kind of sphere."""
 
 
@@ -80,7 +87,7 @@ class Wall(NamedTuple):
     """A wall: z, m, the law between it and a kind of sphere, and the ID of its fix."""
 
     z: float
-    law: OfKind
+    law: WallLaw
     name: str
 
 
@@ -89,223 +96,340 @@ Walls = Mapping[int, Wall]
 
 
 @dataclass(frozen=True)
-class Frame:
-    """One time of a dump: its step, box low and high (3,), periodic (3,), and its rows.
+class FrameHead:
+    """The header of one time of a dump.
 
-    `rounding` (3,) is the unit of the last digit of bounds that the program has rounded, as
-    LIGGGHTS does, else 0; contacts through the periods are known no better. `units` are those that
-    the dump names (`dump_modify ... units yes`), if it does.
+    Attributes
+    ----------
+    step : int
+        The step.
+    count : int
+        Number of rows.
+    low, high : ndarray (3,)
+        Bounds of the box, in the file's units.
+    periodic : ndarray (3,) of bool
+        Axes with a period.
+    rounding : ndarray (3,)
+        Unit of the last digit of bounds that the program has rounded, as LIGGGHTS does, else 0.
+        Contacts through a period are known no better.
+    units : str
+        Name of the units, if the dump has it (`dump_modify ... units yes`).
     """
 
     step: int
+    count: int
     low: Floats
     high: Floats
     periodic: Bools
     rounding: Floats
     units: str
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One time of a dump: its header and its rows."""
+
+    head: FrameHead
     rows: Rows
 
 
-def frame_of(path: str | Path, kind: str, step: int | None) -> Frame:
-    """Return the frame of this step, or the only one; `kind` is ATOMS or ENTRIES.
+def read_frame(path: str | Path, item: Item, step: int | None) -> Frame:
+    """Return the frame of this step, or the only frame of a dump.
 
-    InputError where a dump has several times and `step` chooses none of them. Rows of other times
-    are passed over.
+    Raises InputError if the dump has several times and `step` chooses none of them, if the rows are
+    not those of the `item`, or if the file ends early. Rows of other times are skipped.
     """
     steps: list[int] = []
-    said: dict[str, list[list[str]]] = {}
-    chosen: Frame | None = None
-    lines = text_lines(path)
+    header: dict[str, list[list[str]]] = {}
+    frame: Frame | None = None
+    lines = read_lines(path)
     for number, line in lines:
-        item, *title = line.split() or [""]
-        if item and (item != "ITEM:" or not title):
-            what = f"{shown(line.strip())} where ITEM: and its name should stand"
-            fault(path, what, "give a text dump, style custom or local", number)
-        elif item and title[0] not in ITEMS:
+        if not line.strip():
+            continue
+        first, *title = line.split()
+        if first != "ITEM:" or not title:
+            problem = f"{quote(line.strip())} where ITEM: and its name should stand"
+            remedy = "give a text dump, style custom or local"
+            refuse(path, "no_item", problem, remedy=remedy, line=number)
+        if title[0] not in ITEMS:
             values = itertools.islice(lines, 3 if title[0] == "BOX" else 1)
-            said[title[0]] = [title, *(value.split() for _, value in values)]
-        elif item:
-            if title[0] != kind:
-                what = f"ITEM: {title[0]} where {ITEMS[kind]} belong"
-                fault(path, what, "give the files in the other order", number)
-            count, head = _head(path, said, number)
-            texts = kept_lines(path, lines, count)
-            steps.append(head["step"])
-            if step in (None, steps[-1]):
-                there = len(texts)
-                if there < count:
-                    what = f"{there} rows of {count}: the file ends in the middle"
-                    do = "let the program finish writing it"
-                    fault(path, what, do, number + 1 + there, code="cut_off")
-                rows = Rows(Path(path), tuple(title[1:]), texts, number + 1)
-                chosen = Frame(rows=rows, **head)
-    if chosen is None or (step is None and len(steps) > 1):
-        _refuse_times(path, kind, step, steps)
-    return chosen
+            header[title[0]] = [title, *(value.split() for _, value in values)]
+            continue
+        if title[0] != item:
+            problem = f"ITEM: {title[0]} where {ITEMS[item]} belong"
+            remedy = "give the files in the other order"
+            refuse(path, "other_item", problem, remedy=remedy, line=number)
+        head = _parse_head(path, header, number)
+        texts = take_rows(path, lines, head.count)
+        steps.append(head.step)
+        if step is None or step == head.step:
+            if len(texts) < head.count:
+                problem = f"{len(texts)} rows of {head.count}"
+                reason = "the file ends in the middle"
+                remedy = "let the program finish writing it"
+                end = number + 1 + len(texts)
+                refuse(path, "cut_off", problem, reason, remedy, line=end)
+            frame = Frame(head, Rows(Path(path), tuple(title[1:]), texts, number + 1))
+    if frame is None or (step is None and len(steps) > 1):
+        _refuse_times(path, item, step, steps)
+    return frame
 
 
-def _refuse_times(path: str | Path, kind: str, step: int | None, steps: Sequence[int]) -> NoReturn:
-    """Raise InputError for a file whose times are not the one that is wanted."""
+def _refuse_times(path: str | Path, item: Item, step: int | None, steps: Sequence[int]) -> NoReturn:
+    """Raise InputError for a file that has no frame, or not the one that is wanted."""
     if not steps:
-        fault(path, f"no ITEM: {kind}", "give a text dump of LAMMPS or LIGGGHTS")
-    listed = ", ".join(map(str, steps[:SEVERAL]))
-    if len(steps) > SEVERAL:
+        remedy = "give a text dump of LAMMPS or LIGGGHTS"
+        refuse(path, "no_item", f"no ITEM: {item}", remedy=remedy)
+    listed = ", ".join(map(str, steps[:MAX_LISTED_STEPS]))
+    if len(steps) > MAX_LISTED_STEPS:
         listed += ", ..."
-    what = f"it has {len(steps)} times ({listed})"
+    problem = f"it has {len(steps)} times ({listed})"
+    code = "several_times"
     if step is not None:
-        what += f", but no step {step}"
-    if kind == "ATOMS":
+        problem += f", but no step {step}"
+        code = "no_such_time"
+    if item == "ATOMS":
         command = f"granular-modes import {shlex.quote(str(path))} --step {steps[-1]}"
-        do = f"choose one with --step: {command} --log LOG -o NEW.network.h5"
+        remedy = f"choose one with --step: {command} --log LOG -o NEW.network.h5"
     else:
-        do = "dump spheres and contacts at one step"
-    fault(path, what, do, code="several_times" if step is None else "no_such_time")
+        remedy = "dump spheres and contacts at one step"
+    refuse(path, code, problem, remedy=remedy)
 
 
-def _head(
-    path: str | Path, said: dict[str, list[list[str]]], line: int
-) -> tuple[int, dict[str, Any]]:
-    """The number of rows, and what a frame has beside them, by name.
+def _parse_head(path: str | Path, header: dict[str, list[list[str]]], line: int) -> FrameHead:
+    """Return what the header says; `header` has, for each ITEM, its title and its lines as words.
 
-    Of what was `said` behind each ITEM before them: the title, then the lines.
+    Raises InputError if the header is incomplete, or if the box is triclinic.
     """
     try:
-        title, *bounds = said["BOX"]
-        box = np.array([row[:2] for row in bounds], float)
-        tilted = any(float(row[2]) for row in bounds if "xy" in title) or "abc" in title
-        step, count = (int(said[name][1][0]) for name in ("TIMESTEP", "NUMBER"))
-        known = tilted or np.isfinite(box).all() and box.shape == (3, 2) and len(title) > 4
+        title, *bounds = header["BOX"]
+        box = np.array([words[:2] for words in bounds], float)
+        has_tilts = "xy" in title
+        is_tilted = "abc" in title or (has_tilts and any(float(words[2]) for words in bounds))
+        step = int(header["TIMESTEP"][1][0])
+        count = int(header["NUMBER"][1][0])
+        has_flags = len(title) > 4
+        is_known = is_tilted or (np.isfinite(box).all() and box.shape == (3, 2) and has_flags)
     except (KeyError, ValueError, IndexError):
-        known = False
-    if not known or count < 0:
-        what = "no TIMESTEP, NUMBER OF and BOX BOUNDS before it, or these are none"
-        fault(path, what, "write the dump anew, with pp or ff for each axis of the box", line)
-    if tilted:
-        what = "the cell is triclinic (its periods are at angles)"
-        fault(path, what, "only rectangular cells are known; compress without shear", line)
-    periodic = np.array([word.startswith("p") for word in title[-3:]])
+        is_known = False
+    if not is_known or count < 0:
+        problem = "no TIMESTEP, NUMBER OF and BOX BOUNDS before it, or these are none"
+        remedy = "write the dump anew, with pp or ff for each axis of the box"
+        refuse(path, "no_header", problem, remedy=remedy, line=line)
+    if is_tilted:
+        problem = "the cell is triclinic (its periods are at angles)"
+        remedy = "only rectangular cells are known; compress without shear"
+        refuse(path, "triclinic_cell", problem, remedy=remedy, line=line)
     rounding = np.zeros(3)
-    if written_digits(word for row in bounds for word in row[:2]) == DIGITS_OF_G:
-        rounding = np.array([last_step(axis, DIGITS_OF_G) for axis in box])
-    units = " ".join(*said.get("UNITS", [[], []])[1:])
-    own = {"periodic": periodic, "rounding": rounding, "units": units}
-    return count, {"step": step, "low": box[:, 0], "high": box[:, 1], **own}
+    bound_digits = count_written_digits(word for words in bounds for word in words[:2])
+    if bound_digits == FORMAT_G_DIGITS:
+        rounding = np.array([last_digit_unit(axis, FORMAT_G_DIGITS) for axis in box])
+    units = ""
+    if "UNITS" in header:
+        units = " ".join(*header["UNITS"][1:])
+    return FrameHead(
+        step=step,
+        count=count,
+        low=box[:, 0],
+        high=box[:, 1],
+        periodic=np.array([word.startswith("p") for word in title[-3:]]),
+        rounding=rounding,
+        units=units,
+    )
 
 
-def units_of(path: Path, frame: Frame, given: Mapping[str, Any], script: Script) -> Units:
-    """The units that are typed, or of the name that log and dump give them, or si.
+def choose_units(path: Path, frame: Frame, typed: Units | None, script: Script) -> Units:
+    """Return the typed units, or those that log and dump name, or SI.
 
-    InputError where two differ, and for lj, which has no SI.
+    Raises InputError if two of these differ, and for lj, which has no SI values.
     """
-    typed, dumped, logged = Units.typed(given.get("scales")), frame.units, script.units
+    dumped = frame.head.units
+    logged = script.units
     if dumped and logged and dumped != logged:
-        what = f"ITEM: UNITS {dumped}, and {script.said} has units {logged}"
-        fault(path, what, "give the log of this dump")
+        problem = f"ITEM: UNITS {dumped}, and {script.place} has units {logged}"
+        refuse(path, "other_units", problem, remedy="give the log of this dump")
     name = dumped or logged or "si"
     if typed is None and name not in UNITS:
-        do = "give those of length, mass and time with import --scales M KG S"
-        fault(path if dumped else script.said, f"units {name} have no SI values here", do)
-    if typed and not np.allclose(typed, UNITS.get(dumped, typed), rtol=1e-9, atol=0):
-        what = f"ITEM: UNITS {dumped}, and --scales {' '.join(f'{one:g}' for one in typed)}"
-        fault(path, what, "leave --scales out, which other units are for")
-    if frame.step < script.changed and "pair" not in given:
-        what = f"{script.said} changes the law or the walls after step {script.changed}"
-        script.remarks.append(f"{what}: those of its end are taken")
-    if not (typed or logged or dumped):
+        refuse(
+            path if dumped else script.place,
+            "unknown_units",
+            f"units {name} have no SI values here",
+            remedy="give those of length, mass and time with import --scales M KG S",
+        )
+    if typed and dumped in UNITS:
+        units_agree = np.allclose(typed, UNITS[dumped], rtol=UNITS_RELATIVE_TOLERANCE, atol=0)
+        if not units_agree:
+            scales = " ".join(f"{scale:g}" for scale in typed)
+            problem = f"ITEM: UNITS {dumped}, and --scales {scales}"
+            remedy = "leave --scales out, which other units are for"
+            refuse(path, "other_units", problem, remedy=remedy)
+    if typed:
+        return typed
+    if not (logged or dumped):
         script.remarks.append("no units are told: si are taken")
-    return typed or UNITS[name]
+    return UNITS[name]
 
 
-def lost_columns(rows: Rows) -> list[str]:
-    """Columns that the spheres of a dump need, and that are not there in any of their words."""
-    return [names[0] for kinds in COLUMNS for names in kinds if not any(map(rows.has, names))]
+def list_missing_columns(rows: Rows) -> list[str]:
+    """Return the columns that spheres need, and that a dump has in none of their forms."""
+    forms = (*PLACE_COLUMNS, SIZE_COLUMNS, MASS_COLUMNS)
+    return [names[0] for names in forms if not any(map(rows.has, names))]
 
 
-def walls_of(script: Script, units: Units, law_of: Callable[[Words], OfKind], planes: int) -> Walls:
-    """The walls of the log's fixes, each of so many `planes`, or the typed one of two.
+class _ReadWall(NamedTuple):
+    """The planes of one fix, z in the file's units, their law, and the line that has them."""
 
-    Of planes that are told alone the lowest one is the floor. InputError for others than one at low
-    and one at high z.
+    heights: list[float]
+    law: WallLaw
+    name: str
+    line: Words
+
+
+def read_walls(
+    script: Script, units: Units, read_law: Callable[[Words], WallLaw], planes: int
+) -> Walls:
+    """Return the walls of the log's fixes, or the typed ones.
+
+    A fix has this many `planes`, the typed wall has two. Of fixes with one plane each the lowest
+    one is the floor. Raises InputError for other walls than one at low and one at high z.
     """
-    found, told = dict[int, Wall](), list[tuple[list[float], OfKind, str, Words]]()
-    for name, words in script.walls.items():
-        where = name if name == TYPED else f"fix {name} wall/gran"
-        said = Words(words, where, f"only walls zplane are known; type them with {TYPED}")
-        for other in filter(said.__contains__, OTHER_WALLS):
-            do = "turn the packing, or make the other axes periodic"
-            said.refuse(f"{other} is not known, a network has walls at low and high z", do)
-        if "wiggle" in said:
-            what = "it wiggles, and where it was at a step is not told"
-            said.refuse(what, f"type where ({TYPED})")
-        heights = said.numbers("zplane", 2 if name == TYPED else planes, null=True)
-        told.append((heights, law_of(said), name, said))
+    read = [_read_wall(name, words, read_law, planes) for name, words in script.walls.items()]
     if planes == 1:
-        told.sort(key=lambda wall: wall[0])
-    for heights, law, name, said in told:
-        if len(heights) == 1:
-            heights.insert(int(WALLS[0] not in found), np.nan)
-        for code, end, z in zip(WALLS, ("low", "high"), heights, strict=True):
+        read.sort(key=lambda wall: wall.heights[0])
+    walls: dict[int, Wall] = {}
+    for heights, law, name, line in read:
+        if len(heights) == 2:
+            low, high = heights
+        elif WALLS[0] in walls:
+            low, high = np.nan, heights[0]
+        else:
+            low, high = heights[0], np.nan
+        for code, end, z in zip(WALLS, ("low", "high"), (low, high), strict=True):
             if np.isnan(z):
                 continue
-            if code in found:
-                what = f"a second wall at {end} z, beside that of fix {found[code].name}"
-                said.refuse(f"{what}, where a network has one", f"type them with {TYPED}")
-            found[code] = Wall(units.length * z, law, name)
-    return found
+            if code in walls:
+                line.refuse(
+                    "second_wall",
+                    f"a second wall at {end} z, beside that of fix {walls[code].name}, where a "
+                    "network has one",
+                    remedy=f"type them with {TYPED_WALL}",
+                )
+            walls[code] = Wall(units.length * z, law, name)
+    return walls
 
 
-def packing_of(
-    frame: Frame, units: Units, walls: Mapping[int, float], *, typed: bool, body: str = ""
+def _read_wall(
+    name: str, words: Sequence[str], read_law: Callable[[Words], WallLaw], planes: int
+) -> _ReadWall:
+    """Return the planes and the law of one fix; raise InputError for a wall of another kind."""
+    is_typed = name == TYPED_WALL
+    place = name if is_typed else f"fix {name} wall/gran"
+    line = Words(words, place, f"only walls zplane are known; type them with {TYPED_WALL}")
+    for other in OTHER_WALLS:
+        if other in line:
+            problem = f"{other} is not known, a network has walls at low and high z"
+            remedy = "turn the packing, or make the other axes periodic"
+            line.refuse("other_wall", problem, remedy=remedy)
+    if "wiggle" in line:
+        problem = "it wiggles, and where it was at a step is not told"
+        line.refuse("moving_wall", problem, remedy=f"type where ({TYPED_WALL})")
+    if "zplane" not in line:
+        line.refuse("other_wall", "no zplane in it")
+    heights = line.numbers_after("zplane", 2 if is_typed else planes, null=True)
+    return _ReadWall(heights, read_law(line), name, line)
+
+
+def read_packing(
+    frame: Frame, units: Units, walls: Mapping[int, float], *, needs_type: bool, body: str = ""
 ) -> Packing:
-    """The spheres of a dump, in the order of their numbers, in the cell of its box.
+    """Return the spheres of a dump, in the order of their numbers, in the cell of its box.
 
-    `walls` have their z, m, by their codes; `typed` if the law asks for types, else spheres without
-    a type are of one; `body` is the column with the numbers of rigid bodies, if there are any.
+    Parameters
+    ----------
+    frame : Frame
+        The dump.
+    units : Units
+        Its units.
+    walls : mapping
+        z of the walls, m, by their codes.
+    needs_type : bool
+        Whether the law depends on types. Otherwise spheres without types are of type 1.
+    body : str
+        Column with the numbers of rigid bodies; empty if there are none.
     """
     rows = frame.rows
-    for name in filter(rows.has, SHAPED):
-        what = f"the column {name} tells of bodies that are no spheres, which are not known"
-        fault(rows.path, what, "dump spheres, without it", rows.line - 1, name)
-
-    places, (size, heavy) = (
-        [next(filter(rows.has, names), names[0]) for names in kinds] for kinds in COLUMNS
-    )
-    further = {"kind": "type"} if typed or rows.has("type") else {}
-    further |= {"body": body} if body else {}
-    names = ("id", *places, size, heavy, *further.values())
+    _refuse_shapes(rows)
+    places = [_choose_column(rows, names) for names in PLACE_COLUMNS]
+    size = _choose_column(rows, SIZE_COLUMNS)
+    mass_column = _choose_column(rows, MASS_COLUMNS)
+    names = ["id", *places, size, mass_column]
+    if needs_type or rows.has("type"):
+        names.append("type")
+    if body:
+        names.append(body)
     rows.require(names, f"add it to the dump: dump ... custom N FILE {' '.join(names)}")
     table = rows.read(*names)
-    position, digits = table[:, 1:4], rows.digits(*places)
-    radius, mass = table[:, 4] * (0.5 if size == "diameter" else 1.0), table[:, 5]
-    if heavy == "density":
+    position = table[:, 1:4]
+    digits = rows.count_digits(*places)
+    radius = table[:, 4] * (0.5 if size == "diameter" else 1.0)
+    mass = table[:, 5]
+    if mass_column == "density":
         mass = mass * 4 / 3 * np.pi * radius**3
-    step = last_step(position, digits)
+    step = last_digit_unit(position, digits)
     if "xs" in places:
-        extent = frame.high - frame.low
+        extent = frame.head.high - frame.head.low
         # Rounded bounds stretch all distances, of which one diameter counts in an overlap.
-        stretch = float((frame.rounding / extent).max()) * 2 * float(radius.max(initial=0.0))
+        largest_diameter = 2 * float(radius.max(initial=0.0))
+        stretch = float((frame.head.rounding / extent).max()) * largest_diameter
         step = max(step * float(extent.max()), stretch)
-        position = frame.low + position * extent
+        position = frame.head.low + position * extent
     # Radii count in overlaps as positions do; those that few digits hold are exact.
-    radius_digits = rows.digits(size)
-    if radius_digits in ROUNDED and last_step(radius, radius_digits) > step:
-        step = last_step(radius, radius_digits)
+    radius_digits = rows.count_digits(size)
+    if radius_digits in ROUNDED_DIGITS and last_digit_unit(radius, radius_digits) > step:
+        step = last_digit_unit(radius, radius_digits)
         digits = min(digits, radius_digits)
-    columns: dict[str, Array] = {"position": position, "radius": radius, "mass": mass}
-    columns["number"] = table[:, 0]
-    if "kind" not in further:
-        columns["kind"] = np.full(len(table), ONLY_TYPE)
-    for k, (name, column) in enumerate(further.items(), 6):
-        columns[name] = rows.whole(table[:, k], column)
-    source, receiver = (walls.get(code, np.nan) for code in WALLS)
-    low, high = units.length * frame.low, units.length * frame.high
-    rounding = units.length * frame.rounding
-    cell = Cell(low, high, frame.periodic, (source, receiver), rounding)
-    return Packing.of(rows, cell, units, columns, digits, step)
+    kind = np.full(len(table), ONLY_TYPE)
+    if "type" in names:
+        kind = rows.to_integers(table[:, names.index("type")], "type")
+    bodies = None
+    if body:
+        bodies = rows.to_integers(table[:, names.index(body)], body)
+    columns = SphereColumns(table[:, 0], position, radius, mass, kind, bodies)
+    cell = Cell(
+        units.length * frame.head.low,
+        units.length * frame.head.high,
+        frame.head.periodic,
+        (walls.get(WALLS[0], np.nan), walls.get(WALLS[1], np.nan)),
+        units.length * frame.head.rounding,
+    )
+    return Packing.from_columns(rows, cell, units, columns, digits, step)
 
 
-class Told(NamedTuple):
-    """Contacts of a dump: their rows, ends (m,), and columns (m, k) by what they are."""
+def _refuse_shapes(rows: Rows) -> None:
+    """Raise InputError for columns of bodies that are no spheres."""
+    for name in SHAPE_COLUMNS:
+        if rows.has(name):
+            refuse(
+                rows.path,
+                "no_spheres",
+                f"the column {name} tells of bodies that are no spheres",
+                "these are not known",
+                "dump spheres, without it",
+                line=rows.line - 1,
+                column=name,
+            )
+
+
+def _choose_column(rows: Rows, names: Sequence[str]) -> str:
+    """Return the first of these columns that a dump has; the first one if it has none."""
+    for name in names:
+        if rows.has(name):
+            return name
+    return names[0]
+
+
+class DumpedContacts(NamedTuple):
+    """Contacts of a dump: their rows, ends (m,), and columns (m, k) by the name of the quantity."""
 
     rows: Rows
     i: Ints
@@ -313,36 +437,58 @@ class Told(NamedTuple):
     values: dict[str, Floats]
 
 
-def told_contacts(
+def read_contacts(
     path: str | Path, frame: Frame, packing: Packing, script: Script, ends: tuple[str, str]
-) -> Told:
-    """What a dump tells of contacts of spheres: those `QUANTITIES` whose columns are all there.
+) -> DumpedContacts:
+    """Return the contacts of spheres in a dump, with all `QUANTITIES` that it has.
 
-    The columns of the `ends` must be there. `frame` is that of the spheres; the computes of the log
-    say what their columns mean, by their IDs, or the recipe of so many columns.
+    `frame` is that of the spheres, `ends` are the names of the columns of the two ends. The
+    computes of the log, or the recipe with as many columns, say what the columns mean. Raises
+    InputError if the ends or all forces are missing.
     """
-    rows = frame_of(path, "ENTRIES", frame.step).rows
+    rows = read_frame(path, "ENTRIES", frame.head.step).rows
+    columns = _name_columns(rows, script)
+    rows.require(ends, "let its compute line write it", columns)
+    wanted = {**QUANTITIES, "ends": ends}
+    groups = {}
+    for quantity, names in wanted.items():
+        groups[quantity] = [columns.get(name, name) for name in names]
+    values = rows.read_groups(groups)
+    if not values.keys() & FORCES:
+        problem = "no column tells the forces"
+        remedy = "let a compute line write them"
+        refuse(path, "no_forces", problem, remedy=remedy, line=rows.line - 1)
+    i, j = find_ends(rows, packing.number, values["ends"].T, groups["ends"])
+    return DumpedContacts(rows, i, j, values)
+
+
+def _name_columns(rows: Rows, script: Script) -> dict[str, str]:
+    """Return the column of a dump that has each named value.
+
+    Raises InputError for columns c_ID[k] whose meaning is not known.
+    """
     columns: dict[str, str] = {}
-    groups: dict[str, dict[int, str]] = {}
+    computed: dict[str, dict[int, str]] = {}
     for column in rows.columns:
         indexed = re.fullmatch(r"c_(\w+)(?:\[(\d+)\])?", column)
         if indexed:
-            groups.setdefault(indexed[1], {})[int(indexed[2] or 1)] = column
+            computed.setdefault(indexed[1], {})[int(indexed[2] or 1)] = column
         else:
             columns[column] = column
-    for name, members in groups.items():
+    for name, members in computed.items():
         words = script.computes.get(name) or RECIPES.get(len(members))
         if words is None:
-            what = f"what the {len(members)} columns of c_{name} mean stands in a compute line"
-            do = "give the log that has it (--log)"
-            fault(path, what, do, rows.line - 1, next(iter(members.values())))
+            refuse(
+                rows.path,
+                "unknown_column",
+                f"what the {len(members)} columns of c_{name} mean stands in a compute line",
+                remedy="give the log that has it (--log)",
+                line=rows.line - 1,
+                column=next(iter(members.values())),
+            )
         if name not in script.computes:
             script.remarks.append(f"columns of c_{name} are taken for {' '.join(words)}")
-        columns |= {words[k - 1]: column for k, column in members.items() if k <= len(words)}
-    rows.require(ends, "let its compute line write it", columns)
-    sought = QUANTITIES | {"ends": ends}
-    named = {what: [columns.get(n, n) for n in names] for what, names in sought.items()}
-    values = rows.parts(named)
-    if not values.keys() & {"force", "whole", "parts"}:
-        fault(path, "no column tells the forces", "let a compute line write them", rows.line - 1)
-    return Told(rows, *ends_of(rows, packing.number, values["ends"].T, named["ends"]), values)
+        for k, column in members.items():
+            if k <= len(words):
+                columns[words[k - 1]] = column
+    return columns

@@ -1,18 +1,19 @@
-"""Groups of atoms that a script of LAMMPS or LIGGGHTS defines: who may be in which.
+"""Groups of atoms that a script of LAMMPS or LIGGGHTS defines, and which atoms may be in them.
 
-A log tells how groups are made of each other, of types and numbers, and how many atoms each has,
-but not who is in a region. So groups are sets of *possible atoms*: a possible atom is one
-combination of answers to the questions that tell groups apart (is it of type 2, is it in the
-region slab, was it inserted later). Each new question doubles them. Questions about types and
-numbers are answered by the dump, which leaves the combinations that some atom has; a printed count
-of none or of all atoms leaves out more. What holds for all possible atoms holds for all atoms,
-whoever is in the regions: a group and its complement cover all.
+A log shows how groups are made of each other, of types and of numbers, and how many atoms each has,
+but not which atoms are in a region. So groups are sets of *possible atoms*. A possible atom is one
+combination of answers to the questions that distinguish the groups: is the atom of type 2, is it in
+the region slab, was it inserted later. Each new question doubles the possible atoms. The dump
+answers questions about types and numbers, which leaves the combinations that some atom has; a
+printed count of none or of all atoms excludes more. What holds for all possible atoms holds for all
+atoms, whichever are in the regions: a group and its complement contain all.
 """
 
 from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,13 +21,13 @@ from modal.tools.arrays import Bools, Ints
 from modal.tools.errors import InputError
 
 MAX_QUESTIONS = 16
-"""Possible atoms are two to this power at most."""
+"""Most questions about atoms: there are two to this power possible atoms at most."""
 COLUMNS = {"type": "type", "id": "id", "molecule": "mol"}
-"""Styles of `group` whose question a column of the dump answers."""
-MADE_OF_OTHERS = ("union", "subtract", "intersect")
-"""Styles whose words are names of groups."""
+"""Columns of a dump that answer the questions of these styles of `group`."""
+COMBINING_STYLES = ("union", "subtract", "intersect")
+"""Styles of `group` whose words are names of groups."""
 CREATING = {"read_data", "read_restart", "create_atoms", "Created"}
-"""First words of lines of a log that make atoms at once, or say so."""
+"""First words of lines of a log that create atoms at once, or report it."""
 COMPARISONS: Mapping[str, Callable[[Ints, int], Bools]] = {
     "<": operator.lt,
     ">": operator.gt,
@@ -37,10 +38,18 @@ COMPARISONS: Mapping[str, Callable[[Ints, int], Bools]] = {
 }
 
 
+class Answer(NamedTuple):
+    """An answered question: which possible atoms say yes, and which atoms (n,) of the dump do."""
+
+    of_possible_atoms: Bools
+    of_atoms: Bools
+
+
 class Groups:
     """The groups after the commands of a log, as sets of possible atoms.
 
-    `columns` (n,) are those of the dump, by their names: id, type, mol, as far as they are there.
+    `columns` (n,) are those of the dump by their names, id, type, mol, as far as it has them;
+    `count` is its number of atoms.
     """
 
     def __init__(self, columns: Mapping[str, Ints], count: int) -> None:
@@ -48,93 +57,95 @@ class Groups:
         self.count = count
         self.possible: Bools = np.ones(1, bool)
         self.members: dict[str, Bools] = {}
-        self.answers: dict[str, tuple[Bools, Bools]] = {}  # of possible atoms, of the dump's
+        self.answers: dict[str, Answer] = {}
         self.later: list[Bools] = []  # possible atoms that came by one command or fix each
         self.growing: set[str] = set()
         self.questions = 0
 
     @classmethod
-    def of_history(
+    def from_history(
         cls,
         history: Sequence[Sequence[str]],
         columns: Mapping[str, Ints],
         count: int,
         names: Iterable[str],
     ) -> Groups:
-        """Return the groups after the commands and printed counts of a log, in their order.
+        """Return the groups with these names after the lines of a history.
 
-        Of these `names`, and those that they are made of.
+        Raises InputError if the groups depend on too many regions and types.
         """
         groups = cls(columns, count)
-        relevant = _with_parts(history, names)
+        relevant = _find_parts(history, names)
         for words in history:
             if words[0] != "group" or words[1] in relevant:
                 groups._follow(words)
-        if groups.later and not {words[0] for words in history} & CREATING:
+        creates_at_once = any(words[0] in CREATING for words in history)
+        if groups.later and not creates_at_once:
             # All atoms were inserted.
             groups.possible &= np.logical_or.reduce(groups.later)
         return groups
 
-    def of(self, name: str) -> Bools:
-        """Return the possible atoms of a group; of one that the log does not define, anybody."""
+    def possible_members(self, name: str) -> Bools:
+        """Return the possible atoms in a group; any atom may be in a group without definition."""
         if name == "all":
             return np.ones(len(self.possible), bool)
         if name not in self.members:
-            self.members[name] = self._ask()
+            self.members[name] = self._add_question()
         return self.members[name]
 
-    def inhabited(self, chosen: Bools) -> bool:
-        """Whether an atom of the dump may be one of these possible atoms."""
+    def may_contain_atoms(self, chosen: Bools) -> bool:
+        """Tell whether an atom of the dump may be one of these possible atoms."""
         likely = chosen & self.possible
         key_of_likely = np.zeros(int(likely.sum()), int)
         key_of_atom = np.zeros(self.count, int)
-        for k, (possible_answer, answer) in enumerate(self.answers.values()):
-            key_of_likely += possible_answer[likely].astype(int) << k
-            key_of_atom += answer.astype(int) << k
+        for k, answer in enumerate(self.answers.values()):
+            key_of_likely += answer.of_possible_atoms[likely].astype(int) << k
+            key_of_atom += answer.of_atoms.astype(int) << k
         return bool(np.isin(key_of_likely, key_of_atom).any())
 
-    def _ask(self) -> Bools:
+    def _add_question(self) -> Bools:
         """Double the possible atoms by a question; return those that say yes."""
         if self.questions >= MAX_QUESTIONS:
             raise InputError(
                 "held_bodies",
-                f"the groups of the script hang on more than {MAX_QUESTIONS} regions and types, "
-                "so that nobody knows which spheres it holds",
-                remedy="let it move all of them alike",
+                f"the groups of the script depend on more than {MAX_QUESTIONS} regions and types",
+                "which spheres it holds cannot be determined",
+                "let it move all of them alike",
             )
         self.questions += 1
         size = len(self.possible)
-
-        def twice(flags: Bools) -> Bools:
-            return np.concatenate([flags, flags])
-
-        self.possible = twice(self.possible)
-        self.members = {name: twice(flags) for name, flags in self.members.items()}
-        self.later = [twice(flags) for flags in self.later]
-        self.answers = {name: (twice(flags), own) for name, (flags, own) in self.answers.items()}
+        self.possible = _double(self.possible)
+        self.members = {name: _double(flags) for name, flags in self.members.items()}
+        self.later = [_double(flags) for flags in self.later]
+        for name, answer in self.answers.items():
+            doubled = _double(answer.of_possible_atoms)
+            self.answers[name] = answer._replace(of_possible_atoms=doubled)
         return np.arange(2 * size) >= size
 
     def _follow(self, words: Sequence[str]) -> None:
-        """Do what a command does to groups, or hear what is printed of them."""
+        """Apply a command to the groups, or take note of a printed count."""
         match words:
             case ["group", name, style, *rest]:
                 self._define(name, style, rest)
             case [number, "atoms", "in", "group", name] if number.isdigit():
-                self._count(name, int(number))
+                self._apply_count(name, int(number))
             case ["read_data" | "create_atoms" | "read_dump", *rest] if self.members:
-                joins = rest[rest.index("group") + 1 :][:1] if "group" in rest else []
-                self._add(joins)
+                joined_groups = []
+                if "group" in rest:
+                    first = rest.index("group") + 1
+                    joined_groups = rest[first : first + 1]
+                self._add_atoms(joined_groups)
             case ["fix", name, group, *_]:
-                self._add([group])
+                self._add_atoms([group])
                 self.growing.add(name)
             case ["unfix", name]:
                 self.growing.discard(name)
 
-    def _add(self, groups: Sequence[str]) -> None:
-        """Add atoms that were in no group before, and are in these from now on."""
+    def _add_atoms(self, groups: Sequence[str]) -> None:
+        """Add atoms that were in no group before, and are in these groups from now on."""
         for group in groups:
-            self.of(group)
-        later = self._ask()
+            self.possible_members(group)
+        later = self._add_question()
         self.possible |= later
         for others in self.later:
             self.possible &= ~(later & others)
@@ -145,38 +156,49 @@ class Groups:
         self.later.append(later)
 
     def _define(self, name: str, style: str, words: Sequence[str]) -> None:
-        """Add to a group whom a command of this style adds."""
-        if style in ("delete", "clear"):
-            self.members.pop(name, None)
-            self.answers.pop(name, None)
-            if style == "clear":
+        """Apply a `group` command of this style."""
+        match style:
+            case "delete":
+                self.members.pop(name, None)
+                self.answers.pop(name, None)
+            case "clear":
+                self.answers.pop(name, None)
                 self.members[name] = np.zeros(len(self.possible), bool)
-            return
-        if style == "static":
-            return
-        if style in MADE_OF_OTHERS:
-            for each in words:
-                self.of(each)  # new questions double all, so they are asked first
-            parts = [self.of(each) for each in words]
-            joint = {"union": np.logical_or, "intersect": np.logical_and}
-            if style == "subtract":
-                chosen = parts[0] & ~np.logical_or.reduce([*parts[1:], ~parts[0]])
-            else:
-                chosen = joint[style].reduce(parts)
-        elif style == "empty":
-            chosen = np.zeros(len(self.possible), bool)
-        else:
-            chosen = self._ask()
-            answer = self._answer(style, words)
-            if answer is not None and name not in self.members:
-                self.answers[name] = chosen, answer
-        before = self.members.get(name, np.zeros(len(self.possible), bool))
-        self.members[name] = before | chosen
+            case "static":
+                return
+            case "empty":
+                self._add_members(name, np.zeros(len(self.possible), bool))
+            case "union" | "subtract" | "intersect":
+                self._add_members(name, self._combine(style, words))
+            case _:
+                chosen = self._add_question()
+                of_atoms = self._answer(style, words)
+                if of_atoms is not None and name not in self.members:
+                    self.answers[name] = Answer(chosen, of_atoms)
+                self._add_members(name, chosen)
+
+    def _add_members(self, name: str, chosen: Bools) -> None:
+        """Add possible atoms to a group, which is new or has members already."""
+        if name in self.members:
+            chosen = self.members[name] | chosen
+        self.members[name] = chosen
+
+    def _combine(self, style: str, names: Sequence[str]) -> Bools:
+        """Return the union, the difference or the intersection of groups."""
+        for name in names:
+            self.possible_members(name)  # new questions double all, so they come first
+        parts = [self.possible_members(name) for name in names]
+        if style == "union":
+            return np.logical_or.reduce(parts)
+        if style == "intersect":
+            return np.logical_and.reduce(parts)
+        subtracted = np.logical_or.reduce([*parts[1:], ~parts[0]])
+        return parts[0] & ~subtracted
 
     def _answer(self, style: str, words: Sequence[str]) -> Bools | None:
-        """Return which atoms (n,) of the dump a group by type or number has, if that is known.
+        """Return which atoms (n,) of the dump are in a group by type or number; None if unknown.
 
-        While atoms are inserted nobody knows which of them were there.
+        While atoms are inserted it is unknown which of them were there.
         """
         column = self.columns.get(COLUMNS.get(style, ""))
         if column is None or self.growing or not words:
@@ -188,19 +210,16 @@ class Groups:
                 return (column >= int(words[1])) & (column <= int(words[2]))
             chosen = np.zeros(len(column), bool)
             for word in words:
-                first, last, every = ([int(n) for n in word.split(":")] + [0, 0])[:3]
-                last = max(first, last)
-                inside = (column >= first) & (column <= last)
-                chosen |= inside & ((column - first) % max(every, 1) == 0)
+                chosen |= _is_in_range(column, word)
         except (ValueError, IndexError):
             return None
         return chosen
 
-    def _count(self, name: str, number: int) -> None:
-        """Leave out possible atoms that a printed number of none or of all atoms excludes."""
+    def _apply_count(self, name: str, number: int) -> None:
+        """Exclude possible atoms by a printed number of atoms that is none or all of them."""
         if name not in self.members:
             return
-        if name in self.answers and number != self.answers[name][1].sum():
+        if name in self.answers and number != self.answers[name].of_atoms.sum():
             del self.answers[name]  # types have changed, or atoms have come or gone
         if number == 0:
             self.possible &= ~self.members[name]
@@ -208,13 +227,30 @@ class Groups:
             self.possible &= self.members[name]
 
 
-def _with_parts(history: Sequence[Sequence[str]], names: Iterable[str]) -> set[str]:
-    """Return these groups and all that they are made of."""
+def _double(flags: Bools) -> Bools:
+    """Return the flags of possible atoms for both answers to a new question."""
+    return np.concatenate([flags, flags])
+
+
+def _is_in_range(column: Ints, word: str) -> Bools:
+    """Tell which numbers (n,) are in a range FIRST, FIRST:LAST or FIRST:LAST:STEP.
+
+    Raises ValueError if the word is no range.
+    """
+    numbers = [int(number) for number in word.split(":")]
+    first, last, step = (numbers + [0, 0])[:3]
+    last = max(first, last)
+    step = max(step, 1)
+    return (column >= first) & (column <= last) & ((column - first) % step == 0)
+
+
+def _find_parts(history: Sequence[Sequence[str]], names: Iterable[str]) -> set[str]:
+    """Return these groups and all groups that they are made of."""
     relevant = set(names)
     size = 0
     while len(relevant) > size:
         size = len(relevant)
         for words in history:
-            if words[0] == "group" and words[1] in relevant and words[2] in MADE_OF_OTHERS:
+            if words[0] == "group" and words[1] in relevant and words[2] in COMBINING_STYLES:
                 relevant |= set(words[3:])
     return relevant

@@ -1,62 +1,87 @@
 """HDF5 files that are no packing: this project's other products, and other programs' files."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import h5py
 
-from modal.exchange.text import fault, shown
+from modal.exchange.text import quote, refuse
 from modal.formats.hdf5 import complete, open_h5
 from modal.formats.provenance import NETWORK_SCHEMA
 
 SAMPLE_SCHEMA = "granular-sample"
-WITH_ITS_PACKING = "give the packing that it is of"
-WATCHED = "`python -m analysis watch` or `granular-modes export` with the packing shows it"
-BESIDE = "`python -m analysis measure` uses it where it lies beside its packing, under its name"
+GIVE_PACKING = "give the packing that it is of"
+WATCH = "`python -m analysis watch` or `granular-modes export` with the packing shows it"
+KEEP_BESIDE_PACKING = (
+    "`python -m analysis measure` uses it where it lies beside its packing, under its name"
+)
+
+
+class OtherProduct(NamedTuple):
+    """A product that is no packing: what it is, and the command that takes it."""
+
+    description: str
+    use: str
+
+
 PRODUCTS = {
-    "granular-wave-signals": (
-        "a record of a wave",
-        f"`python -m analysis measure PACKING RECORD` measures it, {WATCHED}",
+    "granular-wave-signals": OtherProduct(
+        "a record of a wave", f"`python -m analysis measure PACKING RECORD` measures it, {WATCH}"
     ),
-    "granular-plane-wave": ("an early record of a wave from a plane", "`export` shows it"),
-    "granular-modes": ("a list of modes", WATCHED),
-    "granular-density-of-states": ("a density of states", BESIDE),
-    "granular-structure-factor": ("a structure factor", BESIDE),
-    "granular-moduli": ("elastic moduli", BESIDE),
-    "granular-frequency-response": ("a frequency response", BESIDE),
+    "granular-plane-wave": OtherProduct(
+        "an early record of a wave from a plane", "`export` shows it"
+    ),
+    "granular-modes": OtherProduct("a list of modes", WATCH),
+    "granular-density-of-states": OtherProduct("a density of states", KEEP_BESIDE_PACKING),
+    "granular-structure-factor": OtherProduct("a structure factor", KEEP_BESIDE_PACKING),
+    "granular-moduli": OtherProduct("elastic moduli", KEEP_BESIDE_PACKING),
+    "granular-frequency-response": OtherProduct("a frequency response", KEEP_BESIDE_PACKING),
 }
-"""Products that are no packing, by their schema: what each is, and what takes it."""
-NEEDED = (
+"""Products that are no packing, by their schema."""
+NETWORK_DATASETS = (
     "particles/position, radius, mass, inertia, contacts/particle_i, particle_j, normal, lever_i, "
     "lever_j, stiffness_normal, stiffness_tangential, cell/size, cell/periodic, walls/position"
 )
-"""Datasets of a network."""
-GROUPS_SHOWN = 6
+"""Datasets that a network needs, for a message."""
+MAX_LISTED_GROUPS = 6
+"""Most groups of a foreign file that a message lists."""
 
 
 def refuse_other_hdf5(path: Path) -> None:
-    """Raise InputError, which says what it is, for an HDF5 file that is no network."""
+    """Raise InputError, which says what the file is, for an HDF5 file that is no network."""
     with open_h5(path) as file, complete(path):
         schema = file.attrs.get("schema")
         groups = list(file)
-        in_motion = isinstance(file.get("particles"), h5py.Group) and (
-            "velocity" in file["particles"]
+        particles = file.get("particles")
+        in_motion = isinstance(particles, h5py.Group) and "velocity" in particles
+    if isinstance(schema, bytes):
+        schema = schema.decode(errors="replace")
+    if not isinstance(schema, str):
+        schema = ""
+    if schema in PRODUCTS:
+        product = PRODUCTS[schema]
+        problem = f"{product.description}, not a packing"
+        refuse(path, "other_product", problem, remedy=f"{GIVE_PACKING}; {product.use}")
+    if schema == SAMPLE_SCHEMA and in_motion:
+        refuse(
+            path,
+            "other_product",
+            "a checkpoint of spheres in motion, not a network",
+            remedy="the command that wrote it, `pack ... -o`, goes on from it when it is typed "
+            "again",
         )
-    schema = schema.decode(errors="replace") if isinstance(schema, bytes) else schema
-    if isinstance(schema, str) and schema in PRODUCTS:
-        what, do = PRODUCTS[schema]
-        fault(path, f"{what}, not a packing", f"{WITH_ITS_PACKING}; {do}", code="other_product")
-    if isinstance(schema, str) and schema == SAMPLE_SCHEMA:
-        what, do = "a sample", "let its name end in .sample.h5"
-        if in_motion:
-            what = "a checkpoint of spheres in motion"
-            do = "the command that wrote it, `pack ... -o`, goes on from it when it is typed again"
-        fault(path, f"{what}, not a network", do, code="other_product")
-    of_a_network = schema == NETWORK_SCHEMA if isinstance(schema, str) else False
-    if of_a_network or {"particles", "contacts"} <= set(groups):
+    if schema == SAMPLE_SCHEMA:
+        problem = "a sample, not a network"
+        refuse(path, "other_product", problem, remedy="let its name end in .sample.h5")
+    if schema == NETWORK_SCHEMA or {"particles", "contacts"} <= set(groups):
         return
-    names = ", ".join(shown(name) for name in groups[:GROUPS_SHOWN]) or "nothing"
-    if len(groups) > GROUPS_SHOWN:
-        names += ", ..."
-    what = f"an HDF5 file of another program, with {names} in it"
-    do = f"write what a network needs ({NEEDED}; docs/formats.md), or two tables (*.csv)"
-    fault(path, what, do, code="foreign_hdf5")
+    listed = ", ".join(quote(name) for name in groups[:MAX_LISTED_GROUPS]) or "nothing"
+    if len(groups) > MAX_LISTED_GROUPS:
+        listed += ", ..."
+    refuse(
+        path,
+        "foreign_hdf5",
+        f"an HDF5 file of another program, with {listed} in it",
+        remedy=f"write what a network needs ({NETWORK_DATASETS}; docs/formats.md), or two tables "
+        "(*.csv)",
+    )

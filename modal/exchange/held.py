@@ -1,210 +1,249 @@
 """Which spheres a script of LAMMPS or LIGGGHTS does not let move freely at the step of a dump.
 
-A network has spheres that move and turn freely. A script tells otherwise in two ways: by fixes that
-hold (setforce, freeze, move, ...), and by integrating a part of the spheres alone (`fix ID GROUP
-nve/sphere`), or all without their rotations (`fix nve`).
+The spheres of a network move and turn freely. A script may differ from that in two ways: by fixes
+that hold spheres (setforce, freeze, move, ...), and by integrating only some of the spheres (`fix
+ID GROUP nve/sphere`), or all without their rotations (`fix nve`).
 
-What counts is the run that wrote the dump. Its holding fixes count as they are. Who is integrated
-is asked of the last run, up to there, that integrates anybody: scripts often end with the fix taken
-away and `run 0`, which moves nobody and says nothing, as does a script that only reads a state and
-dumps it. Nor does a `run 0` with rigid bodies alone.
+The run that wrote the dump decides. Its holding fixes count as they are. Which spheres are
+integrated is read from the last run, up to this one, that integrates any: scripts often end with
+the fix removed and `run 0`, which moves nothing and shows nothing, as does a script that only reads
+a state and dumps it. A `run 0` with rigid bodies alone shows nothing either.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from modal.exchange.groups import Groups
+from modal.exchange.text import Refusal
 from modal.tools.arrays import Ints
-from modal.tools.errors import InputError
 
 ACCELERATED = re.compile("/(omp|kk|kk/host|kk/device|intel|opt|gpu)$")
-"""Ends of styles that do the same as those without."""
+"""Ends of styles that do the same as the styles without them."""
 INTEGRATING = re.compile(r"(nve|nvt|npt|nph|nvk|brownian)(/.*)?")
-"""Fixes that move atoms by the forces on them; `TURNING` ones turn them, too."""
+"""Fixes that move atoms by the forces on them."""
 TURNING = {"sphere", "asphere", "body", "superquadric", "nonspherical"}
+"""Parts of the names of integrating fixes that also turn atoms by the torques on them."""
 NOT_FREE = ("nve/noforce", "nve/manifold/rattle")
-"""Fixes named like those, which do not move atoms freely."""
+"""Fixes with the name of an integrating one that do not move atoms freely."""
+REASON = "only packings whose spheres all move freely are known"
 REMEDY = (
-    "only packings whose spheres all move freely are known: let fix ID all nve/sphere move them, "
-    "unfix what holds some, and dump again, or type --pair and --wall in place of --log, which "
-    "takes all as free"
+    "let fix ID all nve/sphere move them, unfix what holds some, and dump again, or type --pair "
+    "and --wall in place of --log, which takes all as free"
 )
 
 
 class Fix(NamedTuple):
-    """A fix: its group, its style without an accelerated variant, its words, its place in a log."""
+    """A fix of a script.
+
+    group: its group. style: its style without an accelerated variant. words: its words after the
+    style. place: file and line, for messages.
+    """
 
     group: str
     style: str
     words: tuple[str, ...]
-    where: str
+    place: str
 
     @property
-    def rigid(self) -> bool:
-        """Whether it moves rigid bodies."""
+    def is_rigid(self) -> bool:
+        """Tell whether it moves rigid bodies."""
         return self.style.split("/")[0] == "rigid"
 
     @property
     def integrates(self) -> bool:
-        """Whether it moves single atoms by their forces."""
+        """Tell whether it moves single atoms by the forces on them."""
         return INTEGRATING.fullmatch(self.style) is not None and self.style not in NOT_FREE
 
     @property
     def turns(self) -> bool:
-        """Whether it turns what it moves."""
-        return self.rigid or not TURNING.isdisjoint(self.style.split("/"))
+        """Tell whether it turns what it moves."""
+        return self.is_rigid or not TURNING.isdisjoint(self.style.split("/"))
 
 
 @dataclass
 class Run:
-    """One run: the fixes while it went on, its steps that were printed, whether it could dump.
+    """One run of a script.
 
-    `length` is its number of steps, as far as that is said; `over` whether it came to its end.
+    Attributes
+    ----------
+    fixes : mapping
+        The fixes during the run, by their IDs.
+    dumps : bool
+        Whether the script could write a dump during the run.
+    length : int
+        Number of steps, 0 if it is not known.
+    steps : list of int
+        Steps that were printed.
+    is_over : bool
+        Whether the run came to its end.
     """
 
     fixes: Mapping[str, Fix]
     dumps: bool
     length: int
     steps: list[int] = field(default_factory=list)
-    over: bool = False
+    is_over: bool = False
 
-    def has(self, step: int) -> bool:
-        """Whether it went through a step, as far as steps were printed."""
+    def includes(self, step: int) -> bool:
+        """Tell whether the run went through a step, as far as steps were printed."""
         if not self.steps:
             return False
-        return self.steps[0] <= step and (step <= self.steps[-1] or not self.over)
+        return self.steps[0] <= step and (step <= self.steps[-1] or not self.is_over)
 
     @property
-    def informs(self) -> bool:
-        """Whether it tells who is integrated."""
+    def shows_integration(self) -> bool:
+        """Tell whether the run shows which atoms the script integrates."""
         if any(fix.integrates for fix in self.fixes.values()):
             return True
-        return self.length > 0 and any(fix.rigid for fix in self.fixes.values())
+        return self.length > 0 and any(fix.is_rigid for fix in self.fixes.values())
 
 
-def _some_component(words: Sequence[str]) -> bool:
-    return any(word.upper() != "NULL" for word in words[:3])
+class Hold(NamedTuple):
+    """How a fix holds spheres: a description of them, and whether NULL components are left free."""
+
+    description: str
+    by_component: bool = False
 
 
-def _always(words: Sequence[str]) -> bool:
-    return True
-
-
-HOLDING: Mapping[str, tuple[str, Callable[[Sequence[str]], bool]]] = {
-    "freeze": ("frozen spheres", _always),
-    "setforce": ("spheres whose forces it sets", _some_component),
-    "aveforce": ("spheres that it gives one force", _some_component),
-    "move": ("spheres that it moves itself", _always),
-    "spring": ("spheres that it ties to a point or to others", _always),
-    "spring/self": ("spheres that it ties to their places", _always),
-    "spring/rg": ("spheres that it ties to others", _always),
-    "smd": ("spheres that it ties to a point or to others", _always),
-    "drag": ("spheres that it pulls to a point", _always),
-    "enforce2d": ("spheres that it keeps in a plane", _always),
-    "planeforce": ("spheres that it keeps in a plane", _always),
-    "lineforce": ("spheres that it keeps on a line", _always),
-    "manifoldforce": ("spheres that it keeps on a surface", _always),
-    "nve/manifold/rattle": ("spheres that it keeps on a surface", _always),
-    "shake": ("spheres whose distances it keeps", _always),
-    "rattle": ("spheres whose distances it keeps", _always),
+HOLDING: Mapping[str, Hold] = {
+    "freeze": Hold("frozen spheres"),
+    "setforce": Hold("spheres whose forces it sets", by_component=True),
+    "aveforce": Hold("spheres that it gives one force", by_component=True),
+    "move": Hold("spheres that it moves itself"),
+    "spring": Hold("spheres that it ties to a point or to others"),
+    "spring/self": Hold("spheres that it ties to their places"),
+    "spring/rg": Hold("spheres that it ties to others"),
+    "smd": Hold("spheres that it ties to a point or to others"),
+    "drag": Hold("spheres that it pulls to a point"),
+    "enforce2d": Hold("spheres that it keeps in a plane"),
+    "planeforce": Hold("spheres that it keeps in a plane"),
+    "lineforce": Hold("spheres that it keeps on a line"),
+    "manifoldforce": Hold("spheres that it keeps on a surface"),
+    "nve/manifold/rattle": Hold("spheres that it keeps on a surface"),
+    "shake": Hold("spheres whose distances it keeps"),
+    "rattle": Hold("spheres whose distances it keeps"),
 }
-"""Fixes that hold atoms: whom, and whether they do with these words."""
+"""Fixes that hold atoms, by their styles."""
 
 
-def _holds(fix: Fix) -> str:
-    """Return whom a fix holds, or nothing."""
+def describe_held_spheres(fix: Fix) -> str:
+    """Return a description of the spheres that a fix holds; empty if it holds none."""
     if fix.style in HOLDING:
-        whom, acts = HOLDING[fix.style]
-        return whom if acts(fix.words) else ""
+        hold = HOLDING[fix.style]
+        components = fix.words[:3]
+        if hold.by_component and all(word.upper() == "NULL" for word in components):
+            return ""
+        return hold.description
     if fix.integrates and "disc" in fix.words:
         return "discs"
-    if fix.rigid and "off" in fix.words:
+    if fix.is_rigid and "off" in fix.words:
         return "bodies that it holds (off)"
     return ""
 
 
-def run_of_dump(runs: Sequence[Run], step: int) -> int:
-    """Return the index of the run that wrote a step, the last one where none is known to.
+def find_run_of_dump(runs: Sequence[Run], step: int) -> int:
+    """Return the index of the run that wrote a step; the last run if none is known to have.
 
-    The last step of one run is the first of the next: the first that could dump has written it,
-    or, where the log shows no dump, the later one.
+    The last step of one run is the first step of the next. The first run that could dump has
+    written it, or, if the log shows no dump, the later run.
     """
-    candidates = [k for k, run in enumerate(runs) if run.has(step)]
+    candidates = [k for k, run in enumerate(runs) if run.includes(step)]
     dumping = [k for k in candidates if runs[k].dumps]
     if dumping:
         return dumping[0]
-    return candidates[-1] if candidates else len(runs) - 1
+    if candidates:
+        return candidates[-1]
+    return len(runs) - 1
 
 
 class Motion(NamedTuple):
-    """What a script says of the motion of its spheres: texts why some do not move, or turn, freely.
+    """How the spheres of a dump move: refusals if some are held, or do not turn freely."""
 
-    Empty where they do.
-    """
+    held: Refusal | None = None
+    unturned: Refusal | None = None
 
-    held: str = ""
-    unturned: str = ""
+    def refuse_held(self) -> None:
+        """Raise InputError if some spheres do not move freely."""
+        if self.held:
+            self.held.raise_error()
 
-    def refuse(self, *, turning_counts: bool) -> None:
-        """Raise InputError where spheres do not move freely, or, if that counts, do not turn."""
-        why = self.held
-        if turning_counts:
-            why = why or self.unturned
-        if why:
-            raise InputError("held_bodies", why)
+    def refuse_unturned(self) -> None:
+        """Raise InputError if some spheres do not turn freely."""
+        if self.unturned:
+            self.unturned.raise_error()
 
 
-def motion_of(
+def find_motion(
     runs: Sequence[Run],
     history: Sequence[Sequence[str]],
     step: int,
     columns: Mapping[str, Ints],
     count: int,
 ) -> Motion:
-    """Return how the spheres of a dump move, by the runs and the groups of a log.
+    """Return how the spheres of a dump move, from the runs and the groups of a log.
 
-    `columns` (n,) are those of the dump that groups ask for: id, type, mol; `count` its spheres.
+    Parameters
+    ----------
+    runs : sequence of Run
+        The runs of the log.
+    history : sequence of words
+        Lines of the log that define groups or create atoms.
+    step : int
+        Step of the dump.
+    columns : mapping
+        Columns (n,) of the dump that groups refer to: id, type, mol.
+    count : int
+        Number of spheres in the dump.
     """
     if not runs:
         return Motion()
-    written = run_of_dump(runs, step)
-    informing = [run for run in runs[: written + 1] if run.informs]
-    holding = {name: fix for name, fix in runs[written].fixes.items() if _holds(fix)}
+    index = find_run_of_dump(runs, step)
+    informing = [run for run in runs[: index + 1] if run.shows_integration]
+    fixes_at_dump = runs[index].fixes
+    holding = {name: fix for name, fix in fixes_at_dump.items() if describe_held_spheres(fix)}
     movers: dict[str, Fix] = {}
     if informing:
-        fixes = informing[-1].fixes.items()
-        movers = {name: fix for name, fix in fixes if fix.integrates or fix.rigid}
+        for name, fix in informing[-1].fixes.items():
+            if fix.integrates or fix.is_rigid:
+                movers[name] = fix
     names = {fix.group for fix in (*holding.values(), *movers.values())} - {"all"}
-    groups = Groups.of_history(history, columns, count, names)
+    groups = Groups.from_history(history, columns, count, names)
     for name in names:
-        groups.of(name)
+        groups.possible_members(name)
     for name, fix in holding.items():
-        if groups.inhabited(groups.of(fix.group)):
-            what = f"fix {fix.style}: {_holds(fix)} (fix {name}, group {fix.group})"
-            return Motion(f"{fix.where}: {what}; {REMEDY}")
+        if groups.may_contain_atoms(groups.possible_members(fix.group)):
+            held = f"{describe_held_spheres(fix)} (fix {name}, group {fix.group})"
+            return Motion(held=_refusal(fix.place, f"fix {fix.style} has {held}"))
     if not movers:
         return Motion()
-    return _coverage(groups, movers)
+    return _check_coverage(groups, movers)
 
 
-def _coverage(groups: Groups, movers: Mapping[str, Fix]) -> Motion:
-    """Return whether fixes that move atoms move, and turn, all of them."""
+def _check_coverage(groups: Groups, movers: Mapping[str, Fix]) -> Motion:
+    """Return whether fixes that move atoms move all of them, and turn all of them."""
     moved = np.zeros_like(groups.possible)
     turned = np.zeros_like(groups.possible)
     for fix in movers.values():
-        moved = moved | groups.of(fix.group)
+        members = groups.possible_members(fix.group)
+        moved = moved | members
         if fix.turns:
-            turned = turned | groups.of(fix.group)
-    where = next(iter(movers.values())).where
-    listed = ", ".join(f"fix {name} {each.group} {each.style}" for name, each in movers.items())
-    if groups.inhabited(~moved):
-        return Motion(f"{where}: {listed} does not move all spheres (as far as is told); {REMEDY}")
-    if groups.inhabited(~turned):
-        return Motion("", f"{where}: {listed} does not turn all spheres; {REMEDY}")
+            turned = turned | members
+    place = next(iter(movers.values())).place
+    listed = ", ".join(f"fix {name} {fix.group} {fix.style}" for name, fix in movers.items())
+    if groups.may_contain_atoms(~moved):
+        problem = f"{listed} does not move all spheres, as far as the log shows"
+        return Motion(held=_refusal(place, problem))
+    if groups.may_contain_atoms(~turned):
+        return Motion(unturned=_refusal(place, f"{listed} does not turn all spheres"))
     return Motion()
+
+
+def _refusal(place: str, problem: str) -> Refusal:
+    """Return the refusal of spheres that are held."""
+    return Refusal(place, "held_bodies", problem, REASON, REMEDY)

@@ -1,19 +1,20 @@
-"""The contact network of a packing that another program tells.
+"""The contact network of a packing that another program has written.
 
-Overlaps come from the positions, or from the forces where these have more to tell; stiffnesses
-follow from the law. Where a law makes them of overlaps, positions must tell these, and how well
-they do is noted in the network (`modal.packing.precision`); where a table tells the stiffnesses,
-positions only turn the normals. What was found is told in `ImportResult`.
+Overlaps come from the positions, or from the forces if these determine them better; stiffnesses
+follow from the law. Where a law computes stiffnesses from overlaps, the positions must determine
+the overlaps, and how well they do is noted in the network (`modal.packing.precision`). Where a
+table has the stiffnesses, positions only determine the normals. What was found is in
+`ImportResult`.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from modal.exchange.law import ProgramLaw
-from modal.exchange.particles_and_contacts import Contacts, LawOf, Packing
-from modal.exchange.text import fault
+from modal.exchange.law import ContactLaws, ProgramLaw
+from modal.exchange.particles_and_contacts import Contacts, Packing, PairLaw
+from modal.exchange.text import refuse
 from modal.formats.hdf5 import named
 from modal.packing.checks import MAX_GAP_IN_SUMS_OF_RADII
 from modal.packing.neighbours import ContactList
@@ -22,26 +23,47 @@ from modal.packing.precision import MAX_OVERLAP_ERROR, NOTED_OVERLAP_ERROR, OVER
 from modal.packing.rigid_bodies import Bodies, joined
 from modal.tools.arrays import Bools, Floats, Ints
 
-BLURRED = 1e-6
-"""Error of an overlap by the digits of positions, over the median overlap, from which overlaps are
-taken from the forces where these are told."""
-CERTAIN = 4.0
-"""Errors of an overlap: contacts that are deeper, or gaps that are wider, are there or not."""
-BLUNT = 5e-3
-"""Angle, rad, by which digits of positions turn the normals of a table, that is refused."""
-EXACT = 0.1
-"""Of the error by digits: if no overlap is larger, positions are those that few digits hold."""
-TYPES = 2**32
-"""More than there are types."""
-UNLIKE = 10.0
-"""Factor between told forces and those of the law, in the mean contact: other units."""
+MAX_RELATIVE_POSITION_ERROR = 1e-6
+"""Error of an overlap by the digits of positions, divided by the median overlap. Beyond it overlaps
+are taken from the forces, if these are known."""
+CERTAIN_IN_ERRORS = 4.0
+"""Contacts that are deeper than this many errors of an overlap are certainly contacts, and gaps
+that are wider are certainly gaps."""
+MAX_NORMAL_ERROR_RAD = 5e-3
+"""Largest angle by which few digits of positions may turn the normals of a table."""
+MIN_OVERLAP_IN_ERRORS = 0.1
+"""If no overlap exceeds this share of the error by digits, the positions are exact in few digits,
+as those of spheres that just touch on a lattice."""
+TYPE_BASE = 2**32
+"""Larger than any type number: packs a pair of types into one integer."""
+MAX_OVERLAP_FACTOR = 10.0
+"""Largest factor between the mean overlap of the forces and that of the positions. Beyond it the
+two are in different units."""
+SMALLEST_NUMBER = 1e-300
+"""A divisor in place of zero."""
+
+OverlapSource = Literal["positions", "forces"]
+"""What overlaps were computed from."""
 
 
 @dataclass
 class ImportResult:
-    """What an import made: the network, the law (m,) of each contact, and what is told of both.
+    """What an import has read and found.
 
-    `sought` says that contacts were sought among the positions, so that none is missing.
+    Attributes
+    ----------
+    network : Network
+        The packing.
+    laws : list of ProgramLaw
+        The different laws of contacts; empty if the file has stiffnesses.
+    law : ndarray (m,)
+        Index of each contact's law among `laws`.
+    told : dict
+        Figures by name: `overlap_over_error_of_digits`, `overlaps_from`, `error_of_overlaps`.
+    remarks : list of str
+        What was assumed where the files do not say it.
+    sought : bool
+        Whether contacts were sought among the positions, so that none is missing.
     """
 
     network: Network
@@ -52,172 +74,282 @@ class ImportResult:
     sought: bool = False
 
 
-def network_of(
-    packing: Packing, contacts: Contacts | None, law_of: LawOf | None, bodies: Bodies | None = None
-) -> ImportResult:
-    """The contact network of a packing; InputError where the digits do not tell the overlaps.
+class _ContactState(NamedTuple):
+    """What the law adds to m contacts: overlap, m, normal force, N, and columns of a network.
 
-    Without `contacts` these are sought; no law is needed where stiffnesses are told. `bodies` are
-    what is told of the rigid ones, if there are any and their members do not tell it.
+    overlap_error: error of the overlaps divided by their median, 0 where it does not matter.
+    sliding (m,): contacts at their limit of friction, or None if shear forces are unknown.
     """
-    listed = contacts or packing.touching()
-    found = packing.between(listed.i, listed.j)
-    kept = _kept(listed, packing, found.overlap)
-    touch, found = listed.some(kept), ContactList(*(x[kept] for x in vars(found).values()))
-    overlap, normal = found.overlap, found.normal
-    reach, effective = packing.reach(touch.i, touch.j)
-    error = float(packing.distance_error(found.cell_shift).max())
-    how, force = "positions", touch.force
-    overlap_error = 0.0
-    columns: dict[str, Any] = dict(touch.columns)
-    kinds, which = list[ProgramLaw](), np.zeros(len(overlap), int)
-    sliding = None
-    if law_of is None:
-        if abs(overlap).max() >= EXACT * error:
-            what = "median distance of spheres that touch"
-            _refuse_few_digits(packing, error, BLUNT, reach - overlap, what, "")
+
+    overlap: Floats
+    overlaps_from: OverlapSource
+    force: Floats | None
+    columns: dict[str, Floats]
+    overlap_error: float = 0.0
+    sliding: Bools | None = None
+
+
+def build_network(
+    packing: Packing,
+    contacts: Contacts | None,
+    pair_law: PairLaw | None,
+    bodies: Bodies | None = None,
+) -> ImportResult:
+    """Return the contact network of a packing.
+
+    Parameters
+    ----------
+    packing : Packing
+        The spheres.
+    contacts : Contacts or None
+        The contacts; None seeks them among the positions.
+    pair_law : callable or None
+        The law between two kinds; None if the contacts have their stiffnesses.
+    bodies : Bodies or None
+        Masses and tensors of rigid bodies; None computes them from the members.
+
+    Raises
+    ------
+    InputError
+        If the digits of positions do not determine the overlaps, or if nothing touches.
+    """
+    all_contacts = contacts or packing.touching()
+    geometry = packing.between(all_contacts.i, all_contacts.j)
+    selected = _select_contacts(all_contacts, packing, geometry.overlap)
+    listed = all_contacts.select(selected)
+    geometry = ContactList(*(column[selected] for column in vars(geometry).values()))
+    error = float(packing.distance_error(geometry.cell_shift).max())
+    laws: ContactLaws | None = None
+    if pair_law is None:
+        state = _keep_stiffnesses(packing, listed, geometry, error)
     else:
-        kinds, which = _kinds(touch, packing, law_of)
-        law = ProgramLaw.of_contacts(kinds, which)
-        by_law = law.force(overlap, effective)
-        if force is None:
-            do = ", or give the contacts with their forces"
-            _refuse_few_digits(packing, error, MAX_OVERLAP_ERROR, overlap, "median overlap", do)
-            overlap_error = _noted_error(packing, error, law, overlap)
-            force = by_law
-        else:
-            force = np.where(np.isnan(force), by_law, force)
-            pushed = law.overlap(force, effective)
-            _refuse_other_units(pushed, overlap, packing.name)
-            if error > BLURRED * np.median(pushed):
-                how, overlap = "forces", np.where(force > 0, pushed, overlap)
-                if touch.line is not None:
-                    _turn_to_lines(normal, touch.line)
-        columns |= law.columns(overlap, effective)
-        sliding = None if touch.shear is None else law.slides(force, touch.shear)
-    told = {
-        "overlap_over_error_of_digits": float(np.median(overlap) / max(error, 1e-300)),
-        "overlaps_from": how,
+        laws = _assign_laws(listed, packing, pair_law)
+        state = _apply_laws(packing, listed, geometry, laws, error)
+    figures: dict[str, Any] = {
+        "overlap_over_error_of_digits": float(
+            np.median(state.overlap) / max(error, SMALLEST_NUMBER)
+        ),
+        "overlaps_from": state.overlaps_from,
     }
     study: dict[str, Any] = {}
-    if overlap_error:
-        study[OVERLAP_ERROR] = overlap_error
-        told["error_of_overlaps"] = overlap_error
-    radius_i, radius_j = packing.radius[touch.i], packing.radius[np.maximum(touch.j, 0)]
-    frictions = {law.friction for law in kinds}
+    if state.overlap_error:
+        study[OVERLAP_ERROR] = state.overlap_error
+        figures["error_of_overlaps"] = state.overlap_error
+    frictions = {law.friction for law in laws.laws} if laws else set()
     if len(frictions) == 1:
         study["mu_wave"] = float(frictions.pop())
+    network = _assemble_network(packing, listed, geometry, state, study, bodies)
+    found_by_positions = contacts is None
+    if laws is None:
+        return ImportResult(network, told=figures, sought=found_by_positions)
+    return ImportResult(network, list(laws.laws), laws.index, figures, sought=found_by_positions)
+
+
+def _keep_stiffnesses(
+    packing: Packing, listed: Contacts, geometry: ContactList, error: float
+) -> _ContactState:
+    """Return contacts that have their stiffnesses; refuse positions that turn their normals."""
+    if abs(geometry.overlap).max() >= MIN_OVERLAP_IN_ERRORS * error:
+        reach, _ = packing.reach(listed.i, listed.j)
+        distance = reach - geometry.overlap
+        name = "median distance of spheres that touch"
+        _refuse_few_digits(packing, error, MAX_NORMAL_ERROR_RAD, distance, name)
+    return _ContactState(geometry.overlap, "positions", listed.force, dict(listed.columns))
+
+
+def _apply_laws(
+    packing: Packing, listed: Contacts, geometry: ContactList, laws: ContactLaws, error: float
+) -> _ContactState:
+    """Return the overlaps, forces and stiffnesses of contacts by their laws.
+
+    Turns the normals of `geometry` to the lines of the contacts if overlaps follow from forces.
+    """
+    overlap = geometry.overlap
+    overlaps_from: OverlapSource = "positions"
+    overlap_error = 0.0
+    _, effective_radius = packing.reach(listed.i, listed.j)
+    force_of_positions = laws.force(overlap, effective_radius)
+    if listed.force is None:
+        _refuse_few_digits(
+            packing,
+            error,
+            MAX_OVERLAP_ERROR,
+            overlap,
+            "median overlap",
+            ", or give the contacts with their forces",
+        )
+        overlap_error = _overlap_error(packing, error, laws, overlap)
+        force = force_of_positions
+    else:
+        force = np.where(np.isnan(listed.force), force_of_positions, listed.force)
+        overlap_of_forces = laws.overlap(force, effective_radius)
+        _refuse_other_units(overlap_of_forces, overlap, packing.name)
+        if error > MAX_RELATIVE_POSITION_ERROR * np.median(overlap_of_forces):
+            overlaps_from = "forces"
+            overlap = np.where(force > 0, overlap_of_forces, overlap)
+            if listed.line is not None:
+                _turn_to_lines(geometry.normal, listed.line)
+    sliding = None
+    if listed.shear is not None:
+        sliding = laws.are_sliding(force, listed.shear)
+    columns = dict(listed.columns) | laws.network_columns(overlap, effective_radius)
+    return _ContactState(overlap, overlaps_from, force, columns, overlap_error, sliding)
+
+
+def _assemble_network(
+    packing: Packing,
+    listed: Contacts,
+    geometry: ContactList,
+    state: _ContactState,
+    study: dict[str, Any],
+    bodies: Bodies | None,
+) -> Network:
+    """Return the network, with the members of rigid bodies joined."""
+    radius_i = packing.radius[listed.i]
+    radius_j = packing.radius[np.maximum(listed.j, 0)]
+    normal = geometry.normal
     with named(packing.name):
         network = Network(
             position=packing.position,
             radius=packing.radius,
             mass=packing.mass,
             inertia=0.4 * packing.mass * packing.radius**2,
-            # To the middle of the overlap.
-            lever_i=(radius_i - overlap / 2)[:, None] * normal,
-            lever_j=np.where(touch.j < 0, 0.0, overlap / 2 - radius_j)[:, None] * normal,
-            force_normal=force,
-            force_tangential=touch.shear,
-            sliding=sliding,
+            # Levers reach to the middle of the overlap.
+            lever_i=(radius_i - state.overlap / 2)[:, None] * normal,
+            lever_j=np.where(listed.j < 0, 0.0, state.overlap / 2 - radius_j)[:, None] * normal,
+            force_normal=state.force,
+            force_tangential=listed.shear,
+            sliding=state.sliding,
             cell_size=packing.cell.high - packing.cell.low,
             cell_periodic=packing.cell.periodic,
             wall_position=np.array(packing.cell.planes),
             study=study,
-            **vars(replace(found, overlap=overlap)),
-            **columns,
+            **vars(replace(geometry, overlap=state.overlap)),
+            **state.columns,
         )
         if (packing.body > 0).any():
             network = joined(network, packing.body, bodies)
-    return ImportResult(network, kinds, which, told, sought=contacts is None)
+    return network
 
 
-def _kinds(contacts: Contacts, packing: Packing, law_of: LawOf) -> tuple[list[ProgramLaw], Ints]:
-    """The different laws, and which of them each contact has."""
-    one, other = packing.kind[contacts.i], contacts.j
-    other = np.where(other < 0, other, packing.kind[np.maximum(other, 0)])
+def _assign_laws(contacts: Contacts, packing: Packing, pair_law: PairLaw) -> ContactLaws:
+    """Return the law of each contact."""
+    kind_i = packing.kind[contacts.i]
+    kind_j = np.where(contacts.j < 0, contacts.j, packing.kind[np.maximum(contacts.j, 0)])
     # Pairs as single numbers: sorted thus, they take a tenth of the time.
-    pairs = np.minimum(one, other) * TYPES + np.maximum(one, other)
-    found, which = np.unique(pairs, return_inverse=True)
-    return [law_of(*divmod(pair, TYPES)) for pair in found.tolist()], which
+    pairs = np.minimum(kind_i, kind_j) * TYPE_BASE + np.maximum(kind_i, kind_j)
+    different_pairs, index = np.unique(pairs, return_inverse=True)
+    laws = [pair_law(*divmod(pair, TYPE_BASE)) for pair in different_pairs.tolist()]
+    return ContactLaws(laws, index)
 
 
-def _kept(listed: Contacts, packing: Packing, overlap: Floats) -> Bools:
-    """Shape (m,): contacts of spheres that touch, and not inside a body.
+def _select_contacts(listed: Contacts, packing: Packing, overlap: Floats) -> Bools:
+    """Return which (m,) of the listed pairs are contacts.
 
-    What a table lists with a stiffness is a contact. InputError, with its line, for two in one
-    place, and for a contact of bodies that lie apart.
+    Pairs inside one rigid body are none, nor spheres that do not touch; a pair that a table lists
+    with a stiffness is a contact. Raises InputError, with the line, for two spheres in one place,
+    and for a contact of spheres that lie apart.
     """
     reach, _ = packing.reach(listed.i, listed.j)
-    body = packing.body[[listed.i, np.maximum(listed.j, 0)]]
-    kept: Bools = (listed.j < 0) | (body[0] < 1) | (body[0] != body[1])
-
-    def ends(row: int) -> str:
-        one, other = (packing.number[end] for end in (listed.i[row], max(listed.j[row], 0)))
-        return f"spheres {one} and {other}" if listed.j[row] >= 0 else f"sphere {one} and the wall"
-
-    do = "mend the positions, or the numbers of the two"
-    where = kept & (overlap == reach)
-    listed.refuse(where, lambda row: f"{ends(row)} lie in one place", do, packing.name)
-    if not listed.columns:
-        kept &= overlap > 0 if listed.force is None else listed.force != 0
-    do = "write both at one step, in one unit of length, with the cell's periods and walls"
+    body_i = packing.body[listed.i]
+    body_j = packing.body[np.maximum(listed.j, 0)]
+    selected: Bools = (listed.j < 0) | (body_i < 1) | (body_i != body_j)
     listed.refuse(
-        kept & (overlap < -MAX_GAP_IN_SUMS_OF_RADII * reach),
-        lambda row: f"{ends(row)} do not touch, there are {-overlap[row]:.3g} m between them",
-        do,
+        selected & (overlap == reach),
+        "same_place",
+        lambda row: f"{_name_ends(listed, packing, row)} lie in one place",
+        "mend the positions, or the numbers of the two",
         packing.name,
     )
-    if not kept.any():
-        fault(packing.name, "no two spheres touch", "dump a packing under stress")
-    return kept
+    if not listed.columns:
+        selected &= overlap > 0 if listed.force is None else listed.force != 0
+    listed.refuse(
+        selected & (overlap < -MAX_GAP_IN_SUMS_OF_RADII * reach),
+        "apart",
+        lambda row: (
+            f"{_name_ends(listed, packing, row)} do not touch, there are {-overlap[row]:.3g} m "
+            "between them"
+        ),
+        "write both at one step, in one unit of length, with the cell's periods and walls",
+        packing.name,
+    )
+    if not selected.any():
+        remedy = "dump a packing under stress"
+        refuse(packing.name, "no_contacts", "no two spheres touch", remedy=remedy)
+    return selected
 
 
-def _noted_error(packing: Packing, error: float, law: ProgramLaw, overlap: Floats) -> float:
-    """Return the error of overlaps over their median, or 0 where it moves nothing.
+def _name_ends(contacts: Contacts, packing: Packing, row: int) -> str:
+    """Return the two ends of a contact by the numbers of the program."""
+    first = packing.number[contacts.i[row]]
+    if contacts.j[row] < 0:
+        return f"sphere {first} and the wall"
+    return f"spheres {first} and {packing.number[contacts.j[row]]}"
 
-    That is, where it is small, or where stiffnesses do not depend on overlaps and no two spheres
-    lie so near to touching that the digits decide whether they do.
+
+def _overlap_error(packing: Packing, error: float, laws: ContactLaws, overlap: Floats) -> float:
+    """Return the error of overlaps divided by their median, or 0 if it changes nothing.
+
+    It changes nothing if it is small, or if stiffnesses do not depend on overlaps and no two
+    spheres lie so near to touching that the digits decide whether they do.
     """
     relative = error / float(np.median(overlap))
     if relative < NOTED_OVERLAP_ERROR:
         return 0.0
-    if np.any(law.hertz) or np.any(law.grows):
+    if laws.values("hertz").any() or laws.values("grows").any():
         return relative
-    nearer = replace(packing, radius=packing.radius + CERTAIN * error / 2).touching()
-    in_doubt = len(nearer.i) - int((overlap > CERTAIN * error).sum())
-    return relative if in_doubt else 0.0
+    enlarged = replace(packing, radius=packing.radius + CERTAIN_IN_ERRORS * error / 2)
+    possible_contacts = len(enlarged.touching().i)
+    certain_contacts = int((overlap > CERTAIN_IN_ERRORS * error).sum())
+    if possible_contacts == certain_contacts:
+        return 0.0
+    return relative
 
 
 def _refuse_few_digits(
-    packing: Packing, error: float, share: float, size: Floats, what: str, do: str
+    packing: Packing, error: float, share: float, size: Floats, name: str, other_remedy: str = ""
 ) -> None:
-    """Raise InputError where the `error` of distances, m, exceeds a share of the median `size`."""
+    """Raise InputError if the `error` of distances, m, exceeds a share of the median `size`, m.
+
+    `name` says in the message what `size` is; `other_remedy` is added to the remedy.
+    """
     median = float(np.median(size))
     if error <= share * median:
         return
     step = packing.step
-    whose = f"positions have {packing.digits} digits"
+    cause = f"positions have {packing.digits} digits"
     if step / np.sqrt(6) <= share * median:
         step = error * np.sqrt(6)
-        whose = "bounds of the cell, through which spheres touch, are rounded"
+        cause = "bounds of the cell, through which spheres touch, are rounded"
     largest = float(abs(packing.position).max())
     needed = int(np.ceil(np.log10(largest * error / (step * share * median)))) + 1
-    what = f"{whose}, steps of {step:.0e} m, where the {what} is {median:.1e} m"
-    fault(packing.name, what, f"write {needed} digits or more (17 are all){do}", code="few_digits")
+    refuse(
+        packing.name,
+        "few_digits",
+        f"{cause}, steps of {step:.0e} m, where the {name} is {median:.1e} m",
+        remedy=f"write {needed} digits or more (17 are all){other_remedy}",
+    )
 
 
-def _refuse_other_units(pushed: Floats, overlap: Floats, name: str) -> None:
-    """InputError where forces and positions tell overlaps that lie far from each other."""
-    if not 1 / UNLIKE < float(pushed.mean() / max(overlap.mean(), 1e-300)) < UNLIKE:
-        what = f"told, positions and radii {overlap.mean():.3g} m"
-        what = f"the law makes overlaps of {pushed.mean():.3g} m of the forces that are {what}"
-        do = "give stiffnesses, forces and lengths in one system of units (import --scales)"
-        fault(name, what, do)
+def _refuse_other_units(overlap_of_forces: Floats, overlap: Floats, name: str) -> None:
+    """Raise InputError if forces and positions give overlaps of different sizes."""
+    factor = float(overlap_of_forces.mean() / max(overlap.mean(), SMALLEST_NUMBER))
+    if not 1 / MAX_OVERLAP_FACTOR < factor < MAX_OVERLAP_FACTOR:
+        refuse(
+            name,
+            "other_units",
+            f"the law makes overlaps of {overlap_of_forces.mean():.3g} m of the forces, "
+            f"positions and radii {overlap.mean():.3g} m",
+            remedy="give stiffnesses, forces and lengths in one system of units (import --scales)",
+        )
 
 
 def _turn_to_lines(normal: Floats, line: Floats) -> None:
-    """Turn normals to the lines that are told: six digits of a force against six of a position."""
+    """Turn normals (m, 3) in place to lines (m, 3) that are not zero, keeping their senses.
+
+    Six digits of a force give a better direction than six digits of a position.
+    """
     size = np.linalg.norm(line, axis=1)
-    told = size > 0
-    way = np.sign((line * normal).sum(axis=1))[told] / size[told]
-    normal[told] = way[:, None] * line[told]
+    known = size > 0
+    factor = np.sign((line * normal).sum(axis=1))[known] / size[known]
+    normal[known] = factor[:, None] * line[known]

@@ -1,125 +1,196 @@
-"""What counts of the commands in a log of LAMMPS or LIGGGHTS, its variables put in.
+"""The commands that count in a log of LAMMPS or LIGGGHTS, with the values of variables.
 
 These programs write a line that has variables (`$E`, `${name}`, `$(formula)`) as it stands in the
-script, and again each time that one is replaced. The last of these counts; where it is not there,
-as in a script that never ran, the value is not known.
+script, and again each time that a variable is replaced. The last of these lines counts. If it is
+absent, as in a script that never ran, the value is not known.
 """
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from modal.exchange.held import ACCELERATED, HOLDING, INTEGRATING, Fix, Run
-from modal.exchange.text import Words, fault, text_lines
-from modal.tools.errors import InputError
+from modal.exchange.text import Refusal, Words, read_lines, refuse
 
 VARIABLE = re.compile(r"\$(?:\{[^}]*\}?|\(.*\)|\w)", re.ASCII)
+"""A variable in a line of input."""
 QUOTED = re.compile(r"\"[^\"]*\"|'[^']*'")
-"""Variables in quotes stay as they are; a line of such a kind counts for nothing here."""
+"""Variables in quotes stay as they are; no line with quotes counts here."""
 COMMANDS = ("units", "dimension", "pair_style", "pair_coeff", "bond_style", "unfix")
+"""Commands that count, beside fixes, computes and `neigh_modify exclude`."""
+NO_BONDS = "bonds are no contacts that this project knows"
+NO_OTHER_WALLS = "walls of this kind are not known; only wall/gran with zplane is"
 REFUSED_FIXES = {
     "multisphere": "clumps of LIGGGHTS are not known; pack single spheres",
-    "bond": "bonds are no contacts that this project knows",
-    "wall": "walls of this kind are not known; only wall/gran with zplane is",
-    "indent": "walls of this kind are not known; only wall/gran with zplane is",
+    "bond": NO_BONDS,
+    "wall": NO_OTHER_WALLS,
+    "indent": NO_OTHER_WALLS,
 }
-LOCAL = ("property/local", "pair/local", "pair/gran/local")
-"""Computes whose columns a dump local may have; the last is of LIGGGHTS."""
-WIDTHS = {"pos": 6, "vel": 6, "id": 3, "force": 3, "force_normal": 3, "force_tangential": 3}
-WIDTHS |= {"torque": 3, "history": 3, "contactArea": 1, "delta": 1}
-"""What that one writes, in this order, and how many columns each takes."""
-UNASKED = ("pos", "vel", "id", "force", "torque", "history", "contactArea")
-"""Of these, what it writes when none is named."""
-STYLES = ("wall/gran", "property/global", "rigid", *LOCAL, *REFUSED_FIXES, *HOLDING)
-"""Of the fixes and computes that count, with those that go on after a slash (`rigid/nve/small`)."""
-INSERTING = ("pour", "deposit", "insert")
-"""Fixes that add atoms, of which there may be fewer on the way than at the end of a run."""
-INSERTED = 0
-"""The number of atoms that may be there where some are inserted, as none may be yet."""
+"""Fixes that a network has nothing for, by their styles, and the reason."""
+LOCAL_COMPUTES = ("property/local", "pair/local", "pair/gran/local")
+"""Computes whose columns a dump local may have; the last one is of LIGGGHTS."""
+LIGGGHTS_WIDTHS = {
+    "pos": 6,
+    "vel": 6,
+    "id": 3,
+    "force": 3,
+    "force_normal": 3,
+    "force_tangential": 3,
+    "torque": 3,
+    "history": 3,
+    "contactArea": 1,
+    "delta": 1,
+}
+"""Values that `pair/gran/local` writes, in this order, and the number of columns of each."""
+LIGGGHTS_DEFAULTS = ("pos", "vel", "id", "force", "torque", "history", "contactArea")
+"""Values that `pair/gran/local` writes if none is named."""
+STYLES = ("wall/gran", "property/global", "rigid", *LOCAL_COMPUTES, *REFUSED_FIXES, *HOLDING)
+"""Fixes and computes that count, also with further words after a slash (`rigid/nve/small`)."""
+INSERTING_FIXES = ("pour", "deposit", "insert")
+"""Fixes that add atoms, of which there may be fewer during a run than at its end."""
+MIN_ATOMS_DURING_INSERTION = 0
+"""Smallest number of atoms while some are inserted: none may be there yet."""
 PROGRAMS = ("LAMMPS", "LIGGGHTS")
 """First words of a log."""
-PROPERTIES = ("youngsModulus", "poissonsRatio", "coefficientFriction")
-"""Of a material of LIGGGHTS, those that its law has."""
+MATERIAL_PROPERTIES = ("youngsModulus", "poissonsRatio", "coefficientFriction")
+"""Properties of a material of LIGGGHTS that its law depends on."""
+MAX_QUOTED_COMMAND = 80
+"""Characters of a command that a message quotes."""
+
+
+class Exclusion(NamedTuple):
+    """A `neigh_modify exclude`, whose pairs of atoms have no contact: its style, and its place."""
+
+    style: str
+    place: str
 
 
 @dataclass
 class Script:
-    """What counts of the commands.
+    """What the commands of a log have set at its end.
 
-    `said` tells in a message whose words they are. `bodies` has the words of each fix rigid behind
-    its style; `refused` says why of each fix that a network has nothing for, `groups` whom the
-    walls and bodies of these IDs are made of; `properties` are those of LIGGGHTS' materials.
-    `fixes` are all that act, `dumps` the IDs of those that write; `runs` are what was run with
-    which fixes; `history` are the lines that tell who is in which group. Numbers of `atoms` that
-    were printed, `created` of them in all; `whole` is False of a part of a log, where a run ends
-    whose table is not there. `changed` is the last step before the law or a wall changed;
-    `remarks` are what is taken where nothing tells it.
+    Attributes
+    ----------
+    place : str
+        The file or the option that has the law, for messages.
+    units : str
+        Name of the system of units; empty if no line names it.
+    style : tuple of str
+        Words of pair_style.
+    pair_coefficients : list of tuples of str
+        Words of each pair_coeff.
+    walls, bodies : dict
+        Words of the fixes wall/gran and rigid after their styles, by ID.
+    computes : dict
+        Columns of the computes that a dump local may have, by ID.
+    refused : dict
+        Refusals of fixes that a network has nothing for, by ID.
+    groups : dict
+        Groups of the walls and bodies, by ID.
+    properties : dict
+        Material properties of LIGGGHTS by name.
+    exclusions : list of Exclusion
+        Pairs of atoms that have no contact.
+    fixes : dict
+        All fixes, by ID.
+    dumps : set of str
+        IDs of the dumps.
+    runs : list of Run
+        The runs so far.
+    history : list of words
+        Lines that define groups or create atoms.
+    atoms : list of int
+        Numbers of atoms that were printed.
+    created : int
+        Number of atoms that were created so far.
+    has_all_tables : bool
+        False for a part of a log, in which a run ends whose table is absent.
+    changed : int
+        Last step before the law or a wall changed.
+    remarks : list of str
+        What is assumed where nothing says it.
     """
 
-    said: str = "--pair"
+    place: str = "--pair"
     units: str = ""
     style: tuple[str, ...] = ()
-    pair: list[tuple[str, ...]] = field(default_factory=list)
+    pair_coefficients: list[tuple[str, ...]] = field(default_factory=list)
     walls: dict[str, tuple[str, ...]] = field(default_factory=dict)
     bodies: dict[str, tuple[str, ...]] = field(default_factory=dict)
     computes: dict[str, Sequence[str]] = field(default_factory=dict)
-    refused: dict[str, str] = field(default_factory=dict)
+    refused: dict[str, Refusal] = field(default_factory=dict)
     groups: dict[str, str] = field(default_factory=dict)
     properties: dict[str, list[float]] = field(default_factory=dict)
+    exclusions: list[Exclusion] = field(default_factory=list)
     fixes: dict[str, Fix] = field(default_factory=dict)
     dumps: set[str] = field(default_factory=set)
     runs: list[Run] = field(default_factory=list)
     history: list[list[str]] = field(default_factory=list)
     atoms: list[int] = field(default_factory=list)
     created: int = 0
-    whole: bool = True
+    has_all_tables: bool = True
     changed: int = 0
     remarks: list[str] = field(default_factory=list)
 
     @property
-    def by_type(self) -> bool:
-        """Whether the law asks for types."""
-        laws = {tuple(words) for _, _, *words in self.pair}
+    def depends_on_type(self) -> bool:
+        """Tell whether the law depends on the types of spheres."""
+        laws = {tuple(words) for _, _, *words in self.pair_coefficients}
         return len(laws) > 1 or any(len(values) > 1 for values in self.properties.values())
 
     def refuse_other_run(self, path: str | Path, step: int, atoms: int) -> None:
-        """InputError where a dump has a step or a number of atoms that no run of the log had."""
-        # A job that was killed in its last run went on, nobody knows how far.
-        killed = bool(self.steps) and not self.runs[-1].over
-        steps = self.steps if self.whole else []
-        numbers = [] if set(self.atoms) == {INSERTED} else self.atoms
-        open_ends = {"step": killed, "atoms": killed and INSERTED in numbers}
-        for what, has, known in (("step", step, steps), ("atoms", atoms, numbers)):
-            if not known or min(known) <= has <= max(known):
-                continue
-            if has < min(known) or not open_ends[what]:
-                said = f"{what} {has}, the runs of {self.said} {min(known)} to {max(known)}"
-                do = "give the log of this dump, several parts of one in one file"
-                fault(path, f"{said}: the log of another run", do, code="other_log")
+        """Raise InputError if a dump has a step or a number of atoms that no run of the log had."""
+        # A job that was killed in its last run may have gone on for an unknown time.
+        was_killed = bool(self.steps) and not self.runs[-1].is_over
+        if self.has_all_tables:
+            self._refuse_outside(path, "step", step, self.steps, may_exceed=was_killed)
+        if set(self.atoms) != {MIN_ATOMS_DURING_INSERTION}:
+            inserts = MIN_ATOMS_DURING_INSERTION in self.atoms
+            self._refuse_outside(
+                path, "atoms", atoms, self.atoms, may_exceed=was_killed and inserts
+            )
+
+    def _refuse_outside(
+        self, path: str | Path, name: str, number: int, printed: Sequence[int], *, may_exceed: bool
+    ) -> None:
+        """Raise InputError for a number of the dump outside of those that the runs printed."""
+        if not printed or min(printed) <= number <= max(printed):
+            return
+        if number > max(printed) and may_exceed:
+            return
+        refuse(
+            path,
+            "other_log",
+            f"{name} {number}, the runs of {self.place} {min(printed)} to {max(printed)}",
+            "the log of another run",
+            "give the log of this dump, several parts of one in one file",
+        )
 
     @property
     def steps(self) -> list[int]:
-        """Steps that were printed."""
+        """Return the steps that were printed."""
         return [step for run in self.runs for step in run.steps]
 
     def begin_run(self, length: int = 0) -> None:
-        """Note a run of so many steps with the fixes of now; the one before is over."""
+        """Add a run of this many steps with the present fixes; the previous run is over."""
         if self.runs:
-            self.runs[-1].over = True
+            self.runs[-1].is_over = True
         self.runs.append(Run(dict(self.fixes), bool(self.dumps), length))
 
 
 def read_log(path: str | Path | None, units: str) -> Script:
-    """The commands of a log that count at its end.
+    """Return what the commands of a log have set at its end; an empty script without a log.
 
-    `units` are the program's where the log names none. Without a log nothing is known.
+    `units` are those of the program, for a log that names none. Raises InputError for a fix that a
+    network has nothing for, and for variables without a value.
     """
     if path is None:
         return Script()
     script = Script(str(path), units)
     columns: list[str] = []
-    for number, words in _lines(path):
+    for number, words in _read_commands(path):
         if words[0] == "Step":
             columns = words
             if not script.runs or script.runs[-1].steps:
@@ -127,7 +198,7 @@ def read_log(path: str | Path | None, units: str) -> Script:
         elif words[0] == "Loop":
             columns = []
         elif words[0] in PROGRAMS and words[1:2] and words[1].startswith("("):
-            # Another job begins, without the fixes of the one before.
+            # Another job begins, without the fixes of the previous one.
             columns = []
             script.fixes.clear()
             script.dumps.clear()
@@ -136,85 +207,93 @@ def read_log(path: str | Path | None, units: str) -> Script:
             continue
         if words == ["clear"]:
             script = Script(str(path), units)
-        law = len(script.pair), script.style, script.walls.copy()
-        _command(script, words, f"{path}, line {number}")
-        if law != (len(script.pair), script.style, script.walls):
-            script.changed = [0, *script.steps][-1]
+        law_before = (len(script.pair_coefficients), script.style, script.walls.copy())
+        _apply_command(script, words, f"{path}, line {number}")
+        if law_before != (len(script.pair_coefficients), script.style, script.walls):
+            script.changed = script.steps[-1] if script.steps else 0
     if not script.runs:
         script.begin_run()
-    for why in script.refused.values():
-        raise InputError("input", why)
+    for refusal in script.refused.values():
+        refusal.raise_error()
     return script
 
 
 def _is_row(words: Sequence[str], columns: Sequence[str]) -> bool:
-    """Whether words are a row of a table of steps."""
+    """Tell whether words are a row of a table of steps."""
     if len(words) != len(columns) or not words[0].isdigit():
         return False
     try:
-        list(map(float, words))
+        for word in words:
+            float(word)
     except ValueError:
         return False
     return True
 
 
 def _read_row(script: Script, row: Mapping[str, str]) -> None:
-    """Note the step of a row, and the number of atoms where it has one."""
+    """Take note of the step of a row, and of the number of atoms if it has one."""
     script.runs[-1].steps.append(int(row["Step"]))
     if row.get("Atoms", "").isdigit():
         script.atoms.append(int(row["Atoms"]))
 
 
-def _is(style: str, kind: str) -> bool:
-    """Whether a style is of a kind, which may go on after a slash, as with accelerated variants."""
+def _is_of_kind(style: str, kind: str) -> bool:
+    """Tell whether a style is of a kind, also with further words after a slash."""
     return f"{style}/".startswith(f"{kind}/")
 
 
-def _command(script: Script, words: list[str], where: str) -> None:
-    """Note what one line changes."""
-    _note_motion(script, words, where)
+def _apply_command(script: Script, words: list[str], place: str) -> None:
+    """Apply one line to the script."""
+    _note_motion(script, words, place)
     _note_atoms(script, words)
+    _note_exclusions(script, words, place)
     match words:
         case ["units", name]:
             script.units = name
         case ["dimension", "2"]:
-            fault(where, "dimension 2", "a network has spheres that move in space")
+            remedy = "a network has spheres that move in space"
+            refuse(place, "two_dimensions", "dimension 2", remedy=remedy)
         case ["bond_style", style, *_] if style not in ("none", "zero"):
-            raise InputError("input", f"{where}: bond_style {style}", f"{REFUSED_FIXES['bond']}")
+            refuse(place, "bonds", f"bond_style {style}", NO_BONDS)
         case ["pair_style", *style] if style:
-            # The coefficients are kept where the same style is only given other arguments.
+            # The coefficients are kept if the same style only has other arguments.
             if script.style[:1] != (style[0],):
-                script.pair = []
+                script.pair_coefficients = []
             script.style = tuple(style)
         case ["pair_coeff", *rest] if len(rest) >= 2:
-            script.pair.append(tuple(rest))
-        case ["fix", _, _, "property/global", name, kind, *rest] if name in PROPERTIES:
-            listed = rest[1:] if kind == "peratomtypepair" else rest
-            said = Words(words, where, "write numbers there")
-            script.properties[name] = said.converted(name, listed)
-        case ["fix", name, group, style, *rest] if _is(style, "wall/gran"):
-            script.walls[name], script.groups[name] = tuple(rest), group
-        case ["fix", name, group, style, *rest] if _is(style, "rigid"):
-            script.bodies[name], script.groups[name] = tuple(rest), group
-        case ["compute", name, _, style, *rest] if style in LOCAL:
-            script.computes[name] = columns_of_liggghts(rest) if "gran" in style else rest
+            script.pair_coefficients.append(tuple(rest))
+        case ["fix", _, _, "property/global", name, kind, *rest] if name in MATERIAL_PROPERTIES:
+            values = rest[1:] if kind == "peratomtypepair" else rest
+            line = Words(words, place, "write numbers there")
+            script.properties[name] = line.to_numbers(name, values)
+        case ["fix", name, group, style, *rest] if _is_of_kind(style, "wall/gran"):
+            script.walls[name] = tuple(rest)
+            script.groups[name] = group
+        case ["fix", name, group, style, *rest] if _is_of_kind(style, "rigid"):
+            script.bodies[name] = tuple(rest)
+            script.groups[name] = group
+        case ["compute", name, _, style, *rest] if style in LOCAL_COMPUTES:
+            script.computes[name] = list_liggghts_columns(rest) if "gran" in style else rest
         case ["fix", name, _, style, *_]:
-            for kind, why in REFUSED_FIXES.items():
-                if _is(style, kind):
-                    script.refused[name] = f"{where}: fix {style}: {why}"
+            for kind, reason in REFUSED_FIXES.items():
+                if _is_of_kind(style, kind):
+                    script.refused[name] = Refusal(place, "unknown_fix", f"fix {style}", reason)
 
 
-def _note_motion(script: Script, words: list[str], where: str) -> None:
-    """Note fixes, dumps and runs: who moves, and when."""
+def _note_motion(script: Script, words: list[str], place: str) -> None:
+    """Take note of fixes, dumps and runs, which show what moves when."""
     match words:
         case ["fix", name, group, style, *rest]:
-            script.fixes[name] = Fix(group, ACCELERATED.sub("", style), tuple(rest), where)
-            if style.split("/")[0] in INSERTING:
+            script.fixes[name] = Fix(group, ACCELERATED.sub("", style), tuple(rest), place)
+            if style.split("/")[0] in INSERTING_FIXES:
                 script.history.append(words)
         case ["unfix", name]:
             script.history.append(words)
-            for kept in (script.fixes, script.walls, script.bodies, script.groups, script.refused):
-                kept.pop(name, None)
+            script.fixes.pop(name, None)
+            script.walls.pop(name, None)
+            script.bodies.pop(name, None)
+            script.groups.pop(name, None)
+            script.refused.pop(name, None)
         case ["dump", name, *_]:
             script.dumps.add(name)
         case ["undump", name]:
@@ -224,24 +303,24 @@ def _note_motion(script: Script, words: list[str], where: str) -> None:
         case ["minimize" | "rerun", *_]:
             script.begin_run()
         case ["write_dump", *_] if script.steps:
-            now = script.steps[-1]
-            script.runs.append(Run(dict(script.fixes), True, 0, [now], over=True))
+            step = script.steps[-1]
+            script.runs.append(Run(dict(script.fixes), True, 0, [step], is_over=True))
         case ["Loop", "time", *_]:
             if script.runs and script.runs[-1].steps:
-                script.runs[-1].over = True
+                script.runs[-1].is_over = True
             else:
-                script.whole = False
+                script.has_all_tables = False
 
 
 def _note_atoms(script: Script, words: list[str]) -> None:
-    """Note numbers of atoms, and who is in which group."""
+    """Take note of numbers of atoms, and of lines that define groups."""
     match words:
         case ["group", _, _, *_] | [_, "atoms", "in", "group", _]:
             script.history.append(words)
         case ["read_data" | "read_restart" | "create_atoms" | "read_dump", *_]:
             script.history.append(words)
         case ["replicate", *_]:
-            script.created = 0  # what it prints are all
+            script.created = 0  # the number that follows is that of all atoms
         case ["Created", number, "atoms"] | [number, "atoms"] if number.isdigit():
             script.history.append(words)
             script.created += int(number)
@@ -250,58 +329,99 @@ def _note_atoms(script: Script, words: list[str]) -> None:
             script.created = int(number)
             script.atoms.append(script.created)
         case ["Loop", "time", *rest] if "with" in rest:
-            behind = rest[rest.index("with") + 1 :]
-            script.atoms += [int(word) for word in behind[:1] if word.isdigit()]
-        case ["fix", _, _, style, *_] if style.split("/")[0] in INSERTING:
-            script.atoms.append(INSERTED)
+            for word in rest[rest.index("with") + 1 :][:1]:
+                if word.isdigit():
+                    script.atoms.append(int(word))
+        case ["fix", _, _, style, *_] if style.split("/")[0] in INSERTING_FIXES:
+            script.atoms.append(MIN_ATOMS_DURING_INSERTION)
 
 
-def columns_of_liggghts(asked: Sequence[str] = ()) -> list[str]:
-    """The columns of `pair/gran/local` whose values are `asked` for, in any order."""
-    asked = asked or UNASKED
-    return [f"{name}{k + 1}" for name, n in WIDTHS.items() if name in asked for k in range(n)]
+def _note_exclusions(script: Script, words: list[str], place: str) -> None:
+    """Take note of the pairs that `neigh_modify exclude` leaves without contact."""
+    if words[0] != "neigh_modify":
+        return
+    for word, style in zip(words, words[1:], strict=False):
+        if word == "exclude" and style == "none":
+            script.exclusions.clear()
+        elif word == "exclude":
+            script.exclusions.append(Exclusion(style, place))
 
 
-def _lines(path: str | Path) -> Iterator[tuple[int, list[str]]]:
-    """Number, from 1, and words of each line that has no variable left, comments left out.
+def list_liggghts_columns(values: Sequence[str] = ()) -> list[str]:
+    """Return the columns of `pair/gran/local` with these values, in any order.
 
-    InputError for a line that may count, and whose variables have no value.
+    >>> list_liggghts_columns(["delta", "id"])
+    ['id1', 'id2', 'id3', 'delta1']
     """
-    lines = text_lines(path)
-    waiting: dict[str, tuple[int, re.Pattern[str]]] = {}
+    values = values or LIGGGHTS_DEFAULTS
+    columns = []
+    for name, width in LIGGGHTS_WIDTHS.items():
+        if name in values:
+            columns += [f"{name}{k}" for k in range(1, width + 1)]
+    return columns
+
+
+class _UnreplacedLine(NamedTuple):
+    """A line with variables: its number, and the pattern of the line with their values."""
+
+    number: int
+    replaced: re.Pattern[str]
+
+
+def _read_commands(path: str | Path) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number, from 1, and the words of each line without variables and comments.
+
+    Raises InputError for a line that may count, and whose variables have no value.
+    """
+    lines = read_lines(path)
+    unreplaced: dict[str, _UnreplacedLine] = {}
     printed = None
     for number, line in lines:
         text = line.split("#")[0]
         while text.rstrip().endswith("&"):
-            text = text.rstrip()[:-1] + next(lines, (0, ""))[1]
+            _, continuation = next(lines, (0, ""))
+            text = text.rstrip()[:-1] + continuation
         words = text.split()
         text = " ".join(words)
-        waiting = {raw: at for raw, at in waiting.items() if not at[1].fullmatch(text)}
-        said, printed = printed, None
-        if not words or (said and said.fullmatch(text)):
+        for raw, waiting in list(unreplaced.items()):
+            if waiting.replaced.fullmatch(text):
+                del unreplaced[raw]
+        expected_print = printed
+        printed = None
+        if not words or (expected_print and expected_print.fullmatch(text)):
             continue
         if "$" not in text or not VARIABLE.search(QUOTED.sub("", text)):
             if words[0] == "print":  # what it prints may look like a command
-                printed = _replaced(" ".join(words[1:]).strip("\"'"))
+                printed = _match_replaced(" ".join(words[1:]).strip("\"'"))
             yield number, words
-        elif _counts(words):
-            waiting[text] = number, _replaced(text)
-    for raw, (number, _) in waiting.items():
-        what = f"{' '.join(VARIABLE.findall(raw))} has no value in this file: {raw[:80]}"
-        fault(path, what, "give the log of the run, or write the value in its place", number)
+        elif _may_count(words):
+            unreplaced[text] = _UnreplacedLine(number, _match_replaced(text))
+    for raw, waiting in unreplaced.items():
+        variables = " ".join(VARIABLE.findall(raw))
+        refuse(
+            path,
+            "unknown_variable",
+            f"{variables} has no value in this file",
+            raw[:MAX_QUOTED_COMMAND],
+            "give the log of the run, or write the value in its place",
+            line=waiting.number,
+        )
 
 
-def _replaced(text: str) -> re.Pattern[str]:
-    """What a line becomes when its variables are put in, which may be empty; blanks are single."""
+def _match_replaced(text: str) -> re.Pattern[str]:
+    """Return a pattern of a line after its variables were replaced, perhaps by nothing."""
     parts = [re.escape(part.strip()) for part in VARIABLE.split(text)]
     return re.compile(r"\s*.*".join(parts))
 
 
-def _counts(words: list[str]) -> bool:
-    """Whether a line with variables may be one that counts."""
-    command, style = words[0], (words[3:4] or [""])[0]
+def _may_count(words: list[str]) -> bool:
+    """Tell whether a line with variables may be one that counts."""
+    command = words[0]
+    style = words[3] if len(words) > 3 else ""
+    if command == "fix" and INTEGRATING.fullmatch(style):
+        return "$" in "".join(words[1:3])
     if command in ("fix", "compute"):
-        if command == "fix" and INTEGRATING.fullmatch(style):
-            return "$" in "".join(words[1:3])
-        return "$" in style or any(_is(style, each) for each in STYLES)
+        return "$" in style or any(_is_of_kind(style, kind) for kind in STYLES)
+    if command == "neigh_modify":
+        return "exclude" in words
     return command in COMMANDS or VARIABLE.fullmatch(command) is not None

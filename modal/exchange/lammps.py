@@ -1,224 +1,424 @@
-"""What LAMMPS says in its own way: laws of contact, and the columns of contacts and walls.
+"""What is particular to LAMMPS: its laws of contact, and its columns of contacts and walls.
 
-`granular` with hooke, hertz and hertz/material, tangential linear_history, mindlin and their like,
-rolling sds, twisting sds and marshall; gran/hooke, gran/hooke/history and gran/hertz/history; `fix
-wall/gran` in the same words. Cohesion is refused by name: no spring of this project does that.
+Known are `granular` with hooke, hertz and hertz/material, tangential linear_history, mindlin and
+their variants, rolling sds, twisting sds and marshall; gran/hooke, gran/hooke/history and
+gran/hertz/history; `fix wall/gran` in the same words. Cohesion is refused by name: no spring of
+this project has it.
 
 As in LAMMPS a type of pair_coeff is a number or a range (`*`, `n*`, `*n`, `m*n`), a range stands
-for pairs of rising types alone, and the last line that covers a pair holds. A pair that none covers
-is refused: how LAMMPS mixes the laws of its two types depends on its version.
+for pairs of rising types alone, and the last line that covers a pair holds. A pair that no line
+covers is refused: how LAMMPS mixes the laws of its two types depends on the version.
 """
 
 import math
 import re
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from modal.exchange.dump import TYPED, Frame, OfKind, Told, Walls
+from modal.exchange.dump import TYPED_WALL, DumpedContacts, Frame, WallLaw, Walls
 from modal.exchange.input_script import Script
-from modal.exchange.law import DISPLACEMENT, FORCE, MIDDLE, ONE_SIDED, RADIUS, ProgramLaw, Units
-from modal.exchange.particles_and_contacts import WALLS, Contacts, LawOf, Packing
-from modal.exchange.text import Words, fault
+from modal.exchange.law import (
+    DISPLACEMENT,
+    FORCE,
+    MIDDLE_ARM,
+    RADIUS_ARM,
+    SHRINKING_DISPLACEMENT,
+    LeverArm,
+    ProgramLaw,
+    ShearMemory,
+    Units,
+)
+from modal.exchange.particles_and_contacts import WALLS, Contacts, Packing, PairLaw
+from modal.exchange.text import Rows, Words, refuse
 from modal.packing.contact_law import YOUNG_RANGE_PA, Elasticity
 from modal.tools.arrays import Floats, Ints
 
+
+class TangentialModel(NamedTuple):
+    """A tangential model: number of coefficients, growth of its stiffness with a, its memory."""
+
+    coefficients: int
+    grows: bool
+    memory: ShearMemory
+
+
 TANGENTIAL = {
-    "linear_nohistory": (2, False, FORCE),
-    "linear_history": (3, False, DISPLACEMENT),
-    "linear_history/classic": (3, False, DISPLACEMENT),
-    "mindlin": (3, True, DISPLACEMENT),
-    "mindlin/classic": (3, True, DISPLACEMENT),
-    "mindlin/force": (3, True, FORCE),
-    "mindlin_rescale": (3, True, ONE_SIDED),
-    "mindlin_rescale/force": (3, True, ONE_SIDED),
+    "linear_nohistory": TangentialModel(2, False, FORCE),
+    "linear_history": TangentialModel(3, False, DISPLACEMENT),
+    "linear_history/classic": TangentialModel(3, False, DISPLACEMENT),
+    "mindlin": TangentialModel(3, True, DISPLACEMENT),
+    "mindlin/classic": TangentialModel(3, True, DISPLACEMENT),
+    "mindlin/force": TangentialModel(3, True, FORCE),
+    "mindlin_rescale": TangentialModel(3, True, SHRINKING_DISPLACEMENT),
+    "mindlin_rescale/force": TangentialModel(3, True, SHRINKING_DISPLACEMENT),
 }
-"""Model: its number of coefficients, whether its stiffness grows with a, what it keeps."""
+"""Tangential models of `granular`."""
 NORMAL = {"hooke": 2, "hertz": 2, "hertz/material": 3}
-"""Model: its number of coefficients."""
-GRAN = {
-    "gran/hooke": ("hooke", "linear_nohistory"),
-    "gran/hooke/history": ("hooke", "linear_history"),
-    "gran/hertz/history": ("hertz", "mindlin"),
+"""Normal models of `granular`, and the number of coefficients of each."""
+
+
+class OlderStyle(NamedTuple):
+    """An older style of LAMMPS: the normal and the tangential model of `granular` in its place."""
+
+    normal: str
+    tangential: str
+
+
+OLDER_STYLES = {
+    "gran/hooke": OlderStyle("hooke", "linear_nohistory"),
+    "gran/hooke/history": OlderStyle("hooke", "linear_history"),
+    "gran/hertz/history": OlderStyle("hertz", "mindlin"),
 }
-"""Older style: its normal and its tangential model."""
+"""Older styles by their names."""
+TANGENTIAL_OVER_NORMAL = 2 / 7
+"""Tangential stiffness of the older styles divided by the normal one, if it is NULL."""
 OPTIONS = ("tangential", "rolling", "twisting", "damping", "cutoff", "limit_damping")
+"""Words of `granular` after the normal model."""
+ROLLING_MODELS = ("none", "sds")
+"""Rolling models of `granular` that are known."""
+TWISTING_MODELS = ("none", "sds", "marshall")
+"""Twisting models of `granular` that are known."""
 EXAMPLE = '--pair "granular hertz/material 6e10 0 0.2 tangential mindlin NULL 0 0.3"'
-UNITS, PLANES, ENDS = "lj", 2, ("patom1", "patom2")
-"""Units where a log names none, planes of a fix wall/gran, columns of the two ends of a contact."""
-LAST = sys.maxsize
-"""The highest type, whatever it is."""
+"""A law that a message gives as an example."""
+DEFAULT_UNITS = "lj"
+"""The units of a log that names none."""
+PLANES_PER_FIX = 2
+"""Planes of one fix wall/gran."""
+END_COLUMNS = ("patom1", "patom2")
+"""Columns of the two ends of a contact."""
+MAX_TYPE = sys.maxsize
+"""The highest type, where a range does not name it."""
 
 
-def granular(words: Sequence[str], where: str, arms: tuple[str, str], units: Units) -> ProgramLaw:
-    """The law of `pair_style granular`, from its words after the types.
+class LeverArms(NamedTuple):
+    """The lever arms of motion and of torque."""
 
-    `where` says in a message whose words these are; `arms` of motion and torque.
+    motion: LeverArm
+    torque: LeverArm
+
+
+@dataclass
+class _GranularOptions:
+    """The options of `pair_style granular`, stiffnesses in the units of the file.
+
+    tangential is NaN if it follows from the material.
     """
-    said = Words(words, where, "give the whole line, with values")
-    model = said.next("the normal model", NORMAL)
-    unit = units.stiffness if model == "hooke" else units.pressure
-    normal, *_, poisson = said.in_turn(model, NORMAL[model], null=True)
-    stiff, material = unit * normal, None
+
+    tangential: float = 0.0
+    friction: float = 0.0
+    grows: bool = False
+    memory: ShearMemory = FORCE
+    rolling: float = 0.0
+    twisting: float = 0.0
+    marshall: bool = False
+
+
+def parse_granular(words: Sequence[str], place: str, arms: LeverArms, units: Units) -> ProgramLaw:
+    """Return the law of `pair_style granular`, from its words after the types.
+
+    `place` says in a message where the words stand. Raises InputError for words that are none of a
+    known law.
+    """
+    line = Words(words, place, "give the whole line, with values")
+    model = line.take("the normal model", NORMAL)
+    is_hooke = model == "hooke"
+    normal, *_, poisson = line.take_numbers(model, NORMAL[model], null=True)
+    normal = (units.stiffness if is_hooke else units.pressure) * normal
+    material = None
     if model == "hertz/material":
-        material = material_of(stiff, poisson, where)
-        stiff = 4 / 3 * material.effective_young
-    across, friction, grows, keeps = 0.0, 0.0, False, FORCE
-    resists, marshall = {"rolling": 0.0, "twisting": 0.0}, False
-    while said.left:
-        option = said.next("an option", OPTIONS)
-        if option == "tangential":
-            count, grows, keeps = TANGENTIAL[said.next("tangential", TANGENTIAL)]
-            across, *_, friction = said.in_turn(option, count, null=True)
-            across = across if count == 3 else 0.0
-        elif option in resists:
-            name = said.next(option, ("none", "sds", "marshall")[: 2 + (option == "twisting")])
-            marshall = marshall or name == "marshall"
-            if name == "sds":
-                stiffness, _, limit = said.in_turn(f"{option} sds", 3, null=True)
-                resists[option] = stiffness if limit > 0 else min(stiffness, 0.0)
-        elif option != "limit_damping":
-            said.next(f"the word of {option}")
-    across *= units.pressure if grows else units.stiffness
-    if math.isnan(across):
+        material = check_material(normal, poisson, place)
+        normal = 4 / 3 * material.effective_young
+    options = _parse_options(line)
+    tangential = options.tangential * (units.pressure if options.grows else units.stiffness)
+    if math.isnan(tangential):
         if material is None:
-            said.refuse("tangential NULL needs hertz/material", "give its stiffness")
-        across = 8 * material.moduli.effective_shear
-    rolling, twisting = units.stiffness * resists["rolling"], units.moment * resists["twisting"]
-    # LAMMPS takes the coefficient as it is, also one in units of pressure.
-    half = 0.5 * (units.length if grows else 1.0) * marshall
-    if not (stiff > 0 and all(each >= 0 for each in (across, friction, rolling, twisting))):
-        said.refuse(
-            f"stiffness {stiff:g} must be positive, tangential {across:g}, friction {friction:g}, "
-            "rolling and twisting not negative",
-            "mend the line",
+            problem = "tangential NULL needs hertz/material"
+            line.refuse("no_stiffness", problem, remedy="give its stiffness")
+        tangential = 8 * material.moduli.effective_shear
+    rolling = units.stiffness * options.rolling
+    twisting = units.moment * options.twisting
+    marshall = 0.0
+    if options.marshall:
+        # LAMMPS takes the coefficient as it is, also one in units of pressure.
+        marshall = 0.5 * (units.length if options.grows else 1.0)
+    springs = (tangential, options.friction, rolling, twisting)
+    if not (normal > 0 and all(number >= 0 for number in springs)):
+        line.refuse(
+            "not_positive",
+            f"stiffness {normal:g} must be positive, tangential {tangential:g}, friction "
+            f"{options.friction:g}, rolling and twisting not negative",
+            remedy="mend the line",
         )
-    turning = (rolling, twisting, half)
-    return ProgramLaw(stiff, model != "hooke", across, grows, friction, keeps, *arms, *turning)
+    return ProgramLaw(
+        normal=normal,
+        hertz=not is_hooke,
+        tangential=tangential,
+        grows=options.grows,
+        friction=options.friction,
+        shear_memory=options.memory,
+        motion_arm=arms.motion,
+        torque_arm=arms.torque,
+        rolling=rolling,
+        twisting=twisting,
+        marshall=marshall,
+    )
 
 
-def gran(style: str, words: Sequence[str], where: str, units: Units) -> ProgramLaw:
-    """The law of one of `GRAN`: Kn Kt gn gt mu dampflag.
+def _parse_options(line: Words) -> _GranularOptions:
+    """Return the options of `pair_style granular`; take all words of the line."""
+    options = _GranularOptions()
+    while line.remaining:
+        match line.take("an option", OPTIONS):
+            case "tangential":
+                model = TANGENTIAL[line.take("tangential", TANGENTIAL)]
+                coefficients = line.take_numbers("tangential", model.coefficients, null=True)
+                options.grows = model.grows
+                options.memory = model.memory
+                options.friction = coefficients[-1]
+                has_stiffness = model.coefficients == 3
+                options.tangential = coefficients[0] if has_stiffness else 0.0
+            case "rolling":
+                if line.take("rolling", ROLLING_MODELS) == "sds":
+                    options.rolling = _take_sds_stiffness(line, "rolling sds")
+            case "twisting":
+                model_name = line.take("twisting", TWISTING_MODELS)
+                options.marshall = options.marshall or model_name == "marshall"
+                if model_name == "sds":
+                    options.twisting = _take_sds_stiffness(line, "twisting sds")
+            case "limit_damping":
+                pass
+            case option:
+                line.take(f"the word of {option}")
+    return options
 
-    It is that of granular in other words, with arms as long as the radii.
+
+def _take_sds_stiffness(line: Words, name: str) -> float:
+    """Take stiffness, damping and limit of an sds model; return its stiffness.
+
+    Without a limit above 0 the spring has no force; a negative stiffness is returned to be refused.
     """
-    said = Words(words, where, "give Kn Kt gamma_n gamma_t xmu dampflag")
-    kn, kt, _, _, friction = said.in_turn(style, 5, null=True)
-    model, tangential = GRAN[style]
-    kt = 2 / 7 * kn if math.isnan(kt) else kt
-    own = [] if tangential == "linear_nohistory" else [repr(kt)]
-    same = [model, repr(kn), "0", "tangential", tangential, *own, "0", repr(friction)]
-    return granular(same, where, (RADIUS, RADIUS), units)
+    stiffness, _, limit = line.take_numbers(name, 3, null=True)
+    if limit > 0:
+        return stiffness
+    return min(stiffness, 0.0)
 
 
-def coefficients(
-    style: str, words: Sequence[str], where: str, units: Units, *, wall: bool = False
+def parse_older_style(style: str, words: Sequence[str], place: str, units: Units) -> ProgramLaw:
+    """Return the law of one of `OLDER_STYLES`, from its words Kn Kt gn gt mu dampflag.
+
+    It is the law of `granular` in other words, with arms as long as the radii.
+    """
+    line = Words(words, place, "give Kn Kt gamma_n gamma_t xmu dampflag")
+    normal, tangential, _, _, friction = line.take_numbers(style, 5, null=True)
+    models = OLDER_STYLES[style]
+    if math.isnan(tangential):
+        tangential = TANGENTIAL_OVER_NORMAL * normal
+    same_words = [models.normal, repr(normal), "0", "tangential", models.tangential]
+    if models.tangential != "linear_nohistory":
+        same_words.append(repr(tangential))
+    same_words += ["0", repr(friction)]
+    return parse_granular(same_words, place, LeverArms(RADIUS_ARM, RADIUS_ARM), units)
+
+
+def parse_law(
+    style: str, words: Sequence[str], place: str, units: Units, *, is_wall: bool = False
 ) -> ProgramLaw:
-    """The law that a style and its words say; accelerated variants, such as /omp, have the same."""
+    """Return the law of a style and its words; accelerated variants, as /omp, have the same law.
+
+    Raises InputError for a style that is not known.
+    """
     base = re.sub("/(omp|kk|intel|opt|gpu)$", "", style)
     if base == "granular":
-        return granular(words, where, (RADIUS, RADIUS if wall else MIDDLE), units)
-    base = base if base in GRAN or not wall else f"gran/{base}"
-    if base in GRAN:
-        return gran(base, words, where, units)
-    known = ", ".join(("granular", *GRAN))
-    fault(where, f"{style!r} is no law of contact that is known", f"give {known}")
+        arms = LeverArms(RADIUS_ARM, RADIUS_ARM if is_wall else MIDDLE_ARM)
+        return parse_granular(words, place, arms, units)
+    if is_wall and base not in OLDER_STYLES:
+        base = f"gran/{base}"
+    if base in OLDER_STYLES:
+        return parse_older_style(base, words, place, units)
+    known = ", ".join(("granular", *OLDER_STYLES))
+    problem = f"{style!r} is no law of contact that is known"
+    refuse(place, "unknown_law", problem, remedy=f"give {known}")
 
 
-def material_of(young: float, poisson: float, where: str) -> Elasticity:
-    """Young's modulus, Pa, and Poisson's ratio; InputError where no material has them."""
+def check_material(young: float, poisson: float, place: str) -> Elasticity:
+    """Return a material of Young's modulus, Pa, and Poisson's ratio.
+
+    Raises InputError if no material has them.
+    """
     low, high = YOUNG_RANGE_PA
     if not low <= young <= high:
-        do = f"write it in Pa ({low:g} to {high:g}), or, of other units, import --scales"
-        fault(where, f"Young's modulus {young:g} Pa is that of no material", do)
+        problem = f"Young's modulus {young:g} Pa is that of no material"
+        remedy = f"write it in Pa ({low:g} to {high:g}), or, of other units, import --scales"
+        refuse(place, "material", problem, remedy=remedy)
     if not -1 < poisson < 0.5:
-        fault(where, f"Poisson's ratio {poisson:g} is outside -1 to 0.5", "mend it")
+        problem = f"Poisson's ratio {poisson:g} is outside -1 to 0.5"
+        refuse(place, "material", problem, remedy="mend it")
     return Elasticity(young, poisson)
 
 
-def law_of_types(script: Script, units: Units) -> LawOf:
-    """The law between any two types of sphere."""
-    said = script.said
-    style, *shared = script.style
-    lines: list[tuple[range, range, ProgramLaw]] = []
-    everywhere = [("*", "*")] if shared and style.startswith("gran/") else []
-    for one, two, *words in (*everywhere, *script.pair):
-        where = f"{said}: pair_coeff {one} {two}"
-        first, second = types_of(one, where), types_of(two, where)
-        if "*" not in one + two and second[0] < first[0]:
+class _PairCoefficients(NamedTuple):
+    """One line of pair_coeff: the types of its two sides, and their law."""
+
+    first: range
+    second: range
+    law: ProgramLaw
+
+
+def read_pair_law(script: Script, units: Units) -> PairLaw:
+    """Return the law between any two types of sphere."""
+    lines = _read_pair_coefficients(script, units)
+
+    def find_law(first: int, second: int) -> ProgramLaw:
+        low = min(first, second)
+        high = max(first, second)
+        for line in reversed(lines):
+            if low in line.first and high in line.second:
+                return line.law
+        problem = f"no pair_coeff for types {low} and {high}"
+        refuse(script.place, "no_law", problem, remedy="give one")
+
+    return find_law
+
+
+def _read_pair_coefficients(script: Script, units: Units) -> list[_PairCoefficients]:
+    """Return the lines of pair_coeff, after the line of an older style for all types."""
+    style, *shared_words = script.style
+    lines = list(script.pair_coefficients)
+    if shared_words and style.startswith("gran/"):
+        lines.insert(0, ("*", "*"))
+    coefficients = []
+    for first_word, second_word, *words in lines:
+        place = f"{script.place}: pair_coeff {first_word} {second_word}"
+        first = parse_types(first_word, place)
+        second = parse_types(second_word, place)
+        has_range = "*" in first_word + second_word
+        if not has_range and second[0] < first[0]:
             first, second = second, first
         if second[-1] < first[0]:
-            what = "covers no pair, ranges stand for pairs of rising types alone"
-            fault(where, what, "exchange the two")
-        lines.append((first, second, coefficients(style, words or shared, said, units)))
-
-    def law_of(a: int, b: int) -> ProgramLaw:
-        a, b = min(a, b), max(a, b)
-        for first, second, law in reversed(lines):
-            if a in first and b in second:
-                return law
-        fault(said, f"no pair_coeff for types {a} and {b}", "give one")
-
-    return law_of
+            refuse(
+                place,
+                "no_pair",
+                "covers no pair, ranges stand for pairs of rising types alone",
+                remedy="exchange the two",
+            )
+        law = parse_law(style, words or shared_words, script.place, units)
+        coefficients.append(_PairCoefficients(first, second, law))
+    return coefficients
 
 
-def law_of_wall(said: Words, script: Script, units: Units, of_types: LawOf) -> OfKind:
-    """The law of a wall, which stands before its zplane: the same for all types."""
-    style, *rest = said.left
-    law = coefficients(style, rest[: rest.index("zplane")], said.where, units, wall=True)
+def read_wall_law(line: Words, script: Script, units: Units, pair_law: PairLaw) -> WallLaw:
+    """Return the law of a wall, which stands before its zplane and is the same for all types."""
+    style, *words = line.remaining
+    law = parse_law(style, words[: words.index("zplane")], line.place, units, is_wall=True)
     return lambda kind: law
 
 
-def types_of(word: str, where: str) -> range:
-    """The types that a word of pair_coeff stands for; InputError where it is no range."""
-    found = re.fullmatch(r"([0-9]*)(\*?)([0-9]*)", word)
-    low = int(found[1] or 1) if found else 0
-    high = 0 if found is None else int(found[3] or LAST) if found[2] else low
+def parse_types(word: str, place: str) -> range:
+    """Return the types that a word of pair_coeff stands for; raise InputError if it is no range."""
+    match = re.fullmatch(r"([0-9]*)(\*?)([0-9]*)", word)
+    low = 0
+    high = 0
+    if match:
+        low = int(match[1] or 1)
+        high = int(match[3] or MAX_TYPE) if match[2] else low
     if not 1 <= low <= high:
-        fault(where, f"{word!r} is no type", "give numbers or ranges of them (n, *, n*, *n, m*n)")
+        remedy = "give numbers or ranges of them (n, *, n*, *n, m*n)"
+        refuse(place, "type_range", f"{word!r} is no type", remedy=remedy)
     return range(low, high + 1)
 
 
-def contacts_of(told: Told, packing: Packing, units: Units) -> Contacts:
-    """What `pair/local` tells of the contacts between spheres."""
-    force, shear = units.force * told.values["force"][:, 0], told.values.get("shear")
-    shear = None if shear is None else units.force * shear
-    return Contacts(told.i, told.j, force, shear, told.values.get("line"), listed=told.rows)
+def convert_contacts(dumped: DumpedContacts, packing: Packing, units: Units) -> Contacts:
+    """Return the contacts between spheres that `pair/local` has written, in SI units."""
+    force = units.force * dumped.values["force"][:, 0]
+    shear = dumped.values.get("shear")
+    if shear is not None:
+        shear = units.force * shear
+    line = dumped.values.get("line")
+    return Contacts(dumped.i, dumped.j, force, shear, line, listed=dumped.rows)
 
 
-def at_walls(
-    frame: Frame, packing: Packing, units: Units, walls: Walls, fixes: Sequence[str]
-) -> tuple[Ints, Ints, Floats, Floats]:
-    """Spheres at walls, codes (k,), normal force (k,) and shear force (k, 3) on the sphere, N.
+class WallContacts(NamedTuple):
+    """Contacts of k spheres with walls.
 
-    `fixes` are the IDs of the log's walls. A dump that has none of them is older than the log's
-    end, or their IDs are not known: then all columns f_ID[1] to f_ID[4] count.
+    i: indices (k,) of the spheres. j: codes (k,) of the walls. force: normal forces (k,), N, NaN
+    where they follow from the law. shear: shear forces (k, 3) on the spheres, N, or None.
     """
 
-    def columns(name: str) -> list[str]:
-        return [f"f_{name}[{k}]" for k in (1, 2, 3, 4)]
+    i: Ints
+    j: Ints
+    force: Floats
+    shear: Floats | None
 
-    rows, parts = frame.rows, []
-    order = np.argsort(rows.read("id")[:, 0], kind="stable")
-    begun = re.findall(r"f_(\w+)\[1\]", " ".join(rows.columns))
-    there = [name for name in begun if rows.has(*columns(name))]
-    for name in fixes if set(fixes) & set(there) else there or fixes or ["ID"]:
-        each = columns(name)
-        rows.require(each, f"write fix {name} ... wall/gran ... contacts and dump {' '.join(each)}")
-        table = rows.read(*each)
-        do = "leave columns of other fixes out, or give the log that names the walls (--log)"
-        wrong = ~np.isin(table[:, 0], (0, 1))
-        rows.refuse(wrong, "not 1 at a wall and 0 elsewhere", do, each[0])
-        (at,) = np.nonzero(table[order, 0])
-        force = units.force * table[order][at, 1:]
-        # The wall that pushes; a sphere between two walls of one fix would need two rows.
-        code, push = np.where(force[:, 2] > 0, *WALLS), abs(force[:, 2])
-        force[:, 2] = 0
-        own = {code for code, wall in walls.items() if wall.name == name} or set(walls)
-        absent = np.isin(np.arange(len(order)), at[~np.isin(code, list(own))])
-        what = f"is pushed in f_{name} by a wall that is NULL in its zplane LOW HIGH"
-        packing.refuse(absent, what, f"mend {TYPED}, or bring the packing to rest")
-        parts.append((at, code, push, force))
-    at, code, push, rub = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return at.astype(np.int32), code.astype(np.int32), push, rub
+
+def find_wall_contacts(
+    frame: Frame, packing: Packing, units: Units, walls: Walls, fixes: Sequence[str]
+) -> WallContacts:
+    """Return the contacts with walls, from the columns f_ID[1] to f_ID[4] of the spheres.
+
+    `fixes` are the IDs of the log's walls. A dump that has none of them is older than the log's
+    end, or their IDs are not known: then all such columns count. Raises InputError for columns that
+    are missing, or that are not those of a wall.
+    """
+    order = np.argsort(frame.rows.read("id")[:, 0], kind="stable")
+    parts = [
+        _read_wall_contacts(frame.rows, order, name, packing, units, walls)
+        for name in _choose_wall_fixes(frame.rows, fixes)
+    ]
+    shears = [part.shear for part in parts if part.shear is not None]
+    return WallContacts(
+        i=np.concatenate([part.i for part in parts]),
+        j=np.concatenate([part.j for part in parts]),
+        force=np.concatenate([part.force for part in parts]),
+        shear=np.concatenate(shears),
+    )
+
+
+def _wall_columns(name: str) -> list[str]:
+    """Return the columns of a fix wall/gran: whether it touches, and three forces."""
+    return [f"f_{name}[{k}]" for k in (1, 2, 3, 4)]
+
+
+def _choose_wall_fixes(rows: Rows, fixes: Sequence[str]) -> Sequence[str]:
+    """Return the IDs of the fixes whose columns count; see `find_wall_contacts`."""
+    started = re.findall(r"f_(\w+)\[1\]", " ".join(rows.columns))
+    complete = [name for name in started if rows.has(*_wall_columns(name))]
+    if set(fixes) & set(complete):
+        return fixes
+    return complete or fixes or ["ID"]
+
+
+def _read_wall_contacts(
+    rows: Rows, order: Ints, name: str, packing: Packing, units: Units, walls: Walls
+) -> WallContacts:
+    """Return the contacts with the walls of one fix; `order` (n,) sorts the rows by number."""
+    columns = _wall_columns(name)
+    rows.require(
+        columns, f"write fix {name} ... wall/gran ... contacts and dump {' '.join(columns)}"
+    )
+    table = rows.read(*columns)
+    rows.refuse(
+        ~np.isin(table[:, 0], (0, 1)),
+        "no_wall_flag",
+        "not 1 at a wall and 0 elsewhere",
+        remedy="leave columns of other fixes out, or give the log that names the walls (--log)",
+        column=columns[0],
+    )
+    (spheres,) = np.nonzero(table[order, 0])
+    force = units.force * table[order][spheres, 1:]
+    # The wall that pushes; a sphere between two walls of one fix would need two rows.
+    code = np.where(force[:, 2] > 0, *WALLS)
+    normal_force = abs(force[:, 2])
+    force[:, 2] = 0
+    codes_of_fix = {code for code, wall in walls.items() if wall.name == name} or set(walls)
+    pushed_by_absent_wall = spheres[~np.isin(code, list(codes_of_fix))]
+    packing.refuse(
+        np.isin(np.arange(len(order)), pushed_by_absent_wall),
+        "no_wall",
+        f"is pushed in f_{name} by a wall that is NULL in its zplane LOW HIGH",
+        f"mend {TYPED_WALL}, or bring the packing to rest",
+    )
+    return WallContacts(spheres.astype(np.int32), code.astype(np.int32), normal_force, force)

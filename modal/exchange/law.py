@@ -1,67 +1,76 @@
 """Laws of contact of other programs: force and stiffness of an overlap, and what shear remembers.
 
-N = k overlap, or k sqrt(R*) overlap^(3/2) (Hertz), with R* = R_i R_j / (R_i + R_j), at a flat wall
-R. The tangential stiffness is a constant, or grows with the radius a = sqrt(R* overlap) of the
-circle of contact. Programs differ further in what a contact keeps of its history: the shear force
-(as this project's YADE runs do), or the shear displacement, by which the force changes when the
-circle grows although nothing shears; and in the lever arms of motion and torque. Some resist
-rolling, by a spring on arcs of the radius R*, and twisting, by one on the angle, on arcs of R*, or,
-as Marshall's, by half the tangential coefficient times a^2.
+The normal force is N = k overlap, or k sqrt(R*) overlap^(3/2) (Hertz), with R* = R_i R_j / (R_i +
+R_j), at a flat wall R. The tangential stiffness is a constant, or grows with the radius a =
+sqrt(R* overlap) of the circle of contact. Programs differ in what a contact remembers of its shear:
+the force (as this project's YADE runs do), or the displacement, by which the force changes when the
+circle grows although nothing shears. They differ in the lever arms of motion and torque, too. Some
+laws resist rolling, by a spring on arcs of the radius R*, and twisting, by a spring on the angle,
+on arcs of R*, or (Marshall) by half the tangential coefficient times a^2.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from modal.tools.arrays import Bools, Floats, Ints
+from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.errors import InputError
 
-FORCE, DISPLACEMENT, ONE_SIDED = "force", "displacement", "displacement, shrunk on unloading"
-"""What a contact keeps of its shear."""
-MIDDLE, RADIUS = "radius less half the overlap", "radius"
-"""Lever arms."""
-AT_LIMIT = 1e-6
-"""Relative: a shear force so near to friction times normal force slides."""
+ShearMemory = Literal["force", "displacement", "displacement, shrunk on unloading"]
+"""What a contact remembers of its shear."""
+LeverArm = Literal["radius less half the overlap", "radius"]
+"""Distance from the centre of a sphere to the point where a contact moves or turns it."""
+
+FORCE: ShearMemory = "force"
+DISPLACEMENT: ShearMemory = "displacement"
+SHRINKING_DISPLACEMENT: ShearMemory = "displacement, shrunk on unloading"
+MIDDLE_ARM: LeverArm = "radius less half the overlap"
+RADIUS_ARM: LeverArm = "radius"
+RELATIVE_LIMIT_TOLERANCE = 1e-6
+"""A shear force slides if it is nearer than this to friction times normal force, relative."""
 
 
 class Units(NamedTuple):
-    """What a file's unit of length, mass and time is in SI."""
+    """The SI values of a file's units of length, mass and time."""
 
     length: float = 1.0
     mass: float = 1.0
     time: float = 1.0
 
     @classmethod
-    def typed(cls, scales: Sequence[float] | None) -> Units | None:
-        """Those that somebody gives as numbers; InputError where no unit can have them."""
+    def from_scales(cls, scales: Sequence[float] | None) -> Units | None:
+        """Return the units of three typed numbers, in m, kg, s; None if none were typed.
+
+        Raises InputError unless there are three positive finite numbers.
+        """
         if scales is None:
             return None
         if np.shape(scales) != (3,) or not all(0 < scale < np.inf for scale in scales):
-            raise InputError("input", "--scales", remedy="give three positive values, in m, kg, s")
+            raise InputError("scales", "--scales", remedy="give three positive values, in m, kg, s")
         return cls(*scales)
 
     @property
     def force(self) -> float:
-        """In newton."""
+        """Return the unit of force in N."""
         return self.mass * self.length / self.time**2
 
     @property
     def stiffness(self) -> float:
-        """In N/m."""
+        """Return the unit of stiffness in N/m."""
         return self.force / self.length
 
     @property
     def moment(self) -> float:
-        """In N m."""
+        """Return the unit of torque in N m."""
         return self.force * self.length
 
     @property
     def pressure(self) -> float:
-        """In Pa."""
+        """Return the unit of pressure in Pa."""
         return self.force / self.length**2
 
 
@@ -70,14 +79,34 @@ SI = Units()
 
 @dataclass(frozen=True)
 class ProgramLaw:
-    """One kind of contact; or, as `of_contacts` makes it, that of each contact, fields (m,).
+    """The law of one kind of contact.
 
-    `normal` in N/m, or in Pa with `hertz`; `tangential` in N/m, or in Pa where it grows
-    (`grows`); 0 where `friction`, the coefficient, is: the limit of a shear force is 0 then, and
-    no spring is left. `keeps` what of the shear is kept; `moves` and `turns` the lever arms of
-    motion and of torque. `rolling` and `twisting_arc` in N/m, of arcs of R*; `rolling_share` and
-    `twisting_share` of the tangential stiffness, of such arcs, too; `twisting` in N m/rad;
-    `marshall`, 1 or m, times `tangential` and a^2 is added to it.
+    Attributes
+    ----------
+    normal : float
+        Normal stiffness, N/m, or 4/3 of the effective modulus, Pa, if `hertz`.
+    hertz : bool
+        Whether the normal force follows Hertz.
+    tangential : float
+        Tangential stiffness, N/m, or Pa if `grows`. It is set to 0 if `friction` is 0: the limit of
+        a shear force is 0 then, and no spring is left.
+    grows : bool
+        Whether the tangential stiffness is `tangential` times the radius of the circle of contact.
+    friction : float
+        Coefficient of friction.
+    shear_memory : ShearMemory
+        What a contact remembers of its shear.
+    motion_arm, torque_arm : LeverArm
+        Lever arms of a rotation's motion at the contact, and of the torque of its force.
+    rolling, twisting_arc : float
+        Stiffnesses against rolling and twisting, N/m, on arcs of the radius R*.
+    rolling_share, twisting_share : float
+        Such stiffnesses as shares of the tangential stiffness.
+    twisting : float
+        Stiffness against twisting, N m/rad.
+    marshall : float
+        Twisting by Marshall's law: this factor, a number or m, times `tangential` and a^2 is a
+        stiffness, N m/rad, beside `twisting`.
     """
 
     normal: float
@@ -85,9 +114,9 @@ class ProgramLaw:
     tangential: float
     grows: bool
     friction: float
-    keeps: str = FORCE
-    moves: str = MIDDLE
-    turns: str = MIDDLE
+    shear_memory: ShearMemory = FORCE
+    motion_arm: LeverArm = MIDDLE_ARM
+    torque_arm: LeverArm = MIDDLE_ARM
     rolling: float = 0.0
     twisting: float = 0.0
     marshall: float = 0.0
@@ -96,78 +125,95 @@ class ProgramLaw:
     twisting_share: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "tangential", self.tangential * (self.friction != 0))
+        if self.friction == 0:
+            object.__setattr__(self, "tangential", 0.0)
 
     def __str__(self) -> str:
-        along = "Pa (Hertz)" if self.hertz else "N/m"
-        across = "Pa times the circle's radius" if self.grows else "N/m"
+        normal_unit = "Pa (Hertz)" if self.hertz else "N/m"
+        tangential_unit = "Pa times the circle's radius" if self.grows else "N/m"
         text = (
-            f"normal {self.normal:.6g} {along}; tangential {self.tangential:.6g} {across}; "
-            f"friction {self.friction:g}; keeps the shear {self.keeps}; arms: {self.moves} "
-            f"(motion), {self.turns} (torque)"
+            f"normal {self.normal:.6g} {normal_unit}; "
+            f"tangential {self.tangential:.6g} {tangential_unit}; "
+            f"friction {self.friction:g}; keeps the shear {self.shear_memory}; "
+            f"arms: {self.motion_arm} (motion), {self.torque_arm} (torque)"
         )
-        arcs = "N/m on arcs of R*"
+        on_arcs = "N/m on arcs of R*"
         share = "of the tangential stiffness on arcs of R*"
-        turning = (
-            ("rolling", self.rolling, arcs),
+        springs = (
+            ("rolling", self.rolling, on_arcs),
             ("rolling", self.rolling_share, share),
             ("twisting", self.twisting, "N m/rad"),
-            ("twisting", self.twisting_arc, arcs),
+            ("twisting", self.twisting_arc, on_arcs),
             ("twisting", self.twisting_share, share),
             ("twisting", self.marshall, "of the tangential one times the circle's area / pi"),
         )
-        for name, stiffness, unit in turning:
+        for motion, stiffness, unit in springs:
             if stiffness:
-                text += f"; {name} {stiffness:.6g} {unit}"
+                text += f"; {motion} {stiffness:.6g} {unit}"
         return text
 
-    @classmethod
-    def of_contacts(cls, kinds: Sequence[ProgramLaw], which: Ints) -> ProgramLaw:
-        """The law of each contact, of these `kinds` the one with the number in `which` (m,)."""
-        columns: dict[str, Any] = {
-            each.name: np.array([getattr(law, each.name) for law in kinds])[which]
-            for each in fields(cls)
-        }
-        return cls(**columns)
+
+class ContactLaws(NamedTuple):
+    """The laws of m contacts: `laws`, and the index (m,) of each contact's law among them."""
+
+    laws: Sequence[ProgramLaw]
+    index: Ints
+
+    def values(self, name: str) -> Array:
+        """Return an attribute of each contact's law, shape (m,)."""
+        return np.array([getattr(law, name) for law in self.laws])[self.index]
 
     def force(self, overlap: Floats, effective_radius: Floats) -> Floats:
-        """Shape (m,), N: the elastic normal force; 0 where nothing touches."""
-        deep = np.maximum(overlap, 0)
-        root = np.where(self.hertz, np.sqrt(effective_radius * deep), 1.0)
-        return self.normal * root * deep
+        """Return the elastic normal forces (m,), N; 0 where nothing touches."""
+        depth = np.maximum(overlap, 0)
+        root = np.where(self.values("hertz"), np.sqrt(effective_radius * depth), 1.0)
+        return self.values("normal") * root * depth
 
     def overlap(self, force: Floats, effective_radius: Floats) -> Floats:
-        """Shape (m,), m: the inverse of `force`."""
-        push = np.maximum(force, 0) / self.normal
-        return np.where(self.hertz, (push / np.sqrt(effective_radius)) ** (2 / 3), push)
+        """Return the overlaps (m,), m, that have these normal forces (m,), N."""
+        linear = np.maximum(force, 0) / self.values("normal")
+        hertzian = (linear / np.sqrt(effective_radius)) ** (2 / 3)
+        return np.where(self.values("hertz"), hertzian, linear)
 
-    def columns(self, overlap: Floats, effective_radius: Floats) -> dict[str, Floats]:
-        """What a network has of each contact (m,): its stiffnesses, and what no spring does.
+    def network_columns(self, overlap: Floats, effective_radius: Floats) -> dict[str, Floats]:
+        """Return the columns (m,) of a network that follow from the laws, by their names.
 
-        Rolling and twisting are left out where no contact resists them.
+        These are the stiffnesses, and the terms of the law that no spring has. Stiffnesses against
+        rolling and twisting are left out if no contact resists them.
         """
         area = effective_radius * np.maximum(overlap, 0)
         circle = np.sqrt(area)
-        grows = self.grows & (np.asarray(self.keeps) != FORCE)
+        normal = self.values("normal")
+        tangential = self.values("tangential")
+        grows = self.values("grows")
+        growth_counts = grows & (self.values("shear_memory") != FORCE)
+        tangential_stiffness = tangential * np.where(grows, circle, 1.0)
         springs = {
-            "stiffness_normal": np.where(self.hertz, 1.5 * self.normal * circle, self.normal),
-            "stiffness_tangential": self.tangential * np.where(self.grows, circle, 1.0),
-            "shear_growth": np.where(grows, 0.5 / overlap, 0.0),
-            "motion_shortening": 0.5 * (np.asarray(self.moves) == MIDDLE),
-            "torque_shortening": 0.5 * (np.asarray(self.turns) == MIDDLE),
+            "stiffness_normal": np.where(self.values("hertz"), 1.5 * normal * circle, normal),
+            "stiffness_tangential": tangential_stiffness,
+            "shear_growth": np.where(growth_counts, 0.5 / overlap, 0.0),
+            "motion_shortening": 0.5 * (self.values("motion_arm") == MIDDLE_ARM),
+            "torque_shortening": 0.5 * (self.values("torque_arm") == MIDDLE_ARM),
         }
-        across = springs["stiffness_tangential"]
-        rolling_arc = self.rolling + self.rolling_share * across
-        twisting_arc = self.twisting_arc + self.twisting_share * across
-        twisting = self.twisting + self.marshall * self.tangential * area
+        rolling_arc = self.values("rolling") + self.values("rolling_share") * tangential_stiffness
+        twisting_arc = (
+            self.values("twisting_arc") + self.values("twisting_share") * tangential_stiffness
+        )
+        twisting = self.values("twisting") + self.values("marshall") * tangential * area
         turning: dict[str, Floats] = {
             "stiffness_rolling": rolling_arc * effective_radius**2,
             "stiffness_twisting": twisting + twisting_arc * effective_radius**2,
         }
-        resists = any(stiffness.any() for stiffness in turning.values())
-        return springs | turning if resists else springs
+        if any(stiffness.any() for stiffness in turning.values()):
+            return springs | turning
+        return springs
 
-    def slides(self, force: Floats, shear: Floats) -> Bools:
-        """Shape (m,): contacts at their limit; without friction there is no spring to slip."""
-        limit = self.friction * force
-        return (np.linalg.norm(shear, axis=1) >= limit * (1 - AT_LIMIT)) & (limit > 0)
+    def are_sliding(self, force: Floats, shear: Floats) -> Bools:
+        """Tell which contacts (m,) are at their limit of friction.
+
+        A contact without friction has no spring that could slip. `force` (m,) and `shear` (m, 3)
+        are in N.
+        """
+        limit = self.values("friction") * force
+        size = np.linalg.norm(shear, axis=1)
+        return (size >= limit * (1 - RELATIVE_LIMIT_TOLERANCE)) & (limit > 0)

@@ -1,94 +1,134 @@
-"""What LIGGGHTS says otherwise than LAMMPS: its law, its walls, and the columns of its contacts.
+"""What is particular to LIGGGHTS: its law, its walls, and the columns of its contacts.
 
-`model hertz` with `tangential history`: N = 4/3 E* sqrt(R* overlap) overlap and 8 G* sqrt(R*
-overlap), the shear displacement kept. `model hooke` takes its stiffness from masses and a velocity
-that is typed in, and is refused. Contacts come from `compute pair/gran/local`; the forces at walls
-are not told.
+The law is `model hertz` with `tangential history`: N = 4/3 E* sqrt(R* overlap) overlap and 8 G*
+sqrt(R* overlap), with the memory of the shear displacement. `model hooke` computes its stiffness
+from masses and a velocity that is typed in, and is refused. Contacts come from `compute
+pair/gran/local`; the forces at walls are not dumped.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from modal.exchange.dump import Frame, OfKind, Told, Walls
-from modal.exchange.input_script import PROPERTIES, Script
-from modal.exchange.lammps import material_of
+from modal.exchange.dump import DumpedContacts, Frame, WallLaw, Walls
+from modal.exchange.input_script import MATERIAL_PROPERTIES, Script
+from modal.exchange.lammps import WallContacts, check_material
 from modal.exchange.law import DISPLACEMENT, ProgramLaw, Units
-from modal.exchange.particles_and_contacts import Contacts, LawOf, Packing
+from modal.exchange.particles_and_contacts import Contacts, Packing, PairLaw
 from modal.exchange.text import Words
-from modal.tools.arrays import Floats, Ints
 
 EXAMPLE = (
     '--pair "gran model hertz tangential history youngsModulus 6e10 poissonsRatio 0.2 '
     'coefficientFriction 0.3"'
 )
-TYPED_WALL = '--wall "type N zplane LOW HIGH"'
-UNITS, PLANES, ENDS = "si", 1, ("id1", "id2")
-"""As of `modal.exchange.lammps`."""
-OFF = {"cohesion": "off", "rolling_friction": "off", "surface": "default"}
-"""Models that do more than springs, and the word that turns each off."""
+"""A law that a message gives as an example."""
+TYPED_WALL_EXAMPLE = '--wall "type N zplane LOW HIGH"'
+"""A wall that a message gives as an example."""
+DEFAULT_UNITS = "si"
+"""The units of a log that names none."""
+PLANES_PER_FIX = 1
+"""Planes of one fix wall/gran."""
+END_COLUMNS = ("id1", "id2")
+"""Columns of the two ends of a contact."""
+MODELS_SWITCHED_OFF = {"cohesion": "off", "rolling_friction": "off", "surface": "default"}
+"""Models that do more than springs, and the word that switches each off."""
 
 
-def contacts_of(told: Told, packing: Packing, units: Units) -> Contacts:
-    """What `pair/gran/local` tells of the contacts between spheres; those at walls by positions."""
-    parted = "parts" in told.values
-    forces = units.force * told.values["parts" if parted else "whole"]
-    along = forces[:, :3]
-    push, shear = packing.pushes(told.i, told.j, along)
-    shear = forces[:, 3:] if parted else shear
-    # Versions differ in which of the two bears the forces that are written; a contact pushes.
-    shear = np.where(push < 0, -1.0, 1.0)[:, None] * shear
-    # A normal of its own tells more than rounded bounds; that of the whole force is not one.
-    line = along if parted else None
-    return Contacts(told.i, told.j, abs(push), shear, line=line, listed=told.rows)
+def convert_contacts(dumped: DumpedContacts, packing: Packing, units: Units) -> Contacts:
+    """Return the contacts between spheres that `pair/gran/local` has written, in SI units."""
+    if "parts" in dumped.values:
+        forces = units.force * dumped.values["parts"]
+        # A normal force gives a better direction than rounded bounds; the whole force does not.
+        line = forces[:, :3]
+        normal_force, _ = packing.split_forces(dumped.i, dumped.j, line)
+        shear = forces[:, 3:]
+    else:
+        forces = units.force * dumped.values["whole"]
+        line = None
+        normal_force, shear = packing.split_forces(dumped.i, dumped.j, forces)
+    # Versions differ in which of the two spheres bears the forces; a contact pushes.
+    shear = np.where(normal_force < 0, -1.0, 1.0)[:, None] * shear
+    return Contacts(dumped.i, dumped.j, abs(normal_force), shear, line, listed=dumped.rows)
 
 
-def at_walls(
+def find_wall_contacts(
     frame: Frame, packing: Packing, units: Units, walls: Walls, fixes: Sequence[str]
-) -> tuple[Ints, Ints, Floats, None]:
-    """Spheres at walls, by positions, and codes (k,); forces that follow from the law, no shear."""
-    found = packing.touching()
-    i, j = found.i[found.j < 0], found.j[found.j < 0]
-    return i, j, np.full(len(i), np.nan), None
+) -> WallContacts:
+    """Return the contacts with walls, from positions; their forces follow from the law."""
+    contacts = packing.touching()
+    at_wall = contacts.j < 0
+    i = contacts.i[at_wall]
+    return WallContacts(i, contacts.j[at_wall], np.full(len(i), np.nan), None)
 
 
-def law_of_types(script: Script, units: Units) -> LawOf:
-    """The law between two types."""
-    said = Words(script.style, script.said, f"give {EXAMPLE}")
-    typed = {name: said.numbers(name, 1) for name in PROPERTIES if name in said}
+def read_pair_law(script: Script, units: Units) -> PairLaw:
+    """Return the law between any two types of sphere."""
+    line = Words(script.style, script.place, f"give {EXAMPLE}")
+    typed = {name: line.numbers_after(name, 1) for name in MATERIAL_PROPERTIES if name in line}
     properties = script.properties | typed
-    if "hertz" not in said or "history" not in said:
-        why = "the stiffness of others depends on more than the overlap"
-        said.refuse("only model hertz with tangential history is known", why)
-    for option, off in OFF.items():
-        if option in said and said.left[said.left.index(option) + 1 :][:1] not in ([off], []):
-            said.refuse(f"{option} is resisted by no spring here", f"only {option} {off}")
-    lost = [name for name in PROPERTIES if name not in properties]
-    if lost:
-        said.refuse(f"no {', '.join(lost)}", f"{said.do}, or the log that has them")
-    pairs = zip(properties["youngsModulus"], properties["poissonsRatio"], strict=False)
-    materials = [material_of(units.pressure * young, nu, said.where) for young, nu in pairs]
+    _refuse_other_models(line)
+    missing = [name for name in MATERIAL_PROPERTIES if name not in properties]
+    if missing:
+        remedy = f"{line.remedy}, or the log that has them"
+        line.refuse("no_material", f"no {', '.join(missing)}", remedy=remedy)
+    elastic_constants = zip(properties["youngsModulus"], properties["poissonsRatio"], strict=False)
+    materials = [
+        check_material(units.pressure * young, poisson, line.place)
+        for young, poisson in elastic_constants
+    ]
     friction = properties["coefficientFriction"]
+    n_types = len(materials)
 
-    def law_of(a: int, b: int) -> ProgramLaw:
-        a, b = sorted((a, b))
-        if a < 1 or (b > len(materials) and len(materials) > 1):
-            lost = f"no properties for type {a if a < 1 else b}"
-            said.refuse(lost, "give them for all types")
-        one, two = (materials[min(k, len(materials)) - 1] for k in (a, b))
-        young, shear = one.against(two)
-        place = (a - 1) * len(materials) + b - 1
-        limit = friction[place] if len(friction) > place else friction[0]
-        return ProgramLaw(4 / 3 * young, True, 8 * shear, True, limit, DISPLACEMENT)
+    def find_law(first: int, second: int) -> ProgramLaw:
+        low = min(first, second)
+        high = max(first, second)
+        is_known = low >= 1 and (high <= n_types or n_types == 1)
+        if not is_known:
+            unknown_type = low if low < 1 else high
+            problem = f"no properties for type {unknown_type}"
+            line.refuse("no_material", problem, remedy="give them for all types")
+        material = materials[min(low, n_types) - 1]
+        other_material = materials[min(high, n_types) - 1]
+        young, shear = material.against(other_material)
+        place = (low - 1) * n_types + high - 1
+        return ProgramLaw(
+            normal=4 / 3 * young,
+            hertz=True,
+            tangential=8 * shear,
+            grows=True,
+            friction=friction[place] if len(friction) > place else friction[0],
+            shear_memory=DISPLACEMENT,
+        )
 
-    return law_of
+    return find_law
 
 
-def law_of_wall(said: Words, script: Script, units: Units, of_types: LawOf) -> OfKind:
-    """The law between a wall, of the type that is said or of that of each sphere, and a kind."""
-    if "type" not in said:
-        what = f"walls are taken to be of the material of each sphere (else say {TYPED_WALL})"
-        script.remarks.append(what)
-        return lambda of: of_types(of, of)
-    kind = int(said.number("type"))
-    return lambda of: of_types(of, kind)
+def _refuse_other_models(line: Words) -> None:
+    """Raise InputError for a law that is not `model hertz` with `tangential history` alone."""
+    if "hertz" not in line or "history" not in line:
+        line.refuse(
+            "unknown_law",
+            "only model hertz with tangential history is known",
+            "the stiffness of others depends on more than the overlap",
+        )
+    for option, off in MODELS_SWITCHED_OFF.items():
+        if option not in line:
+            continue
+        following = line.remaining[line.remaining.index(option) + 1 :]
+        if following and following[0] != off:
+            problem = f"{option} is resisted by no spring here"
+            line.refuse("unknown_law", problem, remedy=f"only {option} {off}")
+
+
+def read_wall_law(line: Words, script: Script, units: Units, pair_law: PairLaw) -> WallLaw:
+    """Return the law between a wall and a kind of sphere.
+
+    The wall is of the type that its line names, or else of the type of each sphere.
+    """
+    if "type" not in line:
+        script.remarks.append(
+            f"walls are taken to be of the material of each sphere (else say {TYPED_WALL_EXAMPLE})"
+        )
+        return lambda kind: pair_law(kind, kind)
+    wall_kind = int(line.number_after("type"))
+    return lambda kind: pair_law(kind, wall_kind)

@@ -1,30 +1,41 @@
-"""A packing as another program tells it: spheres, cell and contacts in SI, and who touches whom."""
+"""A packing as another program writes it: spheres, cell and contacts, in SI units."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from modal.exchange.law import ProgramLaw, Units
-from modal.exchange.text import Rows, fault, last_step
+from modal.exchange.text import Rows, last_digit_unit, refuse
 from modal.packing.neighbours import ContactList, between, touching
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
-from modal.tools.arrays import Array, Bools, Floats, Ints
+from modal.tools.arrays import Bools, Floats, Ints
 
-NARROW = 2.0
-"""A period must exceed this many of the largest diameters, or images are not told apart."""
+MIN_PERIOD_IN_DIAMETERS = 2.0
+"""A period must exceed this many of the largest diameters: in a shorter one a sphere could touch
+another sphere and its image."""
+MAX_DISTANCE_OUTSIDE_IN_RADII = 1e-3
+"""Distance, in largest radii, by which a centre may lie outside the cell, as rounding may do."""
 WALLS = (SOURCE_WALL, RECEIVER_WALL)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """low, high (3,), m, periodic (3,); walls: z of the source and the receiver wall, or NaN.
+    """The cell of a packing.
 
-    `rounding` (3,), m, is the unit of the last digit of bounds that the program has rounded, 0
-    where it wrote them as they are.
+    Attributes
+    ----------
+    low, high : ndarray (3,), m
+        Bounds.
+    periodic : ndarray (3,) of bool
+        Axes with a period.
+    walls : tuple of two floats, m
+        z of the source wall and of the receiver wall; NaN for a wall that is absent.
+    rounding : ndarray (3,), m
+        Unit of the last digit of bounds that the program has rounded; 0 for bounds in full.
     """
 
     low: Floats
@@ -35,23 +46,57 @@ class Cell:
 
     @property
     def periods(self) -> Floats:
-        """Shape (3,), m; 0 along an axis without a period."""
+        """Return the periods (3,), m; 0 along an axis without a period."""
         return np.where(self.periodic, self.high - self.low, 0.0)
 
     @property
     def planes(self) -> tuple[float, float]:
-        """z of the walls; where there is none, of the end of the cell."""
-        low, high = np.where(np.isnan(self.walls), (self.low[2], self.high[2]), self.walls)
+        """Return z of the two walls, m; the end of the cell for a wall that is absent."""
+        bounds = (self.low[2], self.high[2])
+        low, high = np.where(np.isnan(self.walls), bounds, self.walls)
         return float(low), float(high)
+
+
+class SphereColumns(NamedTuple):
+    """Columns of n spheres as they stand in a file, in its order and units.
+
+    number: numbers (n,) of the program. position: (n, 3). radius, mass: (n,). kind: types (n,) that
+    choose the law, or None if all spheres are of type 0. body: numbers (n,) of rigid bodies, or
+    None if there are none.
+    """
+
+    number: Floats
+    position: Floats
+    radius: Floats
+    mass: Floats
+    kind: Ints | None = None
+    body: Ints | None = None
 
 
 @dataclass(frozen=True)
 class Packing:
-    """n spheres in a cell: numbers (n,) of the program, position (n, 3), radius, mass (n,).
+    """The n spheres of a file, in the order of their numbers, in a cell.
 
-    `name` of their file, for messages; `digits` of the positions and radii as they were written,
-    and `step` the unit of the last of them, m; `kind` (n,) is the type that chooses the law.
-    Spheres of the same number in `body` (n,) are one rigid body; below 1 a sphere is its own.
+    Attributes
+    ----------
+    name : str
+        The file, for messages.
+    cell : Cell
+        The cell.
+    digits : int
+        Significant digits of positions and radii as written.
+    step : float, m
+        Unit of the last of these digits.
+    number : ndarray (n,)
+        Numbers of the program.
+    position : ndarray (n, 3), m
+        Centres.
+    radius, mass : ndarray (n,), m, kg
+        Radii and masses.
+    kind : ndarray (n,)
+        Types that choose the law.
+    body : ndarray (n,)
+        Number of the rigid body that a sphere belongs to; below 1 for a single sphere.
     """
 
     name: str
@@ -66,113 +111,161 @@ class Packing:
     body: Ints
 
     @classmethod
-    def of(
+    def from_columns(
         cls,
         rows: Rows,
         cell: Cell,
         units: Units,
-        columns: Mapping[str, Array],
+        columns: SphereColumns,
         digits: int,
         step: float | None = None,
     ) -> Packing:
-        """The spheres of these rows in the order of their numbers.
+        """Return the spheres of these rows, in the order of their numbers.
 
-        `columns` number, position, radius, mass, and kind and body if they are told, and `step`
-        that of the last digit, are in the file's units. InputError for spheres that no cell can
-        have, and for a number that stands twice.
+        `step` is the unit of the last digit, in the file's unit of length; by default that of
+        `digits` of the positions. Raises InputError for spheres that no cell can have, and for a
+        number that stands twice.
         """
-        number = rows.whole(columns["number"], "id")
-        order = rows.rising(
+        number = rows.to_integers(columns.number, "id")
+        order = rows.sort_unique(
             number,
             lambda row: f"sphere {number[row]} again (line {rows.line + row})",
             "write each once, without ghosts or images",
             "id",
         )
-        step = last_step(columns["position"], digits) if step is None else step
-        unit = {"position": units.length, "radius": units.length, "mass": units.mass}
-        none = np.zeros(len(order), int)
-        whole = {"kind": none, "body": none} | dict(columns) | {"number": number}
-        own: dict[str, Any] = {k: unit.get(k, 1) * data[order] for k, data in whole.items()}
-        found = cls(str(rows.path), cell, digits, units.length * step, **own)
-        found._check()
-        return replace(found, position=found._inside())
+        if step is None:
+            step = last_digit_unit(columns.position, digits)
+        zeros = np.zeros(len(order), int)
+        kind = zeros if columns.kind is None else columns.kind
+        body = zeros if columns.body is None else columns.body
+        packing = cls(
+            name=str(rows.path),
+            cell=cell,
+            digits=digits,
+            step=units.length * step,
+            number=number[order],
+            position=units.length * columns.position[order],
+            radius=units.length * columns.radius[order],
+            mass=units.mass * columns.mass[order],
+            kind=kind[order],
+            body=body[order],
+        )
+        packing._check()
+        return replace(packing, position=packing._wrap_positions())
 
-    def _inside(self) -> Floats:
-        """Positions, those outside of a period moved into it."""
-        low, high = self.cell.low, self.cell.high
-        inside = low + (self.position - low) % np.where(high > low, high - low, 1.0)
+    def _wrap_positions(self) -> Floats:
+        """Return the positions (n, 3), m, with those outside of a period moved into it."""
+        low = self.cell.low
+        high = self.cell.high
+        wrapped = low + (self.position - low) % np.where(high > low, high - low, 1.0)
         outside = (self.position < low) | (self.position > high)
-        return np.where(self.cell.periodic & outside, inside, self.position)
+        return np.where(self.cell.periodic & outside, wrapped, self.position)
 
     def _check(self) -> None:
-        """InputError for spheres that no cell can have."""
+        """Raise InputError for spheres that no cell can have."""
         if len(self.position) == 0:
-            fault(self.name, "no spheres", "dump those of the packing")
-        for what in ("radius", "mass"):
-            self.refuse(getattr(self, what) <= 0, f"has {what} <= 0", "dump spheres alone")
-        largest, cell = float(self.radius.max()), self.cell
-        reach, slack = NARROW * 2 * largest, 1e-3 * largest
-        for axis, low, high, at in zip("xyz", cell.low, cell.high, self.position.T, strict=True):
-            if not cell.periodic["xyz".index(axis)]:
-                do = "leave lost spheres out, or mend the bounds"
-                out = (at < low - slack) | (at > high + slack)
-                self.refuse(out, f"lies outside the cell along {axis}", do)
-            elif not high - low > reach:
-                what = f"two of the largest diameters, {reach:.4g} m: images cannot be told apart"
-                what = f"the period along {axis}, {high - low:.4g} m, is less than {what}"
-                fault(self.name, what, "take a wider cell")
+            refuse(self.name, "no_spheres", "no spheres", remedy="dump those of the packing")
+        for name, column in (("radius", self.radius), ("mass", self.mass)):
+            problem = f"has {name} <= 0"
+            self.refuse(column <= 0, "not_positive", problem, "dump spheres alone")
+        largest_radius = float(self.radius.max())
+        slack = MAX_DISTANCE_OUTSIDE_IN_RADII * largest_radius
+        min_period = MIN_PERIOD_IN_DIAMETERS * 2 * largest_radius
+        for k, axis in enumerate("xyz"):
+            low = self.cell.low[k]
+            high = self.cell.high[k]
+            if not self.cell.periodic[k]:
+                place = self.position[:, k]
+                outside = (place < low - slack) | (place > high + slack)
+                problem = f"lies outside the cell along {axis}"
+                remedy = "leave lost spheres out, or mend the bounds"
+                self.refuse(outside, "outside_cell", problem, remedy)
+            elif not high - low > min_period:
+                refuse(
+                    self.name,
+                    "narrow_cell",
+                    f"the period along {axis}, {high - low:.4g} m, is less than two of the largest "
+                    f"diameters, {min_period:.4g} m",
+                    "images cannot be told apart",
+                    "take a wider cell",
+                )
 
-    def refuse(self, wrong: Bools, what: str, do: str) -> None:
-        """InputError for the first sphere that is `wrong` (n,)."""
+    def refuse(self, wrong: Bools, code: str, problem: str, remedy: str) -> None:
+        """Raise InputError, with its number, for the first sphere that is `wrong` (n,)."""
         if wrong.any():
-            fault(self.name, f"sphere {self.number[np.argmax(wrong)]} {what}", do)
+            sphere = self.number[np.argmax(wrong)]
+            refuse(self.name, code, f"sphere {sphere} {problem}", remedy=remedy)
 
     def between(self, i: Ints, j: Ints) -> ContactList:
-        """Contacts of i with the nearest image of j, or with a wall: normals, overlaps, periods."""
-        cell, pair = self.cell, (j >= 0)[:, None]
+        """Return the contacts of i (m,) with the nearest image of j (m,), or with a wall."""
+        is_pair = (j >= 0)[:, None]
         branch = self.position[np.maximum(j, 0)] - self.position[i]
-        shift = -np.round(branch / np.where(cell.periodic, cell.periods, np.inf))
-        ends = i, j, np.where(pair, shift, 0).astype(np.int32)
+        shift = -np.round(branch / np.where(self.cell.periodic, self.cell.periods, np.inf))
+        ends = (i, j, np.where(is_pair, shift, 0).astype(np.int32))
+        planes = np.array(self.cell.planes)
         with np.errstate(invalid="ignore"):  # two in one place are refused later
-            return between(ends, self.position, cell.periods, np.array(cell.planes), self.radius)
+            return between(ends, self.position, self.cell.periods, planes, self.radius)
 
     def distance_error(self, shift: Ints) -> Floats:
-        """Return the error (m,), m, of the distances of contacts over these periods (m, 3).
+        """Return the errors (m,), m, of the distances of contacts over these periods (m, 3).
 
-        Root mean square, by the digits of both positions and, through a period, of its two bounds.
+        They are root mean squares, from the digits of both positions and, for a contact through a
+        period, of the two bounds.
         """
-        by_bounds = np.where(shift == 0, 0.0, self.cell.rounding).max(axis=1, initial=0.0)
-        return np.hypot(self.step, by_bounds) / np.sqrt(6)
+        from_bounds = np.where(shift == 0, 0.0, self.cell.rounding).max(axis=1, initial=0.0)
+        return np.hypot(self.step, from_bounds) / np.sqrt(6)
 
-    def pushes(self, i: Ints, j: Ints, force: Floats) -> tuple[Floats, Floats]:
-        """Of forces (m, 3), N, on i: the part along the normal, compression positive, the rest."""
+    def split_forces(self, i: Ints, j: Ints, force: Floats) -> tuple[Floats, Floats]:
+        """Split forces (m, 3), N, on i into normal forces (m,) and shear forces (m, 3).
+
+        Compression is positive.
+        """
         normal = self.between(i, j).normal
-        push = -(force * normal).sum(axis=1)
-        return push, force + push[:, None] * normal
+        normal_force = -(force * normal).sum(axis=1)
+        return normal_force, force + normal_force[:, None] * normal
 
     def reach(self, i: Ints, j: Ints) -> tuple[Floats, Floats]:
-        """Sum of radii and effective radius (m,), m; at a wall both are the sphere's own."""
-        a, b = self.radius[i], self.radius[np.maximum(j, 0)]
-        return np.where(j < 0, a, a + b), np.where(j < 0, a, a * b / (a + b))
+        """Return the sums of radii (m,) and the effective radii (m,), m.
+
+        At a wall both are the sphere's radius.
+        """
+        radius_i = self.radius[i]
+        radius_j = self.radius[np.maximum(j, 0)]
+        at_wall = j < 0
+        total = np.where(at_wall, radius_i, radius_i + radius_j)
+        effective = np.where(at_wall, radius_i, radius_i * radius_j / (radius_i + radius_j))
+        return total, effective
 
     def touching(self) -> Contacts:
-        """Contacts by overlap alone, through all periods, and at walls."""
-        cell = self.cell
-        low = np.where(cell.periodic, cell.low, self.position.min(axis=0))
+        """Return all contacts by overlap, through all periods, and at walls."""
+        low = np.where(self.cell.periodic, self.cell.low, self.position.min(axis=0))
+        walls = np.array(self.cell.walls)
         with np.errstate(invalid="ignore", divide="ignore"):  # two in one place are refused later
-            found = touching(self.position, low, cell.periods, np.array(cell.walls), self.radius)
-        return Contacts(found.particle_i, found.particle_j)
+            contacts = touching(self.position, low, self.cell.periods, walls, self.radius)
+        return Contacts(contacts.particle_i, contacts.particle_j)
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """m contacts: i and j (m,), indices or a wall's code; j's image is the nearest one.
+    """The m contacts of a packing.
 
-    `force` (m,), compression positive, and `shear` (m, 3) on i, N, or None where not told, and a
-    force NaN that follows from the law; `line` (m, 3) vectors along the normals, either way, where
-    they are told better than by rounded positions. `columns` (m,) are what a network has of the
-    contacts of a table, with their stiffnesses, so that no law is asked. `listed` are the rows of
-    the file that tells of the first of them, for messages.
+    Attributes
+    ----------
+    i, j : ndarray (m,)
+        Indices of the spheres; j may be the code of a wall. The nearest image of j counts.
+    force : ndarray (m,), N, or None
+        Normal forces, compression positive; NaN for a force that follows from the law. None if no
+        force is known.
+    shear : ndarray (m, 3), N, or None
+        Shear forces on i.
+    line : ndarray (m, 3) or None
+        Vectors along the normals, of either sign and any length, where they are known better than
+        from rounded positions.
+    columns : mapping
+        Columns (m,) of a network by name, for a table that has the stiffnesses, so that no law is
+        needed.
+    listed : Rows or None
+        Rows of the file that lists the first of these contacts, for messages.
     """
 
     i: Ints
@@ -183,60 +276,105 @@ class Contacts:
     columns: Mapping[str, Floats] = field(default_factory=dict)
     listed: Rows | None = None
 
-    def some(self, kept: Bools) -> Contacts:
-        """Those that are `kept` (m,), in their order."""
-        own: dict[str, Any] = {
-            name: data[kept] for name, data in vars(self).items() if isinstance(data, np.ndarray)
-        }
-        return Contacts(columns={name: x[kept] for name, x in self.columns.items()}, **own)
+    def select(self, selected: Bools) -> Contacts:
+        """Return the `selected` (m,) contacts, in their order, without their rows."""
+        return Contacts(
+            i=self.i[selected],
+            j=self.j[selected],
+            force=None if self.force is None else self.force[selected],
+            shear=None if self.shear is None else self.shear[selected],
+            line=None if self.line is None else self.line[selected],
+            columns={name: column[selected] for name, column in self.columns.items()},
+        )
 
     def with_walls(self, i: Ints, j: Ints, force: Floats, shear: Floats | None) -> Contacts:
-        """These, then contacts with walls; no shear forces where those at the walls are absent."""
-        more = {"i": i, "j": j, "force": force, "shear": shear}
-        more["line"] = np.tile([0.0, 0.0, 1.0], (len(i), 1))
-        whole: dict[str, Any] = {}
-        for name, data in more.items():
-            own = getattr(self, name)
-            whole[name] = None if own is None or data is None else np.concatenate([own, data])
-        return replace(self, **whole)
+        """Return these contacts, followed by k contacts with walls.
 
-    def refuse(self, wrong: Bools, what: Callable[[int], str], do: str, name: str) -> None:
-        """InputError for the first contact that is `wrong` (m,), with its line if it is listed.
+        Forces are those of `Contacts`. There are no shear forces if those at the walls are absent.
+        """
+        along_z = np.tile([0.0, 0.0, 1.0], (len(i), 1))
+        return replace(
+            self,
+            i=np.concatenate([self.i, i]),
+            j=np.concatenate([self.j, j]),
+            force=_join(self.force, force),
+            shear=_join(self.shear, shear),
+            line=_join(self.line, along_z),
+        )
 
-        Else with the `name` of the file of the spheres.
+    def refuse(
+        self, wrong: Bools, code: str, problem: Callable[[int], str], remedy: str, name: str
+    ) -> None:
+        """Raise InputError for the first contact that is `wrong` (m,).
+
+        `problem` is a function of the contact's index. The message begins with the line of the
+        contact, or with `name` if the contact is not listed.
         """
         if self.listed is not None:
-            self.listed.refuse(wrong[: len(self.listed.texts)], what, do)
+            self.listed.refuse(wrong[: len(self.listed.texts)], code, problem, remedy=remedy)
         if wrong.any():
-            fault(name, what(int(np.argmax(wrong))), do)
+            refuse(name, code, problem(int(np.argmax(wrong))), remedy=remedy)
 
 
-LawOf = Callable[[int, int], ProgramLaw]
-"""The law between two kinds of spheres; between a kind and a wall, whose code is negative."""
+def _join(first: Floats | None, second: Floats | None) -> Floats | None:
+    """Return both arrays as one; None if one of them is absent."""
+    if first is None or second is None:
+        return None
+    return np.concatenate([first, second])
 
 
-def ends_of(
+PairLaw = Callable[[int, int], ProgramLaw]
+"""The law between two kinds of spheres, or between a wall, whose code is negative, and a kind."""
+
+
+def find_ends(
     rows: Rows, number: Ints, ids: Floats, columns: Sequence[str], codes: Sequence[int] = ()
 ) -> tuple[Ints, Ints]:
-    """Indices (m,) of the two spheres of each row by their numbers; j may be one of `codes`.
+    """Return the indices (m,) of the two ends of each row.
 
-    InputError, with its line, for a number that no sphere has, and for a pair that stands twice.
+    Parameters
+    ----------
+    rows : Rows
+        The rows of the contacts, for messages.
+    number : ndarray (n,)
+        Numbers of the spheres, in rising order.
+    ids : ndarray (2, m)
+        Numbers of the two ends.
+    columns : sequence of two str
+        Names of the columns of the ends.
+    codes : sequence of int
+        Codes of walls that may stand for the second end.
+
+    Raises
+    ------
+    InputError
+        With the line, for a number that no sphere has, and for a pair that stands twice.
     """
-    do = "write both files at the same step, of the same spheres"
-
-    def end(column: str, given: Floats, codes: Sequence[int]) -> Ints:
-        whole = rows.whole(given, column)
-        place = np.clip(np.searchsorted(number, whole), 0, len(number) - 1)
-        wall = np.isin(whole, codes)
-        lost = (number[place] != whole) & ~wall
-        rows.refuse(lost, lambda k: f"sphere {whole[k]} is not among the spheres", do, column)
-        return np.where(wall, whole, place).astype(np.int32)
-
-    i, j = map(end, columns, ids, ((), codes))
+    i = _find_end(rows, number, ids[0], columns[0], ())
+    j = _find_end(rows, number, ids[1], columns[1], codes)
     if len(i) == 0:
-        fault(rows.path, "no two spheres touch in it", "dump a packing under stress", rows.line)
-    low, high = np.minimum(i, j).astype(np.int64), np.maximum(i, j)
+        problem = "no two spheres touch in it"
+        remedy = "dump a packing under stress"
+        refuse(rows.path, "no_contacts", problem, remedy=remedy, line=rows.line)
+    low = np.minimum(i, j).astype(np.int64)
+    high = np.maximum(i, j)
     keys = low * (len(number) - min(WALLS)) + high
-    again = "list each contact once"
-    rows.rising(keys, lambda row: f"the contact of line {rows.line + row} again", again)
+    rows.sort_unique(
+        keys, lambda row: f"the contact of line {rows.line + row} again", "list each contact once"
+    )
     return i, j
+
+
+def _find_end(rows: Rows, number: Ints, ids: Floats, column: str, codes: Sequence[int]) -> Ints:
+    """Return the index (m,) of the sphere with each number, or the code of a wall."""
+    whole = rows.to_integers(ids, column)
+    index = np.clip(np.searchsorted(number, whole), 0, len(number) - 1)
+    is_wall = np.isin(whole, codes)
+    rows.refuse(
+        (number[index] != whole) & ~is_wall,
+        "unknown_sphere",
+        lambda row: f"sphere {whole[row]} is not among the spheres",
+        remedy="write both files at the same step, of the same spheres",
+        column=column,
+    )
+    return np.where(is_wall, whole, index).astype(np.int32)

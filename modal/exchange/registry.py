@@ -1,9 +1,9 @@
 """The programs whose packings can be read: each is one module in `modal.exchange.programs`.
 
-A module, which needs to be named nowhere else, has NAME, what people call the program; OPTIONS,
-what its files need beside the one that is given, by name; `sniff(path, head)`, whether a file with
-these first bytes is of this program; and `read(path, **options)`, what is in it. `modal.read`, the
-command `import` and all commands that take a packing ask here.
+A module needs to be named nowhere else. It has NAME, what people call the program; OPTIONS, what
+its files need beside the given one, by name; `sniff(path, head)`, which tells whether a file with
+these first bytes is of this program; and `read(path, **options)`, which returns its packing.
+`modal.read`, the command `import` and all commands that take a packing use this registry.
 """
 
 import importlib
@@ -12,24 +12,33 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from modal.exchange import programs
 from modal.exchange.foreign import foreign_file
 from modal.exchange.import_result import ImportResult
-from modal.exchange.text import fault, open_bytes, shown
+from modal.exchange.text import open_bytes, quote, refuse
 from modal.formats.whole_file import refuse_absent
 from modal.packing.network import Network
 from modal.packing.plausibility import plausibility
 from modal.tools.arguments import checked
 
-LOOKED_AT = 2000
-"""Bytes of a file by which a program is known."""
+BEGINNING_BYTES = 2000
+"""Number of bytes at the beginning of a file that show of which program it is."""
 
 
 @dataclass(frozen=True)
 class Option:
-    """A file, a line or a number that a program's packing needs: what it is, how it is typed."""
+    """A file, a line or a number that a packing needs beside its file.
+
+    Attributes
+    ----------
+    text : str
+        What it is, for the help.
+    metavar : str or tuple of str
+        How it is typed, for the help.
+    kind : type
+        Type of its value.
+    """
 
     text: str
     metavar: str | tuple[str, ...] = "FILE"
@@ -37,60 +46,75 @@ class Option:
 
 
 def all_programs() -> Iterator[ModuleType]:
-    """The modules of all programs; a file is of one of them alone.
+    """Yield the modules of all programs; a file is of one of them alone.
 
-    This project's own come first: for its files nothing else is loaded.
+    This project's own module comes first: for its files no other is loaded.
     """
     names = [name for _, name, _ in pkgutil.iter_modules(programs.__path__)]
     for name in sorted(names, key=lambda name: name != "own"):
         yield importlib.import_module(f"{programs.__name__}.{name}")
 
 
-def beginning(path: str | Path) -> bytes:
-    """The first bytes of a file; InputError where there is none."""
+def read_beginning(path: str | Path) -> bytes:
+    """Return the first bytes of a file; raise InputError if it cannot be read."""
     with open_bytes(path) as file:
-        return file.read(LOOKED_AT)
+        return file.read(BEGINNING_BYTES)
 
 
-def program_of(path: Path) -> ModuleType:
-    """Return the program whose file it is; InputError names the kind where none knows it."""
-    head = beginning(path)
-    for asked in all_programs():
-        if asked.sniff(path, head):
-            return asked
+def find_program(path: Path) -> ModuleType:
+    """Return the program of a file; raise InputError, which names its kind, if there is none."""
+    head = read_beginning(path)
+    for program in all_programs():
+        if program.sniff(path, head):
+            return program
     kind = foreign_file(path, head)
     if kind:
-        fault(path, kind.description, kind.remedy, code=kind.code)
-    first = head.decode("utf-8", "replace").split("\n", 1)[0]
-    what = f"begins with {shown(first)}, which no program known here writes"
-    do = "give a network, a sample, a text dump of LAMMPS or LIGGGHTS, a restart file of "
-    fault(path, what, f"{do}MercuryDPM, or *.csv", 1, code="unknown_file")
+        refuse(path, kind.code, kind.description, remedy=kind.remedy)
+    first_line = head.decode("utf-8", "replace").split("\n", 1)[0]
+    refuse(
+        path,
+        "unknown_file",
+        f"begins with {quote(first_line)}, which no program known here writes",
+        remedy="give a network, a sample, a text dump of LAMMPS or LIGGGHTS, a restart file of "
+        "MercuryDPM, or *.csv",
+        line=1,
+    )
 
 
 def all_options() -> dict[str, Option]:
-    """The options of all programs by name; where several have one, it is that of the first."""
+    """Return the options of all programs by name; of several with one name the first one."""
     options: dict[str, Option] = {}
-    for asked in all_programs():
-        options = dict(asked.OPTIONS) | options
+    for program in all_programs():
+        options = dict(program.OPTIONS) | options
     return options
 
 
-def import_packing(path: str | Path, **options: Any) -> ImportResult:
-    """The packing of a file and what was found and assumed; `options` as those of `import`."""
+def import_packing(path: str | Path, **options: object) -> ImportResult:
+    """Return the packing of a file, with what was found and assumed.
+
+    `options` are those of the command `import`; None stands for an option that is not given. Raises
+    InputError for an option that the program of the file does not have, and as `read`.
+    """
     refuse_absent(path)
-    given = {name: value for name, value in options.items() if value is not None}
+    typed = {name: value for name, value in options.items() if value is not None}
     path = Path(path)
-    asked = program_of(path)
-    for name in given:
-        if name not in asked.OPTIONS:
-            do = f"leave it out (options: {', '.join(asked.OPTIONS) or 'none'})"
-            fault(path, f"a file of {asked.NAME}, which does not go with {name}", do)
-    return asked.read(path, **given)
+    program = find_program(path)
+    for name in typed:
+        if name not in program.OPTIONS:
+            known = ", ".join(program.OPTIONS) or "none"
+            refuse(
+                path,
+                "unknown_option",
+                f"a file of {program.NAME}, which does not go with {name}",
+                remedy=f"leave it out (options: {known})",
+            )
+    result: ImportResult = program.read(path, **typed)
+    return result
 
 
 @checked
 def read(path: str | Path, **options: object) -> Network:
-    """A packing from a file: a contact network, a sample, or what another program has written.
+    """Read a packing from a file: a contact network, a sample, or a file of another program.
 
     Contact networks (`*.network.h5`) and samples (`*.sample.h5`), whose contacts and stiffnesses
     follow from the positions, are described in `docs/formats.md`, other programs' files in
@@ -126,9 +150,12 @@ def read(path: str | Path, **options: object) -> Network:
 
 
 def read_remarked(path: str | Path, say: Callable[[str], None], *, waves: bool = False) -> Network:
-    """The packing of a file, as `read`; `say` is told each remark on it."""
-    found = import_packing(path)
-    plausible = plausibility(found.network, sought=found.sought, waves=waves)
-    for remark in (*found.remarks, *plausible["remarks"]):
+    """Return the packing of a file, as `read`; call `say` with each remark on it.
+
+    `waves` adds the remarks that only count for waves.
+    """
+    result = import_packing(path)
+    plausible = plausibility(result.network, sought=result.sought, waves=waves)
+    for remark in (*result.remarks, *plausible["remarks"]):
         say(f"{path}: {remark}")
-    return found.network
+    return result.network

@@ -1,4 +1,4 @@
-"""Text files: rows of numbers, the words of a line, and one line that says what is at fault."""
+"""Text files: lines, rows of numbers, and refusals that name file, line and column."""
 
 import gzip
 import io
@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import IO, Any, NoReturn, cast
+from typing import IO, NamedTuple, NoReturn, cast
 
 import numpy as np
 
@@ -19,92 +19,159 @@ from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
 from modal.tools.memory import memory_at_hand
 
-SHOWN = 60
-"""Characters of a file that a message quotes."""
+MAX_QUOTED_CHARACTERS = 60
+"""Longest piece of a file that a message quotes."""
 SHORT_MANTISSA_BITS = 16
-"""Numbers that need no more bits are exact: of those rounded to the 24 bits of single precision
-one in 2^8 needs as few."""
+"""A number whose mantissa fits into these bits counts as exact. Of numbers that were rounded to the
+24 bits of single precision only one in 2^8 has so short a mantissa."""
 MAX_LINE_CHARACTERS = 1_000_000
-"""Rows have at most some hundred numbers, lines of a script some thousand characters."""
-MAX_SHARE_OF_MEMORY = 0.5
-"""Of the free memory, for the texts of rows: their numbers take about as much again."""
-BYTES_BESIDE_A_TEXT = 64
-"""What Python takes for a text beside its characters, and for its place in a list."""
-LOOKED_AT = 500
-"""Rows whose texts are looked at for the number of digits that a program has written."""
+"""Longest line that is read. Rows have some hundred numbers, lines of a script some thousand
+characters."""
+MAX_MEMORY_SHARE = 0.5
+"""Share of the free memory that the texts of rows may fill: their numbers take as much again."""
+TEXT_OVERHEAD_BYTES = 64
+"""Memory that Python needs for a text in a list, beside the characters of the text."""
+SAMPLED_ROWS = 500
+"""Number of rows whose texts show how many digits a program has written."""
+MIN_DOUBLE_PRECISION_DIGITS = 9
+"""Numbers with fewer significant digits hold no more than single precision does."""
+SINGLE_PRECISION_DIGITS = 7
+"""Significant decimal digits of a number in single precision."""
+MAX_SINGLE_PRECISION = 1e38
+"""Larger numbers overflow in single precision."""
+MAX_EXACT_INTEGER = 2**53
+"""Largest whole number up to which double precision holds every whole number."""
 
 
-def fault(
-    path: str | Path, what: str, do: str, line: int = 0, column: str = "", *, code: str = "input"
+def refuse(
+    path: str | Path,
+    code: str,
+    problem: str,
+    reason: str = "",
+    remedy: str = "",
+    *,
+    line: int = 0,
+    column: str = "",
 ) -> NoReturn:
-    """InputError in one line: file, line (from 1) and column where known, fault, remedy."""
-    where = f", line {line}" if line else ""
+    """Raise InputError with the place of the fault before the problem.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, or the option that is at fault.
+    code, problem, reason, remedy : str
+        Those of `InputError`.
+    line : int
+        Number of the line, from 1; 0 if it is not known.
+    column : str
+        Name of the column; empty if it is not known.
+    """
+    place = str(path)
+    if line:
+        place += f", line {line}"
     if column:
-        where += f", column {column}"
-    raise InputError(code, f"{path}{where}: {what}", remedy=do)
+        place += f", column {column}"
+    raise InputError(code, f"{place}: {problem}", reason, remedy)
 
 
-def shown(text: str) -> str:
-    """What stands in a file, for a message: cut, and without the bytes that a terminal obeys."""
-    return repr(text[:SHOWN]) + "..." * (len(text) > SHOWN)
+class Refusal(NamedTuple):
+    """A refusal that is kept until it is clear whether the fault counts.
+
+    place: the file and the line, or the option. The rest is that of `InputError`.
+    """
+
+    place: str
+    code: str
+    problem: str
+    reason: str = ""
+    remedy: str = ""
+
+    def raise_error(self) -> NoReturn:
+        """Raise the InputError."""
+        refuse(*self)
+
+
+def quote(text: str) -> str:
+    """Return the beginning of a text in quotes, with control characters as escapes."""
+    quoted = repr(text[:MAX_QUOTED_CHARACTERS])
+    if len(text) > MAX_QUOTED_CHARACTERS:
+        quoted += "..."
+    return quoted
 
 
 @contextmanager
 def open_bytes(path: str | Path) -> Iterator[IO[bytes]]:
-    """The file as bytes, unpacked where its name ends in .gz.
+    """Open a file for reading bytes; unpack it if its name ends in .gz.
 
-    InputError where there is none, and where reading fails while it is open: an archive that was
-    cut off says so at its end alone.
+    Raises InputError if the file cannot be opened, or if reading fails inside the block: a
+    truncated archive shows only at its end.
     """
     try:
         with gzip.open(path, "rb") if str(path).endswith(".gz") else open(path, "rb") as file:
             yield cast(IO[bytes], file)
     except (OSError, EOFError, zlib.error) as error:
         if isinstance(error, OSError) and error.strerror:
-            fault(path, error.strerror, "check the name")
-        fault(path, str(error), "the archive is damaged, write it again")
+            refuse(path, "unreadable", error.strerror, remedy="check the name")
+        remedy = "the archive is damaged, write it again"
+        refuse(path, "damaged_archive", str(error), remedy=remedy)
 
 
-def text_lines(path: str | Path) -> Iterator[tuple[int, str]]:
-    """Yield number, from 1, and text of each line, without the byte order mark of a spreadsheet.
+def read_lines(path: str | Path) -> Iterator[tuple[int, str]]:
+    """Yield the number, from 1, and the text of each line, without a byte order mark.
 
-    InputError for a line that is too long to be one of numbers, before it fills the memory.
+    Raises InputError for a line that is too long for a line of numbers, before it fills the memory.
     """
     with open_bytes(path) as file, io.TextIOWrapper(file, "utf-8-sig", "replace") as text:
         next_part = partial(text.readline, MAX_LINE_CHARACTERS)
         for number, line in enumerate(iter(next_part, ""), 1):
             if len(line) == MAX_LINE_CHARACTERS and not line.endswith("\n"):
-                what = f"more than {MAX_LINE_CHARACTERS:,} characters in one line"
-                fault(path, what, "give a text file, a row in each line", number, code="long_line")
+                problem = f"more than {MAX_LINE_CHARACTERS:,} characters in one line"
+                remedy = "give a text file, a row in each line"
+                refuse(path, "long_line", problem, remedy=remedy, line=number)
             yield number, line
 
 
-def kept_lines(path: str | Path, lines: Iterator[tuple[int, str]], count: int) -> list[str]:
-    """Return the texts of the next `count` lines, or of those that are left.
+def take_rows(path: str | Path, lines: Iterator[tuple[int, str]], count: int) -> list[str]:
+    """Return the texts of the next `count` lines, or of all lines that are left.
 
-    A line that begins with ITEM: ends them, as the next header of a dump. InputError where the file
-    has more than the memory holds, whatever it says that it has: an archive may be short.
+    A line that begins with ITEM: ends the rows, as the next header of a dump. Raises InputError if
+    the rows do not fit into the memory; a short archive may unpack to any length.
     """
-    room = MAX_SHARE_OF_MEMORY * memory_at_hand()
-    taken = 0
+    allowed_bytes = MAX_MEMORY_SHARE * memory_at_hand()
+    used_bytes = 0
     texts: list[str] = []
     for number, text in itertools.islice(lines, min(count, sys.maxsize)):
         if text.startswith("ITEM:"):
             break
-        taken += len(text) + BYTES_BESIDE_A_TEXT
-        if taken > room:
-            what = f"its rows fill {taken:.2g} bytes, more than half of the memory that is free"
-            do = "take a smaller packing, or a machine with more memory"
-            fault(path, what, do, number, code="too_large")
+        used_bytes += len(text) + TEXT_OVERHEAD_BYTES
+        if used_bytes > allowed_bytes:
+            refuse(
+                path,
+                "too_large",
+                f"its rows fill {used_bytes:.2g} bytes, more than half of the memory that is free",
+                remedy="take a smaller packing, or a machine with more memory",
+                line=number,
+            )
         texts.append(text)
     return texts
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of named columns in a text file: their texts, and the number of the first, from 1.
+    """Rows of named columns in a text file.
 
-    `separator` None for blanks.
+    Attributes
+    ----------
+    path : Path
+        The file.
+    columns : tuple of str
+        Names of the columns, in their order.
+    texts : sequence of str
+        The text of each row.
+    line : int
+        Number of the first row's line, from 1.
+    separator : str or None
+        What separates numbers; None for blanks.
     """
 
     path: Path
@@ -114,127 +181,191 @@ class Rows:
     separator: str | None = None
 
     def has(self, *names: str) -> bool:
-        """Whether all these columns are there."""
+        """Tell whether the rows have all these columns."""
         return set(names) <= set(self.columns)
 
-    def require(self, names: Iterable[str], do: str, had: Iterable[str] = ()) -> None:
-        """InputError for the first of these columns that is not among those that it `had`.
+    def require(self, names: Iterable[str], remedy: str, known: Iterable[str] = ()) -> None:
+        """Raise InputError, with the line of the header, for the first column that is missing.
 
-        By default its own; the line is that of the header.
+        `known` are the names of columns that are there; by default those of the header.
         """
-        columns, by = tuple(had) or self.columns, self.separator or " "
+        columns = tuple(known) or self.columns
+        listed = (self.separator or " ").join(columns)
         for name in names:
             if name not in columns:
-                what = f"no column {name} among {shown(by.join(columns))}"
-                fault(self.path, what, do, self.line - 1, name, code="no_column")
+                problem = f"no column {name} among {quote(listed)}"
+                refuse(
+                    self.path,
+                    "no_column",
+                    problem,
+                    remedy=remedy,
+                    line=self.line - 1,
+                    column=name,
+                )
 
     def refuse(
-        self, wrong: Bools, what: str | Callable[[int], str], do: str, column: str = ""
+        self,
+        wrong: Bools,
+        code: str,
+        problem: str | Callable[[int], str],
+        reason: str = "",
+        remedy: str = "",
+        column: str = "",
     ) -> None:
-        """InputError, with its line, for the first row that is `wrong` (n,)."""
-        if wrong.any():
-            row = int(np.argmax(wrong))
-            text = what if isinstance(what, str) else what(row)
-            fault(self.path, text, do, self.line + row, column)
+        """Raise InputError, with the line, for the first row that is `wrong` (n,).
 
-    def rising(self, keys: Ints, what: Callable[[int], str], do: str, column: str = "") -> Ints:
-        """The order (n,) in which the keys rise; InputError where one stands twice.
+        `problem` may be a function of the row's index, from 0.
+        """
+        if not wrong.any():
+            return
+        row = int(np.argmax(wrong))
+        text = problem if isinstance(problem, str) else problem(row)
+        refuse(self.path, code, text, reason, remedy, line=self.line + row, column=column)
 
-        `what` says which it is, of the row where it stands first.
+    def sort_unique(
+        self, keys: Ints, problem: Callable[[int], str], remedy: str, column: str = ""
+    ) -> Ints:
+        """Return the order (n,) that sorts the keys (n,).
+
+        Raises InputError, with the line of the second one, if two rows have one key; `problem` is a
+        function of the first one's index.
         """
         order = np.argsort(keys, kind="stable")
-        again = np.flatnonzero(np.diff(keys[order]) == 0)
-        if len(again):
-            first, second = order[again[0]], order[again[0] + 1]
-            fault(self.path, what(first), do, self.line + second, column)
+        repeated = np.flatnonzero(np.diff(keys[order]) == 0)
+        if len(repeated):
+            first = order[repeated[0]]
+            second = order[repeated[0] + 1]
+            line = self.line + second
+            refuse(
+                self.path, "repeated_row", problem(first), remedy=remedy, line=line, column=column
+            )
         return order
 
     def read(self, *names: str) -> Floats:
-        """Shape (n, k): the columns of these names as numbers; InputError says which is not."""
-        at = [self.columns.index(name) for name in names]
+        """Return the numbers (n, k) of these k columns.
+
+        Raises InputError, with line and column, for the first entry that is not a finite number.
+        """
+        indices = [self.columns.index(name) for name in names]
         if not self.texts:
-            return np.empty((0, len(at)))
-        how: dict[str, Any] = {"comments": None, "delimiter": self.separator, "ndmin": 2}
+            return np.empty((0, len(indices)))
         try:
-            table = np.loadtxt(self.texts, usecols=at, **how)
+            table: Floats = np.loadtxt(
+                self.texts, usecols=indices, comments=None, delimiter=self.separator, ndmin=2
+            )
         except (ValueError, IndexError):
-            self._blame(names, at)
-        if len(table) < len(self.texts):  # empty lines, which shift all rows
-            self._blame(names, at)
-        bad = np.argwhere(~np.isfinite(table))
-        if len(bad):
-            row, column = (int(k) for k in bad[0])
-            what = f"{table[row, column]} is no finite number"
-            fault(self.path, what, "mend the export", self.line + row, names[column])
+            self._refuse_first_fault(names, indices)
+        if len(table) < len(self.texts):  # loadtxt skips empty lines, which shifts all rows
+            self._refuse_first_fault(names, indices)
+        not_finite = np.argwhere(~np.isfinite(table))
+        if len(not_finite):
+            row, column = (int(index) for index in not_finite[0])
+            problem = f"{table[row, column]} is no finite number"
+            refuse(
+                self.path,
+                "not_finite",
+                problem,
+                remedy="mend the export",
+                line=self.line + row,
+                column=names[column],
+            )
         return table
 
-    def parts(self, groups: Mapping[str, Sequence[str]]) -> dict[str, Floats]:
-        """Shape (n, k) each: those groups of k columns that are there, read at once."""
-        whole = {what: names for what, names in groups.items() if self.has(*names)}
-        table = self.read(*itertools.chain(*whole.values()))
-        at = np.cumsum([len(names) for names in whole.values()])
-        return dict(zip(whole, np.split(table, at[:-1], axis=1), strict=True))
+    def read_groups(self, groups: Mapping[str, Sequence[str]]) -> dict[str, Floats]:
+        """Return the numbers (n, k) of each group of k columns that is complete in the file."""
+        complete = {name: columns for name, columns in groups.items() if self.has(*columns)}
+        table = self.read(*itertools.chain(*complete.values()))
+        ends = np.cumsum([len(columns) for columns in complete.values()])
+        return dict(zip(complete, np.split(table, ends[:-1], axis=1), strict=True))
 
-    def whole(self, numbers: Floats, column: str) -> Ints:
-        """These numbers (n,) of a column as integers; InputError says which is none."""
-        wrong = (numbers != np.round(numbers)) | (abs(numbers) > 2**53)
-        do = "write ids and types as they are"
-        self.refuse(wrong, lambda k: f"{numbers[k]:.17g} is no whole number", do, column)
+    def to_integers(self, numbers: Floats, column: str) -> Ints:
+        """Return these numbers (n,) of a column as integers.
+
+        Raises InputError, with the line, for a number that is not a whole number below 2^53.
+        """
+        wrong = (numbers != np.round(numbers)) | (abs(numbers) > MAX_EXACT_INTEGER)
+        self.refuse(
+            wrong,
+            "not_an_integer",
+            lambda row: f"{numbers[row]:.17g} is no whole number",
+            remedy="write ids and types as they are",
+            column=column,
+        )
         return numbers.astype(np.int64)
 
-    def digits(self, *names: str) -> int:
-        """Most significant digits that a number of these columns has in the first rows."""
-        at = [self.columns.index(name) for name in names]
-        rows = (text.split(self.separator) for text in self.texts[:LOOKED_AT])
-        return significant_digits([row[k] for row in rows for k in at if k < len(row)])
+    def count_digits(self, *names: str) -> int:
+        """Return the most significant digits of a number in these columns of the first rows."""
+        indices = [self.columns.index(name) for name in names]
+        texts = []
+        for row in self.texts[:SAMPLED_ROWS]:
+            words = row.split(self.separator)
+            texts += [words[index] for index in indices if index < len(words)]
+        return count_significant_digits(texts)
 
-    def _blame(self, names: Sequence[str], at: Sequence[int]) -> NoReturn:
-        for here, text in enumerate(self.texts, self.line):
+    def _refuse_first_fault(self, names: Sequence[str], indices: Sequence[int]) -> NoReturn:
+        """Raise InputError for the first row that cannot be read as numbers."""
+        for line, text in enumerate(self.texts, self.line):
             words = text.split(self.separator)
             if not "".join(words).strip():
-                fault(self.path, "an empty line between the rows", "take it out", here)
-            for name, column in zip(names, at, strict=True):
-                if column >= len(words):
-                    what = f"has {len(words)} columns, the header names {len(self.columns)}"
-                    fault(self.path, what, "let the program write whole rows", here, name)
+                problem = "an empty line between the rows"
+                refuse(self.path, "empty_line", problem, remedy="take it out", line=line)
+            for name, index in zip(names, indices, strict=True):
+                if index >= len(words):
+                    problem = f"has {len(words)} columns, the header names {len(self.columns)}"
+                    remedy = "let the program write whole rows"
+                    refuse(self.path, "short_row", problem, remedy=remedy, line=line, column=name)
                 try:
-                    float(words[column])
+                    float(words[index])
                 except ValueError:
-                    what = f"{shown(words[column].strip())} is no number"
-                    fault(self.path, what, "write numbers there", here, name)
-        fault(self.path, "its rows cannot be read as numbers", "write it again", self.line)
+                    problem = f"{quote(words[index].strip())} is no number"
+                    remedy = "write numbers there"
+                    refuse(
+                        self.path, "not_a_number", problem, remedy=remedy, line=line, column=name
+                    )
+        problem = "its rows cannot be read as numbers"
+        refuse(self.path, "not_a_number", problem, remedy="write it again", line=self.line)
 
 
-def significant_digits(texts: Sequence[str]) -> int:
-    """Return the most significant digits among numbers as they are written; 7 for rounded float32.
+def count_significant_digits(texts: Sequence[str]) -> int:
+    """Return the most significant digits of numbers as written; 7 if they were single precision.
 
-    >>> significant_digits(["0.01200", "1.25e-3", "7"]), significant_digits(["0.10000000149011612"])
-    (4, 7)
-    >>> significant_digits(["5.0000000000000000e-01"])  # half is a float32, but none was rounded
+    >>> count_significant_digits(["0.01200", "1.25e-3", "7"])
+    4
+    >>> count_significant_digits(["0.10000000149011612"])
+    7
+    >>> count_significant_digits(["5.0000000000000000e-01"])  # exact in any precision
     17
     """
-    most, numbers = written_digits(texts), []
+    digits = count_written_digits(texts)
+    if digits < MIN_DOUBLE_PRECISION_DIGITS:
+        return digits
+    numbers = []
     for text in texts:
         try:
-            numbers.append(float(text))
+            number = float(text)
         except ValueError:
             continue
-    values = np.array([value for value in numbers if abs(value) < 1e38])
-    if most > 8 and len(values) and _rounded_to_float32(values):
-        return 7
+        if abs(number) < MAX_SINGLE_PRECISION:
+            numbers.append(number)
+    if numbers and _are_rounded_to_single_precision(np.array(numbers)):
+        return SINGLE_PRECISION_DIGITS
+    return digits
+
+
+def count_written_digits(texts: Iterable[str]) -> int:
+    """Return the most digits that a number has in its text, without leading zeros; 1 at least."""
+    most = 1
+    for text in texts:
+        mantissa = text.strip().lower().partition("e")[0].lstrip("+-")
+        most = max(most, len(mantissa.replace(".", "").lstrip("0")))
     return most
 
 
-def written_digits(texts: Iterable[str]) -> int:
-    """Return the most digits that stand in a number, leading zeros left out."""
-    mantissas = (text.strip().lower().partition("e")[0].lstrip("+-") for text in texts)
-    return max((len(each.replace(".", "").lstrip("0")) for each in mantissas), default=1) or 1
+def _are_rounded_to_single_precision(values: Floats) -> bool:
+    """Tell whether numbers (n,) were rounded to single precision.
 
-
-def _rounded_to_float32(values: Floats) -> bool:
-    """Whether numbers (n,) were rounded to single precision: all fit in it, some need its end.
-
-    Numbers such as 8 or 0.375 fit in any precision, so they tell nothing.
+    All numbers must fit into single precision, and one must need the end of its mantissa: numbers
+    such as 8 or 0.375 fit into any precision and show nothing.
     """
     if (values.astype(np.float32) != values).any():
         return False
@@ -243,10 +374,10 @@ def _rounded_to_float32(values: Floats) -> bool:
     return bool((scaled != np.round(scaled)).any())
 
 
-def last_step(values: Floats, digits: int) -> float:
-    """Unit of the last of `digits` significant digits of the largest of these numbers.
+def last_digit_unit(values: Floats, digits: int) -> float:
+    """Return the unit of the last of `digits` significant digits of the largest number.
 
-    >>> last_step(np.array([0.0144, 0.002]), 6)
+    >>> last_digit_unit(np.array([0.0144, 0.002]), 6)
     1e-07
     """
     largest = float(abs(values).max(initial=0.0))
@@ -257,75 +388,102 @@ def last_step(values: Floats, digits: int) -> float:
 
 
 class Words:
-    """The words that are `left` of a line; `where` and what to `do` stand in messages about it.
+    """The words of a line, which are taken one by one or looked up by the name before them.
 
+    Attributes
+    ----------
+    remaining : list of str
+        The words that have not been taken.
+    place : str
+        Where the line stands, for messages.
+    remedy : str
+        What a message tells to do, unless a refusal has another remedy.
+
+    Examples
+    --------
     >>> line = Words("zplane 0 NULL type 2".split(), "--wall", "give type N zplane LOW HIGH")
-    >>> line.numbers("zplane", 2, null=True), line.number("type")
+    >>> line.numbers_after("zplane", 2, null=True), line.number_after("type")
     ([0.0, nan], 2.0)
     """
 
-    def __init__(self, words: Iterable[str], where: str, do: str) -> None:
-        self.left, self.where, self.do = list(words), where, do
+    def __init__(self, words: Iterable[str], place: str, remedy: str) -> None:
+        self.remaining = list(words)
+        self.place = place
+        self.remedy = remedy
 
     def __contains__(self, word: str) -> bool:
-        return word in self.left
+        return word in self.remaining
 
-    def refuse(self, what: str, do: str = "", *, code: str = "input") -> NoReturn:
-        """InputError about this line."""
-        fault(self.where, what, do or self.do, code=code)
+    def refuse(self, code: str, problem: str, reason: str = "", remedy: str = "") -> NoReturn:
+        """Raise InputError about this line."""
+        refuse(self.place, code, problem, reason, remedy or self.remedy)
 
-    def next(self, what: str, known: Iterable[str] = ()) -> str:
-        """The next word, which is `what`, one of those that are `known`; it is no longer left."""
-        if not self.left:
-            self.refuse(f"ends where {what} should stand")
-        word = self.left.pop(0)
+    def take(self, name: str, known: Iterable[str] = ()) -> str:
+        """Remove the next word and return it.
+
+        `name` says in a message what the word is. Raises InputError if there is no word, or if it
+        is none of the `known` ones.
+        """
+        if not self.remaining:
+            self.refuse("missing_word", f"ends where {name} should stand")
+        word = self.remaining.pop(0)
         if known and word not in known:
-            self.refuse(f"{what} {word!r} is not known", f"give {', '.join(known)}")
+            remedy = f"give {', '.join(known)}"
+            self.refuse("unknown_word", f"{name} {word!r} is not known", remedy=remedy)
         return word
 
-    def in_turn(self, what: str, count: int, *, null: bool = False) -> list[float]:
-        """The next `count` words as numbers, those of `what`; they are no longer left."""
-        words = [self.next(f"a number of {what}") for _ in range(count)]
-        return self.converted(what, words, null=null)
+    def take_numbers(self, name: str, count: int, *, null: bool = False) -> list[float]:
+        """Remove the next `count` words and return them as numbers; `null` as in `to_numbers`."""
+        words = [self.take(f"a number of {name}") for _ in range(count)]
+        return self.to_numbers(name, words, null=null)
 
-    def alone(self, what: str, count: int, *, null: bool = False) -> list[float]:
-        """All words, which are `count` numbers."""
-        numbers = self.in_turn(what, count, null=null)
-        if self.left:
-            self.refuse(f"{what} has more than {count} numbers")
+    def take_only_numbers(self, name: str, count: int, *, null: bool = False) -> list[float]:
+        """Remove `count` numbers and return them; raise InputError if further words follow."""
+        numbers = self.take_numbers(name, count, null=null)
+        if self.remaining:
+            self.refuse("further_words", f"{name} has more than {count} numbers")
         return numbers
 
-    def behind(self, name: str, count: int) -> list[str]:
-        """The `count` words behind a name, which all stay."""
-        if name not in self.left:
-            self.refuse(f"no {name} in it")
-        at = self.left.index(name) + 1
-        words = self.left[at : at + count]
+    def words_after(self, name: str, count: int) -> list[str]:
+        """Return the `count` words after a name; raise InputError if they are missing."""
+        if name not in self.remaining:
+            self.refuse("missing_word", f"no {name} in it")
+        first = self.remaining.index(name) + 1
+        words = self.remaining[first : first + count]
         if len(words) < count:
-            self.refuse(f"{name} lacks words behind it")
+            self.refuse("missing_word", f"{name} lacks words behind it")
         return words
 
-    def numbers(self, name: str, count: int, *, null: bool = False) -> list[float]:
-        """The `count` numbers behind a name; with `null` a word NULL is no number, NaN."""
-        return self.converted(name, self.behind(name, count), null=null)
+    def numbers_after(self, name: str, count: int, *, null: bool = False) -> list[float]:
+        """Return the `count` numbers after a name; `null` as in `to_numbers`."""
+        return self.to_numbers(name, self.words_after(name, count), null=null)
 
-    def converted(self, name: str, words: Iterable[str], *, null: bool = False) -> list[float]:
-        """These words as numbers, which are those of a `name`."""
+    def number_after(self, name: str) -> float:
+        """Return the number after a name; raise InputError if it is missing."""
+        return self.numbers_after(name, 1)[0]
+
+    def optional_number_after(self, *names: str) -> float:
+        """Return the number after the first of these names that the line has; 0 without any."""
+        for name in names:
+            if name in self.remaining:
+                return self.number_after(name)
+        return 0.0
+
+    def to_numbers(self, name: str, words: Iterable[str], *, null: bool = False) -> list[float]:
+        """Return these words as numbers; with `null` the word NULL stands for NaN.
+
+        Raises InputError, with the `name`, for a word that is not a finite number.
+        """
         numbers = []
         for word in words:
+            if null and word.upper() == "NULL":
+                numbers.append(math.nan)
+                continue
             try:
-                number = math.nan if null and word.upper() == "NULL" else float(word)
+                number = float(word)
             except ValueError:
-                self.refuse(f"{name} {shown(word)} is no number")
-            if not (math.isfinite(number) or word.upper() == "NULL"):
-                self.refuse(f"{name} {shown(word)} is no finite number")
+                self.refuse("not_a_number", f"{name} {quote(word)} is no number")
+            if not math.isfinite(number):
+                self.refuse("not_finite", f"{name} {quote(word)} is no finite number")
             numbers.append(number)
         return numbers
-
-    def number(self, name: str) -> float:
-        """The number behind a name."""
-        return self.numbers(name, 1)[0]
-
-    def first(self, *names: str) -> float:
-        """The number behind the first of these names that is there, or 0."""
-        return next((self.number(name) for name in names if name in self.left), 0.0)

@@ -229,7 +229,7 @@ def require_same_packing(product: str | Path, packing: tuple[Source, ...]) -> st
     if made[0].sha256 in {source.sha256 for source in packing} or packing[0].sha256 in own:
         return ""
     raise InputError(
-        "input",
+        "other_packing",
         f"{product}: made from {made[0]}, not from {packing[0]}",
         remedy=("make it again, or give the packing that it belongs to"),
     )

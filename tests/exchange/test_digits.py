@@ -13,7 +13,7 @@ from program_files import COLUMN_PAIR, COLUMN_WALL, column
 
 import modal
 from modal.exchange.registry import import_packing
-from modal.exchange.text import significant_digits
+from modal.exchange.text import count_significant_digits
 from modal.tools.errors import InputError
 
 MASS = 1.3
@@ -90,4 +90,4 @@ def test_bounds_in_six_digits_blur_contacts_through_their_period(tmp_path):
 def test_single_precision_is_told_from_numbers_that_are_exact_in_it(values, digits):
     """Numbers rounded to single precision, then written with 17 digits."""
     texts = [f"{float(np.float32(value)):.16e}" for value in values]
-    assert significant_digits(texts) == digits
+    assert count_significant_digits(texts) == digits

@@ -249,10 +249,10 @@ def test_groups_are_those_of_sets():
             chosen = {"union": a | b, "subtract": a - b, "intersect": a & b}[style]
             history.append(["group", f"h{k}", style, *parts])
             sets[f"h{k}"] = chosen
-        groups = Groups.of_history(history, columns, n, sets)
+        groups = Groups.from_history(history, columns, n, sets)
         for name, members in sets.items():
-            assert groups.inhabited(groups.of(name)) == bool(members)
-            assert groups.inhabited(~groups.of(name)) == (len(members) < n)
+            assert groups.may_contain_atoms(groups.possible_members(name)) == bool(members)
+            assert groups.may_contain_atoms(~groups.possible_members(name)) == (len(members) < n)
 
 
 @pytest.mark.skipif(LAMMPS is None, reason="LAMMPS (lmp) is not installed")

@@ -89,7 +89,7 @@ def test_columns_that_nobody_named_are_understood(network, files):
     np.testing.assert_allclose(found.force_normal, network.force_normal, atol=1e-5 * scale)
     np.testing.assert_allclose(found.force_tangential, network.force_tangential, atol=1e-4 * scale)
     rewritten(files, 12, rows[:, :12], " pos vel")
-    files.refused("x.contacts, line 9, column id1: no column id1 among")
+    files.refused("no_column", "x.contacts, line 9, column id1:")
     # All 32, of a version that writes the forces on the second sphere; the law is typed.
     rows = np.zeros((len(listed), 32))
     rows[:, 12:14], rows[:, 18:24] = listed[:, :2], -listed[:, 3:9]
@@ -158,4 +158,4 @@ def test_walls_are_of_the_type_that_is_said(network, files):
         ) == (name == "unsaid")
     assert stiff["log"] == stiff["typed"] != stiff["unsaid"]
     files.spoil("log", r"\Z", "fix w all wall/gran model hertz mesh n_meshes 1 meshes c\n")
-    files.refused("only walls zplane are known; type them with --wall")
+    files.refused("other_wall", "--wall")

@@ -58,7 +58,7 @@ def test_rounded_positions_lose_no_contact(tables, mixture, columns, digits, err
 
 def test_few_digits_are_refused_and_all_not_remarked_on(tables):
     """Steps of 0.1 mm turn normals by 0.02 rad, frequencies by 2 %."""
-    tables(digits=3).refused("positions have 3 digits.*write 4 digits or more")
+    tables(digits=3).refused("few_digits", "3 digits", "4 digits")
     (shape,) = tables().imported()["remarks"]
     assert "diameters wide" in shape
 
@@ -91,7 +91,7 @@ def test_units_and_contacts_without_a_force(tables, mixture):
     files.respell("contacts", 7, 4, "0")
     same(files.network(), mixture, "stiffness_normal")
     files.rewrite("contacts", lambda w: [*w[:2], *(f"{k}e-3" for k in w[2:4]), w[4]], 1)
-    files.refused("stiffnesses in N/m")
+    files.refused("force_ratio", "contacts.csv:")
     files = tables()
     files.rewrite("spheres", lambda w: [*w[:5], repr(1e3 * float(w[5]))], 4)
     assert any("density of no solid" in line for line in files.imported()["remarks"])
@@ -114,12 +114,12 @@ def test_wall_contacts_of_a_packing_without_walls(given, code, wall):
     at = int(np.argmin(abs(abs(made.position[:, 2] - end) - made.radius)))
     files.spoil("contacts", r"\Z", f"{at + 10},{code},1e6,1e6,1,0,0,0\n")
     line = made.n_contacts + 2
-    said = f"contacts.csv, line {line}, column j: a contact with the {wall} wall, but the packing"
-    files.refused(said)
+    place = f"contacts.csv, line {line}, column j:"
+    files.refused("no_wall", place, wall)
     files.respell("spheres", 2, slice(99, 99), ["\n# walls 0 1"])
-    files.refused("walls beside a period along z")
+    files.refused("wall_in_period", "spheres.csv, line 3:")
     files.spoil("spheres", "# periodic.*\n.*", "# walls NULL NULL")
-    files.refused("# walls says NULL")
+    files.refused("no_wall", place, "NULL")
 
 
 def test_packed_tables_are_read_and_damaged_archives_refused(tables, mixture):
@@ -133,7 +133,7 @@ def test_packed_tables_are_read_and_damaged_archives_refused(tables, mixture):
         spoilt = packed[:middle] + b"\0" * 99 + packed[middle + 99 :]
         for harmed in (packed[:middle], spoilt, b"i,j,kn,kt\n"):
             path.write_bytes(harmed)
-            files.refused(rf"{path.name}: .*; the archive is damaged, write it again")
+            files.refused("damaged_archive", f"{path.name}:")
         path.write_bytes(packed)
     assert files.imported()["contacts"] == mixture.n_contacts
 

@@ -1,26 +1,29 @@
-"""Packings of LAMMPS and LIGGGHTS: dump custom, dump local, and the log of what columns mean.
+"""Packings of LAMMPS and LIGGGHTS: dump custom, dump local, and the log that explains them.
 
-The law is the user's own line of input. Contacts, where dumped, come from `compute property/local`
-and `compute pair/local` with `cutoff radius`. Walls are those of one or more `fix wall/gran` at low
-and high z; their forces come with the spheres, in the columns f_ID[1] to f_ID[4] of `fix ID ...
-contacts`. Spheres of a `fix rigid` become its bodies. What each of the two says in its own way
-stands in `modal.exchange.lammps` and `modal.exchange.liggghts`.
+The law is the user's own line of input. Contacts, if dumped, come from `compute property/local` and
+`compute pair/local` with `cutoff radius`. Walls are those of one or more `fix wall/gran` at low and
+high z; their forces come with the spheres, in the columns f_ID[1] to f_ID[4] of `fix ID ...
+contacts`. Spheres of a `fix rigid` become its bodies. What is particular to each of the two
+programs is in `modal.exchange.lammps` and `modal.exchange.liggghts`.
 """
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
 from modal.exchange import dump, lammps, liggghts
 from modal.exchange.groups import COLUMNS
-from modal.exchange.held import Motion, motion_of
-from modal.exchange.import_result import ImportResult, network_of
+from modal.exchange.held import Motion, find_motion
+from modal.exchange.import_result import ImportResult, build_network
 from modal.exchange.input_script import Script, read_log
 from modal.exchange.law import ProgramLaw, Units
-from modal.exchange.registry import Option, beginning
-from modal.exchange.text import Words, fault, text_lines
+from modal.exchange.particles_and_contacts import Packing, PairLaw
+from modal.exchange.registry import Option, read_beginning
+from modal.exchange.text import Words, read_lines, refuse
 from modal.packing.network import Network
 from modal.packing.rigid_bodies import Bodies
 
@@ -34,88 +37,199 @@ OPTIONS = {
     "scales": Option("the file's units of length, mass and time in SI", ("M", "KG", "S"), float),
     "bodies": Option("masses and tensors of fix rigid, as write_restart writes them (*.rigid)"),
 }
-BODY, OF_A_BODY = "a rigid body (number, mass, centre, ixx iyy izz ixy ixz iyz ...)", 11
-"""What a row of fix rigid tells, and how many of its numbers count."""
+BODY = "a rigid body (number, mass, centre, ixx iyy izz ixy ixz iyz ...)"
+"""What a row of fix rigid has, for messages."""
+BODY_NUMBERS = 11
+"""Numbers of a row of fix rigid that count."""
+
+
+class Request(NamedTuple):
+    """The files and lines that were given beside the dump, by the names of `OPTIONS`."""
+
+    contacts: str | Path | None = None
+    log: str | Path | None = None
+    pair: str | None = None
+    wall: str | None = None
+    step: int | None = None
+    scales: Sequence[float] | None = None
+    bodies: str | Path | None = None
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """A text dump."""
+    """Tell whether a file is a text dump."""
     return head.startswith(b"ITEM:")
 
 
-def read(path: Path, **given: Any) -> ImportResult:
-    """A packing of one of the two: of LIGGGHTS where the log says so, or the law that is typed."""
-    contacts, log, pair, wall, told_bodies = map(
-        given.get, ("contacts", "log", "pair", "wall", "bodies")
-    )
-    words = tuple((pair or "").split())
-    of_liggghts = words[:1] == ("gran",) or b"LIGGGHTS" in (beginning(log) if log else b"")
-    program = liggghts if of_liggghts else lammps
-    script, frame = read_log(log, program.UNITS), dump.frame_of(path, "ATOMS", given.get("step"))
-    script.refuse_other_run(path, frame.step, len(frame.rows.texts))
-    motion = motion_of_spheres(script, frame)
-    motion.refuse(turning_counts=False)
+def read(
+    path: Path,
+    contacts: str | Path | None = None,
+    log: str | Path | None = None,
+    pair: str | None = None,
+    wall: str | None = None,
+    step: int | None = None,
+    scales: Sequence[float] | None = None,
+    bodies: str | Path | None = None,
+) -> ImportResult:
+    """Return the packing of a dump; arguments are the `OPTIONS`.
+
+    It is of LIGGGHTS if the log or the typed law says so. Raises InputError for what is missing or
+    damaged, and for what a network cannot have.
+    """
+    request = Request(contacts, log, pair, wall, step, scales, bodies)
+    is_liggghts = _is_of_liggghts(request)
+    program = liggghts if is_liggghts else lammps
+    script = read_log(log, program.DEFAULT_UNITS)
+    frame = dump.read_frame(path, "ATOMS", step)
+    script.refuse_other_run(path, frame.head.step, len(frame.rows.texts))
+    motion = find_motion_of_spheres(script, frame)
+    motion.refuse_held()
+    _refuse_exclusions(script, request)
     fixes = tuple(script.walls)
-    if pair:
-        script.said, script.style, script.pair = "--pair", words, [("*", "*", *words[1:])]
-    if wall:
-        script.walls = {dump.TYPED: tuple(wall.split())}
+    _apply_typed_lines(script, request)
     if not script.style:
-        lost = " ".join(dump.lost_columns(frame.rows))
-        what = "no law of contact is known" + f", and no column {lost}" * bool(lost)
-        do = f"`import` it with the log (--log log.lammps) or the line ({program.EXAMPLE})"
-        fault(path, what, do + f", and add {lost} to the dump" * bool(lost))
-    if of_liggghts and script.bodies:
-        fault(script.said, "fix rigid: clumps of LIGGGHTS are not known", "leave it out")
-    units = dump.units_of(path, frame, given, script)
-    of_types = program.law_of_types(script, units)
-    of_wall = partial(program.law_of_wall, script=script, units=units, of_types=of_types)
-    walls = dump.walls_of(script, units, of_wall, program.PLANES)
-
-    def law_of(a: int, b: int) -> ProgramLaw:
-        return of_types(a, b) if a >= 0 else walls[a].law(b)
-
-    if told_bodies and not script.bodies:
-        fault("--bodies", "no fix rigid is known", "give the log that has it (--log)")
-    if frame.rows.has("mol") and not log:
-        do = "give the log (--log), which says so, or leave mol out of the dump"
-        fault(path, "spheres of one mol may be one rigid body or bonded", do)
-    body = column_of_bodies(script, told_bodies is not None)
-    planes = {code: each.z for code, each in walls.items()}
-    packing = dump.packing_of(frame, units, planes, typed=script.by_type, body=body)
-    of_all = any(script.groups[name] == "all" for name in script.bodies)
-    if of_all and (packing.body < 1).any():
-        do = "make single spheres no part of its group"
-        fault(path, f"a {body} of 0, which is one more body to fix rigid", do)
-    for name in script.walls:
-        group = script.groups.get(name, "all")
-        if contacts is None and wall is None and group != "all":
-            do = "give the contacts that it has (--contacts), or type the walls (--wall)"
-            fault(str(log), f"fix {name} pushes the group {group} alone", do)
+        _refuse_without_law(path, frame, program)
+    if is_liggghts and script.bodies:
+        problem = "fix rigid: clumps of LIGGGHTS are not known"
+        refuse(script.place, "unknown_fix", problem, remedy="leave it out")
+    if frame.head.step < script.changed and pair is None:
+        script.remarks.append(
+            f"{script.place} changes the law or the walls after step {script.changed}: those of "
+            "its end are taken"
+        )
+    units = dump.choose_units(path, frame, Units.from_scales(scales), script)
+    pair_law = program.read_pair_law(script, units)
+    read_wall_law = partial(program.read_wall_law, script=script, units=units, pair_law=pair_law)
+    walls = dump.read_walls(script, units, read_wall_law, program.PLANES_PER_FIX)
+    packing = _read_spheres(path, frame, units, walls, script, request)
+    _refuse_walls_of_groups(script, request)
     touching = None
     if contacts is not None:
-        told = dump.told_contacts(contacts, frame, packing, script, program.ENDS)
-        touching = program.contacts_of(told, packing, units)
+        dumped = dump.read_contacts(contacts, frame, packing, script, program.END_COLUMNS)
+        touching = program.convert_contacts(dumped, packing, units)
         if walls:
-            touching = touching.with_walls(*program.at_walls(frame, packing, units, walls, fixes))
-    bodies = read_bodies(told_bodies, units) if told_bodies else None
-    found = network_of(packing, touching, law_of, bodies)
-    motion.refuse(turning_counts=resists_turning(found.network))
-    found.remarks += script.remarks
-    return found
+            at_walls = program.find_wall_contacts(frame, packing, units, walls, fixes)
+            touching = touching.with_walls(*at_walls)
+    rigid_bodies = read_bodies(bodies, units) if bodies else None
+    result = build_network(packing, touching, _join_laws(pair_law, walls), rigid_bodies)
+    if resists_turning(result.network):
+        motion.refuse_unturned()
+    result.remarks += script.remarks
+    return result
 
 
-def motion_of_spheres(script: Script, frame: dump.Frame) -> Motion:
+def _is_of_liggghts(request: Request) -> bool:
+    """Tell whether the typed law or the log is one of LIGGGHTS."""
+    if (request.pair or "").split()[:1] == ["gran"]:
+        return True
+    return bool(request.log) and b"LIGGGHTS" in read_beginning(request.log or "")
+
+
+def _apply_typed_lines(script: Script, request: Request) -> None:
+    """Put the typed law and walls in the place of those of the log."""
+    if request.pair:
+        words = request.pair.split()
+        script.place = "--pair"
+        script.style = tuple(words)
+        script.pair_coefficients = [("*", "*", *words[1:])]
+    if request.wall:
+        script.walls = {dump.TYPED_WALL: tuple(request.wall.split())}
+
+
+def _join_laws(pair_law: PairLaw, walls: dump.Walls) -> PairLaw:
+    """Return the law between two kinds, or between a wall, by its code, and a kind."""
+
+    def find_law(first: int, second: int) -> ProgramLaw:
+        if first < 0:
+            return walls[first].law(second)
+        return pair_law(first, second)
+
+    return find_law
+
+
+def _refuse_without_law(path: Path, frame: dump.Frame, program: ModuleType) -> None:
+    """Raise InputError for a dump without a law; name its missing columns, too."""
+    problem = "no law of contact is known"
+    remedy = f"`import` it with the log (--log log.lammps) or the line ({program.EXAMPLE})"
+    missing = " ".join(dump.list_missing_columns(frame.rows))
+    if missing:
+        problem += f", and no column {missing}"
+        remedy += f", and add {missing} to the dump"
+    refuse(path, "no_law", problem, remedy=remedy)
+
+
+def _refuse_exclusions(script: Script, request: Request) -> None:
+    """Raise InputError if `neigh_modify exclude` takes contacts away that positions show.
+
+    A dump of contacts lacks them already. Those inside a rigid body are none here either.
+    """
+    if request.contacts is not None:
+        return
+    for exclusion in script.exclusions:
+        inside_bodies = exclusion.style == "molecule/intra" and any(
+            words[:1] == ("molecule",) for words in script.bodies.values()
+        )
+        if not inside_bodies:
+            refuse(
+                exclusion.place,
+                "excluded_pairs",
+                f"neigh_modify exclude {exclusion.style}",
+                "spheres that overlap without a contact are not known from positions",
+                "give the contacts of the dump (--contacts), which lack these",
+            )
+
+
+def _read_spheres(
+    path: Path,
+    frame: dump.Frame,
+    units: Units,
+    walls: dump.Walls,
+    script: Script,
+    request: Request,
+) -> Packing:
+    """Return the spheres; raise InputError if it is unclear which of them are one body."""
+    if request.bodies and not script.bodies:
+        problem = "no fix rigid is known"
+        refuse("--bodies", "no_bodies", problem, remedy="give the log that has it (--log)")
+    if frame.rows.has("mol") and not request.log:
+        problem = "spheres of one mol may be one rigid body or bonded"
+        remedy = "give the log (--log), which says so, or leave mol out of the dump"
+        refuse(path, "unknown_bodies", problem, remedy=remedy)
+    column = find_body_column(script, has_masses=request.bodies is not None)
+    planes = {code: wall.z for code, wall in walls.items()}
+    needs_type = script.depends_on_type
+    packing = dump.read_packing(frame, units, planes, needs_type=needs_type, body=column)
+    includes_all = any(script.groups[name] == "all" for name in script.bodies)
+    if includes_all and (packing.body < 1).any():
+        problem = f"a {column} of 0, which is one more body to fix rigid"
+        remedy = "make single spheres no part of its group"
+        refuse(path, "unknown_bodies", problem, remedy=remedy)
+    return packing
+
+
+def _refuse_walls_of_groups(script: Script, request: Request) -> None:
+    """Raise InputError if a wall pushes only some spheres, and the contacts are not given."""
+    if request.contacts is not None or request.wall is not None:
+        return
+    for name in script.walls:
+        group = script.groups.get(name, "all")
+        if group != "all":
+            problem = f"fix {name} pushes the group {group} alone"
+            remedy = "give the contacts that it has (--contacts), or type the walls (--wall)"
+            refuse(str(request.log), "wall_of_group", problem, remedy=remedy)
+
+
+def find_motion_of_spheres(script: Script, frame: dump.Frame) -> Motion:
     """Return how the spheres of a dump move, as the log says."""
     rows = frame.rows
-    columns = {
-        name: rows.whole(rows.read(name)[:, 0], name) for name in COLUMNS.values() if rows.has(name)
-    }
-    return motion_of(script.runs, script.history, frame.step, columns, len(rows.texts))
+    columns = {}
+    for name in COLUMNS.values():
+        if rows.has(name):
+            columns[name] = rows.to_integers(rows.read(name)[:, 0], name)
+    return find_motion(script.runs, script.history, frame.head.step, columns, len(rows.texts))
 
 
 def resists_turning(network: Network) -> bool:
-    """Whether some contact of a network resists that a sphere turns."""
+    """Tell whether some contact of a network resists that a sphere turns."""
     columns = (
         network.stiffness_tangential,
         network.stiffness_rolling,
@@ -124,37 +238,45 @@ def resists_turning(network: Network) -> bool:
     return any(stiffness is not None and bool(stiffness.any()) for stiffness in columns)
 
 
-def column_of_bodies(script: Script, told: bool) -> str:
-    """The column of the dump that numbers the rigid bodies, or none.
+def find_body_column(script: Script, *, has_masses: bool) -> str:
+    """Return the column of the dump that numbers the rigid bodies; empty if there are none.
 
-    `told` says that their masses are in a file of their own.
+    `has_masses` says that their masses are in a file of their own. Raises InputError for bodies
+    whose members the dump does not show.
     """
     if len(script.bodies) > 1:
-        fault(script.said, "several fix rigid", "give all bodies one fix and one column")
+        remedy = "give all bodies one fix and one column"
+        refuse(script.place, "several_bodies", "several fix rigid", remedy=remedy)
     column = ""
     for name, words in script.bodies.items():
-        which, given = (*words, "", "")[:2]
-        by_number = which == "custom" and given.startswith("i_")
-        column = "mol" if which == "molecule" else given
-        if not (which == "molecule" or by_number):
-            what = f"fix {name} rigid {which}: which spheres are one body is not in a dump"
-            do = "make it rigid molecule, or custom i_NAME, and dump mol or i_NAME"
-            fault(script.said, what, do)
-        if "infile" in words and not told:
-            what = f"fix {name} rigid has masses of its own (infile)"
-            do = "give those of this step, as write_restart writes them (--bodies FILE.rigid)"
-            fault(script.said, what, do)
+        style, custom_column = (*words, "", "")[:2]
+        if style == "molecule":
+            column = "mol"
+        elif style == "custom" and custom_column.startswith("i_"):
+            column = custom_column
+        else:
+            problem = f"fix {name} rigid {style}: which spheres are one body is not in a dump"
+            remedy = "make it rigid molecule, or custom i_NAME, and dump mol or i_NAME"
+            refuse(script.place, "unknown_bodies", problem, remedy=remedy)
+        if "infile" in words and not has_masses:
+            problem = f"fix {name} rigid has masses of its own (infile)"
+            remedy = "give those of this step, as write_restart writes them (--bodies FILE.rigid)"
+            refuse(script.place, "unknown_masses", problem, remedy=remedy)
     return column
 
 
 def read_bodies(path: str | Path, units: Units) -> Bodies:
-    """Masses, centres and tensors of rigid bodies, in the format of `fix rigid ... infile`."""
-    do = "give the file that write_restart wrote (*.rigid)"
-    lines = ((n, line.split("#")[0].split()) for n, line in text_lines(path))
-    rows = [Words(words, f"{path}, line {n}", do) for n, words in lines if len(words) > 1]
+    """Return rigid bodies from a file of the format of `fix rigid ... infile`."""
+    remedy = "give the file that write_restart wrote (*.rigid)"
+    rows = []
+    for number, line in read_lines(path):
+        words = line.split("#")[0].split()
+        if len(words) > 1:
+            row = Words(words, f"{path}, line {number}", remedy)
+            rows.append(row.take_numbers(BODY, BODY_NUMBERS))
     if not rows:
-        fault(path, "no rigid bodies", do)
-    table = np.array([row.in_turn(BODY, OF_A_BODY) for row in rows])
+        refuse(path, "no_bodies", "no rigid bodies", remedy=remedy)
+    table = np.array(rows)
     table = table[np.argsort(table[:, 0], kind="stable")]
     xx, yy, zz, xy, xz, yz = units.mass * units.length**2 * table[:, 5:].T
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)

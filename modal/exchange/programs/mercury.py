@@ -1,8 +1,8 @@
 """MercuryDPM's packings: species, walls, periods, spheres and interactions of one restart file.
 
-Each line has a word for what it is, and a name before each number. A network has one flat wall at
-low z and one at high z. Others may stand in the file as long as no sphere touches them; where
-contacts are listed, these tell it.
+Each line begins with a word for what it is, and has a name before each number. A network has one
+flat wall at low z and one at high z. Other walls may stand in the file as long as no sphere touches
+them; the interactions show that if they are listed.
 """
 
 from collections.abc import Sequence
@@ -12,37 +12,50 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from modal.exchange.import_result import ImportResult, network_of
+from modal.exchange.import_result import ImportResult, build_network
 from modal.exchange.law import DISPLACEMENT, SI, ProgramLaw, Units
-from modal.exchange.particles_and_contacts import WALLS, Cell, Contacts, Packing, ends_of
+from modal.exchange.particles_and_contacts import (
+    WALLS,
+    Cell,
+    Contacts,
+    Packing,
+    SphereColumns,
+    find_ends,
+)
 from modal.exchange.programs import lammps
-from modal.exchange.text import Rows, Words, fault, significant_digits, text_lines
-from modal.tools.arrays import Floats
+from modal.exchange.text import Rows, Words, count_significant_digits, read_lines, refuse
+from modal.tools.arrays import Bools, Floats
 
 NAME = "MercuryDPM"
 OPTIONS = {"scales": lammps.OPTIONS["scales"]}
 SPHERES = ("BaseParticle", "SphericalParticle", "ThermalParticle")
+"""First words of lines of spheres."""
 SECTIONS = ("Species", "Walls", "Boundaries", "Particles", "Interactions")
+"""First words of the lines that begin a section."""
 COUNTED = {"Walls": "id", "Particles": "radius", "Interactions": "contactPoint"}
-"""Sections that have as many lines as they announce, and a word that each of these has."""
-WHOLE = "write the restart file whole"
-NORMAL = "LinearViscoelastic", "HertzianViscoelastic"
-FRICTION = "", "SlidingFriction", "Friction", "Mindlin", "MindlinRollingTorsion"
-"""What the name of a species may be made of: elastic contacts with friction."""
+"""Sections that have as many lines as they announce, and a word that each of these lines has."""
+WRITE_WHOLE = "write the restart file whole"
+NORMAL = ("LinearViscoelastic", "HertzianViscoelastic")
+"""Normal laws, with which the name of a known species begins."""
+FRICTION = ("", "SlidingFriction", "Friction", "Mindlin", "MindlinRollingTorsion")
+"""Friction laws, with which the name of a known species goes on."""
 DIAMETER_SQUARED = 4.0
-"""Of an effective diameter, over that of the effective radius R*."""
-TORSION = (
+"""Square of the effective diameter divided by that of the effective radius R*."""
+TORSION_REMARK = (
     "torsion is resisted by the spring that MercuryDPM's documents describe; its code adds the "
     "spring to itself at every step, so that its contacts twist at their limit"
 )
-STRAIGHT = 1e-6
-"""Largest component of an axis' unit vector along the others."""
-PERIODS = "only periods along x, y, z are known"
-ALONE = "a network knows one flat wall at low z and one at high z alone"
+MAX_TILT = 1e-6
+"""Largest component of the unit vector of an axis along the other axes."""
+GIVE_STRAIGHT_PERIODS = "only periods along x, y, z are known"
+TWO_WALLS_ALONE = "a network knows one flat wall at low z and one at high z alone"
+
+Side = Literal[0, 1]
+"""End of the packing along z: 0 for low, 1 for high z."""
 
 
 class Wall(NamedTuple):
-    """A wall: its outward normal (3,), its place along that, m, its species, its kind."""
+    """A wall: outward normal (3,), place along it, m, species, and the word for its kind."""
 
     normal: Floats
     place: float
@@ -50,15 +63,28 @@ class Wall(NamedTuple):
     kind: str
 
     @property
-    def side(self) -> int | None:
-        """0 where it is flat at low z, 1 at high z, else None."""
-        flat = self.kind == "InfiniteWall" and abs(abs(self.normal[2]) - 1) <= STRAIGHT
-        return int(self.normal[2] > 0) if flat else None
+    def side(self) -> Side | None:
+        """Return the end along z at which the wall is flat; None for any other wall."""
+        if self.kind != "InfiniteWall" or abs(abs(self.normal[2]) - 1) > MAX_TILT:
+            return None
+        return 1 if self.normal[2] > 0 else 0
 
 
 @dataclass(frozen=True)
 class Restart:
-    """The lines of each section of a file, those before the first in "", and where it starts."""
+    """A restart file.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    units : Units
+        Its units.
+    sections : dict
+        Lines of each section; those before the first section are in "".
+    starts : dict
+        Number of the line that begins each section.
+    """
 
     path: Path
     units: Units
@@ -66,124 +92,205 @@ class Restart:
     starts: dict[str, int]
 
     def rows(self, section: str) -> Rows:
-        """Where the lines of a section stand, for messages."""
-        texts = [" ".join(line.left) for line in self.sections[section]]
+        """Return the lines of a section, for messages."""
+        texts = [" ".join(line.remaining) for line in self.sections[section]]
         return Rows(self.path, (), texts, self.starts.get(section, 0) + 1)
 
     def numbers(self, section: str, name: str, count: int = 3) -> Floats:
-        """Shape (n, count): the numbers behind a name in each line of a section."""
-        rows = [line.numbers(name, count) for line in self.sections[section]]
+        """Return the numbers (n, count) after a name in each line of a section."""
+        rows = [line.numbers_after(name, count) for line in self.sections[section]]
         return np.array(rows).reshape(-1, count)
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """A restart file, which begins with the program's name."""
+    """Tell whether a file is a restart file, which begins with the program's name."""
     return head.startswith(b"MercuryDPM")
 
 
 def read(path: Path, scales: Sequence[float] | None = None) -> ImportResult:
-    """A packing of MercuryDPM."""
-    file = read_restart(path, Units.typed(scales) or SI)
-    lines = [line for line in file.sections["Species"] if line.left[0].endswith("Species")]
-    laws = dict(_law(line, file.units) for line in lines)
-    walls = {int(line.number("id")): _wall(line, file.units) for line in file.sections["Walls"]}
-    inner: dict[int, int] = {}  # the walls that count at low (0) and high z (1) are the innermost
-    for number, wall in sorted(walls.items(), key=lambda each: -each[1].place):
-        if wall.side is not None:
-            inner[wall.side] = number
-    low, high = (
-        walls[inner[side]].place * float(walls[inner[side]].normal[2]) if side in inner else np.nan
-        for side in (0, 1)
-    )
-    packing = _packing(file, _cell(file, (low, high)))
+    """Return the packing of a restart file."""
+    file = read_restart(path, Units.from_scales(scales) or SI)
+    laws = dict(_read_law(line, file.units) for line in _species_lines(file))
+    walls: dict[int, Wall] = {}
+    for line in file.sections["Walls"]:
+        walls[int(line.number_after("id"))] = _read_wall(line, file.units)
+    inner = _find_inner_walls(walls)
+    planes = (_plane_height(walls, inner, 0), _plane_height(walls, inner, 1))
+    packing = _read_spheres(file, _read_cell(file, planes))
     contacts = None
     if file.sections["Interactions"]:
         codes = {number: WALLS[side] for side, number in inner.items()}
-        contacts = _contacts(file, packing, codes)
+        contacts = _read_contacts(file, packing, codes)
     else:
         _refuse_other_walls(packing, walls, tuple(inner.values()))
 
-    def law_of(a: int, b: int) -> ProgramLaw:
-        if a < 0:
-            a = walls[inner[WALLS.index(a)]].species
-        law = laws.get((min(a, b), max(a, b)))
+    def find_law(first: int, second: int) -> ProgramLaw:
+        if first < 0:
+            first = walls[inner[_side_of(first)]].species
+        law = laws.get((min(first, second), max(first, second)))
         if law is None:
-            fault(path, f"no species for {a} with {b}", WHOLE)
+            problem = f"no species for {first} with {second}"
+            refuse(path, "no_law", problem, remedy=WRITE_WHOLE)
         return law
 
-    result = network_of(packing, contacts, law_of)
+    result = build_network(packing, contacts, find_law)
     if any(law.twisting_arc or law.twisting_share for law in laws.values()):
-        result.remarks.append(TORSION)
+        result.remarks.append(TORSION_REMARK)
     return result
 
 
+def _species_lines(file: Restart) -> list[Words]:
+    """Return the lines of species."""
+    return [line for line in file.sections["Species"] if line.remaining[0].endswith("Species")]
+
+
+def _side_of(code: int) -> Side:
+    """Return the end along z of a wall's code."""
+    return 0 if code == WALLS[0] else 1
+
+
+def _find_inner_walls(walls: dict[int, Wall]) -> dict[Side, int]:
+    """Return the number of the innermost flat wall at each end along z."""
+    inner: dict[Side, int] = {}
+    for number, wall in sorted(walls.items(), key=lambda item: -item[1].place):
+        if wall.side is not None:
+            inner[wall.side] = number
+    return inner
+
+
+def _plane_height(walls: dict[int, Wall], inner: dict[Side, int], side: Side) -> float:
+    """Return z of the inner wall at one end, m; NaN if there is none."""
+    if side not in inner:
+        return float("nan")
+    wall = walls[inner[side]]
+    return wall.place * float(wall.normal[2])
+
+
 def read_restart(path: Path, units: Units) -> Restart:
-    """The sections of a restart file, whole, of spheres that move in space; else InputError."""
-    section, announced = "", dict[str, float]()
+    """Return the sections of a restart file.
+
+    Raises InputError for a file that ends early, and for particles that are no moving spheres.
+    """
+    section = ""
+    announced: dict[str, float] = {}
     file = Restart(path, units, {name: [] for name in ("", *SECTIONS)}, {})
-    for number, text in text_lines(path):
-        line = Words(text.split(), f"{path}, line {number}", WHOLE)
-        kind = line.left[0] if line.left else ""
+    for number, text in read_lines(path):
+        line = Words(text.split(), f"{path}, line {number}", WRITE_WHOLE)
+        kind = line.remaining[0] if line.remaining else ""
         if kind in SECTIONS:
-            section, file.starts[kind], announced[kind] = kind, number, line.number(kind)
+            section = kind
+            file.starts[kind] = number
+            announced[kind] = line.number_after(kind)
         elif kind and COUNTED.get(section, kind) in line:
             file.sections[section].append(line)
-        for name in ("systemDimensions", "particleDimensions"):
-            if kind == "systemDimensions" and (dimensions := line.number(name)) != 3:
-                what = f"{name} {dimensions:g}: discs, or motion in a plane"
-                line.refuse(what, "a network has spheres that move in space (3)")
+        if kind == "systemDimensions":
+            _refuse_other_dimensions(line)
     for name in COUNTED:
-        there = len(file.sections[name])
-        if there < announced.get(name, 0):
-            what = f"{there} {name} of {announced[name]:.0f}: the file ends early"
-            fault(path, what, "write it whole", number)
+        count = len(file.sections[name])
+        if count < announced.get(name, 0):
+            problem = f"{count} {name} of {announced[name]:.0f}"
+            refuse(path, "cut_off", problem, "the file ends early", "write it whole", line=number)
     for line in file.sections["Particles"]:
-        if line.left[0] not in SPHERES:
-            line.refuse(f"{line.left[0]} is no sphere", "only single spheres are known")
-        if not line.number("invMass") > 0:
-            what = f"particle {line.number('id'):.0f} is fixed (invMass 0)"
-            do = "a network knows no held spheres yet: put an InfiniteWall in their place"
-            line.refuse(what, do, code="held_bodies")
+        _refuse_other_particles(line)
     return file
 
 
-def _law(line: Words, units: Units) -> tuple[tuple[int, int], ProgramLaw]:
-    """Two species, in rising order, and their law; of a species, or of two (`...MixedSpecies`)."""
-    said = line.left[0].removesuffix("Species")
-    name, mixed = said.removesuffix("Mixed"), said.endswith("Mixed")
-    normal_law = next((each for each in NORMAL if name.startswith(each)), "")
-    friction_law = name.removeprefix(normal_law)
-    if not normal_law or friction_law not in FRICTION:
-        do = f"{' and '.join(NORMAL)} with {', '.join(FRICTION[1:])} or nothing behind are"
-        line.refuse(f"{line.left[0]} is not known", do)
-    hertz, mindlin = normal_law == "HertzianViscoelastic", friction_law.startswith("Mindlin")
-    names = ("effectiveElasticModulus", "elasticModulus") if hertz else ("stiffness",)
-    normal = line.first(*names) * (4 / 3 if hertz else 1)
+def _refuse_other_dimensions(line: Words) -> None:
+    """Raise InputError for discs, and for motion in a plane."""
+    for name in ("systemDimensions", "particleDimensions"):
+        dimensions = line.number_after(name)
+        if dimensions != 3:
+            line.refuse(
+                "two_dimensions",
+                f"{name} {dimensions:g}",
+                "discs, or motion in a plane",
+                "a network has spheres that move in space (3)",
+            )
+
+
+def _refuse_other_particles(line: Words) -> None:
+    """Raise InputError for a particle that is no sphere, or that is held."""
+    kind = line.remaining[0]
+    if kind not in SPHERES:
+        remedy = "only single spheres are known"
+        line.refuse("no_spheres", f"{kind} is no sphere", remedy=remedy)
+    if not line.number_after("invMass") > 0:
+        problem = f"particle {line.number_after('id'):.0f} is fixed (invMass 0)"
+        reason = "a network knows no held spheres yet"
+        line.refuse("held_bodies", problem, reason, "put an InfiniteWall in their place")
+
+
+class SpeciesName(NamedTuple):
+    """The parts of a species' name: its laws, and whether it is one of two species."""
+
+    normal: str
+    friction: str
+    is_mixed: bool
+
+
+def _parse_species_name(line: Words) -> SpeciesName:
+    """Return the parts of the name of a species; raise InputError for one that is not known."""
+    full_name = line.remaining[0]
+    name = full_name.removesuffix("Species")
+    is_mixed = name.endswith("Mixed")
+    name = name.removesuffix("Mixed")
+    normal = ""
+    for law in NORMAL:
+        if name.startswith(law):
+            normal = law
+    friction = name.removeprefix(normal)
+    if not normal or friction not in FRICTION:
+        known = f"{' and '.join(NORMAL)} with {', '.join(FRICTION[1:])} or nothing behind are"
+        line.refuse("unknown_law", f"{full_name} is not known", remedy=known)
+    return SpeciesName(normal, friction, is_mixed)
+
+
+def _read_law(line: Words, units: Units) -> tuple[tuple[int, int], ProgramLaw]:
+    """Return two species, in rising order, and the law between them.
+
+    A line has the law of one species with itself, or that of two (`...MixedSpecies`).
+    """
+    name = _parse_species_name(line)
+    is_hertz = name.normal == "HertzianViscoelastic"
+    is_mindlin = name.friction.startswith("Mindlin")
+    if is_hertz:
+        normal = 4 / 3 * line.optional_number_after("effectiveElasticModulus", "elasticModulus")
+    else:
+        normal = line.optional_number_after("stiffness")
     if not normal > 0:
-        line.refuse(f"{line.left[0]} has no stiffness")
-    friction = line.first("slidingFrictionCoefficient")
-    if mindlin:
-        # Ft = 2/3 (8 G a) s, the displacement s kept, with the circle's radius a of the moment.
-        tangential = 2 / 3 * 8 * line.first("effectiveShearModulus", "shearModulus")
+        line.refuse("no_stiffness", f"{line.remaining[0]} has no stiffness")
+    friction = line.optional_number_after("slidingFrictionCoefficient")
+    if is_mindlin:
+        # Ft = 2/3 (8 G a) s, with the displacement s kept, and a of the present overlap.
+        shear_modulus = line.optional_number_after("effectiveShearModulus", "shearModulus")
+        tangential = 2 / 3 * 8 * shear_modulus
     else:
-        tangential = line.first("slidingStiffness")
-        if friction > 0:  # else there is no shear at all; contacts stick up to the static one
-            friction = line.first("slidingFrictionCoefficientStatic", "slidingFrictionCoefficient")
-    if mixed and "idA" in line:
-        ids = [line.number(key) for key in ("idA", "idB")]
-    else:
-        ids = line.numbers("idMixed" if "idMixed" in line else "id", 2 if mixed else 1)
-    normal *= units.pressure if hertz else units.stiffness
-    tangential *= units.pressure if mindlin else units.stiffness
-    law = ProgramLaw(normal, hertz, tangential, mindlin, friction, DISPLACEMENT)
-    return (int(min(ids)), int(max(ids))), _with_turning(law, line, units)
+        tangential = line.optional_number_after("slidingStiffness")
+        if friction > 0:  # else there is no shear at all; contacts stick up to the static limit
+            friction = line.optional_number_after(
+                "slidingFrictionCoefficientStatic", "slidingFrictionCoefficient"
+            )
+    normal *= units.pressure if is_hertz else units.stiffness
+    tangential *= units.pressure if is_mindlin else units.stiffness
+    law = ProgramLaw(normal, is_hertz, tangential, is_mindlin, friction, DISPLACEMENT)
+    return _read_species_numbers(line, name), _add_turning(law, line, units)
 
 
-def _with_turning(law: ProgramLaw, line: Words, units: Units) -> ProgramLaw:
+def _read_species_numbers(line: Words, name: SpeciesName) -> tuple[int, int]:
+    """Return the numbers of the two species of a line, in rising order."""
+    if name.is_mixed and "idA" in line:
+        numbers = [line.number_after("idA"), line.number_after("idB")]
+    else:
+        key = "idMixed" if "idMixed" in line else "id"
+        numbers = line.numbers_after(key, 2 if name.is_mixed else 1)
+    return int(min(numbers)), int(max(numbers))
+
+
+def _add_turning(law: ProgramLaw, line: Words, units: Units) -> ProgramLaw:
     """Return the law with the springs of its species against rolling and torsion.
 
     The torque is D^2 k times the difference of the turns, across (rolling) or along (torsion) the
-    normal, with D = 2 R*; k is the species' own, or with Mindlin 8 G a, 3/2 of the tangential
+    normal, with D = 2 R*; k is the species' stiffness, or with Mindlin 8 G a, 3/2 of the tangential
     stiffness.
     """
     rolls = _resists(line, "rolling")
@@ -194,57 +301,78 @@ def _with_turning(law: ProgramLaw, line: Words, units: Units) -> ProgramLaw:
     unit = DIAMETER_SQUARED * units.stiffness
     return replace(
         law,
-        rolling=unit * line.first("rollingStiffness") * rolls,
-        twisting_arc=unit * line.first("torsionStiffness") * twists,
+        rolling=unit * line.optional_number_after("rollingStiffness") * rolls,
+        twisting_arc=unit * line.optional_number_after("torsionStiffness") * twists,
     )
 
 
 def _resists(line: Words, motion: Literal["rolling", "torsion"]) -> bool:
     """Return whether a species resists a motion below its static limit, with a spring."""
     limit = f"{motion}FrictionCoefficient"
-    return line.first(limit) > 0 and line.first(f"{limit}Static", limit) > 0
+    static_limit = line.optional_number_after(f"{limit}Static", limit)
+    return line.optional_number_after(limit) > 0 and static_limit > 0
 
 
-def _wall(line: Words, units: Units) -> Wall:
+def _read_wall(line: Words, units: Units) -> Wall:
+    """Return the wall of a line; raise InputError for a wall without a direction."""
     normal = np.array([1.0, 0.0, 0.0])
     if "orientation" in line:
-        a, b, c, d = line.numbers("orientation", 4)
+        a, b, c, d = line.numbers_after("orientation", 4)
         # The x axis turned by the quaternion (a, b, c, d).
         turned = [a * a + b * b - c * c - d * d, 2 * (b * c + a * d), 2 * (b * d - a * c)]
         normal = np.array(turned)
-    elif line.left[0] == "InfiniteWall":
-        normal = np.array(line.numbers("normal", 3))
+    elif line.remaining[0] == "InfiniteWall":
+        normal = np.array(line.numbers_after("normal", 3))
     if not normal.any():
-        line.refuse("a wall without a direction")
+        line.refuse("no_direction", "a wall without a direction")
     normal /= np.linalg.norm(normal)
-    place = units.length * float(normal @ np.array(line.numbers("position", 3)))
-    return Wall(normal, place, int(line.number("indSpecies")), line.left[0])
+    position = np.array(line.numbers_after("position", 3))
+    place = units.length * float(normal @ position)
+    return Wall(normal, place, int(line.number_after("indSpecies")), line.remaining[0])
 
 
-def _cell(file: Restart, planes: tuple[float, float]) -> Cell:
+def _read_cell(file: Restart, planes: tuple[float, float]) -> Cell:
     """Return the cell of the domain and of the periods, with walls at these `planes`, m.
 
-    The domain bounds nothing: where no period is, the cell reaches to the surfaces of spheres that
-    lie outside.
+    The domain does not confine spheres: along an axis without a period the cell reaches to the
+    surfaces of spheres that lie outside.
     """
-    bounds, periodic = np.zeros((3, 2)), np.zeros(3, bool)
+    bounds = np.zeros((3, 2))
+    periodic = np.zeros(3, bool)
     for line in file.sections[""]:
-        if line.left[0] == "xMin":
-            bounds[:] = [[line.number(f"{axis}{end}") for end in ("Min", "Max")] for axis in "xyz"]
+        if line.remaining[0] == "xMin":
+            for k, axis in enumerate("xyz"):
+                bounds[k] = line.number_after(f"{axis}Min"), line.number_after(f"{axis}Max")
     for line in file.sections["Boundaries"]:
-        kind = line.left[0]
+        kind = line.remaining[0]
         if kind == "PeriodicBoundary":
-            normal, shift = (np.array(line.numbers(name, 3)) for name in ("normal", "shift"))
-            if not (normal.any() and shift.any()):
-                line.refuse("a period without a direction")
-            axis = int(np.argmax(abs(normal)))
-            along = np.delete(np.vstack([normal, shift / np.linalg.norm(shift)]), axis, axis=1)
-            if abs(along).max() > STRAIGHT:
-                line.refuse("the period is angled", PERIODS)
-            periodic[axis] = True
-            bounds[axis] = line.number("distanceLeft"), line.number("distanceRight")
+            axis_index = _read_period_axis(line)
+            periodic[axis_index] = True
+            ends = line.number_after("distanceLeft"), line.number_after("distanceRight")
+            bounds[axis_index] = ends
         elif "Periodic" in kind or "LeesEdwards" in kind:
-            line.refuse(f"{kind}: the period is angled or moves", PERIODS)
+            problem = f"{kind}: the period is angled or moves"
+            line.refuse("angled_period", problem, remedy=GIVE_STRAIGHT_PERIODS)
+    low, high = _enclose_spheres(file, bounds, periodic)
+    return Cell(file.units.length * low, file.units.length * high, periodic, planes)
+
+
+def _read_period_axis(line: Words) -> int:
+    """Return the axis of a period; raise InputError for one that is not along x, y or z."""
+    normal = np.array(line.numbers_after("normal", 3))
+    shift = np.array(line.numbers_after("shift", 3))
+    if not (normal.any() and shift.any()):
+        line.refuse("no_direction", "a period without a direction")
+    axis = int(np.argmax(abs(normal)))
+    directions = np.vstack([normal, shift / np.linalg.norm(shift)])
+    tilts = np.delete(directions, axis, axis=1)
+    if abs(tilts).max() > MAX_TILT:
+        line.refuse("angled_period", "the period is angled", remedy=GIVE_STRAIGHT_PERIODS)
+    return axis
+
+
+def _enclose_spheres(file: Restart, bounds: Floats, periodic: Bools) -> tuple[Floats, Floats]:
+    """Return low and high (3,) of the domain (3, 2), moved out to spheres that lie outside."""
     position = file.numbers("Particles", "position")
     radius = file.numbers("Particles", "radius", 1)
     low, high = bounds.T
@@ -252,44 +380,63 @@ def _cell(file: Restart, planes: tuple[float, float]) -> Cell:
     low = np.where(outside, (position - radius).min(axis=0, initial=np.inf), low)
     outside = ~periodic & (position.max(axis=0, initial=-np.inf) > high)
     high = np.where(outside, (position + radius).max(axis=0, initial=-np.inf), high)
-    return Cell(file.units.length * low, file.units.length * high, periodic, planes)
+    return low, high
 
 
-def _packing(file: Restart, cell: Cell) -> Packing:
-    columns = {
-        "number": file.numbers("Particles", "id", 1)[:, 0],
-        "position": file.numbers("Particles", "position"),
-        "radius": file.numbers("Particles", "radius", 1)[:, 0],
-        "mass": 1 / file.numbers("Particles", "invMass", 1)[:, 0],
-        "kind": file.numbers("Particles", "indSpecies", 1)[:, 0].astype(int),
-    }
-    places = [line.behind("position", 3) for line in file.sections["Particles"]]
-    digits = significant_digits([word for place in places for word in place])
-    return Packing.of(file.rows("Particles"), cell, file.units, columns, digits)
+def _read_spheres(file: Restart, cell: Cell) -> Packing:
+    """Return the spheres of the file in a cell."""
+    columns = SphereColumns(
+        number=file.numbers("Particles", "id", 1)[:, 0],
+        position=file.numbers("Particles", "position"),
+        radius=file.numbers("Particles", "radius", 1)[:, 0],
+        mass=1 / file.numbers("Particles", "invMass", 1)[:, 0],
+        kind=file.numbers("Particles", "indSpecies", 1)[:, 0].astype(int),
+    )
+    words: list[str] = []
+    for line in file.sections["Particles"]:
+        words += line.words_after("position", 3)
+    digits = count_significant_digits(words)
+    return Packing.from_columns(file.rows("Particles"), cell, file.units, columns, digits)
 
 
-def _contacts(file: Restart, packing: Packing, codes: dict[int, int]) -> Contacts:
-    """The interactions: force on the first sphere, along and across the line of centres."""
-    lines, rows = file.sections["Interactions"], file.rows("Interactions")
-    ends = np.empty((len(lines), 2))
+def _read_contacts(file: Restart, packing: Packing, codes: dict[int, int]) -> Contacts:
+    """Return the interactions; `codes` are those of the walls that count, by their numbers.
+
+    Forces on the first sphere are split along and across the line of centres.
+    """
+    lines = file.sections["Interactions"]
+    rows = file.rows("Interactions")
+    ids = np.empty((len(lines), 2))
     for row, line in enumerate(lines):
-        wall = "particleWallIds" in line
-        ends[row] = line.numbers("particleWallIds" if wall else "particleIds", 2)
-        if wall and ends[row, 1] not in codes:
-            line.refuse(f"a contact with wall {ends[row, 1]:.0f}", ALONE)
-        if wall:
-            ends[row, 1] = codes[int(ends[row, 1])]
-    i, j = ends_of(rows, packing.number, ends.T, ("particleIds",) * 2, WALLS)
-    push, shear = packing.pushes(i, j, file.units.force * file.numbers("Interactions", "force"))
-    return Contacts(i, j, push, shear, listed=rows)
+        if "particleWallIds" in line:
+            sphere, wall = line.numbers_after("particleWallIds", 2)
+            if wall not in codes:
+                problem = f"a contact with wall {wall:.0f}"
+                line.refuse("other_wall", problem, remedy=TWO_WALLS_ALONE)
+            ids[row] = sphere, codes[int(wall)]
+        else:
+            ids[row] = line.numbers_after("particleIds", 2)
+    columns = ("particleIds", "particleIds")
+    i, j = find_ends(rows, packing.number, ids.T, columns, WALLS)
+    force = file.units.force * file.numbers("Interactions", "force")
+    normal_force, shear = packing.split_forces(i, j, force)
+    return Contacts(i, j, normal_force, shear, listed=rows)
 
 
 def _refuse_other_walls(packing: Packing, walls: dict[int, Wall], inner: tuple[int, ...]) -> None:
-    """InputError where a sphere overlaps another wall than the inner ones beyond the last digit."""
+    """Raise InputError if a sphere overlaps a wall that is not inner by more than the last digit.
+
+    A wall that is not an infinite plane is refused, too: its contacts do not follow from positions.
+    """
     for number, wall in walls.items():
         if wall.kind != "InfiniteWall":
-            what = f"contacts with wall {number}, {wall.kind}, do not follow from positions"
-            fault(packing.name, what, "write the file with its interactions, after a step")
-        overlap = packing.radius + packing.position @ wall.normal - wall.place
-        wrong = (overlap > packing.step) & (number not in inner)
-        packing.refuse(wrong, f"has a contact with wall {number}", ALONE)
+            refuse(
+                packing.name,
+                "other_wall",
+                f"contacts with wall {number}, {wall.kind}, do not follow from positions",
+                remedy="write the file with its interactions, after a step",
+            )
+        if number not in inner:
+            overlap = packing.radius + packing.position @ wall.normal - wall.place
+            problem = f"has a contact with wall {number}"
+            packing.refuse(overlap > packing.step, "other_wall", problem, TWO_WALLS_ALONE)

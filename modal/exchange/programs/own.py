@@ -15,21 +15,21 @@ from modal.packing.sample import read_sample
 
 NAME = "this project (*.network.h5, *.sample.h5)"
 OPTIONS: Mapping[str, Option] = {}
-HDF5 = b"\x89HDF\r\n"
+HDF5_SIGNATURE = b"\x89HDF\r\n"
 
 
 def is_sample(path: str | Path) -> bool:
-    """Whether a file is a sample, by its name."""
+    """Tell whether a file is a sample, by its name."""
     return str(path).endswith(".sample.h5")
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Any HDF5 file, and what has the name of one."""
-    return path.name.endswith(".h5") or head.startswith(HDF5)
+    """Tell whether a file is HDF5, or has the name of an HDF5 file."""
+    return path.name.endswith(".h5") or head.startswith(HDF5_SIGNATURE)
 
 
 def read(path: Path) -> ImportResult:
-    """The network as it stands in the file, or of the springs that the sample's positions make."""
+    """Return a network as it is in the file, or the network of a sample's contacts."""
     if not is_sample(path):
         refuse_other_hdf5(path)
         return ImportResult(read_network(path))

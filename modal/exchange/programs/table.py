@@ -1,10 +1,10 @@
 """A packing as two tables with named columns (CSV), as any program can write them.
 
-Three lines behind # above the spheres tell of the cell: `# cell XLO XHI YLO YHI ZLO ZHI`, `#
-periodic x y` and `# walls ZLOW ZHIGH`, in any case, with or without a colon; others are comments.
-Stiffnesses stand with the contacts, so that no law is needed and each row is a contact, whatever
-its force and overlap; -1 for the second sphere is the wall at low z, -2 that at high z. A column
-that is not known is refused, as it may change the answer.
+Three lines after # above the spheres have the cell: `# cell XLO XHI YLO YHI ZLO ZHI`, `# periodic x
+y` and `# walls ZLOW ZHIGH`, in any case, with or without a colon; others are comments. The contacts
+have their stiffnesses, so that no law is needed and each row is a contact, whatever its force and
+overlap; -1 for the second sphere is the wall at low z, -2 the wall at high z. A column that is not
+known is refused, as it may change the answer.
 """
 
 import re
@@ -14,140 +14,217 @@ from pathlib import Path
 
 import numpy as np
 
-from modal.exchange.import_result import ImportResult, network_of
+from modal.exchange.import_result import ImportResult, build_network
 from modal.exchange.law import SI, Units
-from modal.exchange.particles_and_contacts import WALLS, Cell, Contacts, Packing, ends_of
+from modal.exchange.particles_and_contacts import (
+    WALLS,
+    Cell,
+    Contacts,
+    Packing,
+    SphereColumns,
+    find_ends,
+)
 from modal.exchange.programs import lammps
-from modal.exchange.text import Rows, Words, fault, kept_lines, shown, text_lines
+from modal.exchange.text import Rows, Words, quote, read_lines, refuse, take_rows
 from modal.formats.hdf5 import named
 from modal.packing.checks import check_force_ratio
+from modal.tools.arrays import Ints
 
 NAME = "tables (*.csv)"
 OPTIONS = {name: lammps.OPTIONS[name] for name in ("contacts", "scales")}
 SPHERES = ("id", "x", "y", "z", "radius", "mass")
+"""Columns of the spheres, SI units by default."""
 CONTACTS = ("i", "j", "kn", "kt")
-FORCE, SHEAR, TURNING = ("fn",), ("ftx", "fty", "ftz"), ("kr", "kw")
-"""What contacts may have beside: forces, N, and stiffnesses against turning, N m/rad."""
-TOLD = ("force", "shear")
+"""Columns that contacts must have: ends, and stiffnesses, N/m."""
+FORCE = ("fn",)
+"""Optional column of normal forces, N, compression positive."""
+SHEAR = ("ftx", "fty", "ftz")
+"""Optional columns of shear forces on i, N."""
+TURNING = ("kr", "kw")
+"""Optional columns of stiffnesses against rolling and twisting, N m/rad."""
 KEYS = {
     "cell": "# cell XLO XHI YLO YHI ZLO ZHI",
     "periodic": "# periodic x y, with the axes that are, or leave the line out for none",
     "walls": "# walls ZLOW ZHIGH, or NULL for none",
 }
-"""Words with which a line behind # tells of the cell, and how it is written."""
-Said = dict[str, Words]
-"""Key of a line behind #, and the words after it."""
+"""First words of the lines after # that have the cell, and how each line is written."""
+KeyLines = dict[str, Words]
+"""The lines after # by their key: the words after it."""
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """By its name."""
+    """Tell whether a file is a table, by its name."""
     return ".csv" in path.name
 
 
 def read(
     path: Path, contacts: str | Path | None = None, scales: Sequence[float] | None = None
 ) -> ImportResult:
-    """A packing of two tables."""
+    """Return a packing of two tables."""
     if contacts is None:
-        do = f"of the contacts (--contacts FILE with {','.join(CONTACTS)})"
-        fault(path, "a table of spheres alone has no stiffnesses", f"`import` it with that {do}")
-    units = Units.typed(scales) or SI
-    rows, said = _table(path, SPHERES)
+        refuse(
+            path,
+            "no_law",
+            "a table of spheres alone has no stiffnesses",
+            remedy="`import` it with that of the contacts (--contacts FILE with "
+            f"{','.join(CONTACTS)})",
+        )
+    units = Units.from_scales(scales) or SI
+    rows, key_lines = _read_table(path, SPHERES)
     table = rows.read(*SPHERES)
-    do = "number spheres from 0 or 1; -1 and -2 are the walls"
-    rows.refuse(table[:, 0] < 0, lambda row: f"id {table[row, 0]:g} is negative", do, "id")
-    columns = {"number": table[:, 0], "position": table[:, 1:4]}
-    columns |= {"radius": table[:, 4], "mass": table[:, 5]}
-    packing = Packing.of(rows, _cell(path, said, units), units, columns, rows.digits(*SPHERES[1:4]))
-    found = network_of(packing, _contacts(contacts, packing, units), None)
-    if found.told["overlap_over_error_of_digits"] > 1:
+    rows.refuse(
+        table[:, 0] < 0,
+        "negative_id",
+        lambda row: f"id {table[row, 0]:g} is negative",
+        remedy="number spheres from 0 or 1; -1 and -2 are the walls",
+        column="id",
+    )
+    columns = SphereColumns(
+        number=table[:, 0], position=table[:, 1:4], radius=table[:, 4], mass=table[:, 5]
+    )
+    cell = _read_cell(path, key_lines, units)
+    digits = rows.count_digits(*SPHERES[1:4])
+    packing = Packing.from_columns(rows, cell, units, columns, digits)
+    result = build_network(packing, _read_contacts(contacts, packing, units), None)
+    if result.told["overlap_over_error_of_digits"] > 1:
         with named(contacts):
-            check_force_ratio(found.network)
-    return found
+            check_force_ratio(result.network)
+    return result
 
 
-def _table(
-    path: str | Path, needed: tuple[str, ...], further: tuple[str, ...] = ()
-) -> tuple[Rows, Said]:
-    """The rows of a table with these columns, and what its lines behind # say of the cell."""
-    said, lines = dict[str, Words](), text_lines(path)
+def _read_table(
+    path: str | Path, needed: tuple[str, ...], optional: tuple[str, ...] = ()
+) -> tuple[Rows, KeyLines]:
+    """Return the rows of a table with these columns, and its lines after # that have the cell.
+
+    Raises InputError for columns that are missing or not known, and for a table without rows.
+    """
+    key_lines: KeyLines = {}
+    lines = read_lines(path)
     for number, text in lines:
         if text.startswith("#"):
-            _hear(path, number, text.rstrip(", \n"), said)
+            _read_key_line(path, number, text.rstrip(", \n"), key_lines)
         elif text.strip():
             break
     else:
-        fault(path, "no line with the names of columns", f"begin with {','.join(needed)}")
-    texts = kept_lines(path, lines, sys.maxsize)
+        remedy = f"begin with {','.join(needed)}"
+        refuse(path, "no_column", "no line with the names of columns", remedy=remedy)
+    texts = take_rows(path, lines, sys.maxsize)
     while texts and not texts[-1].strip():
         texts.pop()
     columns = tuple(name.strip() for name in text.split(","))
     rows = Rows(Path(path), columns, texts, number + 1, ",")
-    do = f"name the columns in a line of text in UTF-8, with commas: {','.join(needed)}"
-    rows.require(needed, do)
-    known = (*needed, *further, "")
+    names = ",".join(needed)
+    rows.require(needed, f"name the columns in a line of text in UTF-8, with commas: {names}")
+    known = (*needed, *optional)
     for name in columns:
-        if name not in known:
-            do = f"leave it out; known are {','.join(known[:-1])}"
-            what = "it is not known, and may change the answer"
-            fault(path, what, do, number, shown(name)[1:-1])
-    wide = np.array([text.rstrip(", \n").count(",") >= len(columns) for text in texts])
-    do = "write numbers with a point, commas between them alone"
-    rows.refuse(wide, f"more than the {len(columns)} columns that the header names", do)
+        if name and name not in known:
+            refuse(
+                path,
+                "unknown_column",
+                "it is not known, and may change the answer",
+                remedy=f"leave it out; known are {','.join(known)}",
+                line=number,
+                column=quote(name)[1:-1],
+            )
+    too_wide = np.array([text.rstrip(", \n").count(",") >= len(columns) for text in texts])
+    rows.refuse(
+        too_wide,
+        "long_row",
+        f"more than the {len(columns)} columns that the header names",
+        remedy="write numbers with a point, commas between them alone",
+    )
     if not texts:
-        what = f"no rows below the names {','.join(needed)}"
-        fault(path, what, "write those of the packing", number + 1)
-    return rows, said
+        problem = f"no rows below the names {names}"
+        remedy = "write those of the packing"
+        refuse(path, "no_rows", problem, remedy=remedy, line=number + 1)
+    return rows, key_lines
 
 
-def _hear(path: str | Path, number: int, text: str, said: Said) -> None:
-    """Keep a line behind # if it is a key's."""
+def _read_key_line(path: str | Path, number: int, text: str, key_lines: KeyLines) -> None:
+    """Add a line after # to the lines that have the cell, unless it is a comment."""
     words = re.findall(r"[^\s:=#]+", text)
-    if not words or (key := words.pop(0).lower()) not in KEYS:
+    if not words:
+        return
+    key = words.pop(0).lower()
+    if key not in KEYS:
         return
     line = Words(words, f"{path}, line {number}", f"write {KEYS[key]}")
-    if key in said:
-        at = said[key].where.removeprefix(f"{path}, ")
-        line.refuse(f"# {key} again ({at})", f"{line.do}, once")
-    said[key] = line
+    if key in key_lines:
+        first_line = key_lines[key].place.removeprefix(f"{path}, ")
+        problem = f"# {key} again ({first_line})"
+        line.refuse("repeated_line", problem, remedy=f"{line.remedy}, once")
+    key_lines[key] = line
 
 
-def _cell(path: str | Path, said: Said, units: Units) -> Cell:
-    """The cell that a table's lines behind # tell of; walls are its bounds where none are told."""
-    if "cell" not in said:
-        fault(path, "no bounds of the cell", f"write {KEYS['cell']} before the names")
-    low, high = units.length * np.array(said["cell"].alone("# cell", 6)).reshape(3, 2).T
-    axes = [word.lower() for word in said["periodic"].left] if "periodic" in said else []
+def _read_cell(path: str | Path, key_lines: KeyLines, units: Units) -> Cell:
+    """Return the cell of the lines after #; its bounds are walls if no line has the walls."""
+    if "cell" not in key_lines:
+        remedy = f"write {KEYS['cell']} before the names"
+        refuse(path, "no_cell", "no bounds of the cell", remedy=remedy)
+    bounds = np.array(key_lines["cell"].take_only_numbers("# cell", 6)).reshape(3, 2)
+    low, high = units.length * bounds.T
+    axes: list[str] = []
+    if "periodic" in key_lines:
+        axes = [word.lower() for word in key_lines["periodic"].remaining]
     for word in axes:
         if word not in ("x", "y", "z"):
-            said["periodic"].refuse(f"{shown(word)} is no axis")
+            key_lines["periodic"].refuse("unknown_axis", f"{quote(word)} is no axis")
     periodic = np.isin(["x", "y", "z"], axes)
-    walls = [np.nan, np.nan] if periodic[2] else [low[2], high[2]]
-    if "walls" in said:
-        walls = [units.length * z for z in said["walls"].alone("# walls", 2, null=True)]
+    walls = [float(low[2]), float(high[2])]
+    if periodic[2]:
+        walls = [np.nan, np.nan]
+    if "walls" in key_lines:
+        heights = key_lines["walls"].take_only_numbers("# walls", 2, null=True)
+        walls = [float(units.length * z) for z in heights]
         if periodic[2] and not np.isnan(walls).all():
-            said["walls"].refuse("walls beside a period along z", "leave one of the two out")
-    return Cell(low, high, periodic, (float(walls[0]), float(walls[1])))
+            problem = "walls beside a period along z"
+            key_lines["walls"].refuse("wall_in_period", problem, remedy="leave one of the two out")
+    return Cell(low, high, periodic, (walls[0], walls[1]))
 
 
-def _contacts(path: str | Path, packing: Packing, units: Units) -> Contacts:
-    rows, _ = _table(path, CONTACTS, FORCE + SHEAR + TURNING)
-    told = rows.parts({"ends": CONTACTS, "force": FORCE, "shear": SHEAR, "turning": TURNING})
-    i, j = ends_of(rows, packing.number, told["ends"][:, :2].T, ("i", "j"), WALLS)
-    along_z = bool(packing.cell.periodic[2])
-    why = "the packing is periodic along z" if along_z else "# walls says NULL"
-    do = f"leave the contact out, or {'z out of # periodic' if along_z else 'give its z'}"
-    for code, name, plane in zip(WALLS, ("lower", "upper"), packing.cell.walls, strict=True):
-        what = f"a contact with the {name} wall, but {why}"
-        rows.refuse((j == code) & np.isnan(plane), what, do, "j")
-    springs = {"normal": units.stiffness * told["ends"][:, 2]}
-    springs["tangential"] = units.stiffness * told["ends"][:, 3]
-    if "turning" in told:
-        springs |= zip(("rolling", "twisting"), units.moment * told["turning"].T, strict=True)
-    columns = {f"stiffness_{name}": row.copy() for name, row in springs.items()}
-    force, shear = (units.force * told[what] if what in told else None for what in TOLD)
-    if force is not None:
-        force = force[:, 0]
-        do = "write compression positive; cohesion is not known"
-        rows.refuse(force < 0, lambda row: f"{force[row] / units.force:g} pulls", do, "fn")
+def _read_contacts(path: str | Path, packing: Packing, units: Units) -> Contacts:
+    """Return the contacts of a table, with their stiffnesses."""
+    rows, _ = _read_table(path, CONTACTS, FORCE + SHEAR + TURNING)
+    values = rows.read_groups(
+        {"contacts": CONTACTS, "force": FORCE, "shear": SHEAR, "turning": TURNING}
+    )
+    table = values["contacts"]
+    i, j = find_ends(rows, packing.number, table[:, :2].T, ("i", "j"), WALLS)
+    _refuse_absent_walls(rows, packing, j)
+    columns = {
+        "stiffness_normal": units.stiffness * table[:, 2],
+        "stiffness_tangential": units.stiffness * table[:, 3],
+    }
+    if "turning" in values:
+        rolling, twisting = units.moment * values["turning"].T
+        columns["stiffness_rolling"] = rolling.copy()
+        columns["stiffness_twisting"] = twisting.copy()
+    force = None
+    if "force" in values:
+        force = units.force * values["force"][:, 0]
+        rows.refuse(
+            force < 0,
+            "pulling_force",
+            lambda row: f"{values['force'][row, 0]:g} pulls",
+            remedy="write compression positive; cohesion is not known",
+            column="fn",
+        )
+    shear = None
+    if "shear" in values:
+        shear = units.force * values["shear"]
     return Contacts(i, j, force, shear, columns=columns, listed=rows)
+
+
+def _refuse_absent_walls(rows: Rows, packing: Packing, j: Ints) -> None:
+    """Raise InputError, with the line, for a contact with a wall that the packing lacks."""
+    if packing.cell.periodic[2]:
+        reason = "the packing is periodic along z"
+        remedy = "leave the contact out, or z out of # periodic"
+    else:
+        reason = "# walls says NULL"
+        remedy = "leave the contact out, or give its z"
+    for code, name, plane in zip(WALLS, ("lower", "upper"), packing.cell.walls, strict=True):
+        wrong = (j == code) & np.isnan(plane)
+        problem = f"a contact with the {name} wall"
+        rows.refuse(wrong, "no_wall", problem, reason, remedy, "j")
