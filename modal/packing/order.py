@@ -46,9 +46,15 @@ def _crystalline(network: Network) -> Bools:
     i, j, shift = periodic_pairs(position, side, reach)
     parts = [slice(first, first + BONDS_PER_PART) for first in range(0, len(i), BONDS_PER_PART)]
     vector = np.zeros((n, DEGREE + 1), complex)
+    # Centres that coincide through a period, in too narrow a cell, have no direction and no bond.
+    coincide = np.zeros(len(i), bool)
     for part in parts:
         branch = position[j[part]] + shift[part] * np.array([*side, 0.0]) - position[i[part]]
-        for m, harmonic in enumerate(_harmonics(branch)):
+        length = np.linalg.norm(branch, axis=1)
+        coincide[part] = length == 0
+        length[coincide[part]] = np.inf
+        for m, harmonic in enumerate(_harmonics(branch / length[:, None])):
+            harmonic[coincide[part]] = 0
             for end in (i[part], j[part]):
                 vector.real[:, m] += np.bincount(end, harmonic.real, n)
                 vector.imag[:, m] += np.bincount(end, harmonic.imag, n)
@@ -59,18 +65,18 @@ def _crystalline(network: Network) -> Bools:
     solid_bonds = np.zeros(n, int)
     for part in parts:
         cosine = np.einsum("bk,bk->b", real_vector[i[part]], real_vector[j[part]])
-        solid = cosine > MIN_COSINE
+        solid = (cosine > MIN_COSINE) & ~coincide[part]
         for end in (i[part], j[part]):
             solid_bonds += np.bincount(end[solid], minlength=n)
     return solid_bonds >= MIN_SOLID_BONDS
 
 
-def _harmonics(branch: Floats) -> Iterator[Complex]:
-    """Yield Y_6m (b,), m = 0 to 6, of branch vectors (b, 3), up to a common factor.
+def _harmonics(direction: Floats) -> Iterator[Complex]:
+    """Yield Y_6m (b,), m = 0 to 6, of unit vectors (b, 3), up to a common factor.
 
     Those of negative m are conjugates, for which the others have a factor sqrt(2).
     """
-    x, y, z = (branch / np.linalg.norm(branch, axis=1)[:, None]).T
+    x, y, z = direction.T
     power: Complex = np.ones(len(z), complex)
     for m in range(DEGREE + 1):
         multiplicity = 2 if m else 1
