@@ -40,7 +40,7 @@ from analysis.same_state import note
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
 from modal.exchange.registry import read_remarked
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
-from modal.packing.plausibility import WIDE
+from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import Sample
 from modal.packing.summary import crystalline_shares
 from modal.system.linear_system import LinearSystem
@@ -266,7 +266,7 @@ class PackingData:
     @cached_property
     def of_waves(self) -> tuple[Caveat, ...]:
         """Return the caveats of what is read from waves, which a narrow packing guides."""
-        if self.crystal or self.width >= WIDE:
+        if self.crystal or self.width >= MIN_WIDTH_IN_DIAMETERS:
             return self.of_one_sample
         return (*self.of_one_sample, Caveat("narrow", {"width": self.width}))
 

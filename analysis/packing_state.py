@@ -7,7 +7,7 @@ from analysis.same_state import note
 from modal.packing import state
 from modal.packing.missing_contacts import missing_contacts
 from modal.packing.network import Network
-from modal.packing.plausibility import BALANCED, CRYSTALLINE, differing_thirds
+from modal.packing.plausibility import MAX_MEAN_NET_FORCE, MIN_CRYSTALLINE_SHARE, remark_on_thirds
 from modal.packing.summary import crystalline_shares
 from modal.packing.weight import unbalanced_forces
 from modal.preparation.protocol import SETTLED
@@ -49,11 +49,11 @@ def caveats_of_state(network: Network, unsettled: str) -> tuple[Caveat, ...]:
         caveats.append(Caveat("unsettled", {"excess": unsettled}))
     shares = crystalline_shares(network)
     share = shares.get("crystalline_share_of_bulk", shares.get("crystalline_share", 0.0))
-    if share > CRYSTALLINE:
+    if share > MIN_CRYSTALLINE_SHARE:
         caveats.append(Caveat("crystalline", {"share": share}))
-    for unusual, text in differing_thirds(network):
-        if unusual:
-            caveats.append(Caveat("uneven", {"text": text}))
+    thirds = remark_on_thirds(network)
+    if thirds.applies:
+        caveats.append(Caveat("uneven", {"text": thirds.text}))
     return tuple(caveats)
 
 
@@ -81,8 +81,8 @@ def why_unsettled(network: Network, stress: float = np.nan) -> str:
     residual = unbalanced_forces(network).mean()
     stress_error = float(abs(np.diag(state.stress_tensor(network)) / stress - 1).max())
     reasons = []
-    if residual > BALANCED:
-        reasons.append(f"residual {residual:.1e} over {BALANCED:g}")
+    if residual > MAX_MEAN_NET_FORCE:
+        reasons.append(f"residual {residual:.1e} over {MAX_MEAN_NET_FORCE:g}")
     if stress_error > max_stress_error:
         percent = 100 * stress_error
         reasons.append(f"stress {percent:.2f} % off, over {100 * max_stress_error:g} %")

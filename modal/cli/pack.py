@@ -19,7 +19,7 @@ from modal.cli.options import (
 from modal.exchange.registry import read_remarked
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS
 from modal.packing.contact_models import MODELS
-from modal.packing.plausibility import WIDE
+from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import ELASTIC, read_sample
 from modal.preparation.protocol import OF_FRICTION, PEAK, Study, unused
 from modal.preparation.random_packing import ASPECT
@@ -39,8 +39,8 @@ WITH_FRICTION = {
 SOLID = {name: getattr(GLASS, name) for name in (*ELASTIC, "density")} | {"radius": RADIUS}
 """Options of what the spheres are of, with the study's numbers."""
 SLENDER = (
-    f"length over width (default {ASPECT:g}, or less so that the width is {WIDE:g} "
-    "diameters, at least 1)"
+    f"length over width (default {ASPECT:g}, or less so that the width is "
+    f"{MIN_WIDTH_IN_DIAMETERS:g} diameters, at least 1)"
 )
 AT_REST = f"mean net force over mean contact force of a settled state (default {Study.residual:g})"
 DENSE = f"without friction: sets the density (default {PEAK:g})"

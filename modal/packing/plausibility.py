@@ -1,12 +1,12 @@
-"""What a reader should look at before believing a network, where no check can refuse.
+"""Report what is unusual in a network where no check can refuse it.
 
-Nothing here is refused. Laws of contact that this project does not know are sound, packings under
+Nothing is refused here. Contact laws that this project does not know are sound, packings under
 gravity are not in balance without it, and bodies of several densities exist; but a permuted column
 of stiffnesses, or a mass in another unit, shows in these numbers and nowhere else.
 """
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.linalg import norm
@@ -23,97 +23,149 @@ from modal.packing.precision import MAX_OVERLAP_ERROR_OF_MODES, overlap_error
 from modal.packing.state import unevenness
 from modal.packing.summary import crystalline_shares
 from modal.packing.weight import gravity_of, unbalanced_forces
-from modal.tools.arrays import Floats
+from modal.tools.arrays import Bools, Floats
 from modal.tools.display import quantity
 
-LAWS = {"Hertz": 2 / 3, "linear": 1.0}
-"""Force over stiffness times overlap."""
-LAW_TOLERANCE = 1e-2
-"""Relative, of nine contacts in ten: forces and overlaps of 4 digits still tell the law."""
-OUTLIER = 0.1
-"""Relative deviation from the law from which a single contact is remarked on."""
-UNIFORM = 1e-2
-"""Relative spread up to which densities, or ratios of stiffnesses, count as one."""
-BALANCE = 0.05
-"""Largest net over mean contact force: 1e-8 to 1e-6 at rest, with permuted forces 1 or more."""
-BALANCED = 2e-3
-"""Mean net over mean contact force: twice what a compression leaves that has settled."""
-CRYSTALLINE, CRYSTAL = 0.05, 0.99
-"""Share of the bulk from which order is remarked on, and of all that a lattice has."""
-MANY = 200_000
-"""Spheres up to which a packing is looked through for order, which takes 10 s of a million."""
-WIDE = 8.0
-"""Diameters: periods from which a packing hardly feels its own images; of friction 0.4 the
-coordination number is then 0.05 off."""
-LONG_FOR_VELOCITY, LONG_FOR_LOW_PASS = 25.0, 50.0
-"""Diameters of length. In packings of 16 to 25 the longest waves read up to 3 % too high, in longer
-ones less than samples differ. At 0.4, 0.5 and 0.6 of the length, friction 0.4 shows low-pass
-frequencies of 33, 20 and 16 kHz at 100 kPa where it is 41 long, 11.5, 10.3 and 9.4 where it is 87,
-8.7, 8.1 and 7.6 where it is 143 as in the study."""
-UNEVEN, TOLD = 0.1, 15.0
-"""Part by which waves are faster in one third of the length than in another from which it is said,
-0.05 at most in 23 random packings of 300 to 35,201 spheres, some of two sizes (3 D wide 0.09 in one
-of three); and diameters of length below which the walls' order makes them differ."""
-DEEP = 0.15
-"""Overlap over the smaller radius from which it is said: sound packings show up to 0.11."""
-SOLIDS = (100.0, 25_000.0)
-"""kg/m^3, of a median sphere: foam to osmium."""
+FORCE_RATIOS = {"Hertz": 2 / 3, "linear": 1.0}
+"""Force / (stiffness times overlap) in each contact law."""
+MAX_LAW_ERROR = 1e-2
+"""Relative error of nine contacts in ten up to which they follow a law: forces and overlaps of 4
+digits still show it."""
+OUTLIER_ERROR = 0.1
+"""Relative deviation from the law from which on single contacts are reported."""
+MAX_UNIFORM_SPREAD = 1e-2
+"""Relative spread up to which densities, or ratios of stiffnesses, count as one value."""
+MAX_NET_FORCE = 0.05
+"""Largest net force divided by the mean contact force: 1e-8 to 1e-6 at rest, with permuted forces 1
+or more."""
+MAX_MEAN_NET_FORCE = 2e-3
+"""Mean net force divided by the mean contact force: twice that of a compression that has
+settled."""
+MIN_CRYSTALLINE_SHARE = 0.05
+"""Share of crystalline spheres in the bulk from which on order is reported."""
+MIN_LATTICE_SHARE = 0.99
+"""Share of crystalline spheres from which on a packing is a lattice."""
+MAX_SPHERES_FOR_ORDER = 200_000
+"""Order is not sought in larger packings: it takes 10 s for a million spheres."""
+MIN_WIDTH_IN_DIAMETERS = 8.0
+"""Period from which on a packing hardly feels its own images; with friction 0.4 the error of the
+coordination number is then 0.05."""
+LONG_FOR_VELOCITY = 25.0
+"""Length in diameters; in packings of 16 to 25 the longest waves read up to 3 % too high, in longer
+ones less than samples differ."""
+LONG_FOR_LOW_PASS = 50.0
+"""Length in diameters. At 0.4, 0.5 and 0.6 of the length, friction 0.4 shows low-pass frequencies
+of 33, 20 and 16 kHz at 100 kPa if the packing is 41 long, 11.5, 10.3 and 9.4 if it is 87, and 8.7,
+8.1 and 7.6 if it is 143 as in the study."""
+MAX_UNEVENNESS = 0.1
+"""Relative excess of the wave velocity in one third of the length: 0.05 at most in 23 random
+packings of 300 to 35,201 spheres, some of two sizes (0.09 in one of three that were 3 D wide)."""
+MIN_LENGTH_FOR_THIRDS_IN_DIAMETERS = 15.0
+"""In shorter packings the order at the walls makes the thirds differ."""
+MAX_OVERLAP_OF_THEORY = 0.15
+"""Overlap divided by the smaller radius; sound packings show up to 0.11."""
+DENSITY_RANGE_KG_PER_M3 = (100.0, 25_000.0)
+"""Densities of solids, from foam to osmium."""
+
+
+class Remark(NamedTuple):
+    """Something unusual that may hold for a network.
+
+    code: what it is, for programs and tests. applies: whether it holds, a truth value. text: the
+    sentence for a reader. number: the number that the remark is about, NaN without one.
+    """
+
+    code: str
+    applies: Any
+    text: str
+    number: float = np.nan
+
+
+class Findings(NamedTuple):
+    """Numbers by name, and remarks, those that do not apply included."""
+
+    numbers: dict[str, Any]
+    remarks: list[Remark]
 
 
 def plausibility(network: Network, *, sought: bool = False, waves: bool = False) -> dict[str, Any]:
-    """Numbers that show whether a network is plausible, and remarks on what is unusual.
+    """Return numbers that show whether a network is plausible, and remarks on what is unusual.
 
     The numbers: which data are absent, how many contacts pull, the contact law, the balance of
-    forces, the densities. A list of three numbers holds the least, the median and the largest
+    forces, the densities. A list of three numbers holds the smallest, the median and the largest
     value. Numbers whose data are absent are left out; the balance needs shear forces. `remarks` is
-    a list of texts, one for each unusual observation. `sought` says that the contacts were sought
-    among the positions just now, as those of a sample are: then they are not sought once more;
-    `waves` that waves will be read along z.
+    a list of texts, one for each unusual observation. If `sought`, contacts are known to be
+    complete, as those of a sample are, and missing ones are not looked for. If `waves`, the length
+    of the packing is judged, too.
     """
+    findings = examine(network, sought=sought, waves=waves)
+    texts = [remark.text for remark in findings.remarks]
+    return findings.numbers | {"remarks": texts}
+
+
+def examine(network: Network, *, sought: bool = False, waves: bool = False) -> Findings:
+    """Return the numbers of `plausibility`, and the remarks that apply with their codes."""
     density = density_of(network)
-    told: dict[str, Any] = {"absent": network.absent, "density_kg_per_m3": _spread(density)}
-    remarks = [*_of_digits(network), *_of_densities(density)]
-    remarks += [*_of_free_ends(network), *_of_shape(network, waves)]
+    numbers: dict[str, Any] = {"absent": network.absent, "density_kg_per_m3": _spread(density)}
+    remarks = [
+        _remark_on_digits(network),
+        *_remark_on_densities(density),
+        *_remark_on_free_ends(network),
+        *_remark_on_shape(network, waves),
+    ]
+    parts = []
     if network.n_contacts:
-        told |= {"missing_contacts": 0, "missing_wall_contacts": 0}
+        numbers |= {"missing_contacts": 0, "missing_wall_contacts": 0}
         if network.inertia_tensor is None:
-            remarks += _of_depth(network)
+            remarks.append(_remark_on_depth(network))
             if not sought:
-                remarks += _of_places(network, told)
-        remarks += [*_of_stiffnesses(network, told), *_of_forces(network, told)]
-    return told | {"remarks": [text for unusual, text in remarks if unusual]}
+                parts.append(_examine_geometry(network))
+        parts += [_examine_stiffnesses(network), _examine_forces(network)]
+    for part in parts:
+        numbers |= part.numbers
+        remarks += part.remarks
+    return Findings(numbers, [remark for remark in remarks if remark.applies])
 
 
-Remarks = Iterator[tuple[Any, str]]
-"""One after the other: whether it is so, and what is said then."""
-
-
-def _of_digits(network: Network) -> Remarks:
-    """Overlaps that are known to few digits."""
+def _remark_on_digits(network: Network) -> Remark:
+    """Remark on overlaps that are known to few digits."""
     error = overlap_error(network)
-    words = (
+    consequence = "off by up to 2 %"
+    if error > MAX_OVERLAP_ERROR_OF_MODES:
+        consequence = "not listed"
+    text = (
         f"overlaps are known to {error:.2g} of the median one by the digits of positions: "
-        "velocities and moduli have an error for it, single modes are "
+        f"velocities and moduli have an error for it, single modes are {consequence}"
     )
-    words += "not listed" if error > MAX_OVERLAP_ERROR_OF_MODES else "off by up to 2 %"
-    yield error > 0, words
+    return Remark("few_digits", error > 0, text, error)
 
 
-def _of_densities(density: Floats) -> Remarks:
-    """Those of no solid, or of several."""
+def _remark_on_densities(density: Floats) -> list[Remark]:
+    """Remark on densities of no solid, and on several densities."""
     low, median, high = _spread(density)
-    no_solid = f"density of no solid, {median:.4g} kg/m^3: mass in kg, radius in m?"
-    yield not is_of_a_solid(median), no_solid
-    yield _differ(density), f"densities from {low:.4g} to {high:.4g} kg/m^3"
+    return [
+        Remark(
+            "no_solid",
+            not is_of_a_solid(median),
+            f"density of no solid, {median:.4g} kg/m^3: mass in kg, radius in m?",
+            median,
+        ),
+        Remark(
+            "densities_differ",
+            _differ(density),
+            f"densities from {low:.4g} to {high:.4g} kg/m^3",
+        ),
+    ]
 
 
 def is_of_a_solid(density: float) -> bool:
-    """Return whether a solid has this density, kg/m^3: in grams and centimetres none has.
+    """Return whether a solid has this density, kg/m^3; in grams and centimetres none has.
 
     >>> is_of_a_solid(2500.0), is_of_a_solid(2.5)
     (True, False)
     """
-    return SOLIDS[0] < density < SOLIDS[1]
+    low, high = DENSITY_RANGE_KG_PER_M3
+    return low < density < high
 
 
 def median_density(network: Network) -> float:
@@ -121,175 +173,276 @@ def median_density(network: Network) -> float:
     return float(np.median(density_of(network)))
 
 
-def _of_shape(network: Network, waves: bool) -> Remarks:
-    """Crystalline order, and a cell that is too narrow, or for `waves` too short.
+def _remark_on_shape(network: Network, waves: bool) -> list[Remark]:
+    """Remark on crystalline order, and on a cell that is too narrow, or for `waves` too short.
 
-    A lattice, all of whose contacts are alike, may be of any width: its periods are its own.
+    A lattice, whose springs are all equal, may have any width: its periods are its own.
     """
-    diameter, few = 2 * float(network.radius.mean()), network.n_particles <= MANY
-    shares, lattice = {}, False
+    diameter = 2 * float(network.radius.mean())
+    shares: dict[str, float] = {}
+    is_lattice = False
     if network.length > 0 and network.cell_size[:2].all():
-        if few:  # of many spheres alike springs alone tell a lattice
+        is_small = network.n_particles <= MAX_SPHERES_FOR_ORDER
+        if is_small:
             shares = crystalline_shares(network)
         springs = network.stiffness_normal[~network.with_wall]
-        alike = springs.size > 0 and springs.std() <= UNIFORM * springs.mean()
-        lattice = bool(alike) and shares.get("crystalline_share", 1.0 - few) > CRYSTAL
+        are_equal = springs.size > 0 and springs.std() <= MAX_UNIFORM_SPREAD * springs.mean()
+        # In a large packing the springs alone show a lattice.
+        share_of_all = shares.get("crystalline_share", 0.0 if is_small else 1.0)
+        is_lattice = bool(are_equal) and share_of_all > MIN_LATTICE_SHARE
     share = shares.get("crystalline_share_of_bulk", shares.get("crystalline_share", 0.0))
-    words = (
-        f"crystalline share of the bulk {100 * share:.0f} %: of a random packing it is below "
-        f"{100 * CRYSTALLINE:.0f} %; take a wider cell, more spheres or another seed"
-    )
-    yield share > CRYSTALLINE and not lattice, words
     width = float(network.cell_size[network.cell_periodic].min(initial=np.inf)) / diameter
-    words = (
-        f"{width:.1f} diameters wide: below {WIDE:g} spheres feel their own images; take "
-        "more spheres or a smaller length over width"
-    )
-    yield width < WIDE and not lattice, words
     length = network.length / diameter
-    walls = waves and not network.cell_periodic[2]
-    words = (
-        f"{length:.1f} diameters long: below {LONG_FOR_LOW_PASS:g} a low-pass frequency reads too "
-        f"high, below {LONG_FOR_VELOCITY:g} a velocity too; take more spheres"
-    )
-    yield walls and length < LONG_FOR_LOW_PASS, words
-    yield from differing_thirds(network)
+    has_walls = not network.cell_periodic[2]
+    remarks = [
+        Remark(
+            "crystalline",
+            share > MIN_CRYSTALLINE_SHARE and not is_lattice,
+            f"crystalline share of the bulk {100 * share:.0f} %: of a random packing it is below "
+            f"{100 * MIN_CRYSTALLINE_SHARE:.0f} %; take a wider cell, more spheres or another seed",
+            share,
+        ),
+        Remark(
+            "narrow",
+            width < MIN_WIDTH_IN_DIAMETERS and not is_lattice,
+            f"{width:.1f} diameters wide: below {MIN_WIDTH_IN_DIAMETERS:g} spheres feel their own "
+            "images; take more spheres or a smaller length over width",
+            width,
+        ),
+        Remark(
+            "short",
+            waves and has_walls and length < LONG_FOR_LOW_PASS,
+            f"{length:.1f} diameters long: below {LONG_FOR_LOW_PASS:g} a low-pass frequency reads "
+            f"too high, below {LONG_FOR_VELOCITY:g} a velocity too; take more spheres",
+            length,
+        ),
+    ]
+    return [*remarks, remark_on_thirds(network)]
 
 
-def differing_thirds(network: Network) -> Remarks:
-    """Springs or masses that change along z: no number is then that of all of the packing."""
+def remark_on_thirds(network: Network) -> Remark:
+    """Remark on springs or masses that change along z, so that no number is that of the whole."""
     diameter = 2 * float(network.radius.mean())
-    part = unevenness(network) if network.length > TOLD * diameter else 0.0
-    words = (
-        f"uneven: P-waves are {part:.0%} faster in one third of the length than in another; "
+    excess = 0.0
+    if network.length > MIN_LENGTH_FOR_THIRDS_IN_DIAMETERS * diameter:
+        excess = unevenness(network)
+    text = (
+        f"uneven: P-waves are {excess:.0%} faster in one third of the length than in another; "
         "velocities, moduli and attenuation are of a part of it, or a mean"
     )
-    yield UNEVEN < part < np.inf, words
+    return Remark("uneven", MAX_UNEVENNESS < excess < np.inf, text, excess)
 
 
-def _of_depth(network: Network) -> Remarks:
-    """Spheres so soft that the theory of contacts ends."""
-    i, j, pair = network.particle_i, network.partner, ~network.with_wall
-    reach = network.radius[i] + np.where(pair, network.radius[j], 0.0)
+def _remark_on_depth(network: Network) -> Remark:
+    """Remark on overlaps that are too deep for the theory of contacts."""
+    radius_i = network.radius[network.particle_i]
+    radius_j = network.radius[network.partner]
+    pair = ~network.with_wall
+    reach = radius_i + np.where(pair, radius_j, 0.0)
     overlap = reach - norm(network.branch, axis=1)
-    smaller = np.minimum(network.radius[i], np.where(pair, network.radius[j], np.inf))
+    smaller = np.minimum(radius_i, np.where(pair, radius_j, np.inf))
     deepest = float((overlap / smaller).max())
-    words = (
+    text = (
         f"very soft: overlaps up to {deepest:.2g} of the smaller radius; theory takes contacts as "
-        f"small against spheres and as independent of each other (overlaps below {DEEP:g})"
+        "small against spheres and as independent of each other (overlaps below "
+        f"{MAX_OVERLAP_OF_THEORY:g})"
     )
-    yield deepest > DEEP, words
+    return Remark("very_soft", deepest > MAX_OVERLAP_OF_THEORY, text, deepest)
 
 
-def _of_free_ends(network: Network) -> Remarks:
-    """Which ends are free surfaces, and what the void ratio is then of."""
+def _remark_on_free_ends(network: Network) -> Iterator[Remark]:
+    """Remark on free surfaces, and on the part of the packing that the void ratio is of."""
     occupied = occupied_part(network)
     if occupied is None:
         return
-    where = f"its {occupied.cubes} cubes away from walls and surfaces"
+    part = f"its {occupied.cubes} cubes away from walls and surfaces"
     if not occupied.cubes:
-        where = "the space up to the outermost spheres, too few for a core"
-    yield (
+        part = "the space up to the outermost spheres, too few for a core"
+    yield Remark(
+        "free_surface",
         True,
         f"free surface at {', '.join(occupied.free_names)}: the void ratio, "
-        f"{occupied.void_ratio:.3f} ± {occupied.void_ratio_error:.3f}, is of {where}",
+        f"{occupied.void_ratio:.3f} ± {occupied.void_ratio_error:.3f}, is of {part}",
+        occupied.void_ratio,
     )
 
 
-def _of_places(network: Network, told: dict[str, Any]) -> Remarks:
-    """Overlaps, levers and the list of contacts against positions and radii."""
-    pair, branch = ~network.with_wall, network.branch
+def _examine_geometry(network: Network) -> Findings:
+    """Compare overlaps, levers and the list of contacts with positions and radii."""
+    pair = ~network.with_wall
     overlap = overlaps_by_places(network)
-    least = least_overlap(network, overlap)
+    tolerance = least_overlap(network, overlap)
     stated = overlap if network.overlap is None else network.overlap
-    too_few = "overlaps differ from those of positions and radii: too few digits?"
-    yield abs(stated - overlap).mean() > least, too_few
-    missed = norm(network.lever_i - network.lever_j - branch, axis=1)[pair]
-    too_long = "levers do not end in one point: are they as long as the radii?"
-    yield pair.any() and missed.mean() > least, too_long
+    misfit = norm(network.lever_i - network.lever_j - network.branch, axis=1)[pair]
     missing = missing_contacts(network)
-    told["missing_contacts"] = missing.pairs
-    told["missing_wall_contacts"] = missing.with_wall
-    yield missing.pairs, missing.describe_pairs(network)
-    yield missing.with_wall, missing.describe_walls(network)
+    numbers = {
+        "missing_contacts": missing.pairs,
+        "missing_wall_contacts": missing.with_wall,
+    }
+    remarks = [
+        Remark(
+            "overlaps_differ",
+            abs(stated - overlap).mean() > tolerance,
+            "overlaps differ from those of positions and radii: too few digits?",
+        ),
+        Remark(
+            "levers_too_long",
+            pair.any() and misfit.mean() > tolerance,
+            "levers do not end in one point: are they as long as the radii?",
+        ),
+        Remark(
+            "contacts_missing",
+            missing.pairs,
+            missing.describe_pairs(network),
+            missing.pairs,
+        ),
+        Remark(
+            "wall_contacts_missing",
+            missing.with_wall,
+            missing.describe_walls(network),
+            missing.with_wall,
+        ),
+    ]
+    return Findings(numbers, remarks)
 
 
-def _of_stiffnesses(network: Network, told: dict[str, Any]) -> Remarks:
-    """Ratio of stiffnesses, and the law that stiffness, force and overlap follow."""
+def _examine_stiffnesses(network: Network) -> Findings:
+    """Examine the ratio of stiffnesses, and the law that stiffness, force and overlap follow."""
+    numbers: dict[str, Any] = {}
+    remarks = []
     ratio = stiffness_ratio(network)
     if len(ratio):
-        told["tangential_over_normal_stiffness"] = _spread(ratio)
-        yield ratio.max() > 1 + UNIFORM, "contacts stiffer across than along their normal"
-        yield _differ(ratio), "tangential over normal stiffness differs among contacts"
+        numbers["tangential_over_normal_stiffness"] = _spread(ratio)
+        remarks += [
+            Remark(
+                "stiffer_across",
+                ratio.max() > 1 + MAX_UNIFORM_SPREAD,
+                "contacts stiffer across than along their normal",
+            ),
+            Remark(
+                "stiffness_ratios_differ",
+                _differ(ratio),
+                "tangential over normal stiffness differs among contacts",
+            ),
+        ]
     loose = network.n_contacts - len(ratio)
-    yield loose, f"{loose} contacts without normal stiffness"
+    text = f"{loose} contacts without normal stiffness"
+    remarks.append(Remark("no_normal_stiffness", loose, text, loose))
     ratio = force_ratio(network)
     if len(ratio):
-        told["force_over_stiffness_times_overlap"] = _spread(ratio)
-        law = told["law"] = _law(ratio)
-        unknown = "stiffnesses, forces and overlaps follow no law that is known here"
-        yield law not in LAWS, unknown
-        others = int((abs(ratio / LAWS.get(law, np.nan) - 1) > OUTLIER).sum())
-        yield others, f"{others} contacts do not follow the law of the others"
+        law = _find_law(ratio)
+        numbers["force_over_stiffness_times_overlap"] = _spread(ratio)
+        numbers["law"] = law
+        error = abs(ratio / FORCE_RATIOS.get(law, np.nan) - 1)
+        outliers = int((error > OUTLIER_ERROR).sum())
+        remarks += [
+            Remark(
+                "unknown_law",
+                law not in FORCE_RATIOS,
+                "stiffnesses, forces and overlaps follow no law that is known here",
+            ),
+            Remark(
+                "other_laws",
+                outliers,
+                f"{outliers} contacts do not follow the law of the others",
+                outliers,
+            ),
+        ]
+    return Findings(numbers, remarks)
 
 
-def _of_forces(network: Network, told: dict[str, Any]) -> Remarks:
-    """Which contacts pull or slide, and whether the particles are in balance."""
-    force, shear, sliding = network.force_normal, network.force_tangential, network.sliding
+def _examine_forces(network: Network) -> Findings:
+    """Examine which contacts pull or slide, and whether the particles are in balance."""
+    force = network.force_normal
     if force is None:
-        return
-    pulling = told["pulling_contacts"] = int((force < 0).sum())
-    yield pulling, f"{pulling} contacts pull"
+        return Findings({}, [])
+    pulling = int((force < 0).sum())
+    numbers: dict[str, Any] = {"pulling_contacts": pulling}
+    remarks = [Remark("contacts_pull", pulling, f"{pulling} contacts pull", pulling)]
     if network.overlap is not None:
         idle = int(((force == 0) & (network.overlap > 0)).sum())
-        yield idle, f"{idle} contacts overlap without a force"
-    if shear is None:
-        return
-    if force.any():
-        net, gravity = unbalanced_forces(network), gravity_of(network)
-        if gravity is not None:
-            told["gravity_m_per_s2"] = gravity.tolist()
-            size = float(norm(gravity))
-            along = ", ".join(f"{part / size:.2f}" for part in gravity)
-            yield (
-                True,
-                f"net forces are weights: gravity {quantity(size, 'm/s^2')} along ({along}); "
-                "stress, stiffness and velocities grow with depth",
-            )
-        told["net_force_over_contact_force"] = float(net.mean())
-        told["largest_net_force_over_contact_force"] = float(net.max())
-        words = (
-            "particles not in balance under their contacts: net forces are "
-            f"{net.mean():.1e} of contact forces, the largest {net.max():.1e}; still in motion?"
+        remarks.append(
+            Remark("overlap_without_force", idle, f"{idle} contacts overlap without a force", idle)
         )
-        yield net.max() > BALANCE or net.mean() > BALANCED, words
-    if sliding is None or not sliding.any():
-        return
-    _, median, most = told.get("tangential_over_normal_stiffness", (0, 0, 0))
-    if most > 0:
-        told["springs_of_sliding_contacts"] = (
-            f"tangential too, {median:.3g} of the normal ones: modes, moduli and waves "
+    if network.force_tangential is None:
+        return Findings(numbers, remarks)
+    parts = []
+    if force.any():
+        parts.append(_examine_balance(network))
+    if network.sliding is not None and network.sliding.any():
+        parts.append(_examine_sliding(network, force, network.force_tangential, network.sliding))
+    for part in parts:
+        numbers |= part.numbers
+        remarks += part.remarks
+    return Findings(numbers, remarks)
+
+
+def _examine_balance(network: Network) -> Findings:
+    """Examine whether the contact forces on each particle add up to zero or to its weight."""
+    numbers: dict[str, Any] = {}
+    remarks = []
+    net = unbalanced_forces(network)
+    gravity = gravity_of(network)
+    if gravity is not None:
+        numbers["gravity_m_per_s2"] = gravity.tolist()
+        size = float(norm(gravity))
+        direction = ", ".join(f"{component / size:.2f}" for component in gravity)
+        remarks.append(
+            Remark(
+                "gravity",
+                True,
+                f"net forces are weights: gravity {quantity(size, 'm/s^2')} along ({direction}); "
+                "stress, stiffness and velocities grow with depth",
+                size,
+            )
+        )
+    mean = float(net.mean())
+    largest = float(net.max())
+    numbers["net_force_over_contact_force"] = mean
+    numbers["largest_net_force_over_contact_force"] = largest
+    remarks.append(
+        Remark(
+            "not_in_balance",
+            largest > MAX_NET_FORCE or mean > MAX_MEAN_NET_FORCE,
+            "particles not in balance under their contacts: net forces are "
+            f"{mean:.1e} of contact forces, the largest {largest:.1e}; still in motion?",
+            mean,
+        )
+    )
+    return Findings(numbers, remarks)
+
+
+def _examine_sliding(network: Network, force: Floats, shear: Floats, sliding: Bools) -> Findings:
+    """Examine the springs of sliding contacts, and the shares of friction that contacts use."""
+    numbers: dict[str, Any] = {}
+    ratio = stiffness_ratio(network)
+    if len(ratio) and ratio.max() > 0:
+        numbers["springs_of_sliding_contacts"] = (
+            f"tangential too, {np.median(ratio):.3g} of the normal ones: modes, moduli and waves "
             "take a friction of the wave that holds these contacts, whatever that of the packing "
             "was; --sliding slip leaves these springs out"
         )
     share = norm(shear, axis=1) / np.where(force > 0, force, np.inf)
-    most = share[sliding].max()
-    unequal = _differ(share[sliding]) or share[~sliding].max(initial=0.0) > most
-    yield unequal, "sliding contacts use unequal shares of friction, or less than others"
+    largest_other = share[~sliding].max(initial=0.0)
+    unequal = _differ(share[sliding]) or largest_other > share[sliding].max()
+    text = "sliding contacts use unequal shares of friction, or less than others"
+    return Findings(numbers, [Remark("unequal_friction", unequal, text)])
 
 
-def _law(ratio: Floats) -> str:
+def _find_law(ratio: Floats) -> str:
+    """Return the name of the law that nine contacts in ten follow, or "unknown"."""
     low, high = np.percentile(ratio, [5, 95])
-    for law, wanted in LAWS.items():
-        if wanted * (1 - LAW_TOLERANCE) < low and high < wanted * (1 + LAW_TOLERANCE):
+    for law, value in FORCE_RATIOS.items():
+        if value * (1 - MAX_LAW_ERROR) < low and high < value * (1 + MAX_LAW_ERROR):
             return law
     return "unknown"
 
 
 def _differ(values: Floats) -> bool:
-    """Whether these are more than one number."""
-    return bool(np.ptp(values) > UNIFORM * values.max())
+    """Return whether the values differ by more than round-off."""
+    return bool(np.ptp(values) > MAX_UNIFORM_SPREAD * values.max())
 
 
 def _spread(values: Floats) -> list[float]:
+    """Return the smallest, the median and the largest value."""
     return [float(values.min()), float(np.median(values)), float(values.max())]

@@ -10,7 +10,7 @@ from typing import Any
 
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Material
 from modal.packing.network import Network
-from modal.packing.plausibility import WIDE
+from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import read_sample
 from modal.preparation.compression import compress_to_stresses, in_motion
 from modal.preparation.frictionless import Descent, Pressure
@@ -33,11 +33,11 @@ COMMAND = "python -m modal pack"
 
 
 def sound_aspect(spheres: int) -> float:
-    """Length over width where none is given: the study's, or what leaves the cell `WIDE` diameters.
+    """Return the default length over width: the study's, or less, so that the cell is wide enough.
 
     Of so few spheres that a cube is no wider, that of a cube.
     """
-    return min(max((width_of(spheres, 1.0) / (SHRINKS * WIDE)) ** 3, 1.0), ASPECT)
+    return min(max((width_of(spheres, 1.0) / (SHRINKS * MIN_WIDTH_IN_DIAMETERS)) ** 3, 1.0), ASPECT)
 
 
 def width_of(spheres: int, aspect: float) -> float:

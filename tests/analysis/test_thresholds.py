@@ -11,7 +11,7 @@ from packings import slender
 import modal
 from analysis.packing_data import PackingData
 from analysis.quantities import QUANTITIES
-from modal.packing.plausibility import LONG_FOR_LOW_PASS, LONG_FOR_VELOCITY, WIDE
+from modal.packing.plausibility import LONG_FOR_LOW_PASS, LONG_FOR_VELOCITY, MIN_WIDTH_IN_DIAMETERS
 from modal.preparation.protocol import NOMINAL_FRACTION
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -27,13 +27,13 @@ def number(page: str, pattern: str) -> float:
 @pytest.mark.parametrize(
     ("page", "pattern", "constant"),
     [
-        ("choose.md", r"at least (\d+) D wide", WIDE),
+        ("choose.md", r"at least (\d+) D wide", MIN_WIDTH_IN_DIAMETERS),
         ("choose.md", r"velocities a length of (\d+) D", LONG_FOR_VELOCITY),
         ("choose.md", r"low-pass frequencies a length of (\d+) D", LONG_FOR_LOW_PASS),
         ("choose.md", r"must be at least (\d+) D long", LONG_FOR_LOW_PASS),
-        ("lammps.md", r"at least (\d+) D x 8 D x 50 D", WIDE),
+        ("lammps.md", r"at least (\d+) D x 8 D x 50 D", MIN_WIDTH_IN_DIAMETERS),
         ("lammps.md", r"at least 8 D x 8 D x (\d+) D", LONG_FOR_LOW_PASS),
-        ("preparation.md", r"the cell is some (\d+) D wide", WIDE),
+        ("preparation.md", r"the cell is some (\d+) D wide", MIN_WIDTH_IN_DIAMETERS),
     ],
 )
 def test_documents_advise_what_the_code_asks_for(page, pattern, constant):
@@ -51,7 +51,7 @@ def test_documents_advise_what_the_code_asks_for(page, pattern, constant):
 def test_as_many_spheres_as_the_documents_say_make_that_length(page, pattern, length):
     """At the usual width, with the solid fraction that `pack` reckons with; not twice as many."""
     spheres = number(page, pattern)
-    reached = spheres * np.pi / 6 / NOMINAL_FRACTION / WIDE**2
+    reached = spheres * np.pi / 6 / NOMINAL_FRACTION / MIN_WIDTH_IN_DIAMETERS**2
     assert length < reached < 1.3 * length
 
 
@@ -62,7 +62,7 @@ def caveats(network, name):
 def test_a_narrow_cell_is_said_where_a_wave_is_read_and_nowhere_else():
     """Of 200 spheres 3.5 D wide: what differs between waves and the packing itself is the width."""
     packing = PackingData(slender())
-    assert packing.width < WIDE
+    assert packing.width < MIN_WIDTH_IN_DIAMETERS
     (narrow,) = set(packing.of_waves) - set(packing.of_one_sample)
     assert narrow in caveats(slender(), "v_p")
     for name in ("void_ratio", "highest_frequency", "v_p_static"):

@@ -1,8 +1,7 @@
-"""What is remarked on in a packing that no check can refuse, and that every command says it."""
+"""Tests of the remarks on packings that no check can refuse, and that commands pass them on."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,25 +15,55 @@ from modal.description import describe
 from modal.packing import crystal as gallery
 from modal.packing.columns import SOURCE_WALL
 from modal.packing.neighbours import tangents
-from modal.packing.network import write_network
-from modal.packing.plausibility import plausibility
+from modal.packing.network import Network, write_network
+from modal.packing.plausibility import examine, plausibility
 
 
-def test_info_tells_of_what_no_check_can():
-    """Law, pulling contacts, balance and densities, in sound and in wrong networks."""
-    sound = plausibility(packings.sheared())
-    assert sound["law"] == "Hertz" and sound["pulling_contacts"] == 0
-    assert all("diameters wide" in remark for remark in sound["remarks"])
+def codes(network: Network, waves: bool = False) -> set[str]:
+    """Return the codes of the remarks on a network."""
+    return {remark.code for remark in examine(network, waves=waves).remarks}
+
+
+def number(network: Network, code: str, waves: bool = False) -> float | None:
+    """Return the number in the remark of this code; None without such a remark."""
+    for remark in examine(network, waves=waves).remarks:
+        if remark.code == code:
+            return remark.number
+    return None
+
+
+def test_a_sheared_packing_at_rest_is_plausible():
+    numbers = plausibility(packings.sheared())
+    assert numbers["law"] == "Hertz"
+    assert numbers["pulling_contacts"] == 0
+    assert codes(packings.sheared()) == {"narrow"}
     # At rest to 1e-9 in YADE; the compact form keeps forces to the round-off of overlaps.
-    assert sound["net_force_over_contact_force"] < 1e-6
-    wrong = plausibility(changed(packings.sheared(), stiffness_normal=permuted))
-    assert wrong["law"] == "unknown" and "no law" in wrong["remarks"][-1]
-    wrong = plausibility(changed(packings.sheared(), force_normal=permuted))
-    assert wrong["law"] == "unknown" and wrong["net_force_over_contact_force"] > 0.1
+    assert numbers["net_force_over_contact_force"] < 1e-6
+
+
+def test_permuted_stiffnesses_follow_no_law():
+    network = changed(packings.sheared(), stiffness_normal=permuted)
+    assert plausibility(network)["law"] == "unknown"
+    assert "unknown_law" in codes(network)
+
+
+def test_permuted_forces_follow_no_law_and_do_not_balance():
+    numbers = plausibility(changed(packings.sheared(), force_normal=permuted))
+    assert numbers["law"] == "unknown"
+    assert numbers["net_force_over_contact_force"] > 0.1
+
+
+def test_linear_springs_are_recognised():
     linear = changed(packings.sheared(), stiffness_normal=times(2 / 3))
     assert plausibility(linear)["law"] == "linear"
+
+
+def test_contacts_that_pull_are_counted():
     cohesive = changed(packings.cohesive(), force_normal=lambda force: force * (force < force[0]))
     assert plausibility(cohesive)["pulling_contacts"] == 1
+
+
+def test_densities_have_a_range():
     low, _, high = plausibility(packings.polydisperse())["density_kg_per_m3"]
     assert (low, high) == pytest.approx((2230, 7850))
 
@@ -49,15 +78,18 @@ def test_a_law_is_that_of_nine_contacts_in_ten(share, law, factor):
     assert plausibility(replace(crystal, stiffness_normal=stiffness))["law"] == law
 
 
-def test_contacts_that_are_left_out_are_told_with_their_number():
-    """Three between spheres and two with the lower wall, of a crystal that has all."""
+def test_contacts_that_are_left_out_are_counted():
+    """Leave out three contacts between spheres and two with the lower wall."""
     crystal = gallery.fcc(cells=(2, 2, 8))
     pairs = np.flatnonzero(crystal.particle_j >= 0)[:3]
     walls = np.flatnonzero(crystal.particle_j == SOURCE_WALL)[:2]
-    left = np.setdiff1d(np.arange(crystal.n_contacts), [*pairs, *walls])
-    told = plausibility(crystal.with_contacts(left))
-    assert (told["missing_contacts"], told["missing_wall_contacts"]) == (3, 2)
-    assert not any("places where" in remark for remark in plausibility(crystal)["remarks"])
+    remaining = np.setdiff1d(np.arange(crystal.n_contacts), [*pairs, *walls])
+    network = crystal.with_contacts(remaining)
+    numbers = plausibility(network)
+    assert (numbers["missing_contacts"], numbers["missing_wall_contacts"]) == (3, 2)
+    assert number(network, "contacts_missing") == 3
+    assert number(network, "wall_contacts_missing") == 2
+    assert not codes(crystal) & {"contacts_missing", "wall_contacts_missing"}
 
 
 @pytest.mark.parametrize("radius", [1e-3, 3.1e-4, 7e-6])
@@ -66,77 +98,101 @@ def test_round_off_of_spheres_that_just_touch_is_no_fault(radius):
     column = gallery.column(10, 1e-30, radius)
     stiff = replace(column, stiffness_normal=np.full(11, 1e6), overlap=None)
     below = changed(stiff, position=lambda x: x - 1, wall_position=lambda z: z - 1)
-    for network in (stiff, below):
-        assert not [one for one in plausibility(network)["remarks"] if "end in one point" in one]
-    longer = plausibility(changed(stiff, lever_i=times(1 + 1e-6)))["remarks"]
-    assert [text for text in longer if "end in one point" in text]
+    assert "levers_too_long" not in codes(stiff)
+    assert "levers_too_long" not in codes(below)
+    assert "levers_too_long" in codes(changed(stiff, lever_i=times(1 + 1e-6)))
 
 
-def _remark(network, words, waves=False):
-    """The numbers in the one remark that has these words, if there is one."""
-    told = [r for r in plausibility(network, waves=waves)["remarks"] if words in r]
-    return [float(x) for x in re.findall(r"[-+.e\d]+", " ".join(told)) if re.search(r"\d", x)][:1]
+def test_a_crystal_is_too_short_for_waves_and_otherwise_sound():
+    crystal = gallery.fcc(cells=(4, 4, 40))
+    assert codes(crystal, waves=True) == {"short"}
+    assert not codes(crystal)
 
 
-def test_shape_and_order_are_remarked_on_with_their_numbers():
-    """A crystal of 4 diameters is sound; stirred it is not, nor is half a crystal random."""
+@pytest.mark.parametrize("stirred_part", ["half", "all"])
+def test_shape_and_order_are_remarked_on_with_their_numbers(stirred_part):
+    """Stir a crystal 4 diameters wide, or half of it, which leaves half of it crystalline."""
     crystal = gallery.fcc(cells=(4, 4, 60))
-    diameter, random = 2 * crystal.radius[0], np.random.default_rng(1)
-    assert all("diameters long" in one for one in plausibility(crystal, waves=True)["remarks"])
-    stirred = crystal.position + 0.3 * diameter * random.standard_normal(crystal.position.shape)
-    half = np.where(crystal.position[:, 2:] < crystal.length / 2, crystal.position, stirred)
-    for position, share in ((half, 50), (stirred, None)):
-        network = crystal.unchecked(position=position)
-        (width,) = _remark(network, "diameters wide")
-        assert width == pytest.approx(crystal.cell_size[0] / diameter, abs=0.05)
+    diameter = 2 * crystal.radius[0]
+    random = np.random.default_rng(1)
+    position = crystal.position + 0.3 * diameter * random.standard_normal(crystal.position.shape)
+    if stirred_part == "half":
+        is_low = crystal.position[:, 2:] < crystal.length / 2
+        position = np.where(is_low, crystal.position, position)
+    network = crystal.unchecked(position=position)
+    assert number(network, "narrow") == pytest.approx(crystal.cell_size[0] / diameter)
+    share = number(network, "crystalline")
+    if stirred_part == "half":
         # Of 60 layers two at the edge of the stirred half may count either way.
-        found = _remark(network, "crystalline share of the bulk")
-        assert found == ([] if share is None else [pytest.approx(share, abs=4)])
-        (length,) = _remark(network, "diameters long", waves=True)
-        assert length == pytest.approx(crystal.length / diameter, abs=0.05)
-        assert not _remark(network, "diameters long")
+        assert share == pytest.approx(0.5, abs=0.04)
+    else:
+        assert share is None
+    assert number(network, "short", waves=True) == pytest.approx(crystal.length / diameter)
+    assert number(network, "short") is None
 
 
-@pytest.mark.parametrize(("spread", "told"), [(0.008, False), (0.012, True)])
-def test_numbers_within_a_hundredth_count_as_one(spread, told):
-    """Densities, shares of friction, ratios of stiffnesses, a ratio of 1, springs of a lattice."""
+@pytest.mark.parametrize(("spread", "is_reported"), [(0.008, False), (0.012, True)])
+@pytest.mark.parametrize(
+    "code",
+    [
+        "densities_differ",
+        "unequal_friction",
+        "stiffness_ratios_differ",
+        "stiffer_across",
+        "narrow",
+    ],
+)
+def test_numbers_within_a_hundredth_count_as_one(code, spread, is_reported):
+    """Vary densities, shares of friction, ratios of stiffnesses, or the springs of a lattice."""
     crystal = gallery.fcc(cells=(2, 2, 8))
-    of_spheres, of_contacts = (
-        1 + spread * (np.arange(n) % 2) for n in (crystal.n_particles, crystal.n_contacts)
-    )
-    shear = (0.3 * of_contacts * crystal.force_normal)[:, None] * tangents(crystal.normal)[0]
-    slid = {"force_tangential": shear, "sliding": np.ones(crystal.n_contacts, bool)}
-    across = of_contacts * crystal.stiffness_tangential
-    for words, columns in (
-        ("densities from", {"mass": of_spheres * crystal.mass}),
-        ("unequal shares of friction", slid),
-        ("differs among contacts", {"stiffness_tangential": across}),
-        ("stiffer across", {"stiffness_tangential": of_contacts * crystal.stiffness_normal}),
-        ("diameters wide", {"stiffness_normal": (2 * of_contacts - 1) * crystal.stiffness_normal}),
-    ):
-        remarks = plausibility(crystal.unchecked(**columns))["remarks"]
-        assert any(words in remark for remark in remarks) == told, words
+    of_spheres = 1 + spread * (np.arange(crystal.n_particles) % 2)
+    of_contacts = 1 + spread * (np.arange(crystal.n_contacts) % 2)
+    if code == "densities_differ":
+        columns = {"mass": of_spheres * crystal.mass}
+    elif code == "unequal_friction":
+        tangent = tangents(crystal.normal)[0]
+        shear = (0.3 * of_contacts * crystal.force_normal)[:, None] * tangent
+        sliding = np.ones(crystal.n_contacts, bool)
+        columns = {"force_tangential": shear, "sliding": sliding}
+    elif code == "stiffness_ratios_differ":
+        columns = {"stiffness_tangential": of_contacts * crystal.stiffness_tangential}
+    elif code == "stiffer_across":
+        columns = {"stiffness_tangential": of_contacts * crystal.stiffness_normal}
+    else:
+        # Springs differ from their mean by the spread: the packing is then no lattice.
+        columns = {"stiffness_normal": (2 * of_contacts - 1) * crystal.stiffness_normal}
+    assert (code in codes(crystal.unchecked(**columns))) == is_reported
 
 
-@pytest.mark.parametrize("sliding", [True, False])
-def test_balance_and_sliding_springs_are_told_with_their_numbers(sliding):
-    """A push on one sphere, mean and largest by hand; friction 0 has sliding contacts, and springs
-    along them in modes and waves."""
+def test_a_pushed_sphere_is_not_in_balance():
     rest = packings.sheared()
-    assert not _remark(rest, "not in balance")
+    assert "not_in_balance" not in codes(rest)
     force = rest.force_normal.copy()
     force[0] *= 2
     pushed = replace(rest, force_normal=force)
-    both = 1 if rest.particle_j[0] < 0 else 2
-    (mean,) = _remark(pushed, "not in balance")
-    assert mean == pytest.approx(both * force[0] / 2 / rest.n_particles / force.mean(), rel=0.05)
-    told = plausibility(replace(rest, sliding=np.full(rest.n_contacts, sliding)))
-    assert ("springs_of_sliding_contacts" in told) == sliding
+    spheres = 1 if rest.particle_j[0] < 0 else 2
+    mean = spheres * force[0] / 2 / rest.n_particles / force.mean()
+    # Net forces of the packing at rest, and the torque on the pushed spheres, are small beside it.
+    assert number(pushed, "not_in_balance") == pytest.approx(mean, rel=0.05)
+
+
+@pytest.mark.parametrize("sliding", [True, False])
+def test_springs_of_sliding_contacts_are_reported_with_their_ratio(sliding):
+    rest = packings.sheared()
+    numbers = plausibility(replace(rest, sliding=np.full(rest.n_contacts, sliding)))
+    assert ("springs_of_sliding_contacts" in numbers) == sliding
     if sliding:
         ratio = rest.stiffness_tangential[0] / rest.stiffness_normal[0]
-        assert f"{ratio:.3g} of the normal" in told["springs_of_sliding_contacts"]
+        assert f"{ratio:.3g}" in numbers["springs_of_sliding_contacts"]
 
 
+NETWORKS = {
+    "sound": packings.sheared,
+    "permuted": lambda: changed(packings.sheared(), stiffness_normal=permuted),
+}
+
+
+@pytest.mark.parametrize("name", NETWORKS)
 @pytest.mark.parametrize(
     "command",
     [
@@ -147,30 +203,28 @@ def test_balance_and_sliding_springs_are_told_with_their_numbers(sliding):
         "response --highest 2e4 --resolution 1e4",
     ],
 )
-def test_every_command_passes_the_remarks_on(command, tmp_path, capsys):
-    """On standard error, a line each, and nothing about a sound network."""
-    name, *options = command.split()
+def test_every_command_passes_the_remarks_on(command, name, tmp_path, capsys):
+    """Expect each remark on a line of standard error, after the file's name, and no others."""
+    network = NETWORKS[name]()
     path = tmp_path / "some.network.h5"
-    for network, said in (
-        (packings.sheared(), False),
-        (changed(packings.sheared(), stiffness_normal=permuted), True),
-    ):
-        write_network(path, network)
-        assert main([name, str(path), *options, "--json"]) == 0
-        lines = capsys.readouterr().err.splitlines()
-        shape = " diameters (wide|long)"
-        remarks = [line for line in lines if str(path) in line and not re.search(shape, line)]
-        assert bool(remarks) == any("follow no law" in line for line in remarks) == said
+    write_network(path, network)
+    subcommand, *options = command.split()
+    assert main([subcommand, str(path), *options, "--json"]) == 0
+    lines = [line for line in capsys.readouterr().err.splitlines() if str(path) in line]
+    for remark in examine(network).remarks:
+        assert any(remark.text in line for line in lines)
+    for line in lines:
+        assert any(remark.text in line for remark in examine(network, waves=True).remarks)
 
 
 @pytest.mark.parametrize("factor", [1e-3, 1e-6, 100.0])
 def test_masses_in_other_units_are_remarked_on_wherever_numbers_are_told(factor):
-    """In memory too, where no command has read a file: of grams and centimetres nothing else."""
+    """Expect a caveat and a line of the description for a network in memory, too."""
     sound = gallery.fcc(cells=(2, 2, 12))
     other = replace(sound, mass=factor * sound.mass, inertia=factor * sound.inertia, study={})
-    codes = []
+    reported = []
     for network in (sound, other):
         caveats = measure(network, quantities=["void_ratio"])["void_ratio"].caveats
-        codes.append("no_solid" in {caveat.code for caveat in caveats})
-        codes.append("density" in {line.split()[0] for line in describe(network).split("\n")})
-    assert codes == [False, False, True, True]
+        reported.append("no_solid" in {caveat.code for caveat in caveats})
+        reported.append("density" in {line.split()[0] for line in describe(network).split("\n")})
+    assert reported == [False, False, True, True]
