@@ -32,7 +32,7 @@ Numbers = dict[str, float]
 
 def compare(m: PackingData) -> list[list[str]]:
     """Rows for one crystal: id, quantity, unit, what `COLUMNS` has, as far as it is known; note."""
-    known = {name: value.value for name, value in row_of(m).values.items()}
+    known = {name: cell.value for name, cell in row_of(m).columns.items()}
     own = {"theory": _theory(m), "modal": _modes(m), "linear": _of_wave(m, "linear")}
     own |= {"yade": _of_wave(m, "yade")} if m.yade else {}
     values = {name: known | numbers for name, numbers in own.items()}
@@ -57,7 +57,7 @@ def _theory(m: PackingData) -> Numbers:
     read.add(exact, BY_RULE)
     # Eq. 7
     edge = 2 * lattice.velocity / (np.pi * lattice.low_pass_frequency) / m.diameter
-    return {name: value.value for name, value in read.values.items()} | {
+    return {name: cell.value for name, cell in read.columns.items()} | {
         "f_first": omega[0] / 2e3 / np.pi,
         "f_last": omega[-1] / 2e3 / np.pi,
         "layers": lattice.layers,

@@ -41,7 +41,7 @@ def frame_of(rows: Iterable[CaseResult], cases: pd.DataFrame | None = None) -> p
     frame = cases.drop(columns=cases.columns.intersection(found.columns)).join(found).copy()
     for state in sorted((row for row in rows if row.state), key=lambda row: -row.stress):
         same = (frame["mu_comp"] == state.mu_comp) & (frame["kind"] == "random")
-        numbers: dict[str, Any] = {name: one.value for name, one in state.values.items()}
+        numbers: dict[str, Any] = {name: cell.value for name, cell in state.columns.items()}
         for name, value in (numbers | {"unsettled": state.unsettled}).items():
             columns = [f"{name}_at_{state.stress / 1e3:g}_kpa", f"{name}_of_state"]
             frame.loc[same, columns] = value
@@ -55,11 +55,12 @@ def _line(row: CaseResult) -> dict[str, Any]:
     line: dict[str, Any] = {name: getattr(row, name) for name in words}
     line |= {"absent": " ".join(row.absent), "row": row}
     line |= {f"{name}_text": text for name, text in row.texts.items()}
-    for name, found in row.values.items():
-        ends = {"": found.value, "_error": found.error, "_spread": row.spread(name)}
-        if found.common_error:
-            ends["_common"] = found.common_error
-        line |= {f"{name}{end}": value for end, value in ends.items()}
+    for name, cell in row.columns.items():
+        line[name] = cell.value
+        line[f"{name}_error"] = cell.error
+        line[f"{name}_spread"] = float(np.fmax(cell.error, row.samples.get(name, np.nan)))
+        if cell.common:
+            line[f"{name}_common"] = cell.common
     line |= {f"{name}_sample_error": value for name, value in row.samples.items()}
     return line | {f"plateau_{name}": flat for name, flat in row.flat.items()}
 

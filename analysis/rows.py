@@ -1,34 +1,38 @@
-"""The numbers of a case: what tables, targets and figures over all cases are made of; its result.
+"""Hold what has been measured of a case, and write and read its result.
 
 A `CaseResult` holds values with their errors, and curves, but none of the case's files: a whole
-study fits into memory, and its cases are measured side by side. Its one small JSON file, the
-result, is written once, when a case is measured; whatever is made of several cases is made of
-these files alone, so that a clone of the project makes it in seconds, without any product.
+study fits into memory, and its cases are measured side by side. One small JSON file per case, its
+result, is written when the case is measured; whatever is made of several cases is made of these
+files alone, so that a clone of the project makes it in seconds, without any product.
+
+Values are those of `measure`, in SI units. Tables and studies see them as columns, whose names and
+units are those of the paper's tables (`CaseResult.columns`).
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, Final, NamedTuple, get_type_hints
 
 import numpy as np
 import pandas as pd
 
+from analysis.explanation import ERROR_PARTS
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities import QUANTITIES, gain, records, spectrum
 from analysis.quantities.records import LOW_PASS, PERCENT
 from analysis.quantities.scattering import whole_ridge
 from analysis.quantities.velocity import longest
 from analysis.typed_json import MismatchError, fields_of, parsed, read_text
-from analysis.value import Value, estimate
+from analysis.value import Value, estimate, value_of_json
 from modal.formats.whole_file import write_text
 from modal.tools.display import plain
 from modal.tools.errors import InputError
 
-COLUMNS = {
+COLUMNS: Final[Mapping[str, tuple[str, float]]] = {
     "coordination": ("coordination_number", 1.0),
     "coordination_of_bearing": ("coordination_number_bearing", 1.0),
     "resonances_found": ("resonances", 1.0),
@@ -37,31 +41,98 @@ COLUMNS = {
     "excess_largest": ("excess_peak", 1.0),
     "excess_largest_at": ("excess_peak_khz", 1e-3),
 }
-UNITS = {"m/s": ("_m_per_s", 1.0), "Hz": ("_khz", 1e-3), "Pa": ("_mpa", 1e-6), "1": ("", 1.0)}
-"""Ends of a column's name by the unit of its quantity, and the factor of its numbers."""
-OF_RECORD = {"v_p_first_peaks_m_per_s": "v_p_first_peaks_{record}_m_per_s"} | {
-    f"{quantity}_{percent}_{unit}": f"{quantity}_{percent}_{{record}}_{unit}"
-    for percent in PERCENT
-    for quantity, unit in (("f_low_pass", "khz"), ("lambda", "over_d"))
+"""Column and factor of quantities whose column is not the name with an ending of `UNITS`."""
+UNITS: Final[Mapping[str, tuple[str, float]]] = {
+    "m/s": ("_m_per_s", 1.0),
+    "Hz": ("_khz", 1e-3),
+    "Pa": ("_mpa", 1e-6),
+    "1": ("", 1.0),
 }
-"""Columns that a case has of its record, and the same with `{record}` for its producer."""
+"""Ending of a column's name by the unit of its quantity, and the factor of its numbers."""
+RECORD_QUANTITIES: Final[Mapping[str, str]] = {
+    "v_p_first_peaks_of_record": "v_p_first_peaks_{record}",
+    **{f"f_low_pass_{p}_of_record": f"f_low_pass_{p}_{{record}}" for p in PERCENT},
+    **{f"lambda_{p}_of_record_over_d": f"lambda_{p}_{{record}}_over_d" for p in PERCENT},
+}
+"""Quantities of the record that a case has, and of which quantity each is a copy; `{record}` stands
+for the program that computed the record."""
+OF_RECORD: Final[Mapping[str, str]] = {
+    "v_p_first_peaks_m_per_s": "v_p_first_peaks_{record}_m_per_s",
+    **{f"f_low_pass_{p}_khz": f"f_low_pass_{p}_{{record}}_khz" for p in PERCENT},
+    **{f"lambda_{p}_over_d": f"lambda_{p}_{{record}}_over_d" for p in PERCENT},
+}
+"""Columns of `RECORD_QUANTITIES`, and the columns of which each is a copy."""
 PRODUCERS = {"yade": "YADE", "linear": "linear"}
-SCHEMA, VERSION = "case_result", 1
-DIGITS, OF_CURVES = 12, 6
-"""Significant digits that a result keeps of a number, and of those of a curve."""
+SCHEMA = "case_result"
+VERSION = 2
+COLUMN_VERSION = 1
+"""The version whose values are by column, without a unit: still read."""
+DIGITS = 12
+"""Significant digits that a result keeps of a number."""
+CURVE_DIGITS = 6
+"""Significant digits that a result keeps of a number of a curve."""
+COLUMN_DIGITS = 15
+"""Significant digits of a number after a change of units: as many as a double holds of any decimal
+number, so that a number of so many digits comes back as it was."""
+FIRST_ORDERS = 5
+"""Resonances whose heights in the gain are shown."""
 MAY_LACK = "signals", "highest.modes", "modes", "density", "structure", "response"
+"""Kinds of files that a case may lack."""
+
+
+class Cell(NamedTuple):
+    """A number of a case in a column: value, error, and the part of it that all packings share.
+
+    All in the unit of the column; NaN if not known. An exact number has no error: NaN.
+    """
+
+    value: float
+    error: float = np.nan
+    common: float = 0.0
 
 
 @dataclass
 class CaseResult:
-    """One case: number of the study (None for another packing), name, what it is, its numbers.
+    """What has been measured of one case.
 
-    `stress` Pa and `mu_comp` of the compression; `record` is `yade`, or `linear` where no run is
-    there; `values` by their column in table1.csv, with the error of the estimator and of the choice
-    of the chain; `samples` their scatter over packings of other seeds, `packings` how many these
-    are with its own; `flat` says of thresholds whether they stand on a plateau; `curves` are arrays
-    by name; `absent` says which products are not there; `state` is one that is no case; `tables`
-    are cells of text by name; `provenance` has a line for each file that was read.
+    Attributes
+    ----------
+    number : int or None
+        Number of the case in the study; None for another packing.
+    name, label : str
+        Name of its files, and short name for legends.
+    crystal : bool
+    stress : float, Pa
+    mu_comp : float
+        Friction of the compression.
+    record : str
+        "yade", or "linear" if there is no recorded run.
+    unsettled : str
+        Why the packing does not count as being at rest; empty if it does.
+    values : dict of str to Value
+        Values in SI units by quantity. A value without unit is in that of its column, which is then
+        its name.
+    samples : dict of str to float
+        Standard deviation over packings of other seeds, by column and in its unit.
+    packings : int
+        Number of these packings, this one included.
+    flat : dict of str to bool
+        Whether the frequency of a threshold stands on a plateau, by threshold.
+    curves : dict of str to tuple of ndarray (n,)
+        Arrays by name, in SI units; of a quantity over frequency: frequencies, values, errors.
+    texts : dict of str to str
+    absent : list of str
+        Kinds of files that are not there.
+    notes : list of str
+    state : bool
+        Whether it is a state during a compression, which is no case.
+    tables : dict of str to list of lines
+        Cells of text by the name of a table.
+    provenance : list of lines
+        A line for each file that was read.
+    paper_columns : bool
+        Whether columns have the names and units of the paper's tables; otherwise each has the name
+        and the SI unit of its quantity.
     """
 
     number: int | None
@@ -83,184 +154,323 @@ class CaseResult:
     state: bool = False
     tables: dict[str, list[list[str]]] = field(default_factory=dict)
     provenance: list[list[str]] = field(default_factory=list)
+    paper_columns: bool = True
 
     @classmethod
-    def of(cls, m: PackingData) -> CaseResult:
-        """Of a case of which nothing has been measured."""
-        mu = 0.0 if m.crystal else m.mu_comp
-        about = m.case.number, m.case.name, m.label, m.crystal, m.stress, mu
-        return cls(*about, "linear" if m.yade is None else "yade", m.unsettled)
+    def of(cls, packing: PackingData) -> CaseResult:
+        """Return the result of a case of which nothing has been measured."""
+        friction = packing.mu_comp
+        if packing.crystal:
+            friction = 0.0
+        record = "yade"
+        if packing.yade is None:
+            record = "linear"
+        return cls(
+            number=packing.case.number,
+            name=packing.case.name,
+            label=packing.label,
+            crystal=packing.crystal,
+            stress=packing.stress,
+            mu_comp=friction,
+            record=record,
+            unsettled=packing.unsettled,
+        )
 
-    def value(self, name: str) -> float:
-        """A number; NaN where it is not known."""
-        return self.values[name].value if name in self.values else np.nan
+    @property
+    def columns(self) -> dict[str, Cell]:
+        """Return the numbers by their column, in the column's unit."""
+        cells = {}
+        for name, value in self.values.items():
+            column, factor = self._column(name, value.unit)
+            cells[column] = _cell(value, factor, self.paper_columns)
+        return cells
 
-    def spread(self, name: str) -> float:
-        """Its uncertainty, or the scatter over packings where that is larger: it has both in it.
+    def _column(self, quantity: str, unit: str) -> tuple[str, float]:
+        """Return the column of a quantity, and the factor of its numbers."""
+        if not unit or not self.paper_columns:
+            return quantity, 1.0
+        return paper_column(quantity, unit)
 
-        NaN where neither is known.
+    def value(self, column: str) -> float:
+        """Return a number by its column; NaN if it is not known."""
+        cells = self.columns
+        if column not in cells:
+            return np.nan
+        return cells[column].value
+
+    def spread(self, column: str) -> float:
+        """Return the error of a number, or its scatter over packings if that is larger.
+
+        The scatter contains the error. NaN if neither is known.
         """
-        error = self.values[name].error if name in self.values else np.nan
-        return float(np.fmax(error, self.samples.get(name, np.nan)))
+        cell = self.columns.get(column, Cell(np.nan))
+        return float(np.fmax(cell.error, self.samples.get(column, np.nan)))
 
     @property
     def group(self) -> str:
-        """What the paper joins by lines: FCC, or a friction."""
-        return "FCC" if self.crystal else f"random, mu_comp {self.mu_comp:g}"
+        """Return the group of cases that figures join by lines: FCC, or a friction."""
+        if self.crystal:
+            return "FCC"
+        return f"random, mu_comp {self.mu_comp:g}"
 
-    def add(self, m: PackingData, names: Iterable[str]) -> None:
-        """Add quantities by name; those of S-waves and moduli where their files are there."""
-        keys = {name: key for key, (name, _) in LOW_PASS.items()}
-        recorded = {"", *m.shear}
+    def add(self, packing: PackingData, names: Iterable[str]) -> None:
+        """Measure quantities by name; those of S-waves and moduli only if their files are there."""
+        thresholds = {name: key for key, (name, _) in LOW_PASS.items()}
+        recorded = {"", *packing.shear}
         for name in names:
-            without = name in records.OF_MODULI and not m.case.has("moduli")
-            if without or records.SHEAR.get(name, "") not in recorded:
+            if name in records.OF_MODULI and not packing.case.has("moduli"):
                 continue
-            value = QUANTITIES[name].measured(m)
-            end, factor = UNITS[value.unit]
-            column, factor = COLUMNS.get(name, (name + end, factor))
-            error = factor * value.error or np.nan
-            self.values[column] = estimate(factor * value.value, error, factor * value.common_error)
-            if name in keys:
-                self.flat[keys[name]] = value.plateau is True
-            if not value.known:
-                for caveat in value.caveats:
-                    if caveat.code != "absent":
-                        self.notes.append(f"{column}: {caveat}")
+            if records.SHEAR.get(name, "") not in recorded:
+                continue
+            value = QUANTITIES[name].measured(packing)
+            self.values[name] = value
+            if name in thresholds:
+                self.flat[thresholds[name]] = value.plateau is True
+            if value.known:
+                continue
+            column, _ = self._column(name, value.unit)
+            for caveat in value.caveats:
+                if caveat.code != "absent":
+                    self.notes.append(f"{column}: {caveat}")
+
+
+def paper_column(quantity: str, unit: str) -> tuple[str, float]:
+    """Return the column of a quantity in the paper's tables, and the factor of its SI numbers.
+
+    >>> paper_column("f_max", "Hz"), paper_column("coordination", "1")
+    (('f_max_khz', 0.001), ('coordination_number', 1.0))
+    """
+    if quantity in COLUMNS:
+        return COLUMNS[quantity]
+    ending, factor = UNITS[unit]
+    return quantity.replace("_of_record", "") + ending, factor
+
+
+def _cell(value: Value, factor: float, exact_is_blank: bool) -> Cell:
+    """Return a value in the unit of its column; an exact one without error, if that is wanted."""
+    error = value.error
+    if exact_is_blank and not value.parts:
+        error = np.nan
+    return Cell(
+        _times(value.value, factor), _times(error, factor), _times(value.common_error, factor)
+    )
+
+
+def _times(number: float, factor: float) -> float:
+    """Return a number times the factor of its unit, to `COLUMN_DIGITS`."""
+    if factor == 1:
+        return float(number)
+    return float(f"{number * factor:.{COLUMN_DIGITS}g}")
 
 
 @cached_on_packing
-def row_of(m: PackingData) -> CaseResult:
-    """All numbers that a case's products allow, each measured once."""
-    case, row = m.case, CaseResult.of(m)
-    row.add(m, records.OF_CASE)
+def row_of(packing: PackingData) -> CaseResult:
+    """Measure all that a case's products allow, each quantity once."""
+    case = packing.case
+    row = CaseResult.of(packing)
+    row.add(packing, records.OF_CASE)
     for percent in PERCENT:
         row.flat[percent] = row.flat[f"{percent}_{row.record}"]
-    row.values |= {
-        name: row.values[column.format(record=row.record)] for name, column in OF_RECORD.items()
-    }
-    row.texts["gain_height"] = gain.height(m)
-    above = records.HIGH * spectrum.f_max(m)
-    row.texts["chi_z_high"] = spectrum.largest_chi(m, above, np.inf)[1]
-    _curves(m, row)
-    lacking = [kind for kind in MAY_LACK if not case.has(kind)]
-    row.absent = [k for k in lacking if not (m.crystal and k in ("density", "structure"))]
+    for name, source in RECORD_QUANTITIES.items():
+        row.values[name] = row.values[source.format(record=row.record)]
+    row.texts["gain_height"] = gain.height(packing)
+    above = records.HIGH * spectrum.f_max(packing)
+    row.texts["chi_z_high"] = spectrum.largest_chi(packing, above, np.inf)[1]
+    _add_curves(packing, row)
+    for kind in MAY_LACK:
+        needed = not packing.crystal or kind not in ("density", "structure")
+        if needed and not case.has(kind):
+            row.absent.append(kind)
     row.notes += case.notes
     return row
 
 
-def _curves(m: PackingData, row: CaseResult) -> None:
-    """What figures over several cases draw."""
-    row.curves["gain"] = (gain.gain_of(m).frequency, gain.gain_of(m).gain)
-    orders = enumerate(gain.orders(m)[:5], 1)
-    row.values |= {f"gain_order_{k}": estimate(one) for k, one in orders}
-    row.curves["first"] = (np.array([gain.first_resonance(m)]),)
-    row.curves["resonances"] = spectrum.standing_waves(m)
-    if m.case.has("structure"):
-        frequency, width, path = whole_ridge(m).of_waves()
-        passed = m.diameter / longest(m, "linear").value
-        row.curves["ridge"] = (frequency * passed, width / frequency, path)
+def _add_curves(packing: PackingData, row: CaseResult) -> None:
+    """Add what figures over several cases draw."""
+    spectrum_of_gain = gain.gain_of(packing)
+    row.curves["gain"] = (spectrum_of_gain.frequency, spectrum_of_gain.gain)
+    for order, height in enumerate(gain.orders(packing)[:FIRST_ORDERS], 1):
+        row.values[f"gain_order_{order}"] = Value(float(height), "1", {"fit": np.nan})
+    row.curves["first"] = (np.array([gain.first_resonance(packing)]),)
+    row.curves["resonances"] = spectrum.standing_waves(packing)
+    if packing.case.has("structure"):
+        frequency, width, path = whole_ridge(packing).of_waves()
+        diameter_time = packing.diameter / longest(packing, "linear").value
+        row.curves["ridge"] = (frequency * diameter_time, width / frequency, path)
 
 
 def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:
-    """Columns with `{record}` in them as those of one producer, whose name comes first.
+    """Return the name of one producer, and columns with `{record}` in them as those of it.
 
-    YADE's where all `records` are its, else the linear wave's: never some of one and some of the
-    other, which differ where contacts slide.
+    The producer is YADE if all `records` are of it, otherwise the linear wave. Numbers of both are
+    never mixed, because they differ where contacts slide.
 
     >>> of_one_producer(["yade", "linear"], "f_low_pass_2_{record}_khz")
     ('linear', 'f_low_pass_2_linear_khz')
     """
-    records = set(records)
-    producer = "yade" if records == {"yade"} else "linear"
-    return PRODUCERS[producer], *(text.replace("{record}", producer) for text in columns)
+    producer = "linear"
+    if set(records) == {"yade"}:
+        producer = "yade"
+    return PRODUCERS[producer], *(column.replace("{record}", producer) for column in columns)
 
 
 def write_result(path: Path, row: CaseResult) -> None:
-    """Write the result of a case, what is empty left out; numbers that are not known are null."""
-    found = {"schema": SCHEMA, "version": VERSION} | asdict(replace(row, values={}))
-    found["values"] = {name: _cell(value) for name, value in row.values.items()}
-    found["curves"] = plain(found["curves"], OF_CURVES)
-    lines = [
-        f"{json.dumps(name)}: {json.dumps(plain(value, DIGITS))}"
-        for name, value in found.items()
-        if value not in ({}, [])
-    ]
+    """Write the result of a case; what is empty is left out, unknown numbers are null."""
+    contents = {"schema": SCHEMA, "version": VERSION, **asdict(replace(row, values={}))}
+    contents["values"] = {name: value.as_json() for name, value in row.values.items()}
+    contents["curves"] = plain(contents["curves"], CURVE_DIGITS)
+    lines = []
+    for name, value in contents.items():
+        if value not in ({}, []):
+            lines.append(f"{json.dumps(name)}: {json.dumps(plain(value, DIGITS))}")
     write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
 
-def _cell(value: Value) -> dict[str, Any]:
-    """A number and its error, in a result; the part that packings share only where there is one."""
-    cell = {"value": value.value, "error": value.error}
-    if value.common_error:
-        cell["common"] = value.common_error
-    return cell
-
-
 def read_result(path: str | Path) -> CaseResult:
-    """A result; InputError where the file is none."""
+    """Read a result, of this or of the first version; InputError if the file is no result."""
     text = read_text(path)
     try:
-        return _row(parsed(text))
+        return _parse(parsed(text))
     except MismatchError as error:
         problem = f"{path}: no result of a case"
         raise InputError("result", problem, str(error), "measure the case again") from None
 
 
 CURVES = {"gain": 2, "first": 1, "resonances": 2, "ridge": 3}
-"""Arrays of the curves that figures take apart; others may have any number, of one length."""
-OF_GAIN = ("first", "resonances")
+"""Number of arrays of the curves that figures take apart; others may have any number."""
+CURVES_OF_GAIN = ("first", "resonances")
 """Curves that a figure of the gain needs."""
-OF_VALUES = {"value": float, "error": float, "common": float}
+COLUMN_FIELDS = {"value": float, "error": float, "common": float}
+"""Fields of a value in the version whose values are by column."""
+VALUE_FIELDS = {
+    "value": float,
+    "error": float,
+    "unit": str,
+    "parts": dict[str, float],
+    "caveats": list[str],
+    "codes": list[str],
+    "scatter": float,
+    "plateau": bool,
+}
+"""Fields of a value, as `Value.as_json` has them; the error follows from its parts."""
 
 
-def _row(found: Any) -> CaseResult:
-    """The row that a file's JSON has; `MismatchError` where it is none."""
+def _parse(contents: Any) -> CaseResult:
+    """Return the result that a file's JSON has; raise `MismatchError` if it has none."""
     kinds = get_type_hints(CaseResult) | {"schema": str, "version": int, "values": dict[str, Any]}
-    needed = {
-        one.name for one in fields(CaseResult) if one.default is one.default_factory is MISSING
-    }
-    said = fields_of(found, kinds, needed | {"schema", "version"}, "")
-    if (said.pop("schema"), said.pop("version")) != (SCHEMA, VERSION):
-        raise MismatchError(f"it is not of schema {SCHEMA}, version {VERSION}")
-    for name, cell in said.get("values", {}).items():
-        numbers = fields_of(cell, OF_VALUES, {"value", "error"}, f"values.{name}")
-        said["values"][name] = estimate(**numbers)
-    row = CaseResult(**said)
-    for fault, wrong in _faults(row).items():
-        if wrong:
-            raise MismatchError(fault)
+    required = {"schema", "version"}
+    for each in fields(CaseResult):
+        if each.default is MISSING and each.default_factory is MISSING:
+            required.add(each.name)
+    entries = fields_of(contents, kinds, required, "")
+    schema = entries.pop("schema")
+    version = entries.pop("version")
+    if schema != SCHEMA or version not in (COLUMN_VERSION, VERSION):
+        raise MismatchError(f"it is not of schema {SCHEMA}, version {VERSION} or {COLUMN_VERSION}")
+    values = entries.pop("values", {})
+    row = CaseResult(**entries)
+    if version == COLUMN_VERSION:
+        _add_columns(row, values)
+    else:
+        for name, cell in values.items():
+            row.values[name] = _parse_value(cell, f"values.{name}")
+    _check(row)
     return row
 
 
-def _faults(row: CaseResult) -> dict[str, bool]:
-    """What a row may contradict itself in, and whether it does."""
-    odd = [
-        name
-        for name, curve in row.curves.items()
-        if len(curve) != CURVES.get(name, max(1, len(curve)))
-        or len({len(each) for each in curve}) != 1
-    ]
-    uneven = [name for name, lines in row.tables.items() if len({*map(len, lines)}) != 1]
-    gain = "gain" in row.curves and not all(name in row.curves for name in OF_GAIN)
-    return {
-        f"name {row.name!r} names no case": not row.name,
-        f"record is {row.record!r}": row.record not in PRODUCERS and not row.state,
-        "packings is below 1": row.packings < 1,
-        f"curves.{odd[:1]} is no curve": bool(odd),
-        "curves.first is empty": len(row.curves.get("first", [[0.0]])[0]) == 0,
-        "curves.gain is there without first and resonances": gain,
-        f"tables.{uneven[:1]} has lines of several lengths": bool(uneven),
-        f"tables.{[*row.tables][:1]} is empty": any(not lines[0] for lines in row.tables.values()),
-        "provenance is no table of 4 columns": any(len(line) != 4 for line in row.provenance),
-    }
+def _parse_value(cell: Any, place: str) -> Value:
+    """Return a value in SI units."""
+    numbers = fields_of(cell, VALUE_FIELDS, {"value", "unit", "parts"}, place)
+    if numbers["unit"] not in ("", *UNITS):
+        raise MismatchError(f"{place}.unit is {numbers['unit']!r}")
+    for name in numbers["parts"].keys() - ERROR_PARTS.keys():
+        raise MismatchError(f"{place}.parts.{name} is unknown")
+    if len(numbers.get("codes", [])) != len(numbers.get("caveats", [])):
+        raise MismatchError(f"{place}.codes are not as many as its caveats")
+    return value_of_json(numbers)
+
+
+def _add_columns(row: CaseResult, values: Mapping[str, Any]) -> None:
+    """Add the values of a file that has them by column, in SI units.
+
+    If all columns are names of quantities, they are in SI units already. Columns of quantities that
+    are no longer measured have their unit in the name, or keep their name without a unit.
+    """
+    row.paper_columns = not all(name in QUANTITIES for name in values)
+    quantities = _quantities_by_column()
+    for column, cell in values.items():
+        numbers = fields_of(cell, COLUMN_FIELDS, {"value", "error"}, f"values.{column}")
+        if not row.paper_columns:
+            name, unit, factor = column, QUANTITIES[column].unit, 1.0
+        elif column in quantities:
+            name, unit, factor = quantities[column]
+        else:
+            name, unit, factor = _split_column(column)
+        in_si = {key: _divided(number, factor) for key, number in numbers.items()}
+        row.values[name] = replace(estimate(**in_si), unit=unit)
+
+
+def _quantities_by_column() -> dict[str, tuple[str, str, float]]:
+    """Return name, unit and factor of the quantities of a case by their column."""
+    names = {name: name for name in records.OF_CASE}
+    names |= {name: source.format(record="linear") for name, source in RECORD_QUANTITIES.items()}
+    quantities = {}
+    for name, registered in names.items():
+        unit = QUANTITIES[registered].unit
+        column, factor = paper_column(name, unit)
+        quantities[column] = (name, unit, factor)
+    for order in range(1, FIRST_ORDERS + 1):
+        quantities[f"gain_order_{order}"] = (f"gain_order_{order}", "1", 1.0)
+    return quantities
+
+
+def _split_column(column: str) -> tuple[str, str, float]:
+    """Return quantity, unit and factor of a column by its ending; without one no unit."""
+    for unit, (ending, factor) in UNITS.items():
+        if ending and column.endswith(ending):
+            return column.removesuffix(ending), unit, factor
+    return column, "", 1.0
+
+
+def _divided(number: float, factor: float) -> float:
+    """Return a number divided by the factor of its unit, to `COLUMN_DIGITS`."""
+    if factor == 1:
+        return number
+    return float(f"{number / factor:.{COLUMN_DIGITS}g}")
+
+
+def _check(row: CaseResult) -> None:
+    """Raise `MismatchError` if a result contradicts itself."""
+    if not row.name:
+        raise MismatchError(f"name {row.name!r} names no case")
+    if row.record not in PRODUCERS and not row.state:
+        raise MismatchError(f"record is {row.record!r}")
+    if row.packings < 1:
+        raise MismatchError("packings is below 1")
+    for name, curve in row.curves.items():
+        count = CURVES.get(name, max(1, len(curve)))
+        lengths = {len(array) for array in curve}
+        if len(curve) != count or len(lengths) != 1:
+            raise MismatchError(f"curves.{name} is no curve")
+    if "first" in row.curves and len(row.curves["first"][0]) == 0:
+        raise MismatchError("curves.first is empty")
+    if "gain" in row.curves and not all(name in row.curves for name in CURVES_OF_GAIN):
+        raise MismatchError("curves.gain is there without first and resonances")
+    for name, lines in row.tables.items():
+        if len({len(line) for line in lines}) != 1:
+            raise MismatchError(f"tables.{name} has lines of several lengths")
+        if not lines[0]:
+            raise MismatchError(f"tables.{name} is empty")
+    if any(len(line) != 4 for line in row.provenance):
+        raise MismatchError("provenance is no table of 4 columns")
 
 
 def read_results(folder: Path) -> list[CaseResult]:
-    """All results in a folder, with the scatter of each case over those of other seeds.
+    """Read all results in a folder, with the scatter of each case over those of other seeds.
 
     Other seeds have folders `seed_*` of their own in it. A result that states its scatter keeps it
-    where no other seed is at hand.
+    if there is no other seed. Raises InputError for a file that is no result, and for two results
+    of one case.
     """
     rows = [read_result(path) for path in sorted(folder.glob("*.json"))]
     names = [row.name for row in rows]
@@ -269,23 +479,27 @@ def read_results(folder: Path) -> list[CaseResult]:
             raise InputError(
                 "two_results", f"{folder}: two results are of {name}", remedy="keep one"
             )
-    others = [read_result(path) for path in sorted(folder.glob("seed_*/*.json"))]
+    of_other_seeds = [read_result(path) for path in sorted(folder.glob("seed_*/*.json"))]
     for row in rows:
-        if twins := [other for other in others if other.name == row.name]:
-            row.samples, row.packings = scatter_of_samples([row, *twins]), 1 + len(twins)
+        others = [other for other in of_other_seeds if other.name == row.name]
+        if others:
+            row.samples = scatter_of_samples([row, *others])
+            row.packings = 1 + len(others)
     return rows
 
 
-def scatter_of_samples(several: Sequence[CaseResult]) -> dict[str, float]:
-    """Standard deviation of each number of the first over several packings of a case.
+def scatter_of_samples(packings: Sequence[CaseResult]) -> dict[str, float]:
+    """Compute the standard deviation of each column of the first over several packings of a case.
 
     The numbers of its record are compared by one producer. Empty without another packing.
     """
-    found = {}
-    for name in several[0].values:
-        records = (one.record for one in several)
-        _, column = of_one_producer(records, OF_RECORD.get(name, name))
-        deviation = pd.Series([one.value(column) for one in several]).std()
+    producers = [packing.record for packing in packings]
+    columns = [packing.columns for packing in packings]
+    scatter = {}
+    for name in columns[0]:
+        _, column = of_one_producer(producers, OF_RECORD.get(name, name))
+        numbers = [cells[column].value if column in cells else np.nan for cells in columns]
+        deviation = pd.Series(numbers).std()
         if np.isfinite(deviation):
-            found[name] = float(deviation)
-    return found
+            scatter[name] = float(deviation)
+    return scatter

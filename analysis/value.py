@@ -192,6 +192,37 @@ class Value:
         return f"{' ± '.join(texts)} {unit}".strip() + ending
 
 
+def value_of_json(fields: Mapping[str, Any]) -> Value:
+    """Return the value that `Value.as_json` has written; caveats keep their codes and sentences.
+
+    >>> value_of_json(Value(776.4, "m/s", {"fit": 3.0}).as_json()).error
+    3.0
+    """
+    codes = fields.get("codes", [])
+    caveats = []
+    for code, sentence in zip(codes, fields.get("caveats", []), strict=True):
+        caveats.append(Caveat(code, {"text": sentence}))
+    frequencies = fields.get("at")
+    if frequencies is not None:
+        frequencies = np.array(frequencies, float)
+    return Value(
+        _number_of_json(fields["value"]),
+        fields["unit"],
+        {name: _number_of_json(part) for name, part in fields["parts"].items()},
+        tuple(caveats),
+        frequencies,
+        _number_of_json(fields["scatter"]) if "scatter" in fields else None,
+        fields.get("plateau"),
+    )
+
+
+def _number_of_json(number: Any) -> Any:
+    """Return a number, or an array of numbers, with NaN for null."""
+    if np.ndim(number):
+        return np.array(number, float)
+    return float("nan" if number is None else number)
+
+
 def unknown(unit: str, *caveats: Caveat, steps: tuple[Step, ...] = ()) -> Value:
     """Return no value, why it is not known, and the steps that led there."""
     return Value(np.nan, unit, {"fit": np.nan}, caveats, steps=steps)

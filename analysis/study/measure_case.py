@@ -20,7 +20,7 @@ from analysis.study.description import Study
 from analysis.study.figure_layout import wanted
 from analysis.study.targets import Rules
 from analysis.table import number
-from analysis.value import Value, estimate
+from analysis.value import Value
 from modal.formats.provenance import read_provenance
 from modal.formats.whole_file import sha256
 from modal.tools.errors import InputError
@@ -79,10 +79,10 @@ def measure_case(
 
 def _add_quantities(row: CaseResult, files: Sequence[Path], quantities: Sequence[str]) -> None:
     """Quantities by their name in the registry, of a packing and its waves."""
+    row.paper_columns = False
     for quantity, value in measure(*files, quantities=quantities).items():
         if value.at is None:
-            error = float(value.error)
-            row.values[quantity] = estimate(float(value.value), error, value.common_error)
+            row.values[quantity] = value
         else:
             row.curves[quantity] = tuple(map(np.asarray, (value.at, value.value, value.error)))
         row.notes += [f"{quantity}: {caveat}" for caveat in value.caveats]

@@ -60,7 +60,7 @@ def whole(frame: pd.DataFrame) -> Table:
     words = {"case": "case", "name": "name", "kind": "packing", "mu_comp": "mu_comp"}
     words |= {"stress": "stress_pa", "record": "record", "unsettled": "settled"}
     there = frame[frame["there"]].replace({"unsettled": {"": "yes"}})
-    quantities = dict.fromkeys(name for row in there["row"] for name in row.values)
+    quantities = dict.fromkeys(name for row in there["row"] for name in row.columns)
     names = [f"{q}{end}" for q in quantities for end in ("", "_error", "_sample_error")]
     names += [name for name in there if name.endswith("_of_state") or name.startswith("plateau_")]
     names = [*words, "packings", *(name for name in names if name in there), "absent"]
