@@ -25,7 +25,7 @@ from analysis.figures.picture import read_picture
 from analysis.figures.render import STYLE, to_figure
 from analysis.frame import frame_of
 from analysis.rows import read_result
-from analysis.study.tables import whole
+from analysis.study.tables import tabulate_all_numbers
 from modal.formats.provenance import Provenance, packing_of, read_provenance
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import read_modes, write_modes
@@ -87,7 +87,7 @@ def of_results(folder: Path) -> Work:
 
     def read() -> None:
         frame = frame_of([read_result(path)])
-        whole(frame.assign(case=1, name="case02"))
+        tabulate_all_numbers(frame.assign(case=1, name="case02"))
         for figure in OF_ROWS:
             with matplotlib.rc_context(fname=STYLE), warnings.catch_warnings():
                 warnings.simplefilter("ignore")

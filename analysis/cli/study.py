@@ -5,7 +5,7 @@ from pathlib import Path
 from analysis.study.description import Study
 from analysis.study.measure_case import measure_case
 from analysis.study.report import write_study
-from analysis.study.tables import table_of
+from analysis.study.tables import tabulate_case
 from modal.cli.options import Group, NewFile, NewFolder, Option, Options, flag, output_folder
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
@@ -53,7 +53,7 @@ def run(options: Options) -> int:
     if not results.is_dir():
         raise InputError("input", f"{results}: no such folder", remedy="give --results DIR")
     if options.case:
-        table, notes = table_of(study, results, options.case)
+        table, notes = tabulate_case(study, results, options.case)
         put(f"{table.title}\n{table.text()}")
         put("".join(f"note: {note}\n" for note in notes), end="")
         return 0

@@ -1,8 +1,8 @@
-"""Sentences with numbers of a study's cases in them: captions, and what is said of the whole.
+"""Fill numbers of a study's cases into sentences: captions, and statements about the whole study.
 
-`{{ value('case06', 'void_ratio') }}` in a sentence is that number with its error: what stands in
-double braces is an expression (`analysis.expressions`) that calls one of a few functions. So no
-number is typed, and none survives the results that it came from.
+`{{ value('case06', 'void_ratio') }}` in a sentence is that number with its error: between double
+braces stands an expression (`analysis.expressions`) that calls one of a few functions. So no number
+is typed, and none outlives the results that it came from.
 """
 
 import re
@@ -20,77 +20,94 @@ from modal.tools.errors import InputError
 UNKNOWN = "(not measured)"
 RANDOM = "kind == 'random'"
 PLACE = re.compile(r"{{(.*?)}}", re.DOTALL)
-"""Where a sentence has a number."""
+"""A place in a sentence that holds an expression."""
+FUNCTIONS = ("value", "span", "power", "powers", "count", "trends")
+"""Methods of `Captions` that an expression may call."""
+OTHER_MARKS = ("{{", "}}", "{%", "{#")
+"""Marks of a template language that a sentence must not have outside its expressions."""
 
 
 class Captions:
-    """What a sentence may ask of the cases; what no case has is `UNKNOWN`."""
+    """The functions that a sentence may call on the cases of a frame.
+
+    What is not known of any case is `UNKNOWN`.
+    """
 
     def __init__(self, frame: pd.DataFrame) -> None:
         self.frame = frame[frame["there"]]
-        names = "value", "span", "power", "powers", "count", "trends"
-        self._known = {name: getattr(self, name) for name in names}
+        self._functions = {name: getattr(self, name) for name in FUNCTIONS}
 
     def __call__(self, text: str) -> str:
-        """Return the sentence with its numbers."""
+        """Return the sentence with its numbers; InputError if its braces are no expressions."""
         rest = PLACE.sub("", text)
-        if any(mark in rest for mark in ("{{", "}}", "{%", "{#")):
+        if any(mark in rest for mark in OTHER_MARKS):
             raise InputError(
                 "sentence",
-                f"{short(text)}",
+                short(text),
                 remedy="write numbers as {{ value('case06', 'void_ratio') }}",
             )
-        return PLACE.sub(self._number, text).removesuffix("\n")
+        return PLACE.sub(self._evaluate, text).removesuffix("\n")
 
-    def _number(self, place: re.Match[str]) -> str:
-        """Return what stands in the place of one expression."""
-        return str(evaluate(place[1], {}, self._known))
+    def _evaluate(self, place: re.Match[str]) -> str:
+        """Evaluate the expression in one place."""
+        return str(evaluate(place[1], {}, self._functions))
 
     def value(self, case: str, quantity: str) -> str:
-        """A number of one case, with its error where that is known."""
-        one = self.frame.loc[self.frame.index == case]
-        pairs = zip(numbers(one, quantity), spreads(one, quantity), strict=True)
-        return next((number(*pair) for pair in pairs), "") or UNKNOWN
+        """Return a quantity of one case, with its error if that is known."""
+        line = self.frame.loc[self.frame.index == case]
+        values = numbers(line, quantity)
+        errors = spreads(line, quantity)
+        if line.empty:
+            return UNKNOWN
+        return number(values.iloc[0], errors.iloc[0]) or UNKNOWN
 
     def span(self, quantity: str, which: str = RANDOM, form: str = ".3g") -> str:
-        """Smallest to largest of a quantity, or of an expression of several."""
-        found = numbers(select(self.frame, which), quantity).dropna()
-        if found.empty:
+        """Return the range of a quantity, or of an expression, over a selection of cases."""
+        values = numbers(select(self.frame, which), quantity).dropna()
+        if values.empty:
             return UNKNOWN
-        low, high = (format(end, number_format(form)) for end in (found.min(), found.max()))
-        return low if low == high else f"{low} to {high}"
+        low = format(values.min(), number_format(form))
+        high = format(values.max(), number_format(form))
+        if low == high:
+            return low
+        return f"{low} to {high}"
 
     def power(self, x: str, y: str, which: str) -> str:
-        """The exponent of y over x through all cases of a selection, with its error."""
-        some = select(self.frame, which)
-        law = power_law(numbers(some, x), numbers(some, y))
+        """Return the exponent of y over x through all cases of a selection, with its error."""
+        cases = select(self.frame, which)
+        law = power_law(numbers(cases, x), numbers(cases, y))
         return number(law.exponent, law.error) or UNKNOWN
 
     def powers(self, x: str, y: str, which: str = RANDOM) -> str:
-        """Smallest to largest exponent of y over x within the groups of a selection."""
-        found = powers(select(self.frame, which), x, y).table
-        ends = found["power"].min(), found["power"].max()
-        return UNKNOWN if found.empty else "{:.2f} to {:.2f}".format(*ends)
+        """Return the range of the exponents of y over x within the groups of a selection."""
+        exponents = powers(select(self.frame, which), x, y).table["power"]
+        if exponents.empty:
+            return UNKNOWN
+        return f"{exponents.min():.2f} to {exponents.max():.2f}"
 
     def count(self, test: str, which: str = RANDOM) -> str:
-        """Of how many cases of a selection a comparison of their numbers is true."""
-        some = select(self.frame, which)
-        return f"{len(select(some, test))} of {len(some)}"
+        """Return for how many cases of a selection a comparison of their numbers is true."""
+        cases = select(self.frame, which)
+        return f"{len(select(cases, test))} of {len(cases)}"
 
     def trends(self, quantity: str, x: str, through: str, to: str) -> str:
-        """At each stress the line of a quantity over x through some cases, carried on to others.
+        """Extrapolate, at each stress, a quantity over x from some cases to other cases.
 
-        With its standard error, beside where the line of the logarithm ends, how much the form
-        decides, and what the others have.
+        The value of the straight line comes with its standard error. Beside it stand the value of
+        the line through the quantity's logarithm, which shows how much the form of the curve
+        matters, and the mean of the other cases.
         """
         texts = []
         for stress, members in self.frame.groupby("stress"):
-            some, others = select(members, through), select(members, to)
-            at, there = (numbers(others, text).mean() for text in (x, quantity))
-            along, y = numbers(some, x), numbers(some, quantity)
-            line, error = straight_line(along, y).at(at)
-            if np.isfinite([line, there]).all():
-                curve = np.exp(straight_line(along, np.log(y)).at(at)[0])
-                text = f"{line:.0f} ± {error:.0f} (line of its logarithm: {curve:.0f})"
-                texts.append(f"{stress / 1e3:g} kPa: {text}, crystal {there:.0f}")
+            fitted = select(members, through)
+            others = select(members, to)
+            x_of_others = numbers(others, x).mean()
+            mean = numbers(others, quantity).mean()
+            x_fitted = numbers(fitted, x)
+            y_fitted = numbers(fitted, quantity)
+            line, error = straight_line(x_fitted, y_fitted).at(x_of_others)
+            if np.isfinite([line, mean]).all():
+                logarithm = straight_line(x_fitted, np.log(y_fitted)).at(x_of_others)[0]
+                text = f"{line:.0f} ± {error:.0f} (line of its logarithm: {np.exp(logarithm):.0f})"
+                texts.append(f"{stress / 1e3:g} kPa: {text}, crystal {mean:.0f}")
         return "; ".join(texts) or UNKNOWN

@@ -1,7 +1,7 @@
-"""The figures of a study: which panels of which cases each shows, and how, as its YAML says.
+"""Arrange the figures of a study: which panels of which cases each shows, as the study describes.
 
-Panels of single cases were drawn when the case was measured; they lie beside its result, as the CSV
-from which a figure is drawn again.
+Panels of single cases were drawn when the case was measured. They lie beside its result as CSV
+files, from which a figure is drawn again.
 """
 
 import os
@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from string import ascii_lowercase
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,101 +25,150 @@ from analysis.table import cell
 from modal.tools.errors import InputError
 
 Spec = Mapping[str, Any]
+"""A figure as the file of figures describes it."""
 MARKERS = tuple(STRESS_MARKS.values())
-WIDTH = {1: 8, 2: 10, 3: 12}
-"""Inches of a figure, by its columns of panels."""
-MOST = 4
-"""Processes that draw: of 250 MB each, where memory counts."""
+WIDTH_IN_INCHES = {1: 8, 2: 10, 3: 12}
+"""Width of a figure, by its number of columns of panels."""
+MAX_PROCESSES = 4
+"""Processes that draw at once. Each takes 250 MB, so that memory limits them, not cores."""
 
 
-def wanted(specs: Sequence[Spec], case: pd.DataFrame) -> list[str]:
-    """Figures of which a case's panels are kept; `case` is its line of the study."""
-    of_cases = [spec for spec in specs if {"cases", "figure"} <= spec.keys()]
-    shown = [spec for spec in of_cases if len(select(case, spec["cases"]))]
-    return list(dict.fromkeys(spec["figure"] for spec in shown))
+class DrawnFigure(NamedTuple):
+    """The PNG of a figure, and its caption."""
+
+    png: Path
+    caption: str
 
 
-def arrange(
-    specs: Sequence[Spec], cases: pd.DataFrame, panels: Path, output: Path
-) -> tuple[list[tuple[Path, str]], list[str]]:
-    """Write the figures; PNG and caption in the order of the specs, a line for each not drawn.
-
-    `panels` is the folder with those of each case, CASE.FIGURE.csv.
-    """
-    from analysis.figures.render import save  # Matplotlib, which to measure a case does not need
-
-    pictures, captions, absent = {}, {}, []
-    words = Captions(cases)
+def figures_of_case(specs: Sequence[Spec], case: pd.DataFrame) -> list[str]:
+    """Return the names of the figures that show panels of a case, which is a frame of one line."""
+    names = []
     for spec in specs:
-        caption = words(spec["caption"])
+        if "cases" in spec and "figure" in spec and len(select(case, spec["cases"])):
+            names.append(spec["figure"])
+    return list(dict.fromkeys(names))
+
+
+def draw_figures(
+    specs: Sequence[Spec], cases: pd.DataFrame, panels: Path, output: Path
+) -> tuple[list[DrawnFigure], list[str]]:
+    """Write the figures of a study to the folder `output`.
+
+    Returns the figures in the order of the specs, and a line for each that cannot be drawn.
+    `panels` is the folder with the panels of each case, CASE.FIGURE.csv. Raises InputError if a
+    spec is wrong, not if cases lack something.
+    """
+    from analysis.figures.render import save  # Matplotlib, which measuring a case does not need
+
+    captions = Captions(cases)
+    pictures: dict[Path, Picture] = {}
+    texts: dict[Path, str] = {}
+    absent = []
+    for spec in specs:
+        caption = captions(spec["caption"])
         with following(spec):
-            if "plot" not in spec and spec.get("figure") not in FIGURES:
-                raise InputError(
-                    "unknown_word", f"{spec['name']}: its figure is none of {', '.join(FIGURES)}"
-                )
+            _refuse_unknown_figure(spec)
             try:
-                if "plot" in spec:
-                    picture = _plot(spec["plot"], cases[cases["there"]])
-                elif "cases" in spec:
-                    picture, away = _of_cases(spec, select(cases, spec["cases"]).index, panels)
-                    caption += f" Absent: {', '.join(away)}." if away else ""
-                else:
-                    picture = FIGURES[spec["figure"]](cases[cases["there"]])
+                picture, cases_without = _compose(spec, cases, panels)
             except InputError as error:
                 if error.code.startswith("expression"):
                     raise
                 absent.append(f"{spec['name']}: {error}")
                 continue
+        if cases_without:
+            caption += f" Absent: {', '.join(cases_without)}."
         stem = inside(output, spec["name"])
-        pictures[stem], captions[stem] = picture, caption
-    with ProcessPoolExecutor(min(MOST, os.cpu_count() or 1)) as processes:
+        pictures[stem] = picture
+        texts[stem] = caption
+    with ProcessPoolExecutor(min(MAX_PROCESSES, os.cpu_count() or 1)) as processes:
         pngs = [png for png, *_ in processes.map(save, pictures.values(), pictures)]
-    return list(zip(pngs, captions.values(), strict=True)), absent
+    drawn = [DrawnFigure(png, text) for png, text in zip(pngs, texts.values(), strict=True)]
+    return drawn, absent
 
 
-def _plot(spec: Spec, cases: pd.DataFrame) -> Picture:
-    """Quantities `y`, a panel each, over `x`; a line for each value of `by`, mean of the others."""
+def _refuse_unknown_figure(spec: Spec) -> None:
+    """Raise InputError unless a spec plots quantities or names one of the figures."""
+    if "plot" not in spec and spec.get("figure") not in FIGURES:
+        raise InputError(
+            "unknown_word", f"{spec['name']}: its figure is none of {', '.join(FIGURES)}"
+        )
+
+
+def _compose(spec: Spec, cases: pd.DataFrame, panels: Path) -> tuple[Picture, list[str]]:
+    """Return the picture of a figure, and the names of selected cases that it does not show."""
+    if "plot" in spec:
+        return plot_quantities(spec["plot"], cases[cases["there"]]), []
+    if "cases" in spec:
+        return _combine_cases(spec, select(cases, spec["cases"]).index, panels)
+    return FIGURES[spec["figure"]](cases[cases["there"]]), []
+
+
+def plot_quantities(spec: Spec, cases: pd.DataFrame) -> Picture:
+    """Plot each quantity of `y` over `x` in a panel, with a line for each value of `by`.
+
+    A point is the mean of the cases that have one x and one value of `by`.
+    """
     panels = []
-    for text in spec["y"]:
-        panel = Panel(spec["x"], text)
+    for quantity in spec["y"]:
+        panel = Panel(spec["x"], quantity)
         for k, (value, members) in enumerate(cases.groupby(spec["by"])):
             groups = members.groupby(spec["x"])
             x = [key for key, _ in groups]
-            pairs = [mean_with_error(some, text) for _, some in groups]
-            mean, error = np.reshape(pairs, (-1, 2)).T
+            means_and_errors = [mean_with_error(group, quantity) for _, group in groups]
+            mean, error = np.reshape(means_and_errors, (-1, 2)).T
             shade = SHADES[2 * k % len(SHADES)]
-            style = EDGE | {"color": shade, "mfc": shade, "marker": MARKERS[k % len(MARKERS)]}
-            panel.line(x, mean, f"{spec['by']} {cell(value)}", **style | {"ls": "-"})
+            style = EDGE | {
+                "color": shade,
+                "mfc": shade,
+                "marker": MARKERS[k % len(MARKERS)],
+                "ls": "-",
+            }
+            panel.line(x, mean, f"{spec['by']} {cell(value)}", **style)
             panel.add("error", x, mean, error, capsize=2, color=shade)
         panels.append(panel)
     if not any(series.y.size for panel in panels for series in panel.series):
-        raise InputError("input", "no case has these quantities")
+        raise InputError("nothing_to_draw", "no case has these quantities")
     return Picture(panels, len(panels), (4.5 * len(panels), 3.6))
 
 
-def _of_cases(spec: Spec, names: Sequence[str], folder: Path) -> tuple[Picture, list[str]]:
-    """The panels of several cases as one picture, and the cases that have none."""
-    files = {name: folder / f"{name}.{spec['figure']}.csv" for name in names}
-    away = [name for name, path in files.items() if not path.is_file()]
-    panels = [p for path in files.values() if path.is_file() for p in read_picture(path).panels]
+def _combine_cases(spec: Spec, names: Sequence[str], folder: Path) -> tuple[Picture, list[str]]:
+    """Return the panels of several cases as one picture, and the cases that have no panels."""
+    panels: list[Panel] = []
+    absent = []
+    for name in names:
+        path = folder / f"{name}.{spec['figure']}.csv"
+        if path.is_file():
+            panels += read_picture(path).panels
+        else:
+            absent.append(name)
     if not panels:
-        raise InputError("input", f"no panels of {', '.join(away)}", remedy="measure these cases")
-    columns, like = spec.get("columns", 2), spec.get("like", "")
+        raise InputError(
+            "nothing_to_draw", f"no panels of {', '.join(absent)}", remedy="measure these cases"
+        )
     if spec.get("together"):
-        for panel in panels:  # those without a title are told apart by what they show
+        for panel in panels:  # panels without a title are distinguished by what they show
             panel.title = panel.title or panel.ylabel
         panels = merged(panels)
-    if like == "columns":
+    columns = spec.get("columns", 2)
+    shared_axes = spec.get("like", "")
+    if shared_axes == "columns":
         for first in range(columns):
             share_limits(panels[first::columns])
-    elif like:
-        share_limits(panels, like)
-    if len(panels) > 1:
-        for letter, panel in zip(ascii_lowercase, panels, strict=False):
-            if not panel.title.startswith("("):
-                panel.title = f"({letter}) {panel.title}"
+    elif shared_axes:
+        share_limits(panels, shared_axes)
+    _add_letters(panels)
     columns = min(columns, len(panels))
     if columns == 2 and len(panels) == 3:  # a case is absent; no part of the grid stays blank
         columns = 3
-    height = 0.3 + spec.get("height", 3.6) * -(-len(panels) // columns)
-    return Picture(panels, columns, (WIDTH[columns], height)), away
+    rows = -(-len(panels) // columns)
+    height = 0.3 + spec.get("height", 3.6) * rows
+    return Picture(panels, columns, (WIDTH_IN_INCHES[columns], height)), absent
+
+
+def _add_letters(panels: Sequence[Panel]) -> None:
+    """Put (a), (b), ... before the titles of several panels that have no letter yet."""
+    if len(panels) < 2:
+        return
+    for letter, panel in zip(ascii_lowercase, panels, strict=False):
+        if not panel.title.startswith("("):
+            panel.title = f"({letter}) {panel.title}"

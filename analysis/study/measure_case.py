@@ -1,7 +1,6 @@
-"""One case measured: its result, and beside it the panels of those figures that show it."""
+"""Measure one case of a study: write its result, and the panels of the figures that show it."""
 
 from collections.abc import Sequence
-from itertools import islice, zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from analysis.quantities.records import LOW_PASS
 from analysis.quantities.spectrum import standing, standing_waves
 from analysis.rows import CaseResult, row_of, write_result
 from analysis.study.description import Study
-from analysis.study.figure_layout import wanted
+from analysis.study.figure_layout import figures_of_case
 from analysis.study.targets import Rules
 from analysis.table import number
 from analysis.value import Value
@@ -25,100 +24,149 @@ from modal.formats.provenance import read_provenance
 from modal.formats.whole_file import sha256
 from modal.tools.errors import InputError
 
-RESONANCES = 10
-"""Rows of the table of resonances."""
-OF_STATE = "void_ratio", "coordination"
+MAX_RESONANCES = 10
+"""Rows of the table of resonances; higher ones overlap in most packings."""
+QUANTITIES_OF_STATE = ("void_ratio", "coordination")
 """Quantities of a state that is no case."""
-SCATTERING = (
+QUANTITIES_OF_OTHER_SEEDS = (
     *("particles", "length_over_d", "void_ratio", "coordination", "f_max"),
     *("v_p_first_peaks_yade", "v_p_first_peaks_linear"),
     *(name for key, names in LOW_PASS.items() if key.count("_") == 1 for name in names),
 )
-"""Quantities of another seed's packing: Table 1's."""
+"""Quantities of a packing from another seed: those of Table 1, whose scatter is shown."""
 
 
 def measure_case(
     study: Study, name: str, files: Sequence[Path], folder: Path, output: Path, scatter: bool
 ) -> None:
-    """Measure a case of a study, or a state, WALK_STRESSPa, that is none; write its result.
+    """Measure a case of a study, or a state that is no case, and write its result.
 
-    Of a case with quantities of its own `files` are the packing and its waves, of a state its
-    sample; else all is in `folder`, and the panels of figures are written beside the result.
-    `scatter`: of another seed's packing only the numbers are measured whose scatter is shown,
-    without errors along every column.
+    Parameters
+    ----------
+    study : Study
+        The study.
+    name : str
+        A case, or a state called WALK_STRESSPa.
+    files : sequence of Path
+        The packing and its waves, for a case whose quantities the study names; the sample of a
+        state; for other cases empty.
+    folder : Path
+        Folder that holds all products of a case for which no files are given.
+    output : Path
+        File of the result, *.json. Panels of figures are written beside it.
+    scatter : bool
+        Measure only the numbers of another seed's packing whose scatter is shown, without errors
+        along every column of particles.
+
+    Raises
+    ------
+    InputError
+        If the study has no such case, or if a file is missing or wrong.
     """
-    state, quantities = name.endswith("Pa") and len(files) == 1, study.settings["measure"]
-    if not state and name not in study.rows:
-        raise InputError("input", f"{name}: no case of {study.path}")
-    of_files = {files[0].name.split(".")[-2]: files[0]} if state or quantities else None
-    case = Case(name, folder, of_files)
+    quantities = study.settings["measure"]
+    is_state = name.endswith("Pa") and len(files) == 1
+    if not is_state and name not in study.rows:
+        raise InputError("unknown_case", f"{name}: no case of {study.path}")
+    files_by_name = None
+    if is_state or quantities:
+        files_by_name = {files[0].name.split(".")[-2]: files[0]}
+    case = Case(name, folder, files_by_name)
     case.check()
     m = PackingData.of(case, every_particle=not scatter)
     row = CaseResult.of(m)
-    if state:
+    if is_state:
         row.state = True
-        row.add(m, OF_STATE)
+        row.add(m, QUANTITIES_OF_STATE)
     elif quantities:
         _add_quantities(row, files, quantities)
     elif scatter:
-        row.add(m, SCATTERING)
+        row.add(m, QUANTITIES_OF_OTHER_SEEDS)
     else:
-        m.stated = Rules(study.cases, study.stated()).stated_of(name)
+        m.stated = Rules(study.cases, study.stated()).stated_intervals(name)
         row = row_of(m)
         _add_tables(row, m)
-        for figure in wanted(study.part("figures"), study.cases.loc[[name]]):
-            try:
-                write_picture(output.with_suffix(f".{figure}.csv"), compose(figure, [m]))
-            except InputError as error:
-                row.notes.append(f"figure {figure}: {error}")
+        _write_panels(study, row, m, output)
         row.notes = [note.replace(f"{folder}/", "") for note in row.notes]
-    if not (state or scatter):
-        row.provenance = _provenance(case)
+    if not (is_state or scatter):
+        row.provenance = _read_provenances(case)
     write_result(output, row)
 
 
+def _write_panels(study: Study, row: CaseResult, m: PackingData, output: Path) -> None:
+    """Write the panels of the figures that show a case; note those that cannot be drawn."""
+    line_of_case = study.cases.loc[[row.name]]
+    for figure in figures_of_case(study.part("figures"), line_of_case):
+        try:
+            write_picture(output.with_suffix(f".{figure}.csv"), compose(figure, [m]))
+        except InputError as error:
+            row.notes.append(f"figure {figure}: {error}")
+
+
 def _add_quantities(row: CaseResult, files: Sequence[Path], quantities: Sequence[str]) -> None:
-    """Quantities by their name in the registry, of a packing and its waves."""
+    """Add quantities by their names in the registry, of a packing and its waves."""
     row.paper_columns = False
     for quantity, value in measure(*files, quantities=quantities).items():
         if value.at is None:
             row.values[quantity] = value
         else:
-            row.curves[quantity] = tuple(map(np.asarray, (value.at, value.value, value.error)))
+            row.curves[quantity] = (
+                np.asarray(value.at),
+                np.asarray(value.value),
+                np.asarray(value.error),
+            )
         row.notes += [f"{quantity}: {caveat}" for caveat in value.caveats]
 
 
 def _add_tables(row: CaseResult, m: PackingData) -> None:
-    """Tables of a case by itself: resonances, choices of the threshold's rule, a theory."""
-    (f, kappa), bearers = standing_waves(m), standing(m)
-    if len(f):
-        columns = {"f_r, kHz": map(number, f / 1e3), "kappa_r, rad/m": map(number, kappa)}
-        if not m.crystal:
-            share = () if bearers is None else bearers.share
-            columns["share of the mode"] = map("{:.2f}".format, share)
-        numbers = map(str, range(1, RESONANCES + 1))
-        lines = zip_longest(numbers, *columns.values(), fillvalue="")
-        row.tables["resonances"] = [["r", *columns], *map(list, islice(lines, RESONANCES))]
-    choices = [[text, _chosen(edge)] for text, edge in passband(m).choices()]
+    """Add the tables of a single case: resonances, choices of the threshold's rule, a theory."""
+    resonances = _tabulate_resonances(m)
+    if resonances:
+        row.tables["resonances"] = resonances
+    choices = [[text, _describe_edge(edge)] for text, edge in passband(m).choices()]
     row.tables["choices"] = [["f_low-pass, kHz", "f_low-pass"], *choices]
     if m.crystal:
         row.tables["comparison"] = compare(m)
 
 
-def _chosen(edge: Value) -> str:
-    """A threshold's frequency in kHz, marked where it stands on no plateau; else why none."""
+def _tabulate_resonances(m: PackingData) -> list[list[str]]:
+    """Return header and lines of the lowest resonances; empty without any."""
+    frequency, wavenumber = standing_waves(m)
+    modes = standing(m)
+    if not len(frequency):
+        return []
+    columns = {
+        "r": [str(order) for order in range(1, MAX_RESONANCES + 1)],
+        "f_r, kHz": [number(value) for value in frequency / 1e3],
+        "kappa_r, rad/m": [number(value) for value in wavenumber],
+    }
+    if not m.crystal:
+        shares = () if modes is None else modes.share
+        columns["share of the mode"] = [f"{share:.2f}" for share in shares]
+    padded = [_pad(cells) for cells in columns.values()]
+    return [list(columns), *map(list, zip(*padded, strict=True))]
+
+
+def _pad(cells: list[str]) -> list[str]:
+    """Return exactly `MAX_RESONANCES` cells, empty ones after the last."""
+    return (cells + [""] * MAX_RESONANCES)[:MAX_RESONANCES]
+
+
+def _describe_edge(edge: Value) -> str:
+    """Return a threshold's frequency in kHz, marked if it stands on no plateau; else the reason."""
     text = number(1e-3 * edge.value, 1e-3 * edge.error)
     if not text:
-        return "".join(f"none: {why}" for why in edge.caveats)
-    return text if edge.plateau else f"{text}, no plateau"
+        return "".join(f"none: {caveat}" for caveat in edge.caveats)
+    if not edge.plateau:
+        text += ", no plateau"
+    return text
 
 
-def _provenance(case: Case) -> list[list[str]]:
-    """Every file that was read, its digest, its command and its sources as far as it says."""
+def _read_provenances(case: Case) -> list[list[str]]:
+    """Return a line for each file of a case: its name, digest, command and sources."""
     lines = []
     for path in map(case.path, case.there):
-        made = read_provenance(path)
-        sources = ", ".join(map(str, made.sources))
-        how = made.command or "of unknown origin"
-        lines.append([path.name, sha256(path)[:16], how, sources])
+        provenance = read_provenance(path)
+        sources = ", ".join(map(str, provenance.sources))
+        command = provenance.command or "of unknown origin"
+        lines.append([path.name, sha256(path)[:16], command, sources])
     return lines

@@ -1,157 +1,244 @@
-"""The whole study from the results of its cases: tables, figures, targets, one page.
+"""Write the whole study from the results of its cases: tables, figures, targets, one page.
 
-A case that is not there is said to be missing; nothing stands in for it.
+A case without a result is listed as missing; nothing stands in for it.
 """
 
 import base64
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from analysis.frame import frame_of, runs
-from analysis.rows import read_results
+from analysis.rows import CaseResult, read_results
 from analysis.study.description import Study
 from analysis.study.fields import inside
-from analysis.study.figure_layout import arrange
+from analysis.study.figure_layout import DrawnFigure, draw_figures
 from analysis.study.page import page
-from analysis.study.tables import tables, whole
-from analysis.study.targets import Answer, Rules, answers, second_verdicts, targets
+from analysis.study.tables import make_tables, tabulate_all_numbers
+from analysis.study.targets import (
+    Answer,
+    Rules,
+    answer_targets,
+    tabulate_second_verdicts,
+    tabulate_targets,
+)
 from analysis.table import Table
 from modal.formats.whole_file import write_text
 from modal.tools.errors import InputError
 
-OF_EVERY_STUDY = "table1", "targets", "second_verdicts", "absent", "study"
-SPLIT = "split_"
-"""Names of files that every study has, and how others of them begin."""
+FILES_OF_EVERY_STUDY = ("table1", "targets", "second_verdicts", "absent", "study")
+"""Names of files that every study has, so that its own tables and figures must not."""
+SPLIT_PREFIX = "split_"
+"""Beginning of the names of tables that compare YADE with the linear wave of one case."""
+PROVENANCE_HEADER = ["file", "SHA-256, first 16 digits", "command", "made from"]
 
 
-def write_study(study: Study, results: Path, output: Path, command: list[str]) -> tuple[Path, int]:
-    """Write tables, figures and the page of a study to `output`; the page, and missing cases.
+class WrittenStudy(NamedTuple):
+    """The page of a study, and how many of its cases have no result."""
 
-    `results` is a folder of results with the panels of their figures, and of the tables that
-    `python -m analysis agreement` has made of a case; absent.csv says why cases have none.
+    page: Path
+    missing_cases: int
+
+
+def write_study(study: Study, results: Path, output: Path, command: list[str]) -> WrittenStudy:
+    """Write tables, figures and the page of a study to the folder `output`.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    results : Path
+        Folder of results with the panels of their figures, and of the tables that
+        `python -m analysis agreement` has made of cases. Its absent.csv says why cases have no
+        result.
+    output : Path
+        Folder to write to.
+    command : list of str
+        Command that the page shows as its origin.
+
+    Raises
+    ------
+    InputError
+        If no case has a result, or if an entry of the study cannot be followed.
     """
     rows = read_results(results)
     frame = frame_of(rows, study.cases)
     if not frame["there"].any():
         raise InputError(
-            "input", f"{results}: no result of {study.path}", remedy="run its cases first"
+            "no_results", f"{results}: no result of {study.path}", remedy="run its cases first"
         )
-    specs, drawn = study.part("tables"), study.part("figures")
-    _refuse_same_files([*specs, *drawn])
-    rules, found = Rules(frame, study.stated()), answers(study, frame)
-    goals = targets(found)
-    shown = [_absent(results / "absent.csv", frame), second_verdicts(found)]
-    shown += tables(specs, rules)
-    for path in sorted(results.glob("*.agreement.csv")):
-        case = path.name.split(".")[0]
-        title = f"YADE against the linear wave by cause, {case}"
-        if case in frame.index:
-            shown.append(Table(title, *_read(path), f"{SPLIT}{case}"))
-    shown = [table for table in shown if table.rows]
-    of_pages = {"targets", "second_verdicts", *(s["name"] for s in specs if s.get("page"))}
-    for table in (each for each in (whole(frame), goals, *shown) if each.rows):
-        table.write_csv(inside(output, f"{table.name}.csv"))
-        if table.name in of_pages:
-            write_text(inside(output, f"{table.name}.md"), table.markdown())
-    for line, index in rules.lines:
-        name = line["quantity"]
-        frame.loc[index, [f"{name}_stated", f"{name}_stated_to"]] = line[["low", "high"]].to_list()
-    figures, absent = arrange(drawn, frame, results, output)
-    header = ["file", "SHA-256, first 16 digits", "command", "made from"]
-    provenance = Table("Provenance", header, [line for row in rows for line in row.provenance])
+    table_specs = study.part("tables")
+    figure_specs = study.part("figures")
+    _refuse_same_files([*table_specs, *figure_specs])
+    rules = Rules(frame, study.stated())
+    answers = answer_targets(study, frame)
+    targets = tabulate_targets(answers)
+    tables = [
+        _tabulate_absent(results / "absent.csv", frame),
+        tabulate_second_verdicts(answers),
+        *make_tables(table_specs, rules),
+        *_read_agreements(results, frame),
+    ]
+    tables = [table for table in tables if table.rows]
+    names_on_pages = {"targets", "second_verdicts"}
+    names_on_pages |= {spec["name"] for spec in table_specs if spec.get("page")}
+    _write_tables([tabulate_all_numbers(frame), targets, *tables], names_on_pages, output)
+    _add_stated_columns(frame, rules)
+    figures, not_drawn = draw_figures(figure_specs, frame, results, output)
+    provenance = Table(
+        "Provenance", PROVENANCE_HEADER, [line for row in rows for line in row.provenance]
+    )
     content = {
         "settings": {name: study.settings[name] for name in ("name", "title", "headlines")},
-        "command": _shown(command),
-        "cases": _plain(frame[frame["there"]]),
-        "counts": _counts(frame, found),
-        "targets": asdict(goals),
-        "tables": list(map(asdict, shown)),
-        "figures": [_figure(png, caption) for png, caption in figures],
-        "absent": absent,
-        "notes": sorted({f"{row.name}: {note}" for row in rows for note in row.notes}),
+        "command": _shorten_paths(command),
+        "cases": _known_values(frame[frame["there"]]),
+        "counts": _count(frame, answers),
+        "targets": asdict(targets),
+        "tables": list(map(asdict, tables)),
+        "figures": list(map(_embed, figures)),
+        "absent": not_drawn,
+        "notes": _collect_notes(rows),
         "provenance": asdict(provenance),
     }
     path = output / "study.html"
     write_text(path, page(study.folder, content))
-    return path, int((~frame["there"]).sum())
+    return WrittenStudy(path, int((~frame["there"]).sum()))
 
 
 def _refuse_same_files(specs: Sequence[Mapping[str, Any]]) -> None:
-    """InputError where two tables or figures would have one file, or one of every study."""
-    taken = set(OF_EVERY_STUDY)
-    for name in (spec["name"] for spec in specs):
-        if name.lower() in taken or name.lower().startswith(SPLIT):
-            raise InputError("same_name", f"{name}: another file is called so", remedy="rename it")
-        taken.add(name.lower())
+    """Raise InputError if two tables or figures share a file, or take one of every study."""
+    taken = set(FILES_OF_EVERY_STUDY)
+    for spec in specs:
+        name = spec["name"].lower()
+        if name in taken or name.startswith(SPLIT_PREFIX):
+            raise InputError(
+                "same_name", f"{spec['name']}: another file has this name", remedy="rename it"
+            )
+        taken.add(name)
 
 
-def _plain(cases: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """The numbers and texts of each case that are known, by name."""
+def _read_agreements(results: Path, frame: pd.DataFrame) -> list[Table]:
+    """Return the tables of a folder that compare YADE's wave of a case with the linear one."""
+    tables = []
+    for path in sorted(results.glob("*.agreement.csv")):
+        case = path.name.split(".")[0]
+        if case in frame.index:
+            title = f"YADE against the linear wave by cause, {case}"
+            header, rows = _read_table(path)
+            tables.append(Table(title, header, rows, f"{SPLIT_PREFIX}{case}"))
+    return tables
+
+
+def _write_tables(tables: Sequence[Table], names_on_pages: set[str], output: Path) -> None:
+    """Write tables that have rows as CSV, and those of these names as Markdown, too."""
+    for table in tables:
+        if not table.rows:
+            continue
+        table.write_csv(inside(output, f"{table.name}.csv"))
+        if table.name in names_on_pages:
+            write_text(inside(output, f"{table.name}.md"), table.markdown())
+
+
+def _add_stated_columns(frame: pd.DataFrame, rules: Rules) -> None:
+    """Add, for each stated quantity, columns with the ends of its interval."""
+    for row, names in rules.statements:
+        quantity = row["quantity"]
+        columns = [f"{quantity}_stated", f"{quantity}_stated_to"]
+        frame.loc[names, columns] = row[["low", "high"]].to_list()
+
+
+def _known_values(cases: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """Return the numbers and texts of each case that are known, by name."""
+    values = {}
+    for name, case in cases.iterrows():
+        plain = {key: value for key, value in case.items() if _is_plain(value)}
+        # NaN is the only value that differs from itself.
+        values[str(name)] = {key: value for key, value in plain.items() if value == value}
+    return values
+
+
+def _is_plain(value: Any) -> bool:
+    """Tell whether a page can show a value: a text or a number."""
+    return isinstance(value, str | int | float | np.number)
+
+
+def _count(frame: pd.DataFrame, answers: Sequence[Answer]) -> dict[str, Any]:
+    """Return how many cases and targets there are, and what is missing of which cases."""
+    present = frame[frame["there"]]
+    missing = frame[~frame["there"]]
+    sampled = present[present["packings"] > 1]
+    # One line for each kind of file that a case lacks.
+    lacking = present["absent"].str.split().explode().dropna()
+    cases_by_kind = []
+    for kind in sorted(lacking.unique()):
+        names = lacking.index[lacking == kind]
+        cases_by_kind.append((kind, runs(present["case"][names])))
+    unmet = [answer.spec["id"] for answer in answers if not answer.finding.met]
     return {
-        str(name): {
-            column: value
-            for column, value in case.items()
-            if isinstance(value, str | int | float | np.number) and value == value
-        }
-        for name, case in cases.iterrows()
-    }
-
-
-def _counts(frame: pd.DataFrame, found: list[Answer]) -> dict[str, Any]:
-    """How many cases and targets there are, and which of them lack what."""
-    there, away = frame[frame["there"]], frame[~frame["there"]]
-    several = there[there["packings"] > 1]
-    absent = there["absent"].str.split().explode().dropna()
-    lacking = {kind: absent.index[absent == kind] for kind in sorted(absent.unique())}
-    still_open = [spec["id"] for spec, finding, _ in found if not finding.met]
-    return {
-        "there": len(there),
+        "there": len(present),
         "all": len(frame),
-        "yade": int((there["record"] == "yade").sum()),
-        "away": runs(away["case"]),
-        "absent": [(kind, runs(there["case"][names])) for kind, names in lacking.items()],
-        "samples": int(there["packings"].max()),
-        "sampled": runs(several["case"]),
-        "unsettled": ", ".join(there.index[there["unsettled"] != ""]),
-        "targets": len(found),
-        "met": len(found) - len(still_open),
-        "open": ", ".join(still_open),
+        "yade": int((present["record"] == "yade").sum()),
+        "away": runs(missing["case"]),
+        "absent": cases_by_kind,
+        "samples": int(present["packings"].max()),
+        "sampled": runs(sampled["case"]),
+        "unsettled": ", ".join(present.index[present["unsettled"] != ""]),
+        "targets": len(answers),
+        "met": len(answers) - len(unmet),
+        "open": ", ".join(unmet),
     }
 
 
-def _figure(png: Path, caption: str) -> dict[str, str]:
-    """A figure as the page has it within itself."""
+def _embed(figure: DrawnFigure) -> dict[str, str]:
+    """Return a figure whose image is text, so that the page contains it."""
     return {
-        "name": png.stem,
-        "caption": caption,
-        "png": base64.b64encode(png.read_bytes()).decode(),
+        "name": figure.png.stem,
+        "caption": figure.caption,
+        "png": base64.b64encode(figure.png.read_bytes()).decode(),
     }
 
 
-def _absent(path: Path, frame: pd.DataFrame) -> Table:
-    """The cases that could not be made, and why, as far as they still have no result."""
-    header, rows = _read(path) if path.is_file() else (["case", "why"], [])
-    away = set(frame.index[~frame["there"]])
-    rows = [row for row in rows if row[0] in away]
+def _collect_notes(rows: Iterable[CaseResult]) -> list[str]:
+    """Return the notes of all cases, each with the name of its case."""
+    return sorted({f"{row.name}: {note}" for row in rows for note in row.notes})
+
+
+def _tabulate_absent(path: Path, frame: pd.DataFrame) -> Table:
+    """Return the cases that could not be made and still have no result, with the reasons."""
+    header = ["case", "why"]
+    rows: list[list[str]] = []
+    if path.is_file():
+        header, rows = _read_table(path)
+    missing = set(frame.index[~frame["there"]])
+    rows = [row for row in rows if row[0] in missing]
     return Table("Cases that could not be made", header, rows, "absent")
 
 
-def _read(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Header and cells of a table that was written before."""
+def _read_table(path: Path) -> tuple[list[str], list[list[str]]]:
+    """Return header and cells of a table that was written before; InputError if it is none."""
     try:
-        found = pd.read_csv(path, dtype=str, keep_default_na=False)
+        table = pd.read_csv(path, dtype=str, keep_default_na=False)
     except ValueError as error:
-        raise InputError("input", f"{path}: no table ({error})", remedy="make it again") from None
-    return list(found.columns), found.to_numpy().tolist()
+        raise InputError(
+            "no_table", f"{path}: no table ({error})", remedy="make it again"
+        ) from None
+    return list(table.columns), table.to_numpy().tolist()
 
 
-def _shown(command: list[str]) -> str:
-    """The command without a folder of this machine: paths from here on, or their last part."""
-    from_here = [part.removeprefix(f"{Path.cwd()}/") for part in command]
-    return shlex.join(Path(part).name if Path(part).is_absolute() else part for part in from_here)
+def _shorten_paths(command: list[str]) -> str:
+    """Return a command as text, without folders of this machine.
+
+    Paths below the working folder are relative to it; of others the last part is left.
+    """
+    words = []
+    for word in command:
+        relative = word.removeprefix(f"{Path.cwd()}/")
+        if Path(relative).is_absolute():
+            relative = Path(relative).name
+        words.append(relative)
+    return shlex.join(words)

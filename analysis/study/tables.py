@@ -1,14 +1,14 @@
-"""A study's tables, each described by data: what its columns show of which cases.
+"""Make a study's tables from data that say what their columns show of which cases.
 
-A column is `QUANTITY | FORMAT | FLAG`: a quantity or an expression of quantities; Python's format
-of a number, or `±` for a value to its error's first digit; and a column of yes or no, of which
-`no` puts a star behind the number.
+A column is `QUANTITY | FORMAT | FLAG`. QUANTITY is a quantity or an expression of quantities.
+FORMAT is Python's format of a number, or `±` for a value rounded to its error's first digit. FLAG
+is a column of yes or no; `no` puts a star behind the number.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
@@ -25,208 +25,290 @@ from analysis.table import Table, cell, number
 from modal.tools.errors import InputError
 
 Spec = Mapping[str, Any]
+"""A table as the file of tables describes it."""
+TableKind = Literal["means", "limit", "laws", "checks", "side_by_side", "columns", "says"]
+TABLE_KINDS: tuple[TableKind, ...] = get_args(TableKind)
+"""Keys that name the kind of a table; of several the first one counts."""
 Cells = tuple[list[str], list[list[str]]]
-"""A header, and lines as long."""
-SHOWN = ("void_ratio", "coordination_number", "v_p_static_m_per_s", *OF_RECORD)
-"""Numbers of a case that are shown, stated or not."""
+"""A header, and lines of the same length."""
+ALWAYS_SHOWN = ("void_ratio", "coordination_number", "v_p_static_m_per_s", *OF_RECORD)
+"""Numbers of a case that are shown even if nothing is stated of them."""
+NAMES_OF_COLUMNS = {
+    "case": "case",
+    "name": "name",
+    "kind": "packing",
+    "mu_comp": "mu_comp",
+    "stress": "stress_pa",
+    "record": "record",
+    "unsettled": "settled",
+}
+"""Columns of the frame that the table of all numbers begins with, and their names there."""
 
 
-def tables(specs: Sequence[Spec], rules: Rules) -> list[Table]:
-    """All tables of a study that have a line, in its order; `name` is that of their file."""
-    kinds: dict[str, Callable[[Spec, pd.DataFrame], Cells]] = {
-        "means": means,
-        "limit": limits,
-        "laws": laws,
-        "checks": lambda spec, cases: checks(spec["checks"], rules),
-        "side_by_side": lambda spec, cases: side_by_side(spec["side_by_side"], cases),
-        "columns": of_columns,
-        "says": lambda spec, cases: says(spec["says"], rules.frame),
-    }
-    found = []
+def make_tables(specs: Sequence[Spec], rules: Rules) -> list[Table]:
+    """Return all tables of a study that have a line, in the study's order.
+
+    `name` of a table is the name of its file. Raises InputError if a spec cannot be followed.
+    """
+    tables = []
     for spec in specs:
         cases = select(rules.frame[rules.frame["there"]], spec.get("select", ""))
-        kind = next((name for name in kinds if name in spec), "")
-        if not kind:
-            raise InputError(
-                "input", f"table {spec['name']}", remedy=f"give it one of {', '.join(kinds)}"
-            )
+        kind = _table_kind(spec)
         with following(spec):
-            found.append(Table(spec["title"], *kinds[kind](spec, cases), spec["name"]))
-    return [table for table in found if table.rows]
+            header, lines = _tabulate(kind, spec, cases, rules)
+            tables.append(Table(spec["title"], header, lines, spec["name"]))
+    return [table for table in tables if table.rows]
 
 
-def whole(frame: pd.DataFrame) -> Table:
-    """Every number of every case, for files: value, error, and the scatter of samples."""
-    words = {"case": "case", "name": "name", "kind": "packing", "mu_comp": "mu_comp"}
-    words |= {"stress": "stress_pa", "record": "record", "unsettled": "settled"}
-    there = frame[frame["there"]].replace({"unsettled": {"": "yes"}})
-    quantities = dict.fromkeys(name for row in there["row"] for name in row.columns)
-    names = [f"{q}{end}" for q in quantities for end in ("", "_error", "_sample_error")]
-    names += [name for name in there if name.endswith("_of_state") or name.startswith("plateau_")]
-    names = [*words, "packings", *(name for name in names if name in there), "absent"]
-    found = there[names].rename(columns=words)
-    forms = [".3g" if name.endswith("_error") else ".7g" for name in found]
-    lines = [list(map(cell, line, forms)) for line in found.to_numpy(object)]
-    return Table("All numbers", list(found.columns), lines, "table1")
+def _table_kind(spec: Spec) -> TableKind:
+    """Return the first kind of table that a spec names; InputError if it names none."""
+    for kind in TABLE_KINDS:
+        if kind in spec:
+            return kind
+    raise InputError(
+        "table_kind", f"table {spec['name']}", remedy=f"give it one of {', '.join(TABLE_KINDS)}"
+    )
 
 
-def of_columns(spec: Spec, cases: pd.DataFrame) -> Cells:
-    """One line a case; `require` leaves out cases that do not have a quantity."""
+def _tabulate(kind: TableKind, spec: Spec, cases: pd.DataFrame, rules: Rules) -> Cells:
+    """Return header and lines of a table of this kind."""
+    if kind == "means":
+        return tabulate_means(spec, cases)
+    if kind == "limit":
+        return tabulate_limits(spec, cases)
+    if kind == "laws":
+        return tabulate_laws(spec, cases)
+    if kind == "checks":
+        return tabulate_checks(spec, rules)
+    if kind == "side_by_side":
+        return tabulate_side_by_side(spec, cases)
+    if kind == "says":
+        return tabulate_statements(spec, rules)
+    return tabulate_columns(spec, cases)
+
+
+def tabulate_all_numbers(frame: pd.DataFrame) -> Table:
+    """Return every number of every case, for files: value, error, and the scatter of samples."""
+    present = frame[frame["there"]].replace({"unsettled": {"": "yes"}})
+    quantities = dict.fromkeys(name for row in present["row"] for name in row.columns)
+    names = [f"{name}{end}" for name in quantities for end in ("", "_error", "_sample_error")]
+    names += [name for name in present if name.endswith("_of_state") or name.startswith("plateau_")]
+    known_names = [name for name in names if name in present]
+    columns = [*NAMES_OF_COLUMNS, "packings", *known_names, "absent"]
+    table = present[columns].rename(columns=NAMES_OF_COLUMNS)
+    formats = [".3g" if name.endswith("_error") else ".7g" for name in table]
+    lines = [list(map(cell, line, formats)) for line in table.to_numpy(object)]
+    return Table("All numbers", list(table.columns), lines, "table1")
+
+
+def tabulate_columns(spec: Spec, cases: pd.DataFrame) -> Cells:
+    """Return a line for each case; `require` leaves out cases without a quantity.
+
+    Columns without any number are left out.
+    """
     if "require" in spec:
         cases = cases[np.isfinite(numbers(cases, spec["require"]))]
-    shown = {head: _column(cases, text) for head, text in spec["columns"].items()}
-    shown = {head: cells for head, cells in shown.items() if any(cells)}
-    return list(shown), [list(line) for line in zip(*shown.values(), strict=True)]
+    columns = {}
+    for head, text in spec["columns"].items():
+        cells = _column(cases, text)
+        if any(cells):
+            columns[head] = cells
+    return list(columns), [list(line) for line in zip(*columns.values(), strict=True)]
 
 
 def _column(cases: pd.DataFrame, text: str) -> list[str]:
-    """Cells of one column."""
-    name, form, flag, *_ = [*map(str.strip, text.split("|")), "", ""]
+    """Return the cells of one column, described as QUANTITY | FORMAT | FLAG."""
+    parts = [part.strip() for part in text.split("|")]
+    name, form, flag = (parts + ["", ""])[:3]
     if not form and name in cases and not pd.api.types.is_numeric_dtype(cases[name]):
         return [cell(value) for value in cases[name]]
-    values = zip(numbers(cases, name), spreads(cases, name), strict=True)
+    values = numbers(cases, name)
     if form == "±":
-        cells = [number(*pair) for pair in values]
+        cells = list(map(number, values, spreads(cases, name)))
     else:
         digits, *unit = (form or "g").split()
-        shown = " ".join([number_format(digits), *unit])
-        cells = [cell(value, shown) for value, _ in values]
+        form_with_unit = " ".join([number_format(digits), *unit])
+        cells = [cell(value, form_with_unit) for value in values]
     if not flag:
         return cells
-    pairs = zip(cells, cases[flag], strict=True)
-    return [f"{text} *" if text and not yes else text for text, yes in pairs]
+    return [
+        f"{text} *" if text and not good else text
+        for text, good in zip(cells, cases[flag], strict=True)
+    ]
 
 
-def means(spec: Spec, cases: pd.DataFrame) -> Cells:
-    """Mean of each column over the cases that `means` does not tell apart, with its error."""
-    by, lines = spec["means"], []
-    for key, members in cases.groupby(by):
+def tabulate_means(spec: Spec, cases: pd.DataFrame) -> Cells:
+    """Return means of each column, with errors, over cases that agree in the columns `means`."""
+    columns_that_agree = spec["means"]
+    lines = []
+    for key, members in cases.groupby(columns_that_agree):
         cells = [number(*mean_with_error(members, text)) for text in spec["columns"].values()]
         lines.append([*map(cell, key), *cells, str(len(members))])
-    return [*by, *spec["columns"], "packings"], lines
+    return [*columns_that_agree, *spec["columns"], "packings"], lines
 
 
-def limits(spec: Spec, cases: pd.DataFrame) -> Cells:
-    """Where means over cases lead as x goes to zero, by a straight line, beside those at `own`."""
-    by, own, lines = spec["limit"]["by"], spec["limit"]["own"], []
+def tabulate_limits(spec: Spec, cases: pd.DataFrame) -> Cells:
+    """Return the limits of means over cases as x goes to zero, by a straight line.
+
+    Beside each stand the mean at the x nearest to `own`, and how far the line without that mean
+    is from it.
+    """
+    by = spec["limit"]["by"]
     cases = cases.assign(x=numbers(cases, spec["limit"]["x"]))
+    lines = []
     for key, members in cases.groupby(by):
-        for text, name in spec["columns"].items():
-            groups = members.groupby("x")
-            size = np.array([x for x, _ in groups], float)
-            several = np.array([mean_with_error(some, name) for _, some in groups]).reshape(-1, 2)
-            found = straight_line(size, *several.T)
-            at = int(abs(size - own).argmin())
-            here = several[at]
-            off = found.distance(size[at], *here)
-            cells = [number(*here), number(*found.at(0.0)), cell(off, "+.1f")]
-            lines.append([*map(cell, key), text, *cells, cell(found.chi, ".1f")])
+        for label, quantity in spec["columns"].items():
+            cells = _limit_cells(members, quantity, spec["limit"]["own"])
+            lines.append([*map(cell, key), label, *cells])
     header = ["quantity", "as it is", "limit", "distance in errors of the difference"]
     return [*by, *header, "chi^2 a point to spare"], lines
 
 
-def says(spec: Spec, frame: pd.DataFrame) -> Cells:
-    """What is stated beside what the cases say, each a sentence with their numbers."""
-    words = Captions(frame)
-    lines = [[stated, words(text)] for stated, text in spec.items()]
+def _limit_cells(members: pd.DataFrame, quantity: str, reference: float) -> list[str]:
+    """Return the cells of one limit; the mean beside it is that at the x nearest to `reference`."""
+    groups = members.groupby("x")
+    x = np.array([value for value, _ in groups], float)
+    means = np.array([mean_with_error(group, quantity) for _, group in groups]).reshape(-1, 2)
+    line = straight_line(x, *means.T)
+    nearest = int(abs(x - reference).argmin())
+    distance = line.distance(x[nearest], *means[nearest])
+    return [
+        number(*means[nearest]),
+        number(*line.at(0.0)),
+        cell(distance, "+.1f"),
+        cell(line.chi, ".1f"),
+    ]
+
+
+def tabulate_statements(spec: Spec, rules: Rules) -> Cells:
+    """Return what is stated beside what the cases say, each a sentence with their numbers.
+
+    A sentence with a number that is not known is left out.
+    """
+    captions = Captions(rules.frame)
+    lines = [[stated, captions(text)] for stated, text in spec["says"].items()]
     return ["stated", "here"], [line for line in lines if UNKNOWN not in line[1]]
 
 
-def laws(spec: Spec, cases: pd.DataFrame) -> Cells:
-    """Quantities as powers of others, within the cases of one group or of one stress."""
+def tabulate_laws(spec: Spec, cases: pd.DataFrame) -> Cells:
+    """Return quantities as powers of others, within the cases of one group or of one stress."""
     lines = []
     for fit in spec["laws"]["fits"]:
-        some, of = select(cases, fit.get("select", "")), fit.get("of", spec["laws"]["quantities"])
-        for key, members in some.groupby(fit["by"], sort=False):
-            where = f"{float(key) / 1e3:g} kPa" if fit["by"] == "stress" else str(key)
-            for text, name in of.items():
-                y = numbers(members, name)
+        fitted = select(cases, fit.get("select", ""))
+        quantities = fit.get("of", spec["laws"]["quantities"])
+        for key, members in fitted.groupby(fit["by"], sort=False):
+            group = str(key)
+            if fit["by"] == "stress":
+                group = f"{float(key) / 1e3:g} kPa"
+            for label, quantity in quantities.items():
+                y = numbers(members, quantity)
                 law = power_law(numbers(members, fit["x"]), y)
                 if np.isfinite(law.exponent):
-                    cells = f"{law.exponent:.4f}", cell(law.error, ".2g"), str(y.notna().sum())
-                    lines.append([where, text, fit["over"], *cells])
+                    exponent = [f"{law.exponent:.4f}", cell(law.error, ".2g")]
+                    lines.append([group, label, fit["over"], *exponent, str(y.notna().sum())])
     return ["group", "quantity", "power of", "exponent", "standard error", "cases"], lines
 
 
-def checks(spec: Spec, rules: Rules) -> Cells:
-    """Rules side by side: each line holds its own quantities against the same checks."""
+def tabulate_checks(spec: Spec, rules: Rules) -> Cells:
+    """Return rules side by side: each line applies the same checks to its own quantities."""
+    checks = spec["checks"]
     lines = []
-    for line in spec["rows"]:
-        names = {name: fill(text, line) for name, text in spec["names"].items()} | line
-        found = [rules.find(_named(check, names)) for check in spec["columns"].values()]
-        cells = [f"{cell(one.met)}: {one.short}" if np.isfinite(one.value) else "" for one in found]
+    for row in checks["rows"]:
+        names = {name: fill(text, row) for name, text in checks["names"].items()} | row
+        findings = [rules.find(_insert_names(check, names)) for check in checks["columns"].values()]
+        cells = [
+            f"{cell(finding.met)}: {finding.short}" if np.isfinite(finding.value) else ""
+            for finding in findings
+        ]
         if any(cells):
-            lines.append([line["title"], *cells])
-    return ["rule", *spec["columns"]], lines
+            lines.append([row["title"], *cells])
+    return ["rule", *checks["columns"]], lines
 
 
-def _named(check: Any, names: Mapping[str, str]) -> Any:
-    """Return a check with quantities in the place of each `<NAME>` that a line gives one."""
+def _insert_names(check: Any, names: Mapping[str, str]) -> Any:
+    """Return a check with quantities in the place of each `<NAME>` that has one in `names`."""
     if isinstance(check, Mapping):
-        return {key: _named(value, names) for key, value in check.items()}
+        return {key: _insert_names(value, names) for key, value in check.items()}
     if isinstance(check, str):
         return re.sub(r"<(\w+)>", lambda place: names.get(place[1], place[0]), check)
     return check
 
 
-def side_by_side(name: str, cases: pd.DataFrame) -> Cells:
-    """A table that each case has, of several cases beside one another."""
+def tabulate_side_by_side(spec: Spec, cases: pd.DataFrame) -> Cells:
+    """Return a table that each case has (`side_by_side`), of several cases beside one another."""
     parts = []
     for row in cases["row"]:
-        if row.tables.get(name):
-            (first, *head), *lines = row.tables[name]
-            names = [f"{text}, {row.label}" for text in head] if len(head) > 1 else [row.label]
-            parts.append(pd.DataFrame(lines, columns=[first, *names]).set_index(first))
+        table = row.tables.get(spec["side_by_side"])
+        if not table:
+            continue
+        (first, *heads), *lines = table
+        names = [row.label]
+        if len(heads) > 1:
+            names = [f"{head}, {row.label}" for head in heads]
+        parts.append(pd.DataFrame(lines, columns=[first, *names]).set_index(first))
     if not parts:
         return [], []
-    found = pd.concat(parts, axis=1).reset_index()
-    return list(found), [line for line in found.to_numpy().tolist() if any(line[1:])]
+    joined = pd.concat(parts, axis=1).reset_index()
+    return list(joined), [line for line in joined.to_numpy().tolist() if any(line[1:])]
 
 
-def table_of(study: Study, results: Path, name: str) -> tuple[Table, list[str]]:
-    """A crystal by theory, modes, linear wave and YADE; of other packings the stated numbers.
+def tabulate_case(study: Study, results: Path, name: str) -> tuple[Table, list[str]]:
+    """Return the table of one case, and its notes.
 
-    And the notes of the case; InputError where its result is not there.
+    A crystal is shown by theory, modes, linear wave and YADE; other packings beside the stated
+    numbers. Raises InputError if the case has no result.
     """
     rows = {row.name: row for row in read_results(results)}
     if name not in rows:
-        raise InputError("input", f"{results}: no result of {name}", remedy="run it first")
-    row, frame = rows[name], frame_of(rows.values(), study.cases)
+        raise InputError("no_results", f"{results}: no result of {name}", remedy="run it first")
+    row = rows[name]
+    frame = frame_of(rows.values(), study.cases)
     rules = Rules(frame, study.stated())
-    case, lines = frame.loc[[name]], []
+    case = frame.loc[[name]]
     if "comparison" in row.tables:
-        return _compared(row, case, rules), row.notes
-    for key in dict.fromkeys([*SHOWN, *(line["quantity"] for line, _ in rules.lines)]):
-        value = float(numbers(case, key).iloc[0])
-        stated, off = _stated(key, value, case, rules)
-        if np.isfinite(value) and (stated or key in SHOWN):
-            lines.append([key, number(value, row.spread(key)), stated, off])
+        return _tabulate_comparison(row, case, rules), row.notes
+    lines = []
+    stated_quantities = [statement["quantity"] for statement, _ in rules.statements]
+    for quantity in dict.fromkeys([*ALWAYS_SHOWN, *stated_quantities]):
+        value = float(numbers(case, quantity).iloc[0])
+        stated, deviation = _describe_stated(quantity, value, case, rules)
+        if np.isfinite(value) and (stated or quantity in ALWAYS_SHOWN):
+            lines.append([quantity, number(value, row.spread(quantity)), stated, deviation])
     return Table(row.label, ["quantity", "here", "stated", "deviation"], lines), row.notes
 
 
-def _stated(name: str, value: float, case: pd.DataFrame, rules: Rules) -> tuple[str, str]:
-    """What is stated of a quantity, and how far a value is from it, as text."""
-    line = rules.stated(name, case)
-    if line is None:
+def _describe_stated(
+    quantity: str, value: float, case: pd.DataFrame, rules: Rules
+) -> tuple[str, str]:
+    """Describe what is stated of a quantity, and how far a value is from it."""
+    row = rules.stated_row(quantity, case)
+    if row is None:
         return "", ""
-    if np.isfinite(line["value"]):
-        return f"{line['value']:.5g}", f"{100 * (value / line['value'] - 1):+.3f} %"
-    low, high = line["low"], line["high"]
-    off = "outside" if value < low or value > high else "inside"
-    return (f"> {low:.4g}" if np.isnan(high) else f"{low:.4g} to {high:.4g}"), off
+    if np.isfinite(row["value"]):
+        return f"{row['value']:.5g}", f"{100 * (value / row['value'] - 1):+.3f} %"
+    low = row["low"]
+    high = row["high"]
+    stated = f"> {low:.4g}"
+    if not np.isnan(high):
+        stated = f"{low:.4g} to {high:.4g}"
+    if value < low or value > high:
+        return stated, "outside"
+    return stated, "inside"
 
 
-def _compared(row: CaseResult, case: pd.DataFrame, rules: Rules) -> Table:
-    """The comparison that the case was measured with, and deviations in per cent."""
+def _tabulate_comparison(row: CaseResult, case: pd.DataFrame, rules: Rules) -> Table:
+    """Return the comparison that a crystal was measured with, and deviations in per cent."""
     lines = []
     for key, quantity, unit, *cells, note in row.tables["comparison"]:
-        found = pd.to_numeric(pd.Series(cells, COLUMNS), errors="coerce")
-        off = 100 * (found[1:] / found["theory"] - 1)
-        percent = [cell(value, "+.3f") for value in off]
-        own = found["modal"] if np.isnan(found["yade"]) else found["yade"]
-        stated, apart = _stated(key, own, case, rules)
-        apart = apart.removesuffix(" %") if np.isfinite(own) else ""
-        lines.append([quantity, unit, *cells, stated, *percent, apart, note])
-    header = ["quantity", "unit", *COLUMNS, "paper"]
-    header += [f"{name}/theory %" for name in COLUMNS[1:]] + ["to paper %", "note"]
+        values = pd.to_numeric(pd.Series(cells, COLUMNS), errors="coerce")
+        deviations = 100 * (values[1:] / values["theory"] - 1)
+        percent = [cell(value, "+.3f") for value in deviations]
+        value = values["yade"]
+        if np.isnan(value):
+            value = values["modal"]
+        stated, from_stated = _describe_stated(key, value, case, rules)
+        from_stated = from_stated.removesuffix(" %") if np.isfinite(value) else ""
+        lines.append([quantity, unit, *cells, stated, *percent, from_stated, note])
+    percent_heads = [f"{name}/theory %" for name in COLUMNS[1:]]
+    header = ["quantity", "unit", *COLUMNS, "paper", *percent_heads, "to paper %", "note"]
     return Table(row.label, header, lines)

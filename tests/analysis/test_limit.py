@@ -9,7 +9,7 @@ from packings import random_sample
 
 from analysis.__main__ import main
 from analysis.estimators.fits import straight_line
-from analysis.study.tables import limits
+from analysis.study.tables import tabulate_limits
 from modal.packing.sample import write_sample
 
 
@@ -56,7 +56,7 @@ def test_table_tells_the_limit_of_what_was_drawn_about_a_line():
     e = 0.6 + 0.1 * x + 0.05 * random.normal(size=len(x))
     cases = pd.DataFrame({"mu_comp": 0.4, "step": x, "void_ratio": e})
     sweep = {"x": "step", "own": 0.7, "by": ["mu_comp"]}
-    _, lines = limits({"limit": sweep, "columns": {"e": "void_ratio"}}, cases)
+    _, lines = tabulate_limits({"limit": sweep, "columns": {"e": "void_ratio"}}, cases)
     ((mu, name, here, there, *_),) = lines
     assert (mu, name) == ("0.4", "e")
     # Forty draws: their standard error is known to 11 %, three times that with the rounding.

@@ -6,8 +6,8 @@ import pytest
 from analysis.frame import frame_of, mean_with_error
 from analysis.measurement import Measurement, mean_of
 from analysis.rows import CaseResult, read_result, write_result
-from analysis.study.figure_layout import _plot
-from analysis.study.tables import limits, means
+from analysis.study.figure_layout import plot_quantities
+from analysis.study.tables import tabulate_limits, tabulate_means
 from analysis.table import number
 from analysis.value import estimate
 
@@ -56,15 +56,17 @@ def test_an_error_that_both_have_leaves_no_trace_in_their_ratio(cases):
 
 
 def test_tables_bars_and_limits_have_that_error(cases, wanted):
-    _, ((*_, shown, count),) = means({"means": ["mu_comp"], "columns": {"V": "v_p"}}, cases)
+    _, ((*_, shown, count),) = tabulate_means(
+        {"means": ["mu_comp"], "columns": {"V": "v_p"}}, cases
+    )
     assert (shown, count) == (number(*wanted), "3")
-    picture = _plot({"x": "stress", "y": ["v_p"], "by": "mu_comp"}, cases)
+    picture = plot_quantities({"x": "stress", "y": ["v_p"], "by": "mu_comp"}, cases)
     _, bars = picture.panels[0].series
     assert [*bars.y] == pytest.approx([wanted[0]])
     assert [*bars.z] == pytest.approx([wanted[1]])
     two = cases.assign(x=[1.0, 1.0, 2.0])
     spec = {"limit": {"x": "x", "own": 1.0, "by": ["mu_comp"]}, "columns": {"V": "v_p"}}
-    _, ((_, _, first, *_),) = limits(spec, two)
+    _, ((_, _, first, *_),) = tabulate_limits(spec, two)
     assert first == number(*mean_with_error(two[:2], "v_p"))
 
 

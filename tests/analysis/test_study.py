@@ -15,8 +15,8 @@ from analysis.frame import frame_of
 from analysis.quantities.spectrum import natural_frequency
 from analysis.rows import read_results
 from analysis.study.description import Study
-from analysis.study.tables import tables, whole
-from analysis.study.targets import Rules, answers, targets
+from analysis.study.tables import make_tables, tabulate_all_numbers
+from analysis.study.targets import Rules, answer_targets, tabulate_targets
 from modal.modes.eigenmodes import modes_of
 from modal.packing.network import write_network
 from modal.packing.state import void_ratio
@@ -126,8 +126,8 @@ def test_committed_tables_are_those_of_the_committed_results(paper):
     frame = frame_of(rows, paper.cases)
     assert frame["there"].all()
     rules = Rules(frame, paper.stated())
-    found = [whole(frame), targets(answers(paper, frame))]
-    found += tables(paper.part("tables"), rules)
+    found = [tabulate_all_numbers(frame), tabulate_targets(answer_targets(paper, frame))]
+    found += make_tables(paper.part("tables"), rules)
     for table in found:
         with open(ROOT / f"results/study/{table.name}.csv", newline="") as file:
             header, *lines = csv.reader(file)

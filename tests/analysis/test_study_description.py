@@ -9,7 +9,7 @@ from analysis.frame import frame_of
 from analysis.rows import CaseResult, write_result
 from analysis.study.description import Study
 from analysis.study.page import page
-from analysis.study.tables import tables
+from analysis.study.tables import make_tables
 from analysis.study.targets import Rules
 from analysis.value import estimate
 from modal.tools.errors import InputError
@@ -38,11 +38,11 @@ def test_factors_make_cases_and_settings_follow_them(tmp_path):
     frame = frame_of([_of_sweep(k, row) for k, row in cases.iterrows()], cases)
     spec = {"name": "means", "title": "", "means": ["mu_comp", "width"], "columns": {"V": "v_p"}}
     rules = Rules(frame, Study(path).stated())
-    (table,) = tables([spec], rules)
+    (table,) = make_tables([spec], rules)
     # 500 + 10 times the seed: mean 520, standard error 10 / sqrt 3.
     assert table.rows[0] == ["0", "4", "520 ± 6", "3"] and len(table.rows) == 4
     with pytest.raises(ValueError, match="means: cannot be made"):
-        tables([spec | {"columns": 3}], rules)
+        make_tables([spec | {"columns": 3}], rules)
 
 
 def _of_sweep(name: str, case) -> CaseResult:
