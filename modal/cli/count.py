@@ -9,24 +9,25 @@ from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import frequencies
 
 EXAMPLE = "count mine.network.h5 --at 1000 5000"
-FACTORISES = "what factorises (default: the fastest)"
+SOLVER_HELP = "what factorises (default: the fastest)"
 OPTIONS = (
     *springs(),
     Option("--at", "HZ ...", "one or several frequencies", kind=str, more=REQUIRED),
-    Group("advanced", [Option("--solver", "", FACTORISES, kind=SOLVERS)]),
+    Group("advanced", [Option("--solver", "", SOLVER_HELP, kind=SOLVERS)]),
 )
 
 
 def run(options: Options) -> Result:
-    """Counts by the frequencies as they were typed."""
+    """Count the modes below each frequency; names are the frequencies as they were typed."""
     network = packing_of(options)
     system = LinearSystem.of(network, **chosen(options, "pre_stress", "sliding", "solver"))
-    at = frequencies(options.at)
-    counts, at_zero = counts_below(system, at), summary_at_zero(system)
+    limits = frequencies(options.at)
+    counts = counts_below(system, limits).tolist()
+    at_zero = summary_at_zero(system)
     floppy = at_zero["floppy_modes"] + at_zero["unstable_modes"]
-    for frequency, count in zip(at.tolist(), counts.tolist(), strict=True):
+    for frequency, count in zip(limits.tolist(), counts, strict=True):
         below = frequency > 0 and count <= floppy < system.size
         above = frequency > 0 and count == system.size > floppy
         remark_on_ends(options, frequency, below, above)
-    counted = dict(zip(options.at, counts.tolist(), strict=True))
-    return {"count_below": counted, **at_zero, "degrees_of_freedom": system.size}
+    count_below = dict(zip(options.at, counts, strict=True))
+    return {"count_below": count_below, **at_zero, "degrees_of_freedom": system.size}

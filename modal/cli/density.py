@@ -10,11 +10,11 @@ from modal.tools.display import quantity
 
 COMPONENTS = ("u_x", "u_y", "u_z", "theta_x", "theta_y", "theta_z", "all")
 QUARTILES = (0.25, 0.5, 0.75)
-WIDTH = f"width of a peak (default: {RESOLUTION:g} of the highest frequency)"
+RESOLUTION_HELP = f"width of a peak (default: {RESOLUTION:g} of the highest frequency)"
 EXAMPLE = "density mine.network.h5 --resolution 2000 -o mine.density.h5"
 OPTIONS = (
     *springs(".density.h5"),
-    Option("--resolution", "HZ", WIDTH),
+    Option("--resolution", "HZ", RESOLUTION_HELP),
     Option("--tolerance", "T", "error of counts over all modes", 1e-3),
     Option("--at", "HZ ...", "print how many modes lie below", [], str),
 )
@@ -23,8 +23,8 @@ read_product = None
 
 
 def run(options: Options) -> Result:
-    """How the modes are distributed, in numbers, and how many lie below the frequencies of --at."""
-    at = frequencies(options.at)
+    """Compute the density of states, and estimate how many modes lie below each frequency."""
+    limits = frequencies(options.at)
     network = packing_of(options)
     states = density_of_states(network, **chosen_for(density_of_states, options))
     if options.output:
@@ -36,17 +36,17 @@ def run(options: Options) -> Result:
         )
     frequency = states.grid()
     below = states.count_below(frequency)[0]
-    value, error = states.count_below(at)
-    for f in at:
-        remark_on_ends(options, float(f), False, f > states.highest)
+    quartiles = {}
+    for name, count in zip(COMPONENTS, below.T, strict=True):
+        quartiles[name] = np.interp(QUARTILES, count / count[-1], frequency).tolist()
+    value, error = states.count_below(limits)
+    for limit in limits:
+        remark_on_ends(options, float(limit), False, limit > states.highest)
     return {
         "resolution_hz": states.resolution,
         "random_vectors": states.random_vectors,
         "products_with_k": states.products,
-        "quartiles_hz": {
-            name: np.interp(QUARTILES, part / part[-1], frequency).tolist()
-            for name, part in zip(COMPONENTS, below.T, strict=True)
-        },
+        "quartiles_hz": quartiles,
         "estimated_count_below": dict(zip(options.at, value[:, -1].tolist(), strict=True)),
         "standard_error": dict(zip(options.at, error[:, -1].tolist(), strict=True)),
         "floppy_modes": round(float(states.zero_modes.sum())),

@@ -13,62 +13,80 @@ from modal.tools.errors import InputError
 from modal.waves.signals import DIRECTIONS, TORSION, Signals
 
 EXAMPLE = "export mine.network.h5 mine.modes.h5 --modes 1 -o mine.vtu"
-SCALE = "factor on displacements (default: the largest is half a radius)"
+SCALE_HELP = "factor on displacements (default: the largest is half a radius)"
 OPTIONS = (
     NETWORK,
     Option("product", "", "*.modes.h5 or *.signals.h5", kind=str, more={"nargs": "?"}),
     Option("--modes", "K ...", "which modes, from 1 (default all)", kind=int),
     Option("--frames", "N", "of an animation: a mode's period, a wave's times", kind=int),
-    Option("--scale", "X", SCALE),
+    Option("--scale", "X", SCALE_HELP),
     output("*.vtu or *.xyz", (".vtu", ".xyz"), required=True),
 )
+MAX_FRAMES = 10_000
+"""Largest number of frames: more would fill the disk."""
+WAVE_FRAMES = 50
+"""Default number of frames of a wave: two seconds of a film."""
 
 
 def run(options: Options) -> Result:
-    """Write the files; their names."""
-    path, count, scale = Path(options.output), options.frames, options.scale
-    if count is not None and not 1 <= count <= 10_000:
-        raise InputError("input", f"--frames {count}", remedy="give 1 to 10000")
+    """Write the files of a picture or an animation; the result has their names."""
+    if options.frames is not None and not 1 <= options.frames <= MAX_FRAMES:
+        raise InputError("frames", f"--frames {options.frames}", remedy=f"give 1 to {MAX_FRAMES}")
     network = read_remarked(options.network, options.remarks.append)
-    fields, motion = picture.sphere_fields(network), picture.Motion()
+    fields = picture.sphere_fields(network)
+    motion = picture.Motion()
     if options.product:
-        note = require_same_packing(options.product, packing_of(options.network))
-        options.remarks += [note] if note else []
-        of, moved, numbers = picture.read_sphere_motion(
-            options.product, options.modes, any_source=True
+        further_fields, motion = _read_product(options)
+        fields |= further_fields
+    elif options.modes or options.frames or options.scale is not None:
+        raise InputError(
+            "no_product", "--modes, --frames and --scale need a file of modes or signals"
         )
-        if not isinstance(of, Signals):
-            more, motion = _of_modes(of, moved, numbers, count)
-            fields |= more
-        elif of.direction == TORSION:
-            raise InputError(
-                "input",
-                f"{options.product}: of torsion, turns alone",
-                remedy="no picture shows them",
-            )
-        else:
-            axis = DIRECTIONS.index(of.direction)
-            motion = picture.animate_wave(of.time, moved, axis, count or 50)
-    elif options.modes or count or scale is not None:
-        raise InputError("input", "--modes, --frames and --scale need a file of modes or signals")
     frames: picture.Frames = [(0.0, network.position, fields)]
     if motion:
-        frames = picture.displace_spheres(network, fields, motion, scale)
+        frames = picture.displace_spheres(network, fields, motion, options.scale)
+    path = Path(options.output)
     written = picture.WRITERS[path.suffix](path, network, frames, series=bool(motion))
     return {"spheres": network.n_particles, "contacts": network.n_contacts, "written": written}
 
 
-def _of_modes(
+def _read_product(options: Options) -> tuple[dict[str, Array], picture.Motion]:
+    """Return the fields of the spheres and the motion in a file of modes or signals."""
+    remark = require_same_packing(options.product, packing_of(options.network))
+    if remark:
+        options.remarks.append(remark)
+    product, motion, numbers = picture.read_sphere_motion(
+        options.product, options.modes, any_source=True
+    )
+    if not isinstance(product, Signals):
+        return _mode_fields(product, motion, numbers, options.frames)
+    if product.direction == TORSION:
+        raise InputError(
+            "torsion",
+            f"{options.product}: of torsion, turns alone",
+            remedy="no picture shows them",
+        )
+    axis = DIRECTIONS.index(product.direction)
+    return {}, picture.animate_wave(product.time, motion, axis, options.frames or WAVE_FRAMES)
+
+
+def _mode_fields(
     modes: ModeSet, shapes: Floats, numbers: list[int], frames: int | None
 ) -> tuple[dict[str, Array], picture.Motion]:
-    """Fields of the modes that are chosen, and the motion of the one that is to be animated."""
+    """Return the fields of the chosen modes, and the motion of the mode to be animated.
+
+    `shapes` (k, n, 6) has all modes; `numbers` are those chosen, from 1. The motion is empty
+    without a number of `frames`.
+    """
     fields = dict[str, Array]()
-    for k in numbers:
-        shape, frequency = shapes[k - 1], float(modes.frequency[k - 1])
-        name = f"mode_{k}_{frequency:.6g}_Hz"
-        fields |= {name: shape[:, :3].copy(), f"{name}_rotation": shape[:, 3:].copy()}
+    for number in numbers:
+        shape = shapes[number - 1]
+        name = f"mode_{number}_{float(modes.frequency[number - 1]):.6g}_Hz"
+        fields[name] = shape[:, :3].copy()
+        fields[f"{name}_rotation"] = shape[:, 3:].copy()
     if frames is None:
         return fields, []
     if len(fields) != 2:
-        raise InputError("input", "--frames", remedy="choose one mode to animate, with --modes K")
-    return fields, picture.animate_mode(shape, frequency, frames)
+        raise InputError("frames", "--frames", remedy="choose one mode to animate, with --modes K")
+    frequency = float(modes.frequency[numbers[0] - 1])
+    return fields, picture.animate_mode(shapes[numbers[0] - 1], frequency, frames)

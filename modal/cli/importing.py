@@ -13,19 +13,21 @@ from modal.packing.plausibility import plausibility
 from modal.packing.state import has_forces, stress_tensor
 from modal.system.contacts import GROWTH, SHEAR, TANGENTS, contact_tangent
 
-ROUND_OFF = 1e-14
-"""A share below which a term is none."""
-WEIGHED = 50_000
-"""Contacts on which the terms of a law are weighed: their matrices fill half a gigabyte."""
+MIN_TERM_SHARE = 1e-14
+"""Smallest share of K that is not round-off."""
+MAX_WEIGHED_CONTACTS = 50_000
+"""Largest number of contacts on which the terms of a law are weighed: their matrices fill half a
+gigabyte."""
 EXAMPLE = "import spheres.csv --contacts contacts.csv -o mine.network.h5"
-FILE = "dump custom, *.restart of MercuryDPM, or *.csv of spheres"
-OF_PROGRAMS = {
+FILE_HELP = "dump custom, *.restart of MercuryDPM, or *.csv of spheres"
+PROGRAM_OPTIONS = {
     name: Option(f"--{name}", option.metavar, option.text, kind=option.kind)
     for name, option in all_options().items()
 }
+"""Options of the programs that packings are from, by name."""
 OPTIONS = (
-    Option("file", "", FILE, kind=str),
-    *OF_PROGRAMS.values(),
+    Option("file", "", FILE_HELP, kind=str),
+    *PROGRAM_OPTIONS.values(),
     output("*.network.h5", (".network.h5",), required=True),
 )
 
@@ -33,57 +35,64 @@ read_product = read_network
 
 
 def run(options: Options) -> Result:
-    """Read the packing, write the network, and say what was found."""
-    found = import_packing(options.file, **chosen(options, *OF_PROGRAMS))
-    write_network(options.output, replace(found.network, provenance=options.made.attributes()))
-    return summary_of(found)
+    """Read the packing, write the network, and summarise it."""
+    imported = import_packing(options.file, **chosen(options, *PROGRAM_OPTIONS))
+    network = replace(imported.network, provenance=options.made.attributes())
+    write_network(options.output, network)
+    return summary_of(imported)
 
 
-def summary_of(found: ImportResult) -> dict[str, Any]:
-    """Spheres, contacts, stresses, balance, digits, sliding, the law and what its terms are worth.
+def summary_of(imported: ImportResult) -> dict[str, Any]:
+    """Return spheres, contacts, stresses, balance, digits, sliding, and the law with its terms.
 
     `remarks` are those of the import, then those that `info` has on any network.
     """
-    network = found.network
-    plausible = plausibility(network, sought=found.sought)
-    told: dict[str, Any] = {
+    network = imported.network
+    plausible = plausibility(network, sought=imported.sought)
+    result: dict[str, Any] = {
         "spheres": network.n_particles,
         "contacts": network.n_contacts,
         "wall_contacts": int(network.with_wall.sum()),
         "absent": plausible["absent"],
     }
     if has_forces(network) and network.cell_size[:2].all() and network.length > 0:
-        told["stress_pa"] = np.diag(stress_tensor(network)).tolist()
+        result["stress_pa"] = np.diag(stress_tensor(network)).tolist()
+    result |= imported.told
     balance = "net_force_over_contact_force"
-    told |= found.told | {name: plausible[name] for name in [balance] if name in plausible}
+    if balance in plausible:
+        result[balance] = plausible[balance]
     if network.sliding is not None and network.n_contacts:
-        told["sliding_share"] = float(network.sliding.mean())
-    told["law"] = [str(law) for law in dict.fromkeys(found.laws)]
-    if found.laws and network.inertia_tensor is None:
-        told["terms_of_the_law_over_springs"] = law_term_sizes(network)
-    return told | {"remarks": found.remarks + plausible["remarks"]}
+        result["sliding_share"] = float(network.sliding.mean())
+    result["law"] = [str(law) for law in dict.fromkeys(imported.laws)]
+    if imported.laws and network.inertia_tensor is None:
+        result["terms_of_the_law_over_springs"] = law_term_sizes(network)
+    result["remarks"] = imported.remarks + plausible["remarks"]
+    return result
 
 
 def law_term_sizes(network: Network) -> dict[str, float]:
-    """What each of the law's terms adds to K, relative: root mean square over all entries.
+    """Return the relative change of K by each term of the law: a root mean square over entries.
 
-    Rotations count as arcs of the mean radius. Terms that this law does not have, or whose forces
-    are not told, are left out. Of more than `WEIGHED` contacts evenly spaced ones are taken.
+    Rotations count as arcs of the mean radius. Terms that the law does not have, or whose forces
+    are not known, are left out. Of many contacts evenly spaced ones are taken.
     """
-    every = 1 + (network.n_contacts - 1) // WEIGHED
+    every = 1 + (network.n_contacts - 1) // MAX_WEIGHED_CONTACTS
     network = network.some(np.arange(0, network.n_contacts, every))
-    arc = 1 / float(network.radius.mean())
-    scale = np.repeat([1.0, arc, arc], 3)
+    inverse_arc = 1 / float(network.radius.mean())
+    scale = np.repeat([1.0, inverse_arc, inverse_arc], 3)
 
-    def tangent(*terms: str) -> Any:
+    def scaled_tangent(*terms: str) -> Any:
         return contact_tangent(network, terms) * scale[:, None] * scale
 
-    springs = tangent()
-    unknown = (SHEAR, GROWTH) if network.force_tangential is None else ()
-    size = np.linalg.norm(springs)
-    added = {
-        term: float(np.linalg.norm(tangent(term) - springs) / size)
-        for term in TANGENTS["law"]
-        if term not in unknown
-    }
-    return {term: share for term, share in added.items() if share > ROUND_OFF}
+    unknown: tuple[str, ...] = ()
+    if network.force_tangential is None:
+        unknown = (SHEAR, GROWTH)
+    springs = scaled_tangent()
+    springs_size = np.linalg.norm(springs)
+    sizes = {}
+    for term in TANGENTS["law"]:
+        if term not in unknown:
+            share = float(np.linalg.norm(scaled_tangent(term) - springs) / springs_size)
+            if share > MIN_TERM_SHARE:
+                sizes[term] = share
+    return sizes

@@ -8,7 +8,7 @@ OPTIONS = (Option("--stress", "PA", "isotropic", 1e5),)
 
 
 def run(options: Options) -> Result:
-    """Stiffnesses, f_low-pass and the velocity of long waves at this stress."""
+    """Compute stiffnesses, f_low-pass and the velocity of long waves at a stress."""
     crystal = FccLattice(options.stress)
     return {
         "stress_pa": crystal.stress,

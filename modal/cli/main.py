@@ -1,4 +1,4 @@
-"""The parser of all commands, and the run of one."""
+"""The parser of all commands, and the run of one of them."""
 
 import argparse
 import importlib
@@ -7,11 +7,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from modal import __version__
 from modal.cli.options import (
     FALLS_SHORT_STATUS,
+    Options,
     Parser,
     Result,
     add_command,
@@ -28,83 +28,123 @@ from modal.tools.progress import Minute
 from modal.tools.workload import out_of_memory
 
 COMMANDS = (
-    *("pack", "relax", "info", "modes", "count", "density", "moduli", "wave", "response"),
-    *("lattice", "import", "export", "tile"),
+    "pack",
+    "relax",
+    "info",
+    "modes",
+    "count",
+    "density",
+    "moduli",
+    "wave",
+    "response",
+    "lattice",
+    "import",
+    "export",
+    "tile",
 )
-"""All of them; the module of each in this room is loaded when it is called."""
+"""Names of the commands in the order of the help."""
 MODULES = {"import": "importing", "export": "exporting"}
-"""Of those whose module has another name."""
-FIRST = """first steps:
+"""Modules whose names differ from those of their commands: `import` is a word of Python."""
+FIRST_STEPS = """first steps:
   {prog} pack --spheres 400 --stress 1e5 -o dense
   {prog} info dense/100000Pa.sample.h5
   {prog} modes dense/100000Pa.sample.h5 --lowest 10"""
-"""What the help of the whole ends in."""
+"""End of the general help."""
 
 
 def command_of(name: str) -> ModuleType:
-    """The module of a command.
+    """Return the module of a command, which is loaded when the command is called.
 
-    Its docstring's first line says what it does; it has `OPTIONS`, an `EXAMPLE` of what is typed
-    behind `python -m modal`, perhaps an `EPILOG` of its help, and `run(options)`, its result. One
-    that writes a product from sources and settings has `read_product` too, who reads it, or None;
-    one whose product may fall short, or is not the only one, has `kept(options)` for a product that
-    is current; one whose result is long sorts it for people into `options.groups`.
+    The first line of its docstring says what the command does. It has `OPTIONS`, an `EXAMPLE` of
+    what one types after `python -m modal`, and `run(options)`, which returns the result. It may
+    have
+
+    - `EPILOG`, a part of its help;
+    - `set_defaults(options)`, which sets defaults that depend on other options;
+    - `read_product`, if it writes a product from sources and settings: the function that reads the
+      product, or None;
+    - `current_result(options)`, the result for a product that is kept because it is current.
+
+    A command with a long result sorts it for people into `options.groups`.
     """
     return importlib.import_module(f"modal.cli.{MODULES.get(name, name)}")
 
 
 def parser(called: str = "") -> argparse.ArgumentParser:
-    """The parser of the command that is `called`; of all commands where it is none of them."""
+    """Return the parser of the command that is `called`, or of all if it is none of them."""
     script = Path(sys.argv[0]).stem
-    prog = script if script == "granular-modes" else "python -m modal"
-    about = "Waves and eigenmodes of sphere packings; COMMAND --help has options and an example."
-    epilog = FIRST.format(prog=prog)
-    whole = Parser(prog=prog, description=about, epilog=epilog)
-    whole.add_argument("--version", action="version", version=f"granular-wave-modes {__version__}")
-    commands = whole.add_subparsers(
+    prog = "python -m modal"
+    if script == "granular-modes":
+        prog = script
+    main_parser = Parser(
+        prog=prog,
+        description=(
+            "Waves and eigenmodes of sphere packings; COMMAND --help has options and an example."
+        ),
+        epilog=FIRST_STEPS.format(prog=prog),
+    )
+    version = f"granular-wave-modes {__version__}"
+    main_parser.add_argument("--version", action="version", version=version)
+    commands = main_parser.add_subparsers(
         dest="command", required=True, parser_class=Parser, metavar="COMMAND", title="commands"
     )
-    for name in [called] if called in COMMANDS else COMMANDS:
+    names: Sequence[str] = COMMANDS
+    if called in COMMANDS:
+        names = [called]
+    for name in names:
         add_command(commands, name, command_of(name), flag("--json", "print one JSON object"))
-    return whole
+    return main_parser
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit status.
+    """Run one command, and return the exit status.
 
-    2 for a user's mistake (one line on stderr), 3 for a product that falls short of what was asked.
+    The status is 2 for a user's mistake (one line on standard error), and 3 for a product that
+    falls short of what was asked.
     """
     start = time.perf_counter()
     Minute.begin()
-    arguments = sys.argv[1:] if argv is None else argv
+    words = sys.argv[1:] if argv is None else argv
     try:
-        options = parsed(parser("".join(arguments[:1])), arguments)
-        command = command_of(options.command)
-        skip = getattr(options, "skip_current", False)
-        options.made, options.remarks, options.groups = None, [], None
-        getattr(command, "in_force", lambda _: None)(options)
-        if hasattr(command, "read_product") and options.output:
-            options.made = made_by(options.command, vars(options), arguments)
-        elif skip:
-            raise InputError("input", "--skip-current is about the file of -o", remedy="give one")
-        if skip and is_current(options.output, options.made, say, command.read_product):
-            kept: Any = getattr(command, "kept", lambda _: {})
-            result = {"current": options.output} | kept(options)
-        else:
-            result = command.run(options)
-        for remark in dict.fromkeys(options.remarks):  # with an error its one line is enough
+        options = parsed(parser("".join(words[:1])), words)
+        result = _run(options, words)
+        for remark in dict.fromkeys(options.remarks):  # an error is printed without them
             say(remark)
         result["seconds"] = time.perf_counter() - start
         result["peak_memory_bytes"] = peak_memory()
         put(json_text(result) if options.json else page(result, options.groups))
     except MemoryError as error:
-        return refused(out_of_memory(error), arguments)
+        return refused(out_of_memory(error), words)
     except InputError as error:
-        return refused(error, arguments)
-    return FALLS_SHORT_STATUS if falls_short(result) else 0
+        return refused(error, words)
+    if falls_short(result):
+        return FALLS_SHORT_STATUS
+    return 0
+
+
+def _run(options: Options, words: Sequence[str]) -> Result:
+    """Return the result of a command, or of its product if that is current and to be kept."""
+    command = command_of(options.command)
+    options.made = None
+    options.remarks = []
+    options.groups = None
+    if hasattr(command, "set_defaults"):
+        command.set_defaults(options)
+    skip_current = getattr(options, "skip_current", False)
+    if hasattr(command, "read_product") and options.output:
+        options.made = made_by(options.command, vars(options), words)
+    elif skip_current:
+        raise InputError("no_output", "--skip-current is about the file of -o", remedy="give one")
+    if skip_current and is_current(options.output, options.made, say, command.read_product):
+        result: Result = {"current": options.output}
+        if hasattr(command, "current_result"):
+            result |= command.current_result(options)
+        return result
+    result = command.run(options)
+    return result
 
 
 def falls_short(result: Result) -> bool:
-    """Whether modes are missing, a sample is not at rest, or a state was not reached."""
-    at_rest = result.get("at_rest", True) and result.get("reached", True)
-    return bool(result.get("missing")) or not at_rest
+    """Return whether modes are missing, a sample is not at rest, or a state was not reached."""
+    is_reached = result.get("at_rest", True) and result.get("reached", True)
+    return bool(result.get("missing")) or not is_reached

@@ -23,11 +23,11 @@ from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import ELASTIC, read_sample
 from modal.preparation.protocol import OF_FRICTION, PEAK, Study, unused
 from modal.preparation.random_packing import ASPECT
-from modal.preparation.random_packing import pack as packed
+from modal.preparation.random_packing import pack as pack_samples
 from modal.preparation.sizes import DENSITIES, KINDS, MIXTURE, WALLS
 from modal.tools.errors import InputError
 
-WITH_FRICTION = {
+FRICTION_OPTIONS = {
     "approach_rate": ("--approach-rate", "strain rate of the agitated spheres, 1/s"),
     "agitated_damping": ("--agitated-damping", "their local damping"),
     "inertial_number": ("--inertial-number", "of the servo's largest strain rate"),
@@ -35,29 +35,33 @@ WITH_FRICTION = {
     "hot_stress": ("--agitation-stress", "mean stress at which the agitated compaction ends, Pa"),
     "damping": ("--local-damping", "local damping after that"),
 }
-"""Numbers of the protocol that a study may change: the option of each, and what it is."""
+"""Option and help of each number of the protocol that a study may change."""
 SOLID = {name: getattr(GLASS, name) for name in (*ELASTIC, "density")} | {"radius": RADIUS}
-"""Options of what the spheres are of, with the study's numbers."""
-SLENDER = (
+"""Default numbers of the spheres, each of which has an option of its name."""
+ASPECT_HELP = (
     f"length over width (default {ASPECT:g}, or less so that the width is "
     f"{MIN_WIDTH_IN_DIAMETERS:g} diameters, at least 1)"
 )
-AT_REST = f"mean net force over mean contact force of a settled state (default {Study.residual:g})"
-DENSE = f"without friction: sets the density (default {PEAK:g})"
-DILATE = (
+RESIDUAL_HELP = (
+    f"mean net force over mean contact force of a settled state (default {Study.residual:g})"
+)
+PEAK_HELP = f"without friction: sets the density (default {PEAK:g})"
+DILATE_HELP = (
     "from spheres packed without friction, all lengths then 1 + X times as long, stirred and "
     "compressed again: dense with few contacts"
 )
-MODEL = f"{', '.join(MODELS)}; rough with its roughness, m, as rough 1e-6 (default {HERTZ_MINDLIN})"
-LATERAL = "then the lateral stresses go to K times the axial one, which stays"
-ALONG_Z = "from a tenth of the first stress compressed along z alone; K0 is told"
-OF_COMPRESSION = (
-    Option("--stress-ratio", "K", LATERAL),
-    flag("--oedometric", ALONG_Z),
-    Option("--dilate", "X", DILATE),
+MODEL_HELP = (
+    f"{', '.join(MODELS)}; rough with its roughness, m, as rough 1e-6 (default {HERTZ_MINDLIN})"
+)
+STRESS_RATIO_HELP = "then the lateral stresses go to K times the axial one, which stays"
+OEDOMETRIC_HELP = "from a tenth of the first stress compressed along z alone; K0 is told"
+COMPRESSION_OPTIONS = (
+    Option("--stress-ratio", "K", STRESS_RATIO_HELP),
+    flag("--oedometric", OEDOMETRIC_HELP),
+    Option("--dilate", "X", DILATE_HELP),
     *(
         Option(option, "X", f"{text} (default {getattr(Study, name):g})", more={"dest": name})
-        for name, (option, text) in WITH_FRICTION.items()
+        for name, (option, text) in FRICTION_OPTIONS.items()
     ),
 )
 EPILOG = (
@@ -67,61 +71,73 @@ EPILOG = (
 EXAMPLE = "pack --spheres 300 --stress 1e5 -o dense"
 OPTIONS = (
     Option("--spheres", "N", "how many", 35201, int),
-    Group("", [Option("--aspect", "A", SLENDER), Option("--width", "D", "the same, in diameters")]),
+    Group(
+        "",
+        [
+            Option("--aspect", "A", ASPECT_HELP),
+            Option("--width", "D", "the same, in diameters"),
+        ],
+    ),
     Option("--seed", "S", "of the random cloud", 1, int),
     Option("--stress", "PA ...", "one or several; a state is written of each"),
     Option("--friction", "MU", "0 to 1", 0.0),
-    Option("--residual", "R", AT_REST),
-    Option("--peak", "PA", DENSE),
+    Option("--residual", "R", RESIDUAL_HELP),
+    Option("--peak", "PA", PEAK_HELP),
     Option("--sizes", "S ...", f"of a mixture: {KINDS}", kind=str),
     Option("--densities", "RHO ...", DENSITIES, kind=str),
     Option("--walls", ("E", "NU"), f"{WALLS} (default those of glass)", kind=str),
     *(
-        Option(f"--{name}", "X", f"of the spheres (default {own:g}, SI units)")
-        for name, own in SOLID.items()
+        Option(f"--{name}", "X", f"of the spheres (default {number:g}, SI units)")
+        for name, number in SOLID.items()
     ),
-    Option("--contact-model", "M ...", MODEL, kind=str),
+    Option("--contact-model", "M ...", MODEL_HELP, kind=str),
     flag("--periodic", "a cell without walls, with a period along z too"),
-    Group("with friction alone", OF_COMPRESSION),
+    Group("with friction alone", COMPRESSION_OPTIONS),
     output_folder("folder; goes on where it was"),
 )
+STUDY_NAMES = (
+    "aspect",
+    "width",
+    "residual",
+    "peak",
+    "dilate",
+    "stress_ratio",
+    *MIXTURE,
+    *OF_FRICTION,
+)
+"""Options that are passed on under their names."""
 
 
 def option_of(name: str) -> str:
-    """The option that sets a number of the protocol, as it is typed.
+    """Return the option that sets a number of the protocol, as it is typed.
 
     >>> option_of("hot_stress"), option_of("residual")
     ('--agitation-stress', '--residual')
     """
-    return WITH_FRICTION.get(name, (typed(name),))[0]
+    if name in FRICTION_OPTIONS:
+        return FRICTION_OPTIONS[name][0]
+    return typed(name)
 
 
 def shortfall(study: Mapping[str, Any], stress_ratio: float | None) -> str:
-    """Say how near to its stresses and to balance a state came that was not reached."""
-    came = f"stresses off by {study['stress_error']:.1e}, net forces {study['unbalanced']:.1e}"
+    """Return a sentence about how near a state came to its stresses and to balance."""
+    reached = f"stresses off by {study['stress_error']:.1e}, net forces {study['unbalanced']:.1e}"
     if stress_ratio is not None:
         ratio = study["stress_ratio"]
-        came = f"lateral over axial stress {ratio:.3f}, {stress_ratio:g} was asked for; {came}"
+        reached = (
+            f"lateral over axial stress {ratio:.3f}, {stress_ratio:g} was asked for; {reached}"
+        )
     return (
-        f"kept, but not reached: {came} of contact forces; take more spheres or a larger "
+        f"kept, but not reached: {reached} of contact forces; take more spheres or a larger "
         "--residual, in another folder"
     )
 
 
 def run(options: Options) -> Result:
-    """Run or continue a compression; names of the files that hold its states."""
-    names = "aspect", "width", "residual", "peak", "dilate", "stress_ratio", *MIXTURE, *OF_FRICTION
-    given, solid = chosen(options, *names), chosen(options, *SOLID)
-    kind = "without friction" if options.friction == 0 else "with friction"
-    kind = "with --dilate" if options.friction and options.dilate else kind
-    none = unused(options.friction, options.dilate or 0.0)
-    for name in given.keys() & {*none, *(("stress_ratio",) if options.friction == 0 else ())}:
-        raise InputError(
-            "input", f"{option_of(name)}: has no meaning {kind}", remedy="leave it out"
-        )
-    model = options.contact_model or []
-    model = [] if model == [HERTZ_MINDLIN] else model
-    files = packed(
+    """Run or continue a compression; the result has the names of the files of its states."""
+    study_arguments = chosen(options, *STUDY_NAMES)
+    _refuse_unused(options, study_arguments)
+    files = pack_samples(
         Path(options.output),
         say,
         options.spheres,
@@ -130,23 +146,54 @@ def run(options: Options) -> Result:
         options.seed,
         periodic=options.periodic,
         oedometric=options.oedometric,
-        solid=[*(SOLID | solid).values(), *model] if solid or model else None,
-        **given,
+        solid=_solid(options),
+        **study_arguments,
     )
-    result: Result = {"samples": {str(path): stress for stress, path in files}}
     notes = {str(path): read_sample(path).study for _, path in files}
     for path in notes:
         read_remarked(path, options.remarks.append)
-    result["settled"] = {path: bool(study["settled"]) for path, study in notes.items()}
-    result["reached"] = all(result["settled"].values())
-    options.remarks += [
-        f"{path}: {shortfall(study, options.stress_ratio)}"
-        for path, study in notes.items()
-        if not study["settled"]
-    ]
+    settled = {path: bool(study["settled"]) for path, study in notes.items()}
+    result: Result = {
+        "samples": {str(path): stress for stress, path in files},
+        "settled": settled,
+        "reached": all(settled.values()),
+    }
+    for path, study in notes.items():
+        if not study["settled"]:
+            options.remarks.append(f"{path}: {shortfall(study, options.stress_ratio)}")
     if options.oedometric or options.stress_ratio is not None:
         name = "k0" if options.oedometric else "stress_ratio"
         result[name] = {path: float(study["stress_ratio"]) for path, study in notes.items()}
-    # Their stresses in Pa.
-    options.groups = {"": {("samples_pa" if k == "samples" else k): result[k] for k in result}}
+    # People see the stresses of the samples with their unit.
+    shown = {"samples_pa": result["samples"]}
+    shown |= {name: value for name, value in result.items() if name != "samples"}
+    options.groups = {"": shown}
     return result
+
+
+def _refuse_unused(options: Options, study_arguments: Mapping[str, Any]) -> None:
+    """Raise InputError for an option that has no meaning with this friction."""
+    unused_names = list(unused(options.friction, options.dilate or 0.0))
+    kind = "with friction"
+    if options.friction == 0:
+        kind = "without friction"
+        unused_names.append("stress_ratio")
+    elif options.dilate:
+        kind = "with --dilate"
+    for name in study_arguments.keys() & {*unused_names}:
+        raise InputError(
+            "unused_option",
+            f"{option_of(name)}: has no meaning {kind}",
+            remedy="leave it out",
+        )
+
+
+def _solid(options: Options) -> list[Any] | None:
+    """Return the numbers of the spheres and their contact model, or None for those of glass."""
+    numbers = chosen(options, *SOLID)
+    model = options.contact_model or []
+    if model == [HERTZ_MINDLIN]:
+        model = []
+    if not numbers and not model:
+        return None
+    return [*(SOLID | numbers).values(), *model]

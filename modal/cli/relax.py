@@ -21,38 +21,74 @@ OPTIONS = (
     output("the sample at rest, *.sample.h5", (".sample.h5",), required=True),
     SKIP,
 )
-CREPT = 5e-3
-"""Change of a stress at a fixed cell, over the largest, that is told: from there on the export from
-YADE refuses a sample. Settled packings of 35,201 spheres change by up to 0.7 %."""
+MIN_REPORTED_STRESS_CHANGE = 5e-3
+"""Change of a stress at a fixed cell, divided by the largest stress, from which on it is reported:
+the export from YADE then refuses a sample. Settled packings of 35,201 spheres change by up to
+0.7 %."""
+STEPS_BETWEEN_LINES = 1000
+"""Number of steps after which a line says how far the sample has come."""
 
 read_product = read_sample
 
 
-def kept(options: Options) -> Result:
-    """What a sample that is kept fell short of: its exit status stays."""
+def current_result(options: Options) -> Result:
+    """Return whether a sample is at rest that is kept, for the exit status."""
     return {"at_rest": bool(read_sample(options.output).study.get("at_rest", True))}
 
 
 def run(options: Options) -> Result:
-    """Bring one sample to rest; its residuals before and after, and its reserve of friction."""
-    sample, tolerance = read_sample(options.sample), options.tolerance
+    """Bring a sample to rest; the result has its residuals and its reserve of friction."""
+    sample = read_sample(options.sample)
+    tolerance = options.tolerance
     if options.friction is not None:
         sample = replace(sample, friction=options.friction)
     if not tolerance > 0:
         raise InputError(
-            "input", f"--tolerance {tolerance:g}", "must be positive", f"{TOLERANCE:g} is usual"
+            "tolerance",
+            f"--tolerance {tolerance:g}",
+            "must be positive",
+            f"{TOLERANCE:g} is usual",
         )
-    before, minute = list[float](), Minute()
+    residuals = list[float]()
+    minute = Minute()
 
     def watch(state: Equilibrium) -> None:
-        before.append(state.residual)
-        if state.steps % 1000 == 0 or minute.passed():
+        residuals.append(state.residual)
+        if state.steps % STEPS_BETWEEN_LINES == 0 or minute.passed():
             say(
                 f"step {state.steps} of at most {MAX_STEPS}: residual {state.residual:.1e}, at "
                 f"rest at {tolerance:.1e}; {state.contacts} contacts, {state.sliding} sliding"
             )
 
     rested, state = relax(sample, tolerance=tolerance, watch=watch)
+    _say_residual(state)
+    measured = summary(rested.network(), rested.friction)
+    stress = np.array(summary(sample.network())["stress_pa"])
+    stress_change = _largest_change(stress, measured["stress_pa"])
+    if abs(stress_change) > MIN_REPORTED_STRESS_CHANGE:
+        say(
+            f"a stress changed by {100 * stress_change:+.2g} % at the fixed cell: the packing was "
+            "not yet at rest; `python -m modal pack` with a tenth of its --residual leaves less to "
+            "creep"
+        )
+    notes = {
+        "residual": state.residual,
+        "unbalanced": state.residual,
+        "mu_wave": rested.friction,
+        "tolerance": state.tolerance,
+        "attainable": state.attainable,
+        "at_rest": state.at_rest,
+        **dict(zip(("stress_xx", "stress_yy", "stress_zz"), measured["stress_pa"], strict=True)),
+    }
+    study = sample.study | measured | notes
+    provenance = _with_parent(options.made, sample.provenance)
+    write_sample(options.output, replace(rested, study=study, provenance=provenance))
+    result: Result = {"residual_before": residuals[0], "stress_change": stress_change}
+    return result | asdict(state) | measured
+
+
+def _say_residual(state: Equilibrium) -> None:
+    """Print what is left of the net forces if it is more than the tolerance."""
     if not state.at_rest:
         say(
             f"tolerance not reached: residual {state.residual:.1e}, of a single sphere "
@@ -63,26 +99,22 @@ def run(options: Options) -> Result:
             f"residual {state.residual:.1e}: round-off of the positions allows no less than "
             f"{state.attainable:.1e}, {state.tolerance:g} was asked for"
         )
-    measured = summary(rested.network(), rested.friction)
-    stress = np.array(summary(sample.network())["stress_pa"])
-    crept = (measured["stress_pa"] - stress) / abs(stress).max()
-    change = float(crept[abs(crept).argmax()])
-    if abs(change) > CREPT:
-        say(
-            f"a stress changed by {100 * change:+.2g} % at the fixed cell: the packing was not yet "
-            "at rest; `python -m modal pack` with a tenth of its --residual leaves less to creep"
-        )
-    found = {"residual": state.residual, "unbalanced": state.residual, "mu_wave": rested.friction}
-    found |= {name: getattr(state, name) for name in ("tolerance", "attainable", "at_rest")}
-    found |= zip(("stress_xx", "stress_yy", "stress_zz"), measured["stress_pa"], strict=True)
-    made = _with_parent(options.made, sample.provenance)
-    study = sample.study | measured | found
-    write_sample(options.output, replace(rested, study=study, provenance=made))
-    return {"residual_before": before[0], "stress_change": change} | asdict(state) | measured
+
+
+def _largest_change(before: Any, after: Any) -> float:
+    """Return the largest change of a stress, with its sign, divided by the largest stress."""
+    change = (after - before) / abs(before).max()
+    return float(change[abs(change).argmax()])
 
 
 def _with_parent(made: Provenance, parent: dict[str, Any]) -> dict[str, Any]:
-    """The attributes of a moved sample: its state is seldom kept, so what that said stays."""
-    (state,) = made.sources
-    kept = {f"parent_{k}": value for k, value in parent.items() if not k.startswith("parent")}
-    return made.attributes() | kept | {"parent": state.name, "parent_sha256": state.sha256}
+    """Return the provenance of a relaxed sample, with that of the sample it was made from.
+
+    The latter is seldom kept as a file.
+    """
+    (source,) = made.sources
+    of_parent = {}
+    for name, value in parent.items():
+        if not name.startswith("parent"):
+            of_parent[f"parent_{name}"] = value
+    return made.attributes() | of_parent | {"parent": source.name, "parent_sha256": source.sha256}

@@ -1,7 +1,7 @@
-"""What a command's result looks like on a terminal: groups of names and quantities, in columns.
+"""How a command's result looks on a terminal: groups of names and quantities, in columns.
 
-Nothing is said here about single commands: the end of a result's name tells its unit, as in
-`stress_pa`. A command whose result is long sorts it into titled groups.
+This module knows no single command: the end of a result's name tells its unit, as in `stress_pa`. A
+command with a long result sorts it into titled groups.
 """
 
 import json
@@ -26,39 +26,44 @@ UNITS = {
     "_m": "m",
     "_s": "s",
 }
-"""End of a name and what it is measured in; longer ends first."""
+"""Unit of a result by the end of its name; longer ends come first."""
 WITHOUT_PREFIX = ("kg/m^3", "m/s", "m/s^2")
+"""Units that get no prefix."""
 DIGITS = {"Hz": 6}
-"""Of frequencies, which are the results with the most certain digits; others have four."""
-LONG = 3
-"""Numbers in a list from which lists of equal length stand in columns."""
-LINES = 24
-"""Lines of such columns; in the middle of longer ones some are left out."""
-WIDTH = 60
-"""Characters up to which several texts stand in one line."""
+"""Digits of a unit's values: frequencies are the results with the most certain digits."""
+USUAL_DIGITS = 4
+"""Digits of values in other units."""
+MAX_NUMBERS_IN_LINE = 3
+"""Largest length of lists that do not stand side by side in columns. Twice as many numbers are
+shown of a longer list in one line."""
+MAX_COLUMN_LINES = 24
+"""Largest number of lines in columns that are shown; longer ones lose their middle."""
+MAX_TEXT_WIDTH = 60
+"""Number of characters up to which several texts stand in one line."""
 INDENT = "  "
 COST = ("seconds", "peak_memory_bytes")
 """Results that stand in the last line."""
 
 
 def put(text: object, end: str = "\n") -> None:
-    """Print, as a terminal may show it; control characters are written as escapes.
+    """Print a text to standard output, with control characters written as escapes.
 
-    Once the reader, `head` for one, has seen enough, nowhere, and the work goes on.
+    If the reader has closed the pipe, as `head` does, print nowhere and let the work go on. Raises
+    InputError if the output cannot be written.
     """
     try:
         print(visible(str(text), keep="\n"), end=end, flush=True)
     except OSError as error:
-        # Also what Python still writes at its exit.
+        # What Python still writes at its exit goes nowhere, too.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
             raise InputError(
-                "input", "standard output", f"cannot be written ({error.strerror})"
+                "output_failed", "standard output", f"cannot be written ({error.strerror})"
             ) from error
 
 
 def json_text(result: Any) -> str:
-    """A result as JSON, which knows neither NaN nor infinity: null stands for them.
+    """Return a result as JSON, which knows neither NaN nor infinity: null stands for them.
 
     >>> json_text({"velocity": [math.nan, 1.5], "worst": {"residual": math.inf}, "ok": True})
     '{"velocity": [null, 1.5], "worst": {"residual": null}, "ok": true}'
@@ -67,7 +72,7 @@ def json_text(result: Any) -> str:
 
 
 def page(result: dict[str, Any], groups: dict[str, dict[str, Any]] | None = None) -> str:
-    """The text for people: titled groups, then how long it took and how much memory.
+    """Return a text for people: titled groups, then the time and the memory that it took.
 
     >>> result = {"stress_pa": [1e5, 99976.0], "rattlers": 4127, "certified": True, "absent": []}
     >>> result |= {"count_below": {"1500": 12, "2e4": 40}}
@@ -84,105 +89,163 @@ def page(result: dict[str, Any], groups: dict[str, dict[str, Any]] | None = None
                    0.0  12.5
     0.25 s, at most 2 GB of memory
     """
-    groups = groups or {"": {k: v for k, v in result.items() if k not in COST}}
+    if groups is None:
+        groups = {"": {name: value for name, value in result.items() if name not in COST}}
     parts = []
     for title, members in groups.items():
-        lines = _group(members)
-        parts.append("\n".join([title, *(INDENT + line for line in lines)] if title else lines))
-    seconds, memory = (result.get(name) for name in COST)
+        lines = _group_lines(members)
+        if title:
+            lines = [title] + [INDENT + line for line in lines]
+        parts.append("\n".join(lines))
+    seconds = result.get("seconds")
+    memory = result.get("peak_memory_bytes")
     if seconds is not None:
         parts.append(f"{seconds:.3g} s, at most {quantity(memory or math.nan, 'B', 3)} of memory")
-    return ("\n\n" if len(groups) > 1 else "\n").join(filter(None, parts))
+    separator = "\n\n" if len(groups) > 1 else "\n"
+    return separator.join(filter(None, parts))
 
 
-def _group(members: dict[str, Any]) -> list[str]:
-    """Names and values; several long lists of numbers of one length stand side by side."""
-    long = {k: v for k, v in members.items() if _is_numbers(v) and len(v) > LONG}
-    count = max(map(len, long.values()), default=0)
-    columns = {k: v for k, v in long.items() if len(v) == count}
+def _group_lines(members: dict[str, Any]) -> list[str]:
+    """Return lines of names and values.
+
+    Several long lists of numbers of the same length stand side by side below them.
+    """
+    columns = _side_by_side_columns(members)
     rows: list[tuple[str, str]] = []
     for name, value in members.items():
-        if len(columns) < 2 or name not in columns:
+        if name not in columns:
             label, unit = label_and_unit(name)
-            rows += zip_longest([label], _lines(value, unit), fillvalue="")
-    lines = table(rows).split("\n") if rows else []
-    return lines + (_side_by_side(columns, count) if len(columns) > 1 else [])
-
-
-def label_and_unit(name: str) -> tuple[str, str]:
-    """A name as people read it, and the unit of its values; "" where they have none."""
-    end = next((end for end in UNITS if name.endswith(end)), "")
-    return name.removesuffix(end).replace("_", " "), UNITS.get(end, "")
-
-
-def _lines(value: Any, unit: str) -> list[str]:
-    """What stands behind a name: one line, or several of texts and of named values."""
-    if isinstance(value, dict) and value:
-        text = [(_key(key), ", ".join(_lines(inner, unit))) for key, inner in value.items()]
-        return table(text).split("\n")
-    if isinstance(value, bool):
-        return ["yes" if value else "no"]
-    if _is_numbers(value := [value] if isinstance(value, int | float) else value):
-        return [_numbers(value, unit)]
-    if isinstance(value, list) and value:
-        if all(map(_is_numbers, value)):
-            texts, unit = _scaled([number for row in value for number in row], unit)
-            wide = len(value[0])
-            return [f"in {unit}"] * bool(unit) + _aligned([texts[k::wide] for k in range(wide)])
-        texts = [", ".join(_lines(item, unit)) for item in value]
-        return [", ".join(texts)] if sum(map(len, texts)) < WIDTH else texts
-    return ["none" if value is None or len(value) == 0 else str(value)]
-
-
-def _key(name: str) -> str:
-    """The name of a value among others; a number is a frequency in Hz that was asked for."""
-    try:
-        return quantity(float(name), "Hz", DIGITS["Hz"])
-    except ValueError:
-        return name if "." in name else name.replace("_", " ")  # of a file, as it is
-
-
-def _is_numbers(value: Any) -> bool:
-    """Whether it is a list of numbers."""
-    numbers = isinstance(value, list) and all(isinstance(each, int | float) for each in value)
-    return numbers and bool(value) and not isinstance(value[0], bool)
-
-
-def _numbers(values: list[float], unit: str) -> str:
-    """Numbers in one line; of many the first and the last."""
-    if len(values) > 2 * LONG:
-        ends = [_numbers(part, unit) for part in (values[:LONG], values[-LONG:])]
-        return f"{ends[0]} ... {ends[1]}, {len(values)} in all"
-    if len(values) == 1 and unit and unit not in WITHOUT_PREFIX and not isinstance(values[0], int):
-        return quantity(values[0], unit, DIGITS.get(unit, 4))
-    texts, unit = _scaled(values, unit)
-    return ", ".join(texts) + f" {unit}" * bool(unit)
-
-
-def _scaled(values: list[float], unit: str) -> tuple[list[str], str]:
-    """Texts of numbers, and their unit with the prefix that suits the largest."""
-    if unit and not all(isinstance(value, int) for value in values):
-        return scaled(values, unit, DIGITS.get(unit, 4), prefixed=unit not in WITHOUT_PREFIX)
-    return [f"{v:,}" if isinstance(v, int) else f"{v:.4g}" for v in values], unit
-
-
-def _side_by_side(columns: dict[str, list[float]], count: int) -> list[str]:
-    """Numbered lines, a column for each list, its unit in the heading."""
-    texts = [["", *map(str, range(1, count + 1))]]
-    for name, values in columns.items():
-        label, unit = label_and_unit(name)
-        numbers, unit = _scaled(values, unit)
-        texts.append([f"{label}, {unit}".removesuffix(", "), *numbers])
-    lines, half = _aligned(texts), LINES // 2
-    if len(lines) > LINES + 1:
-        lines = [*lines[: half + 1], f"... {count - 2 * half} more", *lines[-half:]]
+            rows += zip_longest([label], _value_lines(value, unit), fillvalue="")
+    lines = []
+    if rows:
+        lines = table(rows).split("\n")
+    if columns:
+        lines += _column_lines(columns)
     return lines
 
 
+def _side_by_side_columns(members: dict[str, Any]) -> dict[str, list[float]]:
+    """Return the longest lists of numbers if there are at least two of the same length."""
+    long = {}
+    for name, value in members.items():
+        if _is_numbers(value) and len(value) > MAX_NUMBERS_IN_LINE:
+            long[name] = value
+    longest = max(map(len, long.values()), default=0)
+    columns = {name: value for name, value in long.items() if len(value) == longest}
+    if len(columns) < 2:
+        return {}
+    return columns
+
+
+def label_and_unit(name: str) -> tuple[str, str]:
+    """Return the name of a result as people read it, and the unit of its values or ""."""
+    for end, unit in UNITS.items():
+        if name.endswith(end):
+            return name.removesuffix(end).replace("_", " "), unit
+    return name.replace("_", " "), ""
+
+
+def _value_lines(value: Any, unit: str) -> list[str]:
+    """Return what stands behind a name: one line, or several of texts and of named values."""
+    if isinstance(value, dict) and value:
+        rows = [(_key(key), ", ".join(_value_lines(item, unit))) for key, item in value.items()]
+        return table(rows).split("\n")
+    if isinstance(value, bool):
+        return ["yes" if value else "no"]
+    if isinstance(value, int | float):
+        value = [value]
+    if _is_numbers(value):
+        return [_numbers_line(value, unit)]
+    if isinstance(value, list) and value:
+        if all(map(_is_numbers, value)):
+            return _matrix_lines(value, unit)
+        texts = [", ".join(_value_lines(item, unit)) for item in value]
+        if sum(map(len, texts)) < MAX_TEXT_WIDTH:
+            return [", ".join(texts)]
+        return texts
+    if value is None or len(value) == 0:
+        return ["none"]
+    return [str(value)]
+
+
+def _matrix_lines(rows: list[list[float]], unit: str) -> list[str]:
+    """Return the lines of a matrix, its unit in the first one."""
+    texts, unit = _scaled([number for row in rows for number in row], unit)
+    width = len(rows[0])
+    lines = _aligned([texts[k::width] for k in range(width)])
+    if unit:
+        return [f"in {unit}", *lines]
+    return lines
+
+
+def _key(name: str) -> str:
+    """Return the name of a value among others; a number is a frequency in Hz."""
+    try:
+        return quantity(float(name), "Hz", DIGITS["Hz"])
+    except ValueError:
+        if "." in name:  # the name of a file
+            return name
+        return name.replace("_", " ")
+
+
+def _is_numbers(value: Any) -> bool:
+    """Return whether a value is a list of numbers that is not empty."""
+    if not isinstance(value, list) or not value:
+        return False
+    return all(isinstance(item, int | float) for item in value) and not isinstance(value[0], bool)
+
+
+def _numbers_line(values: list[float], unit: str) -> str:
+    """Return numbers in one line; of many, the first and the last."""
+    if len(values) > 2 * MAX_NUMBERS_IN_LINE:
+        first = _numbers_line(values[:MAX_NUMBERS_IN_LINE], unit)
+        last = _numbers_line(values[-MAX_NUMBERS_IN_LINE:], unit)
+        return f"{first} ... {last}, {len(values)} in all"
+    has_prefix = unit and unit not in WITHOUT_PREFIX
+    if len(values) == 1 and has_prefix and not isinstance(values[0], int):
+        return quantity(values[0], unit, DIGITS.get(unit, USUAL_DIGITS))
+    texts, unit = _scaled(values, unit)
+    line = ", ".join(texts)
+    if unit:
+        line += f" {unit}"
+    return line
+
+
+def _scaled(values: list[float], unit: str) -> tuple[list[str], str]:
+    """Return texts of numbers, and their unit with the prefix that suits the largest."""
+    if unit and not all(isinstance(value, int) for value in values):
+        digits = DIGITS.get(unit, USUAL_DIGITS)
+        return scaled(values, unit, digits, prefixed=unit not in WITHOUT_PREFIX)
+    texts = []
+    for value in values:
+        texts.append(f"{value:,}" if isinstance(value, int) else f"{value:.4g}")
+    return texts, unit
+
+
+def _column_lines(columns: dict[str, list[float]]) -> list[str]:
+    """Return numbered lines with a column for each list, its unit in the heading."""
+    count = len(next(iter(columns.values())))
+    numbers = ["", *map(str, range(1, count + 1))]
+    texts = [numbers]
+    for name, values in columns.items():
+        label, unit = label_and_unit(name)
+        cells, unit = _scaled(values, unit)
+        heading = label
+        if unit:
+            heading += f", {unit}"
+        texts.append([heading, *cells])
+    lines = _aligned(texts)
+    if len(lines) <= MAX_COLUMN_LINES + 1:
+        return lines
+    half = MAX_COLUMN_LINES // 2
+    return [*lines[: half + 1], f"... {count - 2 * half} more", *lines[-half:]]
+
+
 def _aligned(columns: list[list[str]]) -> list[str]:
-    """Lines of texts that stand below each other, to the right."""
+    """Return the lines of columns of texts, each flush right."""
     widths = [max(map(len, column)) for column in columns]
-    return [
-        INDENT.join(text.rjust(width) for text, width in zip(row, widths, strict=True))
-        for row in zip(*columns, strict=True)
-    ]
+    lines = []
+    for row in zip(*columns, strict=True):
+        cells = [text.rjust(width) for text, width in zip(row, widths, strict=True)]
+        lines.append(INDENT.join(cells))
+    return lines

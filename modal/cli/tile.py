@@ -12,8 +12,10 @@ from modal.packing.tiling import repeat, repeat_sample
 from modal.tools.errors import InputError
 from modal.tools.workload import refuse_above_memory
 
-SAMPLE_BYTES, NETWORK_BYTES = 100.0, 1500.0
-"""Memory for each sphere of the result, measured: of a sample without shear, of a network."""
+SAMPLE_BYTES_PER_SPHERE = 100.0
+"""Memory for each sphere of a repeated sample without shear, measured."""
+NETWORK_BYTES_PER_SPHERE = 1500.0
+"""Memory for each sphere of a repeated network, or of a sample with shear, measured."""
 EXAMPLE = "tile mine.network.h5 --repeat 2 2 -o wide.network.h5"
 OPTIONS = (
     NETWORK,
@@ -26,21 +28,33 @@ read_product = read
 
 def run(options: Options) -> Result:
     """Write the repeated packing; a sample stays one if the name of FILE says so."""
-    times, source, output = options.repeat, options.network, options.output
-    if is_sample(output) and not is_sample(source):
+    n_x, n_y = options.repeat
+    source = options.network
+    target = options.output
+    if is_sample(target) and not is_sample(source):
         raise InputError(
-            "input", f"-o {output}: only a sample gives a sample", remedy="write *.network.h5"
+            "not_a_sample",
+            f"-o {target}: only a sample gives a sample",
+            remedy="write *.network.h5",
         )
     packing: Sample | Network = read_remarked(source, options.remarks.append)
-    packing = read_sample(source) if is_sample(output) else packing
-    spheres = len(packing.position) * times[0] * times[1]
-    light = isinstance(packing, Sample) and packing.shear is None
-    task = f"repeating {source} {times[0]} by {times[1]} times"
-    memory = spheres * (SAMPLE_BYTES if light else NETWORK_BYTES)
-    refuse_above_memory(memory, task, "repeat it fewer times")
-    made = options.made.attributes()
+    if is_sample(target):
+        packing = read_sample(source)
+    _refuse_above_memory(packing, source, n_x, n_y)
+    provenance = options.made.attributes()
     if isinstance(packing, Sample):
-        write_sample(output, replace(repeat_sample(packing, *times), provenance=made))
+        repeated = replace(repeat_sample(packing, n_x, n_y), provenance=provenance)
+        write_sample(target, repeated)
     else:
-        write_network(output, replace(repeat(packing, *times), provenance=made))
-    return {"spheres": spheres}
+        write_network(target, replace(repeat(packing, n_x, n_y), provenance=provenance))
+    return {"spheres": len(packing.position) * n_x * n_y}
+
+
+def _refuse_above_memory(packing: Sample | Network, source: str, n_x: int, n_y: int) -> None:
+    """Raise InputError if the repeated packing needs more than the free memory."""
+    bytes_per_sphere = NETWORK_BYTES_PER_SPHERE
+    if isinstance(packing, Sample) and packing.shear is None:
+        bytes_per_sphere = SAMPLE_BYTES_PER_SPHERE
+    spheres = len(packing.position) * n_x * n_y
+    task = f"repeating {source} {n_x} by {n_y} times"
+    refuse_above_memory(spheres * bytes_per_sphere, task, "repeat it fewer times")

@@ -1,8 +1,9 @@
 """The wave that a push of the source wall sends through the contacts' springs."""
 
 import math
+from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from modal.cli.options import Group, Option, Options, Result, chosen_for, flag, say, typed
 from modal.cli.reading import packing_of, springs
@@ -23,146 +24,180 @@ from modal.waves.defaults import (
 )
 from modal.waves.motions import Motion, Pulse, chirp, read_motion, step
 from modal.waves.nonlinear import NONLINEAR_TOLERANCE, NonlinearWave
-from modal.waves.propagate import LINEAR_TOLERANCE, propagate
+from modal.waves.propagate import LINEAR_TOLERANCE, LinearWave, propagate
 from modal.waves.signals import COMPONENT, read_signals, write_signals
 from modal.waves.sources import Plane, Point, Source, Wall
 
-MOTIONS: dict[str, tuple[Any, ...]] = {
-    "pulse": (Pulse, "amplitude", "input_frequency", "cycles"),
-    "chirp": (chirp, "amplitude", "input_frequency", "last_frequency", "sweep"),
-    "step": (step, "amplitude", "sweep"),
-    "file": (read_motion, "motion_file"),
+
+class MotionKind(NamedTuple):
+    """A kind of motion of the source: what makes it, and the options for its arguments."""
+
+    make: Callable[..., Motion]
+    options: tuple[str, ...]
+
+
+MOTIONS = {
+    "pulse": MotionKind(Pulse, ("amplitude", "input_frequency", "cycles")),
+    "chirp": MotionKind(chirp, ("amplitude", "input_frequency", "last_frequency", "sweep")),
+    "step": MotionKind(step, ("amplitude", "sweep")),
+    "file": MotionKind(read_motion, ("motion_file",)),
 }
-"""What makes each motion of the source, and of which options."""
-NOISY = 0.01
-"""Motion without a wave, over the wave's, from which on it is remarked on."""
+"""Motions of the source by the words of --motion, and that of --motion-file."""
+MAX_NOISE = 0.01
+"""Largest motion without a wave, divided by the wave's, about which nothing is said."""
 EXAMPLE = "wave mine.network.h5 --duration 4e-4 -o mine.signals.h5"
-STROKE = (
+AMPLITUDE_HELP = (
     f"half the wall's stroke, m (default: {PULSE_AMPLITUDE_IN_D:g} D, at most "
     f"{PULSE_AMPLITUDE_IN_OVERLAPS:g} of the mean overlap; D: mean diameter)"
 )
-FREQUENCY = (
+FREQUENCY_HELP = (
     f"of the pulse (default: {PULSE_FREQUENCY_IN_V_PER_D:g} V / D; V: of a P-wave that every "
     "sphere follows)"
 )
-LENGTH = (
+DURATION_HELP = (
     f"of the record (default: the motion of the source, then {DURATION_IN_PASSAGES:g} times the "
     "height over V, twice as long for S-waves)"
 )
-EVERY = f"between records (default: {INTERVAL_IN_D_PER_V:g} D / V)"
-OF_MOTION = (
-    Option("--amplitude", "A", STROKE),
-    Option("--input-frequency", "HZ", FREQUENCY),
+INTERVAL_HELP = f"between records (default: {INTERVAL_IN_D_PER_V:g} D / V)"
+MOTION_OPTIONS = (
+    Option("--amplitude", "A", AMPLITUDE_HELP),
+    Option("--input-frequency", "HZ", FREQUENCY_HELP),
     Option("--cycles", "N", "of a pulse", 1, int),
     Option("--last-frequency", "HZ", "at the end of a chirp"),
     Option("--sweep", "S", "how long a chirp lasts, or a step rises"),
 )
-OF_PACKING = ("amplitude", "input_frequency")
-"""Of these, those that follow from the packing where they are not given."""
-USUAL = {name[2:].replace("-", "_"): default for name, _, _, default, *_ in OF_MOTION}
+"""Arguments of motions."""
+DEFAULTS_FROM_PACKING = ("amplitude", "input_frequency")
+"""Arguments of motions with a default that follows from the packing."""
 WHICH_MOTION = (
     Option("--motion", "", "of the source wall", "pulse", ("pulse", "chirp", "step")),
     Option(
         "--motion-file", "FILE", "the source's motion as a table of two columns: s, m", None, str
     ),
 )
-MOVES = "of the source's motion: along z, along x or y for S-waves, or torsion about z"
-OPENS = "in the place of the source wall the contacts across this height, m, open"
-PUSHED = "in its place a force, in N, pushes sphere K (from 0 on), or a torque turns it"
-DECAYS = "of the contacts, over the critical: normal, tangential (default: none)"
-OF_SOURCE = (
-    Option("--direction", "", MOVES, "z", tuple(COMPONENT)),
-    Group("", [Option("--plane", "Z", OPENS), Option("--point", "K", PUSHED, kind=int)]),
-    Option("--damping", ("N", "T"), DECAYS),
+DIRECTION_HELP = "of the source's motion: along z, along x or y for S-waves, or torsion about z"
+PLANE_HELP = "in the place of the source wall the contacts across this height, m, open"
+POINT_HELP = "in its place a force, in N, pushes sphere K (from 0 on), or a torque turns it"
+DAMPING_HELP = "of the contacts, over the critical: normal, tangential (default: none)"
+SOURCE_OPTIONS = (
+    Option("--direction", "", DIRECTION_HELP, "z", tuple(COMPONENT)),
+    Group(
+        "",
+        [
+            Option("--plane", "Z", PLANE_HELP),
+            Option("--point", "K", POINT_HELP, kind=int),
+        ],
+    ),
+    Option("--damping", ("N", "T"), DAMPING_HELP),
 )
-"""What moves, along which direction, and how its motion decays."""
-BY_LAW = "contacts follow their law, slide and open; of a sample, in steps of an error of 1e-3"
-ERROR = (
+"""Options for the source, its direction, and the dashpots of the contacts."""
+TOLERANCE_HELP = (
     f"relative error; of --nonlinear that of the time step (default {LINEAR_TOLERANCE}, "
     f"{NONLINEAR_TOLERANCE})"
 )
-HOLDS = "of --nonlinear: in place of the sample's own; 10 holds all contacts"
-WHOLE = "compute all of a packing of equal parts side by side, as a crystal, not one of them"
+TIME_STEP_HELP = "in steps as DEM programs, by leapfrog (default: exact in time)"
+NONLINEAR_HELP = (
+    "contacts follow their law, slide and open; of a sample, in steps of an error of 1e-3"
+)
+FRICTION_HELP = "of --nonlinear: in place of the sample's own; 10 holds all contacts"
+WHOLE_HELP = "compute all of a packing of equal parts side by side, as a crystal, not one of them"
 OPTIONS = (
     *springs(".signals.h5"),
-    Option("--duration", "S", LENGTH),
-    *OF_MOTION,
+    Option("--duration", "S", DURATION_HELP),
+    *MOTION_OPTIONS,
     Group("", WHICH_MOTION),
-    Option("--interval", "S", EVERY),
-    Option("--tolerance", "T", ERROR),
-    *OF_SOURCE,
+    Option("--interval", "S", INTERVAL_HELP),
+    Option("--tolerance", "T", TOLERANCE_HELP),
+    *SOURCE_OPTIONS,
     flag("--particles", "record every sphere: to watch it, or for ParaView"),
-    Option("--time-step", "S", "in steps as DEM programs, by leapfrog (default: exact in time)"),
-    flag("--nonlinear", BY_LAW),
-    Option("--friction", "MU", HOLDS),
-    Group("advanced", [flag("--whole", WHOLE)]),
+    Option("--time-step", "S", TIME_STEP_HELP),
+    flag("--nonlinear", NONLINEAR_HELP),
+    Option("--friction", "MU", FRICTION_HELP),
+    Group("advanced", [flag("--whole", WHOLE_HELP)]),
 )
+
 read_product = partial(read_signals, of_any_source=True)
 
 
-def in_force(options: Options) -> None:
-    """The tolerance of the wave that is asked for, where none is given."""
+def set_defaults(options: Options) -> None:
+    """Set the tolerance to that of the linear or non-linear wave if none is given."""
     if options.tolerance is None:
         options.tolerance = NONLINEAR_TOLERANCE if options.nonlinear else LINEAR_TOLERANCE
 
 
-def source_of(options: Options) -> dict[str, Any]:
-    """What moves, and the dashpots of the contacts."""
-    source: Source = Wall() if options.point is None else Point(options.point)
+def source_arguments(options: Options) -> dict[str, Any]:
+    """Return the arguments of `propagate` for the source and for the dashpots of the contacts."""
+    source: Source = Wall()
+    if options.point is not None:
+        source = Point(options.point)
     if options.plane is not None:
         source = Plane(options.plane)
-    damping = ContactDamping(*options.damping) if options.damping else None
+    damping = None
+    if options.damping:
+        damping = ContactDamping(*options.damping)
     return {"source": source, "damping": damping}
 
 
+def motion_name(options: Options) -> str:
+    """Return the name in `MOTIONS` of the source's motion."""
+    if options.motion_file:
+        return "file"
+    name: str = options.motion
+    return name
+
+
 def check_motion(options: Options) -> None:
-    """Refuse options that another motion has, and a motion that lacks one of its own."""
-    name = "file" if options.motion_file else options.motion
-    _, *has = MOTIONS[name]
-    for option in (*USUAL, *has):
-        given = getattr(options, option)
-        if option not in has and given != USUAL[option]:
+    """Raise InputError for options of another motion, and for options that the motion lacks."""
+    name = motion_name(options)
+    names = MOTIONS[name].options
+    for option in MOTION_OPTIONS:
+        argument = option.name.removeprefix("--").replace("-", "_")
+        if argument not in names and getattr(options, argument) != option.default:
             raise InputError(
-                "foreign_option", f"{typed(option)}: the motion is a {name}, which has none"
+                "foreign_option", f"{option.name}: the motion is a {name}, which has none"
             )
-        if option in has and given is None and option not in OF_PACKING:
-            raise InputError("missing_option", f"--motion {name} needs {typed(option)}")
+    for argument in names:
+        is_missing = getattr(options, argument) is None
+        if is_missing and argument not in DEFAULTS_FROM_PACKING:
+            raise InputError("missing_option", f"--motion {name} needs {typed(argument)}")
 
 
 def motion_in(network: Network, options: Options, source: Source) -> Motion:
-    """Make the motion of the source; what is not given follows from the packing."""
-    make, *has = MOTIONS["file" if options.motion_file else options.motion]
-    defaults = {
-        "amplitude": lambda: default_amplitude(network, source, options.direction),
-        "input_frequency": lambda: default_frequency(network),
-    }
-    numbers = []
-    for option in has:
-        given = getattr(options, option)
-        numbers.append(defaults[option]() if given is None else given)
-    motion: Motion = make(*numbers)
-    return motion
+    """Make the motion of the source; arguments that are not given follow from the packing."""
+    kind = MOTIONS[motion_name(options)]
+    arguments = []
+    for name in kind.options:
+        value = getattr(options, name)
+        if value is None and name == "amplitude":
+            value = default_amplitude(network, source, options.direction)
+        elif value is None and name == "input_frequency":
+            value = default_frequency(network)
+        arguments.append(value)
+    return kind.make(*arguments)
 
 
 def run(options: Options) -> Result:
-    """The wave that the source sends, and how exact it is."""
+    """Propagate the wave of a source; the result says how exact it is."""
     path = options.network
     if options.nonlinear and not is_sample(path):
         raise InputError(
-            "input",
+            "not_a_sample",
             f"{path}: --nonlinear takes a *.sample.h5, which has the law and the friction of its "
             "contacts",
         )
     check_motion(options)
-    packing: Any = read_sample(path) if options.nonlinear else packing_of(options, waves=True)
-    source = source_of(options)
-    network = packing.network() if options.nonlinear else packing
-    motion = motion_in(network, options, source["source"])
-    given = chosen_for(propagate, options) | source | {"motion": motion}
+    if options.nonlinear:
+        packing: Any = read_sample(path)
+        network = packing.network()
+    else:
+        packing = packing_of(options, waves=True)
+        network = packing
+    arguments = chosen_for(propagate, options) | source_arguments(options)
+    motion = motion_in(network, options, arguments["source"])
     duration = options.duration
     if duration is None:
         duration = default_duration(network, motion, options.direction)
-    wave: Any = propagate(packing, duration, **given)
+    wave: Any = propagate(packing, duration, **arguments | {"motion": motion})
     signals = wave.signals
     if options.output:
         write_signals(options.output, signals, options.made)
@@ -171,38 +206,36 @@ def run(options: Options) -> Result:
                 "velocities, low-pass frequency, attenuation: python -m analysis measure "
                 f"{path} {options.output}"
             )
-    moved = signals.chain_displacement
-    if not moved.size and signals.layer_displacement is not None:
-        moved = signals.layer_displacement
-    recorded = {
+    displacement = signals.chain_displacement
+    if not displacement.size and signals.layer_displacement is not None:
+        displacement = signals.layer_displacement
+    result: Result = {
         "particles_of_the_chain": len(signals.chain_particle),
         "times": len(signals.time),
-        "largest_displacement_m": float(abs(moved).max()),
+        "largest_displacement_m": float(abs(displacement).max()),
         "degrees_of_freedom": 6 * len(packing.position),
     }
     if options.nonlinear:
-        return recorded | _by_law(wave, options.remarks)
-    accuracy = {"truncation": wave.truncation}
-    if options.time_step is not None:
-        accuracy = {"time_step_s": options.time_step}
+        options.remarks += _nonlinear_remarks(wave)
+        return result | _nonlinear_result(wave)
+    return result | _linear_result(wave, options.time_step)
+
+
+def _linear_result(wave: LinearWave, time_step: float | None) -> Result:
+    """Return the cost and the error of a linear wave."""
+    result: Result = {"products_with_k": wave.products}
+    if time_step is None:
+        result["truncation"] = wave.truncation
+    else:
+        result["time_step_s"] = time_step
     if wave.repeats > 1:
-        accuracy["computed_one_of_equal_parts"] = wave.repeats
-    return recorded | {"products_with_k": wave.products} | accuracy
+        result["computed_one_of_equal_parts"] = wave.repeats
+    return result
 
 
-def _by_law(wave: NonlinearWave, remarks: list[str]) -> dict[str, Any]:
-    """What contacts that follow their law did, and how exact that is; remarks where it is not."""
+def _nonlinear_result(wave: NonlinearWave) -> Result:
+    """Return the steps, the error, the slip and the energy balance of a non-linear wave."""
     balance = wave.signals.balance
-    if balance and not balance.closes:
-        remarks.append(
-            f"the energy does not add up: gap {balance.gap:.1e}, drift {balance.drift:.1e} of the "
-            "wave; take a smaller --tolerance"
-        )
-    if wave.noise > NOISY:
-        remarks.append(
-            f"without a wave the sample moves by {wave.noise:.1g} of the wave's motion; bring it "
-            "to rest (python -m modal relax)"
-        )
     return {
         "steps": wave.steps,
         "time_step_s": wave.signals.time_step,
@@ -213,3 +246,20 @@ def _by_law(wave: NonlinearWave, remarks: list[str]) -> dict[str, Any]:
         "energy_gap": balance.gap if balance else math.nan,
         "dissipated_share": float(wave.energy[-1, 3] / abs(wave.energy[-1, 0])),
     }
+
+
+def _nonlinear_remarks(wave: NonlinearWave) -> list[str]:
+    """Return remarks on a non-linear wave whose energy does not balance, or with much noise."""
+    remarks = []
+    balance = wave.signals.balance
+    if balance and not balance.closes:
+        remarks.append(
+            f"the energy does not add up: gap {balance.gap:.1e}, drift {balance.drift:.1e} of the "
+            "wave; take a smaller --tolerance"
+        )
+    if wave.noise > MAX_NOISE:
+        remarks.append(
+            f"without a wave the sample moves by {wave.noise:.1g} of the wave's motion; bring it "
+            "to rest (python -m modal relax)"
+        )
+    return remarks
