@@ -29,8 +29,6 @@ from analysis.packing_state import (
     why_unsettled,
 )
 from analysis.record_rules import (
-    PULSE_AMPLITUDE_IN_DIAMETERS,
-    PULSE_FREQUENCY_IN_V_PER_D,
     check_layers,
     check_record,
     record_interval,
@@ -45,6 +43,7 @@ from modal.packing.sample import Sample
 from modal.packing.summary import crystalline_shares
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import UnavailableError
+from modal.waves.defaults import PULSE_AMPLITUDE_IN_D, PULSE_FREQUENCY_IN_V_PER_D
 from modal.waves.motions import Motion, Pulse
 from modal.waves.propagate import propagate
 from modal.waves.signals import Signals
@@ -105,8 +104,8 @@ class PackingData:
         Amplitudes of these waves.
     stated : dict
         Lower and upper value that a study states for a quantity, by its name; figures show them.
-    not_kept : list of Caveat
-        Why spectra could not be written into `keep`.
+    not_kept : dict of str to Caveat
+        Why a spectrum could not be written into `keep`, by its kind.
     linear_record : Signals, optional
         The linear wave, if it is computed already.
     every_particle : bool
@@ -121,7 +120,7 @@ class PackingData:
     sample: Sample | None = None
     amplitudes: Sequence[float] = ()
     stated: dict[str, tuple[float, float]] = field(default_factory=dict)
-    not_kept: list[Caveat] = field(default_factory=list)
+    not_kept: dict[str, Caveat] = field(default_factory=dict)
     linear_record: Signals | None = None
     every_particle: bool = True
     _results: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
@@ -272,7 +271,10 @@ class PackingData:
 
     @cached_property
     def records(self) -> list[Signals]:
-        """Return the recorded waves, each of them checked; S-waves by YADE come first."""
+        """Return the recorded waves, each of them checked; S-waves by YADE come first.
+
+        What a reader of files should know about them is added to the notes of the case.
+        """
         if self.given is not None:
             return list(self.given)
         records = []
@@ -280,6 +282,11 @@ class PackingData:
             record = self.case.read(kind)
             self._check(record, self.case.path(kind))
             records.append(record)
+            if kind == "signals" and record.producer == "linear":
+                self.case.notes.append(
+                    f"{self.case.path(kind)}: a linear wave, shown as it is; what is measured "
+                    "beside it is of the network's own, with the same motion of the source"
+                )
         return records
 
     def _check(self, record: Signals, path: Path | str) -> None:
@@ -317,18 +324,14 @@ class PackingData:
     @cached_property
     def yade(self) -> Signals | None:
         """Return the recorded P-wave of a DEM run; None if it is a linear wave."""
-        if self.recorded is None or self.recorded.producer != "linear":
-            return self.recorded
-        self.case.notes.append(
-            f"{self.case.path('signals')}: a linear wave, shown as it is; what is measured "
-            "beside it is of the network's own, with the same motion of the source"
-        )
-        return None
+        if self.recorded is not None and self.recorded.producer == "linear":
+            return None
+        return self.recorded
 
     @property
     def pulse(self) -> Pulse:
         """Return the default motion of the source wall, which scales with the packing."""
-        amplitude = PULSE_AMPLITUDE_IN_DIAMETERS * self.diameter
+        amplitude = PULSE_AMPLITUDE_IN_D * self.diameter
         return Pulse(amplitude, PULSE_FREQUENCY_IN_V_PER_D * self.affine_frequency)
 
     @cached_property

@@ -11,11 +11,6 @@ from modal.packing.network import Network
 from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
-PULSE_FREQUENCY_IN_V_PER_D = 0.33
-"""100 kHz in the crystal of glass at 100 kPa. The band of a crystal ends at 0.45, that of a random
-packing far below."""
-PULSE_AMPLITUDE_IN_DIAMETERS = 1e-6
-"""2.5 nm in the study: small-strain waves."""
 RECORD_INTERVAL_IN_D_PER_V = 0.4
 """Two times in a period of 1.25 V / D, which is above the frequency of all modes."""
 RECORD_LENGTH_IN_PASSAGES = 1.5 * PASSAGES

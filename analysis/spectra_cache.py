@@ -1,18 +1,19 @@
-"""Costly spectra of a packing, kept in files: gain, density of states, structure factor.
+"""Keep costly spectra of a packing in files: gain, density of states, structure factor.
 
-Each is made from the contact network alone; `measure --keep` makes it, and what has it, reads it.
+Each spectrum is computed from the contact network alone. `measure --keep` writes it, and a later
+call reads it.
 
-The gain is the spectrum of the stress at the receiver wall over that at the source wall (Fig. 19),
-with a stated resolution: gamma / pi, the full width of a resonance at half its power under a window
-exp(-gamma t). The height of a maximum is that window's. Between rigid walls L apart the gain is
-1 / |cos(q L)|, and under the window Im q = gamma / V even without any damping: 1 / sinh(gamma L /
-V) on a maximum. So no height stands alone; beside it stand the resolution and what an undamped
-column has under it.
+The gain is the spectrum of the stress at the receiver wall divided by that at the source wall
+(Fig. 19). Its resolution, gamma / pi, is the full width of a resonance at half its power under a
+window exp(-gamma t). The height of a maximum depends on this window: between rigid walls L apart
+the gain is 1 / |cos(q L)|, and under the window Im q = gamma / V even without any damping, so that
+a maximum has the height 1 / sinh(gamma L / V). A height is therefore shown with the resolution and
+with the height that an undamped column has.
 """
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -26,61 +27,98 @@ from modal.packing.network import write_network
 from modal.tools.errors import InputError
 from modal.waves.response import frequency_response, write_response
 
+SpectrumKind = Literal["response", "density", "structure"]
+"""Kind of a spectrum, which is that of its file: gain, density of states, structure factor."""
+
 RESOLUTION = 0.376
-"""In f_1 = V / 2 L: maxima lie f_1 apart."""
-REACH = 0.5
-"""Highest frequency of the gain of a network, V / D; what a crystal passes ends at 0.45."""
+"""Resolution of the gain in units of f_1 = V / 2 L; maxima lie f_1 apart."""
+MAX_GAIN_FREQUENCY_IN_V_PER_D = 0.5
+"""Highest frequency of the gain; the band of a crystal ends at 0.45."""
 DENSITY_TOLERANCE = 1e-3
-"""Standard error of a count in parts of all modes."""
-MADE: dict[str, tuple[Callable[..., Any], Callable[..., None]]] = {
-    "response": (frequency_response, write_response),
-    "density": (density_of_states, write_density),
-    "structure": (structure_factor, write_structure),
+"""Standard error of a count of modes, as a share of all modes."""
+ORDERS_WITHOUT_GAP = 30
+"""Orders of the structure factor up to here are all computed; above, each is a tenth higher."""
+ORDER_RATIO = 1.1
+MAX_FREQUENCY_IN_LAYER_PASSAGES = 0.75
+"""Highest frequency of the structure factor, times the passage, divided by the layers."""
+
+
+class Maker(NamedTuple):
+    """The functions that compute a spectrum of a network, and that write it."""
+
+    compute: Callable[..., Any]
+    write: Callable[..., None]
+
+
+MAKERS: dict[SpectrumKind, Maker] = {
+    "response": Maker(frequency_response, write_response),
+    "density": Maker(density_of_states, write_density),
+    "structure": Maker(structure_factor, write_structure),
 }
-"""Kind of file: what makes its spectrum, and what writes it."""
 
 
-def kept_file(m: PackingData, kind: str) -> Any:
-    """What a file of this kind holds, given, or kept in a folder; None without one.
+def kept_file(packing: PackingData, kind: SpectrumKind) -> Any:
+    """Return the spectrum in a file: one that is given, or one in the folder `packing.keep`.
 
-    One that lies in that folder and is stale is made again; a crystal has the response alone. Where
-    the folder takes no file, `m.not_kept` says why, and the spectrum counts all the same.
+    In that folder a file that is missing or out of date is written first. If it cannot be written,
+    the spectrum is returned all the same, and `packing.not_kept` says why. None without a file and
+    without the folder; of a crystal the folder keeps the response alone.
     """
-    case, folder = m.case, None if m.keep is None else Path(m.keep)
-    elsewhere = folder is None or case.path(kind).parent.resolve() != folder.resolve()
-    if case.has(kind) and elsewhere:
+    case = packing.case
+    if packing.keep is None:
         return case.read(kind)
-    if folder is None or (kind != "response" and m.crystal):
+    folder = Path(packing.keep)
+    if case.has(kind) and case.path(kind).parent.resolve() != folder.resolve():
+        return case.read(kind)
+    if packing.crystal and kind != "response":
         return None
-    if case.files == {}:
-        name = m.network.fingerprint[:16]
-        packing = folder / f"{name}.network.h5"
-        if not packing.is_file():
-            try:
-                write_network(packing, m.network)
-            except InputError as error:
-                m.not_kept.append(Caveat("not_kept", {"reason": str(error)}))
-                return None
-    else:
-        name, packing = case.name, case.packing_path
-    of = "sample" if case.has("sample") else "network"
-    own = Case(name, folder, {of: packing})
-    settings, path = _settings(m, kind), own.path(kind)
-    noted = settings | ({"pre_stress": "none"} if kind == "response" else {})
-    command = f"python -m analysis measure {packing.name} --keep DIR"
-    how = Provenance(command, noted, own.packing)
-    if not is_current(path, how):
-        spectrum = made(m, kind)
+    try:
+        kept = _kept_case(packing, folder)
+    except InputError as error:
+        packing.not_kept[kind] = Caveat("not_kept", {"reason": str(error)})
+        return None
+    path = kept.path(kind)
+    settings = _settings(packing, kind)
+    provenance = _provenance(kept, kind, settings)
+    if not is_current(path, provenance):
+        spectrum = compute_spectrum(packing, kind)
         try:
-            MADE[kind][1](path, spectrum, how)
+            MAKERS[kind].write(path, spectrum, provenance)
         except InputError as error:
-            m.not_kept.append(Caveat("not_kept", {"reason": str(error)}))
+            packing.not_kept[kind] = Caveat("not_kept", {"reason": str(error)})
             return as_read(kind, spectrum)
-    own.files = {of: packing, kind: path}
-    return own.read(kind)
+    return Case(kept.name, folder, {**(kept.files or {}), kind: path}).read(kind)
 
 
-def as_read(kind: str, spectrum: Any) -> Any:
+def _kept_case(packing: PackingData, folder: Path) -> Case:
+    """Return the packing with its files in the folder; write a network that has no file.
+
+    Raises InputError if the network cannot be written.
+    """
+    case = packing.case
+    if case.files == {}:
+        name = packing.network.fingerprint[:16]
+        path = folder / f"{name}.network.h5"
+        if not path.is_file():
+            write_network(path, packing.network)
+    else:
+        name = case.name
+        path = case.packing_path
+    kind = "network"
+    if case.has("sample"):
+        kind = "sample"
+    return Case(name, folder, {kind: path})
+
+
+def _provenance(case: Case, kind: SpectrumKind, settings: dict[str, Any]) -> Provenance:
+    """Return the note on how a spectrum in the folder is made."""
+    command = f"python -m analysis measure {case.packing_path.name} --keep DIR"
+    if kind == "response":
+        settings = {**settings, "pre_stress": "none"}
+    return Provenance(command, settings, case.packing)
+
+
+def as_read(kind: SpectrumKind, spectrum: Any) -> Any:
     """Return a spectrum as its file would give it."""
     if kind != "density":
         return spectrum
@@ -89,21 +127,26 @@ def as_read(kind: str, spectrum: Any) -> Any:
 
 
 @cached_on_packing
-def made(m: PackingData, kind: str) -> Any:
-    """Make the spectrum itself."""
-    return MADE[kind][0](m.network, **_settings(m, kind))
+def compute_spectrum(packing: PackingData, kind: SpectrumKind) -> Any:
+    """Compute a spectrum of the contact network."""
+    return MAKERS[kind].compute(packing.network, **_settings(packing, kind))
 
 
-def _settings(m: PackingData, kind: str) -> dict[str, Any]:
-    """Resolution and highest frequency, Hz, and what else a spectrum needs."""
-    if kind == "response":
-        highest = REACH * (m.network.length / m.diameter) / m.affine_passage
-        return {"resolution": RESOLUTION * 0.5 / m.affine_passage, "highest": highest}
+def _settings(packing: PackingData, kind: SpectrumKind) -> dict[str, Any]:
+    """Return the arguments with which a spectrum is computed; frequencies in Hz."""
     if kind == "density":
-        return {"resolution": m.line, "tolerance": DENSITY_TOLERANCE}
-    layers = int(m.network.length / m.diameter)
-    # Every order at long waves, then steps of a tenth of kappa, to one order a layer.
-    orders = np.round(1.1 ** np.arange(0, np.log(layers) / np.log(1.1)))
-    orders = np.union1d(np.arange(1, 31), orders)
-    orders, highest = orders[orders <= layers].astype(int), 0.75 * layers / m.affine_passage
-    return {"resolution": m.line, "highest": highest, "orders": orders}
+        return {"resolution": packing.line, "tolerance": DENSITY_TOLERANCE}
+    length = packing.network.length / packing.diameter
+    if kind == "response":
+        return {
+            "resolution": RESOLUTION * 0.5 / packing.affine_passage,
+            "highest": MAX_GAIN_FREQUENCY_IN_V_PER_D * length / packing.affine_passage,
+        }
+    layers = int(length)
+    spaced = np.round(ORDER_RATIO ** np.arange(0, np.log(layers) / np.log(ORDER_RATIO)))
+    orders = np.union1d(np.arange(1, ORDERS_WITHOUT_GAP + 1), spaced)
+    return {
+        "resolution": packing.line,
+        "highest": MAX_FREQUENCY_IN_LAYER_PASSAGES * layers / packing.affine_passage,
+        "orders": orders[orders <= layers].astype(int),
+    }

@@ -13,7 +13,7 @@ choices of the rule are whose displacement is taken, relative to what, and how l
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -196,6 +196,26 @@ def _are_enough(known: np.ndarray, particles: int) -> bool:
     return len(known) >= MIN_PARTICLES and 2 * len(known) > particles
 
 
+class Map(NamedTuple):
+    """Amplitude of a motion over distance from the source and frequency.
+
+    distance: (nc,), m. frequency: (nf,), Hz. amplitude: (nf, nc).
+    """
+
+    distance: np.ndarray
+    frequency: np.ndarray
+    amplitude: np.ndarray
+
+
+class StoredMap(NamedTuple):
+    """A map and what it was computed from; records are compared by identity."""
+
+    record: Signals
+    whose: Whose
+    passages: float
+    map: Map
+
+
 @dataclass
 class Passband:
     """The threshold rule on the records of a packing.
@@ -233,7 +253,7 @@ class Passband:
             range_in_v_per_d = CRYSTAL_RANGE_IN_V_PER_D
         self.highest = range_in_v_per_d * self.velocity / float(2 * self.network.radius.mean())
         self._bearing = force_bearing(self.network)
-        self._maps: dict[tuple, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        self._maps: list[StoredMap] = []
 
     def end(self, record: Signals, passages: float = PASSAGES) -> float:
         """Return the time, s, of so many `passages` after the start, or of the record's end."""
@@ -244,25 +264,28 @@ class Passband:
         """Return the length of a record, cut for the rule, in passages of the long waves."""
         return (self.end(record) - sets_out(record)) * self.velocity / self.network.length
 
-    def map(
-        self, record: Signals, whose: Whose = "chain", passages: float = PASSAGES
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return distance (nc,), m, frequency (nf,), Hz, and amplitude (nf, nc) of a cut record."""
-        key = id(record), whose, passages
-        if key not in self._maps:
-            z = record.chain_position
-            u = record.chain_displacement
-            if whose == "chain":
-                bearing = self._bearing[record.chain_particle]
-                z = z[bearing]
-                u = u[:, bearing]
-            elif not self.crystal:
-                z = record.layer_position
-                u = record.layer_displacement
-            frequency, amplitude = self._spectra(record, u, passages)
-            distance = z - self.network.wall_position[0]
-            self._maps[key] = distance, frequency, amplitude
-        return self._maps[key]
+    def map(self, record: Signals, whose: Whose = "chain", passages: float = PASSAGES) -> Map:
+        """Return the map of a record that is cut for the rule."""
+        for stored in self._maps:
+            if stored.record is record and (stored.whose, stored.passages) == (whose, passages):
+                return stored.map
+        computed = self._compute_map(record, whose, passages)
+        self._maps.append(StoredMap(record, whose, passages, computed))
+        return computed
+
+    def _compute_map(self, record: Signals, whose: Whose, passages: float) -> Map:
+        """Compute the map of the chain's force-bearing particles, or of layers."""
+        z = record.chain_position
+        u = record.chain_displacement
+        if whose == "chain":
+            bearing = self._bearing[record.chain_particle]
+            z = z[bearing]
+            u = u[:, bearing]
+        elif not self.crystal:
+            z = record.layer_position
+            u = record.layer_displacement
+        frequency, amplitude = self._spectra(record, u, passages)
+        return Map(z - self.network.wall_position[0], frequency, amplitude)
 
     def _spectra(
         self, record: Signals, displacement: np.ndarray, passages: float

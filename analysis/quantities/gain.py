@@ -8,7 +8,7 @@ from analysis.quantities.passband import low_pass_2
 from analysis.quantities.registry import on_request
 from analysis.quantities.spectrum import standing_waves
 from analysis.quantities.velocity import longest
-from analysis.spectra_cache import kept_file, made
+from analysis.spectra_cache import compute_spectrum, kept_file
 from analysis.value import Value, hertz
 from modal.tools.arrays import Floats
 from modal.waves.response import Response, maxima
@@ -22,10 +22,14 @@ a resonance between two held walls, 1 the next maximum."""
 def gain_of(packing: PackingData) -> Response:
     """Return the response to P-waves from wall to wall without damping; it has the gain factor."""
     packing.require_walls()
-    return kept_file(packing, "response") or made(packing, "response")
+    return kept_file(packing, "response") or compute_spectrum(packing, "response")
 
 
-@on_request("1", definition="stress on the receiver over that on the source wall, over frequency")
+@on_request(
+    "1",
+    definition="stress on the receiver over that on the source wall, over frequency",
+    spectrum="response",
+)
 def gain(packing: PackingData) -> Value:
     """Measure the gain factor of P-waves without damping, over frequency."""
     response = gain_of(packing)

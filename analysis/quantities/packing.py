@@ -1,7 +1,6 @@
-"""What the packing is: densities, contacts, order, forces at rest."""
+"""Measure what a packing is at rest: its density, contacts, order and forces."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -18,23 +17,52 @@ from modal.packing.weight import unbalanced_forces
 from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
 
+MAX_RELATIVE_RADIUS_DIFFERENCE = 1e-9
+"""Radii that differ by less are equal: a file may round them."""
 
-def _forces(network: Network) -> Floats:
-    """Normal forces (m,), N, between spheres; refused where there are none."""
+
+def _measure_coordination(network: Network) -> float:
+    return float(state.contacts_per_particle(network).mean())
+
+
+def _measure_coordination_of_bearing(network: Network) -> float:
+    return float(state.coordination_without_rattlers(network)[0])
+
+
+def _measure_rattlers(network: Network) -> float:
+    return float(1 - force_bearing(network).mean())
+
+
+def _measure_fabric(network: Network) -> float:
+    return float(state.fabric_tensor(network)[2, 2])
+
+
+def _forces_between_spheres(network: Network) -> Floats:
+    """Return the normal forces (m,), N, between spheres; UnavailableError if there are none."""
     force: Floats = network.require("force_normal", "distribution of forces")[~network.with_wall]
     if not force.any():
         raise UnavailableError("no_forces", "no force between two spheres")
     return force
 
 
-def _lateral(network: Network) -> float:
+def _measure_force_squared(network: Network) -> float:
+    force = _forces_between_spheres(network)
+    return float((force**2).mean() / force.mean() ** 2)
+
+
+def _measure_weak_forces(network: Network) -> float:
+    force = _forces_between_spheres(network)
+    return float((force < 0.5 * force.mean()).mean())
+
+
+def _measure_lateral_stress(network: Network) -> float:
     stress = np.diag(state.stress_tensor(network))
     if stress[2] == 0:
         raise UnavailableError("no_forces", "no stress along z")
-    return stress[:2].mean() / stress[2]
+    return float(stress[:2].mean() / stress[2])
 
 
-def _residual(network: Network) -> float:
+def _measure_residual(network: Network) -> float:
     force = network.require("force_normal", "balance")
     if not force.any():
         raise UnavailableError("no_forces", "no contact bears a force")
@@ -42,7 +70,7 @@ def _residual(network: Network) -> float:
 
 
 def of_free_packing(network: Network) -> Value | None:
-    """Return the void ratio of a packing with free ends, by its core; None of one without."""
+    """Return the void ratio in the core of a packing with free ends; None without free ends."""
     occupied = occupied_part(network)
     if occupied is None:
         return None
@@ -51,89 +79,93 @@ def of_free_packing(network: Network) -> Value | None:
     return Value(occupied.void_ratio, "1", {"fit": occupied.void_ratio_error}, (caveat,))
 
 
-EXACT: dict[str, tuple[Callable[[Network], Any], str]] = {
+EXACT: dict[str, tuple[Callable[[Network], float], str]] = {
     "coordination": (
-        lambda n: state.contacts_per_particle(n).mean(),
+        _measure_coordination,
         "contacts of a sphere, rattlers and contacts with walls included",
     ),
     "coordination_of_bearing": (
-        lambda n: state.coordination_without_rattlers(n)[0],
+        _measure_coordination_of_bearing,
         "contacts among force-bearing spheres, of one",
     ),
-    "rattlers": (lambda n: 1 - force_bearing(n).mean(), "share of spheres that bear no force"),
-    "fabric_zz": (lambda n: state.fabric_tensor(n)[2, 2], "mean n_z^2 of contact normals"),
-    "lateral_stress": (_lateral, "mean lateral stress over that along z"),
+    "rattlers": (_measure_rattlers, "share of spheres that bear no force"),
+    "fabric_zz": (_measure_fabric, "mean n_z^2 of contact normals"),
+    "lateral_stress": (_measure_lateral_stress, "mean lateral stress over that along z"),
     "force_squared": (
-        lambda n: (_forces(n) ** 2).mean() / _forces(n).mean() ** 2,
+        _measure_force_squared,
         "mean squared normal force between spheres over squared mean",
     ),
     "weak_forces": (
-        lambda n: (_forces(n) < 0.5 * _forces(n).mean()).mean(),
+        _measure_weak_forces,
         "share of normal forces between spheres below half the mean",
     ),
     "residual": (
-        _residual,
+        _measure_residual,
         "mean net force of a sphere over mean contact force, its weight left out, torque over the "
         "radius in it",
     ),
 }
-"""Numbers without an error, exact for the packing, and what they are."""
+"""Numbers that are exact for the packing: the function of its network, and the definition."""
 
 
-def _exact(number: Callable[[Network], Any]) -> Callable[[PackingData], Value]:
-    return lambda packing: Value(float(number(packing.network)), "1")
+def _exact(function: Callable[[Network], float]) -> Callable[[PackingData], Value]:
+    """Return a function of the packing that measures a number of its network, without an error."""
+
+    def measure(packing: PackingData) -> Value:
+        return Value(float(function(packing.network)), "1")
+
+    return measure
 
 
 @quantity("1", definition="volume of voids over that of spheres")
 def void_ratio(packing: PackingData) -> Value:
-    """Volume of voids over that of spheres.
+    """Measure the void ratio from wall to wall.
 
-    From wall to wall; of a packing with a free surface away from that and from walls.
+    If the packing has a free surface, measure it in the core, away from the surface and from walls.
     """
     exact = Value(state.void_ratio(packing.network), "1")
     return of_free_packing(packing.network) or exact
 
 
-for _name, (_number, _definition) in EXACT.items():
+for _name, (_function, _definition) in EXACT.items():
     _on_request = _name != "coordination"
-    quantity("1", name=_name, definition=_definition, on_request=_on_request)(_exact(_number))
+    quantity("1", name=_name, definition=_definition, on_request=_on_request)(_exact(_function))
 
 
 @quantity("1", definition="share of spheres in crystalline surroundings")
 def crystalline_share(packing: PackingData) -> Value:
-    """Share of spheres in crystalline surroundings.
-
-    Of all spheres; a random packing has few.
-    """
-    if not packing.crystalline:
-        radius = packing.network.radius
-        equal = np.ptp(radius) <= 1e-9 * radius.mean()
-        why = "the cell has no periods along x and y" if equal else "spheres are not equal"
-        return unknown("1", Caveat("no_order", {"reason": why}))
-    return Value(packing.crystalline["crystalline_share"], "1")
+    """Measure the share of all spheres in crystalline surroundings; a random packing has few."""
+    if packing.crystalline:
+        return Value(packing.crystalline["crystalline_share"], "1")
+    radius = packing.network.radius
+    if np.ptp(radius) <= MAX_RELATIVE_RADIUS_DIFFERENCE * radius.mean():
+        reason = "the cell has no periods along x and y"
+    else:
+        reason = "spheres are not equal"
+    return unknown("1", Caveat("no_order", {"reason": reason}))
 
 
 @on_request("1", definition="void ratio away from the walls")
 def void_ratio_of_bulk(packing: PackingData) -> Value:
-    """Void ratio away from the walls.
+    """Measure the mean void ratio over the layers that no wall orders.
 
-    Mean over the layers that no wall orders.
+    If the packing has a free surface, measure it in the core.
     """
-    if free := of_free_packing(packing.network):
-        return free
+    of_core = of_free_packing(packing.network)
+    if of_core is not None:
+        return of_core
     layers = state.profile(packing.network)
     if not layers.bulk.any():
         return unknown("1", Caveat("no_bulk"))
-    return Value(float(1 / (1 / (1 + layers.void_ratio[layers.bulk])).mean() - 1), "1")
+    solid_fraction = (1 / (1 + layers.void_ratio[layers.bulk])).mean()
+    return Value(float(1 / solid_fraction - 1), "1")
 
 
 @on_request("1", definition="largest deviation of a principal stress from its target")
 def stress_error(packing: PackingData) -> Value:
-    """Largest deviation of a principal stress from its target.
-
-    Of the stress that the packing says it was made for.
-    """
+    """Measure how far the principal stresses are from the one that the packing's notes state."""
     target = note(packing.network, "stress")
     if not target > 0:
         return unknown("1", Caveat("no_stated_stress"))
-    return Value(float(abs(np.diag(state.stress_tensor(packing.network)) / target - 1).max()), "1")
+    error = abs(np.diag(state.stress_tensor(packing.network)) / target - 1).max()
+    return Value(float(error), "1")

@@ -1,10 +1,13 @@
-"""What the files of a case give: by its run and by the linear wave, by modes, theory and spectra.
+"""Measure what the files of a case give: its run and the linear wave, modes, theory, spectra.
 
-On request, as each needs files that most packings do not have. A number has one producer in its
-name where there are two: `yade`, the recorded run, or `linear`, the wave of the springs.
+These quantities are measured on request, because most packings lack the files that they need. A
+number that two programs can give has one of them in its name: `yade`, the recorded run, or
+`linear`, the wave of the springs.
 """
 
 from collections.abc import Callable
+from functools import partial
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -15,206 +18,423 @@ from analysis.packing_data import PackingData
 from analysis.quantities import gain, passband, scattering, spectrum, velocity
 from analysis.quantities.passband import Producer
 from analysis.quantities.registry import on_request
+from analysis.spectra_cache import SpectrumKind
 from analysis.value import Value, estimate
 
-LOW, HIGH = 0.05, 0.07
-"""In parts of the highest frequency: below the one modes move along z together, above the other no
-more. The paper has 10 and 15 kHz of 216."""
+LOW = 0.05
+"""Share of the highest frequency below which modes move along z together; 10 of 216 kHz in the
+paper."""
+HIGH = 0.07
+"""Share of the highest frequency above which modes no longer do; 15 of 216 kHz in the paper."""
 PERCENT = "2", "1", "3"
-"""The first of the thresholds of f_low-pass, as their quantities are called."""
+"""The first thresholds of f_low-pass in per cent, as names of quantities have them."""
+LAST_RESONANCE_OF_CRYSTAL = 200
+"""Order of the last P resonance of the paper's crystals, which have 200 layers."""
 MAPS: dict[str, tuple[Whose, Reference]] = {
     "": ("chain", "map"),
     "own_": ("chain", "own"),
     "layers_": ("layers", "map"),
 }
 """Rules of f_low-pass by their part of a name: whose motion, relative to which maximum."""
-PRODUCERS = {"yade": "run", "linear": "linear wave"}
-Number = Callable[[PackingData], float | Value]
+PRODUCERS: dict[Producer, str] = {"yade": "run", "linear": "linear wave"}
+"""Programs that compute a record, and what definitions call their record."""
+
+Measure = Callable[[PackingData], float | Value]
+Function = TypeVar("Function", bound=Measure)
+CASE_QUANTITIES: list[str] = []
+"""Names of the quantities of this module, in the order of a result."""
 
 
-def _by(function: Callable[..., float | Value], *given: object) -> Number:
-    """A function of a packing and more, as one of the packing alone."""
-    return lambda m: function(m, *given)
+def case_quantity(
+    unit: str, definition: str, name: str = "", spectrum: SpectrumKind | Literal[""] = ""
+) -> Callable[[Function], Function]:
+    """Register a quantity on request, and list it among those of a case's result."""
+
+    def register(function: Function) -> Function:
+        key = name or getattr(function, "__name__", "")
+        CASE_QUANTITIES.append(key)
+        return on_request(unit, name=key, definition=definition, spectrum=spectrum)(function)
+
+    return register
 
 
-def _f_max(m: PackingData) -> Value:
-    lists = m.case.read("highest.modes"), m.case.read("modes")
-    return spectrum.natural_frequency(spectrum.f_max(m), *lists)
+@case_quantity("1", "spheres")
+def particles(packing: PackingData) -> float:
+    """Return the number of spheres."""
+    return packing.network.n_particles
 
 
-def _f_min(m: PackingData) -> Value:
-    modes = m.case.needed("modes")
+@case_quantity("1", "length, D")
+def length_over_d(packing: PackingData) -> float:
+    """Return the length in mean diameters."""
+    return packing.network.length / packing.diameter
+
+
+@case_quantity("1", "width, D")
+def width_over_d(packing: PackingData) -> float:
+    """Return the width along x in mean diameters."""
+    return packing.network.cell_size[0] / packing.diameter
+
+
+@case_quantity("m/s", "V_P of first peaks, mean of columns and their scatter")
+def v_p_first_peaks_columns(packing: PackingData) -> Value:
+    """Measure V_P of first peaks along all columns of the linear wave."""
+    return estimate(*velocity.columns(packing, "linear"))
+
+
+@case_quantity("m/s", "2 L f_1 of the first resonance (Eqs. 3, 4)")
+def v_p_modes_first(packing: PackingData) -> float:
+    """Measure V_P by the first P resonance."""
+    return 2 * packing.network.length * _resonance(packing, 1).value
+
+
+@case_quantity("m/s", "V_P of modes, kappa = pi r / L, by omega = V kappa (1 + b kappa^2)")
+def v_p_modes_eq_4(packing: PackingData) -> Value:
+    """Measure V_P by the standing waves, with their wave numbers by Eq. 4."""
+    return estimate(*long_wave_velocity(*spectrum.standing_waves(packing)))
+
+
+case_quantity("m/s", "V_P of modes, kappa fitted", "v_p_modes_fitted")(spectrum.modal_fitted)
+
+
+@case_quantity("m/s", "V_P of even strains")
+def v_p_emt_contacts(packing: PackingData) -> float:
+    """Return V_P of an affine strain."""
+    return packing.affine_velocity
+
+
+@case_quantity("m/s", "V_P of the lattice")
+def v_p_theory(packing: PackingData) -> float:
+    """Return V_P of a crystal's lattice."""
+    return packing.lattice.velocity
+
+
+@case_quantity("Hz", "highest natural frequency, of a list where there is one")
+def f_max(packing: PackingData) -> Value:
+    """Measure the highest natural frequency, with its residual if a file has its mode."""
+    lists = packing.case.read("highest.modes"), packing.case.read("modes")
+    return spectrum.natural_frequency(spectrum.f_max(packing), *lists)
+
+
+@case_quantity("1", "spheres that move there")
+def f_max_spheres(packing: PackingData) -> float:
+    """Count the spheres that take part in the highest mode."""
+    return spectrum.highest_seat(packing)[0]
+
+
+@case_quantity("1", "contacts of the first")
+def f_max_contacts(packing: PackingData) -> float:
+    """Count the contacts of the sphere that moves most in the highest mode."""
+    return spectrum.highest_seat(packing)[1]
+
+
+@case_quantity("Hz", "lowest natural frequency")
+def f_min(packing: PackingData) -> Value:
+    """Measure the lowest natural frequency of a file with modes."""
+    modes = packing.case.needed("modes")
     return spectrum.natural_frequency(modes.frequency[0], modes)
 
 
-def _resonance(m: PackingData, r: int) -> Value:
-    """The r-th P resonance: of its mode, or of the structure factor's ridge."""
-    f = spectrum.standing_waves(m)[0]
-    if len(f) < r:
-        raise AbsentError
-    return spectrum.natural_frequency(float(f[r - 1]), m.case.read("modes"))
+@case_quantity("Hz", "first P resonance")
+def f_1(packing: PackingData) -> Value:
+    """Measure the frequency of the first P resonance."""
+    return _resonance(packing, 1)
 
 
-def _resonances(m: PackingData) -> float:
-    m.case.needed("modes")
-    return len(spectrum.standing_waves(m)[0])
+@case_quantity("Hz", "200th P resonance of a crystal")
+def f_200(packing: PackingData) -> Value:
+    """Measure the frequency of the last P resonance of a crystal."""
+    packing.require_crystal()
+    return _resonance(packing, LAST_RESONANCE_OF_CRYSTAL)
 
 
-def _last_of_crystal(m: PackingData) -> Value:
-    m.require_crystal()
-    return _resonance(m, 200)
+@case_quantity("1", "number of P resonances")
+def resonances_found(packing: PackingData) -> float:
+    """Count the P resonances of a file with modes."""
+    packing.case.needed("modes")
+    return len(spectrum.standing_waves(packing)[0])
 
 
-def _translations(m: PackingData) -> float:
-    highest = m.case.needed("translations.modes").frequency[-1]
-    return float(highest / m.lattice.low_pass_frequency)
+@case_quantity("Hz", "end of a crystal's band, modes")
+def band_edge_modes(packing: PackingData) -> float:
+    """Measure the end of a crystal's band by its modes."""
+    return spectrum.modal_dispersion(packing).low_pass_frequency
 
 
-def _chi(m: PackingData, low: float, high: float, chain: bool = True) -> float:
-    top = spectrum.f_max(m)
-    return spectrum.largest_chi(m, low * top, high * top, chain)[0]
+@case_quantity("Hz", "end of a crystal's band, lattice")
+def band_edge_theory(packing: PackingData) -> float:
+    """Return the end of the band of a crystal's lattice."""
+    return packing.lattice.low_pass_frequency
 
 
-def _excess(m: PackingData, name: str) -> float:
-    """A number of the density of states in a file."""
-    m.case.needed("density")
-    return float(getattr(spectrum.excess(m), name))
+@case_quantity("1", "highest mode without rotations over it")
+def translations_only_over_edge(packing: PackingData) -> float:
+    """Divide the highest frequency without rotations by that of the lattice's band edge."""
+    highest = packing.case.needed("translations.modes").frequency[-1]
+    return float(highest / packing.lattice.low_pass_frequency)
 
 
-def _of_balance(m: PackingData, name: str) -> float:
-    """A number of the energy balance of the YADE run."""
-    return float(getattr(m.record("yade").balance, name, np.nan))
+@case_quantity("1", "largest chi_z of the chain's modes below 0.05 f_max")
+def chi_z_low(packing: PackingData) -> float:
+    """Measure the largest chi_z of the chain among low modes."""
+    return _largest_chi(packing, 0.0, LOW)
 
 
-def _off_linear(m: PackingData) -> float:
-    """YADE less the linear wave at the times of both, relative L2: layers' means, or a chain's.
+@case_quantity("1", "largest of them above 0.07 f_max")
+def chi_z_high(packing: PackingData) -> float:
+    """Measure the largest chi_z of the chain among high modes."""
+    return _largest_chi(packing, HIGH, np.inf)
 
-    Over the whole record.
+
+@case_quantity("1", "the same of all spheres")
+def chi_z_high_all(packing: PackingData) -> float:
+    """Measure the largest chi_z of all spheres among high modes."""
+    return _largest_chi(packing, HIGH, np.inf, chain=False)
+
+
+@case_quantity("1", "mean chi_z there")
+def chi_z_high_mean(packing: PackingData) -> Value:
+    """Measure the mean chi_z of the chain among high modes."""
+    return spectrum.mean_chi(packing, HIGH * spectrum.f_max(packing), np.inf)
+
+
+case_quantity("Hz", "highest frequency of a mode with chi_z above 0.9", "chi_z_pure")(
+    spectrum.last_pure
+)
+
+
+@case_quantity("1", "largest gain", spectrum="response")
+def gain_maximum(packing: PackingData) -> float:
+    """Measure the largest gain."""
+    return float(np.max(gain.gain_of(packing).gain))
+
+
+@case_quantity("Hz", "width of its lines", spectrum="response")
+def gain_resolution(packing: PackingData) -> float:
+    """Return the width of the gain's lines."""
+    return gain.gain_of(packing).resolution
+
+
+case_quantity("1", "mean free path there, D", "free_path_at_f_low_pass_over_d")(
+    scattering.free_path
+)
+case_quantity("1", "power of f in the ridge's width there", "ridge_width_power")(
+    scattering.width_power
+)
+
+
+@case_quantity("Hz", "the Ioffe-Regel frequency of a kept structure factor")
+def ioffe_regel_of_ridge(packing: PackingData) -> float:
+    """Measure the Ioffe-Regel frequency by a file with the structure factor."""
+    return scattering.whole_ridge(packing).limit
+
+
+@case_quantity("1", "D f_max^3 / f^2 at 0.1 f_max")
+def excess_at_a_tenth(packing: PackingData) -> float:
+    """Measure the density of states at a tenth of the highest frequency."""
+    return float(_excess(packing).at_a_tenth)
+
+
+@case_quantity("1", "largest D f_max^3 / f^2")
+def excess_largest(packing: PackingData) -> float:
+    """Measure the largest ratio of the density of states to that of plane waves."""
+    return float(_excess(packing).peak)
+
+
+@case_quantity("Hz", "where it is")
+def excess_largest_at(packing: PackingData) -> float:
+    """Measure the frequency of this largest ratio."""
+    return float(_excess(packing).peak_frequency)
+
+
+@case_quantity("1", "drift of the run's energy")
+def energy_drift(packing: PackingData) -> float:
+    """Return the drift of the run's energy."""
+    return _energy(packing, "drift")
+
+
+@case_quantity("1", "of it to friction")
+def energy_to_friction(packing: PackingData) -> float:
+    """Return the share of the run's energy that friction dissipates."""
+    return _energy(packing, "friction")
+
+
+@case_quantity("1", "gap to the wall's work")
+def energy_gap(packing: PackingData) -> float:
+    """Return the share of the wall's work that the run's energies lack."""
+    return _energy(packing, "gap")
+
+
+@case_quantity("1", "contacts that opened")
+def contacts_opened(packing: PackingData) -> float:
+    """Return the contacts that opened in the run."""
+    return _energy(packing, "opened")
+
+
+@case_quantity("1", "contacts that slid")
+def contacts_slid(packing: PackingData) -> float:
+    """Return the contacts that slid in the run."""
+    return _energy(packing, "slid")
+
+
+@case_quantity("1", "run less linear wave, relative")
+def yade_less_linear_layers(packing: PackingData) -> float:
+    """Compute the relative L2 difference of run and linear wave over all common times.
+
+    The motions are means of layers; of a crystal, and if these are not recorded, those of a chain.
     """
-    run = m.record("yade")
-    every = round(float(m.linear.time[1]) / float(run.time[1]))
-    seen, wanted = run.layer_displacement, m.linear.layer_displacement
-    if m.crystal or seen is None or wanted is None:
-        seen, wanted = run.chain_displacement, m.linear.chain_displacement
-    seen = seen[::every][: len(wanted)]
-    wanted = wanted[: len(seen)]
-    return float(np.linalg.norm(seen - wanted) / np.linalg.norm(wanted))
+    run = packing.record("yade")
+    linear = packing.linear
+    every = round(float(linear.time[1]) / float(run.time[1]))
+    motion = run.layer_displacement
+    reference = linear.layer_displacement
+    if packing.crystal or motion is None or reference is None:
+        motion = run.chain_displacement
+        reference = linear.chain_displacement
+    motion = motion[::every][: len(reference)]
+    reference = reference[: len(motion)]
+    return float(np.linalg.norm(motion - reference) / np.linalg.norm(reference))
 
 
-def _low_pass(m: PackingData, producer: Producer, rule: str, threshold: int) -> Value:
-    return passband.edges(m, producer, *MAPS[rule])[threshold]
+@case_quantity("1", "passages of the record")
+def record_passages(packing: PackingData) -> float:
+    """Return the length of the record that the threshold rule reads, in passages."""
+    return passband.passband(packing).common
 
 
-def _wavelength(m: PackingData, producer: Producer, rule: str, threshold: int) -> Value:
-    """lambda / D at the frequency of a rule, with what the frequency's error makes of it."""
-    edge = passband.edges(m, producer, *MAPS[rule])[threshold]
+def _resonance(packing: PackingData, order: int) -> Value:
+    """Measure a P resonance by its mode, or by the ridge of the structure factor, Hz.
+
+    Raises AbsentError if fewer resonances are known.
+    """
+    frequency = spectrum.standing_waves(packing)[0]
+    if len(frequency) < order:
+        raise AbsentError
+    modes = packing.case.read("modes")
+    return spectrum.natural_frequency(float(frequency[order - 1]), modes)
+
+
+def _largest_chi(packing: PackingData, low: float, high: float, chain: bool = True) -> float:
+    """Return the largest chi_z between two shares of the highest frequency."""
+    highest = spectrum.f_max(packing)
+    return spectrum.largest_chi(packing, low * highest, high * highest, chain)[0]
+
+
+def _excess(packing: PackingData) -> spectrum.Excess:
+    """Return the excess of a density of states in a file; AbsentError without the file."""
+    packing.case.needed("density")
+    return spectrum.excess(packing)
+
+
+def _energy(packing: PackingData, name: str) -> float:
+    """Return a number of the energy balance of the YADE run; NaN without a balance."""
+    return float(getattr(packing.record("yade").balance, name, np.nan))
+
+
+class Threshold(NamedTuple):
+    """One value of the threshold rule: of which record, by which choice, at which threshold."""
+
+    producer: Producer
+    whose: Whose
+    reference: Reference
+    index: int
+
+
+def _low_pass(packing: PackingData, threshold: Threshold) -> Value:
+    """Measure f_low-pass, Hz, by a threshold."""
+    producer, whose, reference, index = threshold
+    return passband.edges(packing, producer, whose, reference)[index]
+
+
+def _wavelength(packing: PackingData, threshold: Threshold) -> Value:
+    """Measure the wavelength at f_low-pass, D; its error is that from the frequency's error."""
+    edge = _low_pass(packing, threshold)
     if not np.isfinite(edge.value):
         raise AbsentError
-    at = [passband.wavelength_at(m, edge.value + s * edge.error, producer) for s in (0, -1, 1)]
-    here, low, high = (value / m.diameter for value in at)
-    return estimate(here, 0.5 * abs(low - high))
+    producer = threshold.producer
+    wavelength = passband.wavelength_at(packing, edge.value, producer) / packing.diameter
+    low = passband.wavelength_at(packing, edge.value - edge.error, producer) / packing.diameter
+    high = passband.wavelength_at(packing, edge.value + edge.error, producer) / packing.diameter
+    return estimate(wavelength, 0.5 * abs(low - high))
 
 
-def _shear_edge(m: PackingData, key: str) -> Value:
-    return passband.passband(m, key).low_pass[0]
+def _shear_low_pass(packing: PackingData, key: str) -> Value:
+    """Measure f_low-pass, Hz, of an S-wave by the 2 % rule."""
+    return passband.passband(packing, key).low_pass[0]
 
 
-CASE_QUANTITIES: dict[str, tuple[str, str, Number]] = {
-    "particles": ("1", "spheres", lambda m: m.network.n_particles),
-    "length_over_d": ("1", "length, D", lambda m: m.network.length / m.diameter),
-    "width_over_d": ("1", "width, D", lambda m: m.network.cell_size[0] / m.diameter),
-    "v_p_first_peaks_columns": (
-        *("m/s", "V_P of first peaks, mean of columns and their scatter"),
-        lambda m: estimate(*velocity.columns(m, "linear")),
+class RecordQuantity(NamedTuple):
+    """A quantity that is measured of the record of each program.
+
+    name and key (the record's name, as in `PackingData.record`) have the program's name in place of
+    `{}`.
+    """
+
+    name: str
+    unit: str
+    definition: str
+    measure: Callable[[PackingData, str], float | Value]
+    key: str
+
+
+RECORD_QUANTITIES = (
+    RecordQuantity("v_p_first_peaks_{}", "m/s", "V_P of first peaks", velocity.first_peak, "{}"),
+    RecordQuantity("v_p_long_waves_{}", "m/s", "V_P of the longest waves", velocity.longest, "{}"),
+    RecordQuantity("band_edge_{}", "Hz", "end of a crystal's band", passband.band_edge, "{}"),
+    RecordQuantity(
+        "lambda_edge_{}_over_d", "1", "wavelength there, D", passband.edge_wavelength, "{}"
     ),
-    "v_p_modes_first": (
-        *("m/s", "2 L f_1 of the first resonance (Eqs. 3, 4)"),
-        lambda m: 2 * m.network.length * _resonance(m, 1).value,
+    RecordQuantity(
+        "v_s_long_waves_{}", "m/s", "V_S of the longest waves", velocity.longest, "shear_{}"
     ),
-    "v_p_modes_eq_4": (
-        *("m/s", "V_P of modes, kappa = pi r / L, by omega = V kappa (1 + b kappa^2)"),
-        lambda m: estimate(*long_wave_velocity(*spectrum.standing_waves(m))),
+    RecordQuantity(
+        "v_s_first_peaks_{}", "m/s", "V_S of first peaks", velocity.first_peak, "shear_{}"
     ),
-    "v_p_modes_fitted": ("m/s", "V_P of modes, kappa fitted", spectrum.modal_fitted),
-    "v_p_emt_contacts": ("m/s", "V_P of even strains", lambda m: m.affine_velocity),
-    "v_p_theory": ("m/s", "V_P of the lattice", lambda m: m.lattice.velocity),
-    "f_max": ("Hz", "highest natural frequency, of a list where there is one", _f_max),
-    "f_max_spheres": ("1", "spheres that move there", lambda m: spectrum.highest_seat(m)[0]),
-    "f_max_contacts": ("1", "contacts of the first", lambda m: spectrum.highest_seat(m)[1]),
-    "f_min": ("Hz", "lowest natural frequency", _f_min),
-    "f_1": ("Hz", "first P resonance", _by(_resonance, 1)),
-    "f_200": ("Hz", "200th P resonance of a crystal", _last_of_crystal),
-    "resonances_found": ("1", "number of P resonances", _resonances),
-    "band_edge_modes": (
-        *("Hz", "end of a crystal's band, modes"),
-        lambda m: spectrum.modal_dispersion(m).low_pass_frequency,
+    RecordQuantity(
+        "f_low_pass_2_shear_{}", "Hz", "f_low-pass of S-waves, 2 %", _shear_low_pass, "shear_{}"
     ),
-    "band_edge_theory": (
-        *("Hz", "end of a crystal's band, lattice"),
-        lambda m: m.lattice.low_pass_frequency,
-    ),
-    "translations_only_over_edge": ("1", "highest mode without rotations over it", _translations),
-    "chi_z_low": ("1", "largest chi_z of the chain's modes below 0.05 f_max", _by(_chi, 0.0, LOW)),
-    "chi_z_high": ("1", "largest of them above 0.07 f_max", _by(_chi, HIGH, np.inf)),
-    "chi_z_high_all": ("1", "the same of all spheres", _by(_chi, HIGH, np.inf, False)),
-    "chi_z_high_mean": (
-        *("1", "mean chi_z there"),
-        lambda m: spectrum.mean_chi(m, HIGH * spectrum.f_max(m), np.inf),
-    ),
-    "chi_z_pure": ("Hz", "highest frequency of a mode with chi_z above 0.9", spectrum.last_pure),
-    "gain_maximum": ("1", "largest gain", lambda m: float(np.max(gain.gain_of(m).gain))),
-    "gain_resolution": ("Hz", "width of its lines", lambda m: gain.gain_of(m).resolution),
-    "free_path_at_f_low_pass_over_d": ("1", "mean free path there, D", scattering.free_path),
-    "ridge_width_power": ("1", "power of f in the ridge's width there", scattering.width_power),
-    "ioffe_regel_of_ridge": (
-        *("Hz", "the Ioffe-Regel frequency of a kept structure factor"),
-        lambda m: scattering.whole_ridge(m).limit,
-    ),
-    "excess_at_a_tenth": ("1", "D f_max^3 / f^2 at 0.1 f_max", _by(_excess, "at_a_tenth")),
-    "excess_largest": ("1", "largest D f_max^3 / f^2", _by(_excess, "peak")),
-    "excess_largest_at": ("Hz", "where it is", _by(_excess, "peak_frequency")),
-    "energy_drift": ("1", "drift of the run's energy", _by(_of_balance, "drift")),
-    "energy_to_friction": ("1", "of it to friction", _by(_of_balance, "friction")),
-    "energy_gap": ("1", "gap to the wall's work", _by(_of_balance, "gap")),
-    "contacts_opened": ("1", "contacts that opened", _by(_of_balance, "opened")),
-    "contacts_slid": ("1", "contacts that slid", _by(_of_balance, "slid")),
-    "yade_less_linear_layers": ("1", "run less linear wave, relative", _off_linear),
-    "record_passages": ("1", "passages of the record", lambda m: passband.passband(m).common),
-}
-"""Name: unit, what it is, and how it is measured."""
-OF_WAVE = (
-    ("v_p_first_peaks_{}", "m/s", "V_P of first peaks", velocity.first_peak, "{}"),
-    ("v_p_long_waves_{}", "m/s", "V_P of the longest waves", velocity.longest, "{}"),
-    ("band_edge_{}", "Hz", "end of a crystal's band", passband.band_edge, "{}"),
-    ("lambda_edge_{}_over_d", "1", "wavelength there, D", passband.edge_wavelength, "{}"),
-    ("v_s_long_waves_{}", "m/s", "V_S of the longest waves", velocity.longest, "shear_{}"),
-    ("v_s_first_peaks_{}", "m/s", "V_S of first peaks", velocity.first_peak, "shear_{}"),
-    ("f_low_pass_2_shear_{}", "Hz", "f_low-pass of S-waves, 2 %", _shear_edge, "shear_{}"),
 )
-"""Of each producer's wave: name, unit, what it is, how it is measured, and of which record."""
 LOW_PASS: dict[str, tuple[str, str]] = {}
-"""Thresholds' quantities: name of f_low-pass, and of lambda / D there, by NUMBER_RULEPRODUCER."""
+"""Names of f_low-pass, and of lambda / D there, by threshold, rule and program, as in "2_yade"."""
 SHEAR: dict[str, str] = {}
-"""Quantities of S-waves, and whose record they need."""
-for _producer, _told in PRODUCERS.items():
-    for _name, _unit, _text, _rule_of, _key in OF_WAVE:
-        _name, _key = _name.format(_producer), _key.format(_producer)
-        CASE_QUANTITIES[_name] = _unit, f"{_text}, {_told}", _by(_rule_of, _key)
-        SHEAR |= {_name: _producer} if _key.startswith("shear") else {}
-    for _rule, (_whose, _reference) in MAPS.items():
-        for _threshold, _percent in enumerate(PERCENT):
-            _key, _which = f"{_percent}_{_rule}{_producer}", (_producer, _rule, _threshold)
-            _text = f"{_percent} % of the maximum, {_whose}, {_reference}; {_told}"
-            LOW_PASS[_key] = _names = f"f_low_pass_{_key}", f"lambda_{_key}_over_d"
-            CASE_QUANTITIES[_names[0]] = "Hz", f"f_low-pass, {_text}", _by(_low_pass, *_which)
-            CASE_QUANTITIES[_names[1]] = (
-                "1",
-                f"wavelength there, D, {_text}",
-                _by(_wavelength, *_which),
+"""Quantities of S-waves, and the program whose record they need."""
+
+
+def _register_record_quantities(producer: Producer) -> None:
+    """Register the quantities of the record that a program computes."""
+    for each in RECORD_QUANTITIES:
+        name = each.name.format(producer)
+        key = each.key.format(producer)
+        if key.startswith("shear"):
+            SHEAR[name] = producer
+        definition = f"{each.definition}, {PRODUCERS[producer]}"
+        case_quantity(each.unit, definition, name)(partial(each.measure, key=key))
+
+
+def _register_thresholds(producer: Producer) -> None:
+    """Register f_low-pass and the wavelength there by each rule and threshold."""
+    for rule, (whose, reference) in MAPS.items():
+        for index, percent in enumerate(PERCENT):
+            key = f"{percent}_{rule}{producer}"
+            frequency = f"f_low_pass_{key}"
+            wavelength = f"lambda_{key}_over_d"
+            LOW_PASS[key] = (frequency, wavelength)
+            text = f"{percent} % of the maximum, {whose}, {reference}; {PRODUCERS[producer]}"
+            threshold = Threshold(producer, whose, reference, index)
+            case_quantity("Hz", f"f_low-pass, {text}", frequency)(
+                partial(_low_pass, threshold=threshold)
             )
-for _name, (_unit, _text, _number) in CASE_QUANTITIES.items():
-    on_request(_unit, name=_name, definition=_text)(_number)
+            case_quantity("1", f"wavelength there, D, {text}", wavelength)(
+                partial(_wavelength, threshold=threshold)
+            )
+
+
+for _producer in PRODUCERS:
+    _register_record_quantities(_producer)
+    _register_thresholds(_producer)
 OF_MODULI = "bulk_modulus", "shear_modulus", "poisson", "v_p_moduli", "v_s_moduli"
+"""Quantities of a result that need a file with moduli."""
 OF_PACKING = "void_ratio", "coordination", "coordination_of_bearing", "v_p_static"
+"""Quantities of a result that need the packing alone."""
 OF_CASE = *OF_PACKING, *CASE_QUANTITIES, *OF_MODULI
-"""What the result of a case has, as far as its files are there."""
+"""Quantities of a case's result, as far as its files are there."""

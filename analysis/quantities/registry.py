@@ -43,6 +43,8 @@ class Quantity:
         Function that measures it: takes a packing, returns a `Value` or a number in `unit`.
     on_request : bool
         Whether it is measured only if its name is given.
+    spectrum : str
+        Kind of the costly spectrum from which it is measured (`analysis.spectra_cache`), if any.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Quantity:
     definition: str
     measure: Callable[[PackingData], Value | float]
     on_request: bool = False
+    spectrum: str = ""
 
     def measured(self, packing: PackingData) -> Value:
         """Return the value in the registered unit; if the packing does not have it, the reason.
@@ -62,7 +65,6 @@ class Quantity:
             If the quantity itself is wrong, which no user can mend: it measures in another unit, or
             calls a function with arguments that this refuses.
         """
-        already_not_kept = len(packing.not_kept)
         try:
             result = self.measure(packing)
         except UnavailableError as error:
@@ -76,7 +78,8 @@ class Quantity:
         if not value.known and not caveats:
             caveats = (Caveat("absent"),)
         caveats += _caveats_of_density(packing.network)
-        caveats += tuple(packing.not_kept[already_not_kept:])
+        if self.spectrum in packing.not_kept:
+            caveats += (packing.not_kept[self.spectrum],)
         value = replace(value, caveats=caveats)
         return with_digits(value, packing.network, self.name, self.unit)
 
@@ -102,7 +105,7 @@ def _caveats_of_density(network: Network) -> tuple[Caveat, ...]:
 
 
 def quantity(
-    unit: str, *, definition: str, name: str = "", on_request: bool = False
+    unit: str, *, definition: str, name: str = "", on_request: bool = False, spectrum: str = ""
 ) -> Callable[[Function], Function]:
     """Register a function as the one that measures a quantity; use it as a decorator.
 
@@ -116,6 +119,8 @@ def quantity(
         By default the name of the function.
     on_request : bool
         Whether the quantity is measured only if its name is given.
+    spectrum : str, optional
+        Kind of the costly spectrum from which it is measured.
 
     Raises
     ------
@@ -127,7 +132,7 @@ def quantity(
         key = name or function.__name__
         if key in QUANTITIES:
             raise RuntimeError(f"quantity {key!r} is registered already; choose another name")
-        QUANTITIES[key] = Quantity(key, unit, definition, function, on_request)
+        QUANTITIES[key] = Quantity(key, unit, definition, function, on_request, spectrum)
         return function
 
     return register

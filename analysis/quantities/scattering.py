@@ -104,7 +104,11 @@ def quality(packing: PackingData) -> Value:
     return Value(value, "1", parts, alpha.caveats, alpha.at)
 
 
-@quantity("Hz", definition="frequency at which the mean free path falls to half a wavelength")
+@quantity(
+    "Hz",
+    definition="frequency at which the mean free path falls to half a wavelength",
+    spectrum="structure",
+)
 def ioffe_regel(packing: PackingData) -> Value:
     """Measure the Ioffe-Regel frequency between two standing waves.
 

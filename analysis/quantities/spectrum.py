@@ -11,7 +11,7 @@ from analysis.estimators.damped_transform import Dispersion, mode_dispersion
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request, quantity
 from analysis.quantities.velocity import LOW_ORDER, longest
-from analysis.spectra_cache import as_read, kept_file, made
+from analysis.spectra_cache import as_read, compute_spectrum, kept_file
 from analysis.value import Value, estimate, hertz, unknown
 from modal.modes.collective import every_floppy
 from modal.modes.eigenmodes import eigenmodes
@@ -46,7 +46,7 @@ def density(packing: PackingData) -> tuple[Floats, Floats, Floats]:
     kept = kept_file(packing, "density")
     if kept is not None:
         return kept
-    return as_read("density", made(packing, "density"))
+    return as_read("density", compute_spectrum(packing, "density"))
 
 
 @cached_on_packing
@@ -330,7 +330,11 @@ def highest_frequency(packing: PackingData) -> Value:
     return Value(frequency, "Hz", {"fit": residual * frequency / 2})
 
 
-@quantity("Hz", definition="frequency at which D(f) / f^2 is largest: where soft modes are")
+@quantity(
+    "Hz",
+    definition="frequency at which D(f) / f^2 is largest: where soft modes are",
+    spectrum="density",
+)
 def excess_peak(packing: PackingData) -> Value:
     """Measure the frequency of the boson peak; the error is half the width of a line."""
     if packing.crystal:
