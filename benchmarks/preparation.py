@@ -20,8 +20,8 @@ from modal.dem.motion import Dynamics
 from modal.packing.sample import read_sample
 from modal.packing.state import void_ratio
 from modal.preparation import protocol
-from modal.preparation.cloud import cloud
-from modal.preparation.durations import duration, steps_of, time_step
+from modal.preparation.cloud import make_cloud
+from modal.preparation.durations import count_steps, time_step, vibration_duration
 from modal.preparation.random_packing import width_of
 from modal.preparation.strain_control import Servo
 
@@ -79,11 +79,11 @@ def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
         control, started = Servo(STRESS, inertial_number), time.process_time()
         motion = Dynamics(sample, protocol.AGITATED_DAMPING, control=control.follow)
         trace: Trace = {name: [] for name in COLUMNS}
-        interval = duration(protocol.CONTROL, STRESS)
-        every = steps_of(interval, time_step(STRESS))
+        interval = vibration_duration(protocol.CONTROL_INTERVAL, STRESS)
+        every = count_steps(interval, time_step(STRESS))
         met = jammed = 0
         while motion.steps < LONGEST and not (jammed and motion.steps - jammed >= steps):
-            above = protocol.ABOVE * control.stress.mean()
+            above = protocol.STRESS_MARGIN * control.stress.mean()
             motion.advance(CHECK, time_step(max(STRESS, above)), every)
             if not met and control.stress.mean() > STRESS:
                 met = motion.steps
@@ -91,7 +91,7 @@ def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
             held = network.coordination_number
             settled = error < JAM_ERROR and held > JAMMED
             if not jammed and met and (settled or motion.steps - met >= JAM_PATIENCE):
-                jammed, motion.damping = motion.steps, protocol.DAMPING
+                jammed, motion.damping = motion.steps, protocol.LOCAL_DAMPING
             spent = time.process_time() - started
             state = motion.steps, spent, void_ratio(network), held, error, motion.unbalanced()
             for column, number in zip(trace.values(), state, strict=True):
@@ -127,7 +127,7 @@ def run(job: Job) -> Page:
     for number, friction, seed in RUNS[job.quick]:
         name = f"I = {number:g}, friction {friction:g}, start {seed}"
         what = {"method": name, "inertial_number": number, "friction": friction, "seed": seed}
-        start = cloud(protocol.Study(friction, spheres, width_of(spheres, ASPECT), seed))
+        start = make_cloud(protocol.Study(friction, spheres, width_of(spheres, ASPECT), seed))
         given = {"path": job.write(start, "start"), "steps": STEPS[job.quick]}
         trace = job.measured(servo, inertial_number=number, **given).value
         rows += stop_rows({key: np.array(column) for key, column in trace.items()}, what)

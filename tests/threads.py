@@ -13,7 +13,7 @@ from changes import renumbered
 import modal
 from modal.dem.contacts import MovingContacts
 from modal.packing.sample import read_sample
-from modal.preparation.cloud import cloud
+from modal.preparation.cloud import make_cloud
 from modal.preparation.frictionless import Descent, Pressure
 from modal.preparation.protocol import Study
 from modal.preparation.relax import elastic_motion, relax
@@ -81,7 +81,7 @@ def moving() -> str:
 def descent() -> str:
     """Some steps of spheres without friction down their energy."""
     study = Study(0.0, 200, 4.9, seed=3)
-    motion = Descent(cloud(study), Pressure("1e+07", study))
+    motion = Descent(make_cloud(study), Pressure("1e+07", study))
     motion.advance(100, 1.0, 1)
     return digest(motion.sample(moving=False).position)
 

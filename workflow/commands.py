@@ -12,7 +12,7 @@ import yaml
 
 from modal.cli.options import FALLS_SHORT_STATUS
 from modal.cli.pack import option_of
-from modal.preparation.protocol import OF_FRICTION
+from modal.preparation.protocol import FRICTION_PARAMETERS
 from modal.tools.errors import InputError
 
 PYTHON = ".venv/bin/python" if Path(".venv/bin/python").exists() else sys.executable
@@ -76,7 +76,7 @@ class Commands:
 
     def shape_of(self, row: Mapping[str, Any]) -> dict[str, Any]:
         """What of a case shapes its compression."""
-        unused = OF_FRICTION if row["mu_comp"] == 0 else ()
+        unused = FRICTION_PARAMETERS if row["mu_comp"] == 0 else ()
         line = {name: row.get(name) for name in COLUMNS["walk"] if name not in unused}
         return {name: cell for name, cell in line.items() if cell is not None}
 

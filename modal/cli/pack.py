@@ -21,7 +21,7 @@ from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS
 from modal.packing.contact_models import MODELS
 from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import ELASTIC, read_sample
-from modal.preparation.protocol import OF_FRICTION, PEAK, Study, unused
+from modal.preparation.protocol import FRICTION_PARAMETERS, PEAK, Study, unused_parameters
 from modal.preparation.random_packing import ASPECT
 from modal.preparation.random_packing import pack as pack_samples
 from modal.preparation.sizes import DENSITIES, KINDS, MIXTURE, WALLS
@@ -103,7 +103,7 @@ STUDY_NAMES = (
     "dilate",
     "stress_ratio",
     *MIXTURE,
-    *OF_FRICTION,
+    *FRICTION_PARAMETERS,
 )
 """Options that are passed on under their names."""
 
@@ -173,7 +173,7 @@ def run(options: Options) -> Result:
 
 def _refuse_unused(options: Options, study_arguments: Mapping[str, Any]) -> None:
     """Raise InputError for an option that has no meaning with this friction."""
-    unused_names = list(unused(options.friction, options.dilate or 0.0))
+    unused_names = list(unused_parameters(options.friction, options.dilate or 0.0))
     kind = "with friction"
     if options.friction == 0:
         kind = "without friction"

@@ -1,5 +1,5 @@
-"""How random packings are made, with friction and without, and brought to rest.
+"""Preparation of random packings, with and without friction, and their relaxation to rest.
 
-`protocol` has the stages of a path and `compression` goes through them, in YADE's motion or modal's
-own; without friction these are descents of the enthalpy (`frictionless`).
+`protocol` defines the stages of a loading path, `compression` follows it in the motion of YADE or
+of modal, and `frictionless` minimises the enthalpy of spheres without friction.
 """

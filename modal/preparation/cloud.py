@@ -1,111 +1,174 @@
-"""Spheres placed at random: where a packing begins, with friction and without."""
+"""Spheres placed at random: the first state of a path, with friction and without."""
 
 import math
-from itertools import chain, islice, repeat
+from collections.abc import Iterator
+from itertools import islice, product
 
 import numpy as np
 
 from modal.packing.sample import Sample
-from modal.preparation.protocol import CLOUD, NOMINAL_FRACTION, Study
+from modal.preparation.protocol import CLOUD_FRACTION, NOMINAL_FRACTION, Study
+from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
-CROWDED = 0.5
-"""Solid fraction of overlapping random points."""
-ROUNDS = 1000
-"""Random points tried for one sphere."""
+CROWDED_FRACTION = 0.5
+"""Solid fraction of overlapping random points, from which a descent of the enthalpy begins."""
+MAX_TRIALS = 1000
+"""Random points tried for one sphere before the cloud counts as full."""
+NEIGHBOURS = tuple(product((-1, 0, 1), repeat=3))
+"""Offsets of a bin itself and of the 26 bins around it."""
 
 
-def cloud(study: Study) -> Sample:
-    """The spheres at the start of a path, numbered along z, in a cell of its final proportions.
+def make_cloud(study: Study) -> Sample:
+    """Return the first spheres of a path, in a cell of its final proportions.
 
-    With friction at solid fraction CLOUD without contacts; without it at `CROWDED` wherever chance
-    has put them. Numbered along z, neighbours lie close together in memory.
+    With friction they fill `CLOUD_FRACTION` without contacts; without friction they overlap at
+    random at `CROWDED_FRACTION`. They are numbered along z, so that neighbours lie close together
+    in memory. Raises InputError where the cell is too narrow or the spheres do not fit.
     """
-    return dilute(study) if study.mu_comp else crowded(study)
+    if study.mu_comp:
+        return _make_dilute_cloud(study)
+    return _make_crowded_cloud(study)
 
 
-def dilute(study: Study) -> Sample:
-    """Spheres without contacts at solid fraction CLOUD."""
+def _make_dilute_cloud(study: Study) -> Sample:
+    """Return spheres without contacts at solid fraction `CLOUD_FRACTION`."""
     mixture = study.mixture
-    diameter, sizes = 2 * mixture.radius, np.ones(study.spheres)
+    diameter = 2 * mixture.radius
+    relative_diameters = np.ones(study.spheres)
     length = study.spheres * math.pi / 6 / NOMINAL_FRACTION / study.width**2 * diameter
     if mixture.radii is not None:
-        sizes = 2 * mixture.radii / diameter
-        length *= float((sizes**3).mean())
-    scale = (NOMINAL_FRACTION / CLOUD) ** (1 / 3)
-    side, length = scale * study.width * diameter, scale * length
-    cell = side / diameter, length / diameter, study.seed
-    places, order = random_places(sizes, *cell, whole=mixture.periodic)
+        relative_diameters = 2 * mixture.radii / diameter
+        length *= float((relative_diameters**3).mean())
+    expansion = (NOMINAL_FRACTION / CLOUD_FRACTION) ** (1 / 3)
+    side = expansion * study.width * diameter
+    length = expansion * length
+    centres, order = place_at_random(
+        relative_diameters,
+        side / diameter,
+        length / diameter,
+        study.seed,
+        periodic_z=mixture.periodic,
+    )
     lengths = np.array([side, side, length])
-    return mixture.sample(diameter * places, lengths, study.mu_comp, order)
+    return mixture.make_sample(diameter * centres, lengths, study.mu_comp, order)
 
 
-def crowded(study: Study) -> Sample:
-    """Overlapping random points in a cell whose length over width is that of equal spheres."""
+def _make_crowded_cloud(study: Study) -> Sample:
+    """Return overlapping random spheres in a cell whose aspect is that of equal spheres."""
     mixture = study.mixture
-    radii = np.full(study.spheres, mixture.radius) if mixture.radii is None else mixture.radii
+    radii = mixture.radii
+    if radii is None:
+        radii = np.full(study.spheres, mixture.radius)
     aspect = study.spheres * math.pi / 6 / NOMINAL_FRACTION / study.width**3
-    width = (math.pi / 6 * float(((2 * radii) ** 3).sum()) / CROWDED / aspect) ** (1 / 3)
+    solid_volume = math.pi / 6 * float(((2 * radii) ** 3).sum())
+    width = (solid_volume / CROWDED_FRACTION / aspect) ** (1 / 3)
     lengths = width * np.array([1.0, 1.0, aspect])
     if lengths.min() < 4 * radii.max():
         raise InputError(
-            "input",
+            "narrow_cell",
             f"{study.spheres} spheres at aspect {aspect:.3g}",
             "the cell is narrower than two diameters",
             "take more spheres, or an aspect nearer to 1",
         )
     points = np.random.default_rng(study.seed).random((study.spheres, 3))
-    return mixture.sample(points[np.argsort(points[:, 2])] * lengths, lengths, 0.0)
+    return mixture.make_sample(points[np.argsort(points[:, 2])] * lengths, lengths, 0.0)
 
 
-def random_places(
-    diameters: np.ndarray, side: float, length: float, seed: int, *, whole: bool = False
-) -> tuple[np.ndarray, np.ndarray]:
-    """Centres (n, 3) of spheres of `diameters` (n,), and which sphere is where (n,).
+class _Bins:
+    """Spheres sorted into bins at least one diameter wide: contacts lie in neighbouring bins."""
 
-    Placed at random one by one where they fit, the largest first; sorted along z, which is periodic
-    where they fill the `whole` cell. All lengths are in one unit.
+    def __init__(self, side: float, length: float, diameter: float, *, periodic_z: bool) -> None:
+        self.side = side
+        self.length = length
+        self.periodic_z = periodic_z
+        self.lateral_count = int(side / diameter)
+        self.axial_count = int(length / diameter)
+        self._spheres: dict[tuple[int, int, int], list[tuple[float, float, float, float]]] = {}
+
+    def is_free(self, x: float, y: float, z: float, diameter: float) -> bool:
+        """Return whether a sphere at this place overlaps none of those in the bins."""
+        i, j, k = self._bin_indices(x, y, z)
+        for a, b, c in NEIGHBOURS:
+            layer = k + c
+            if self.periodic_z:
+                layer %= self.axial_count
+            key = ((i + a) % self.lateral_count, (j + b) % self.lateral_count, layer)
+            for other_x, other_y, other_z, other_diameter in self._spheres.get(key, ()):
+                dx = self._lateral_distance(x, other_x)
+                dy = self._lateral_distance(y, other_y)
+                dz = abs(z - other_z)
+                if self.periodic_z and dz > self.length / 2:
+                    dz -= self.length
+                if dx**2 + dy**2 + dz**2 <= ((diameter + other_diameter) / 2) ** 2:
+                    return False
+        return True
+
+    def add(self, x: float, y: float, z: float, diameter: float) -> None:
+        """Put a sphere into its bin."""
+        self._spheres.setdefault(self._bin_indices(x, y, z), []).append((x, y, z, diameter))
+
+    def _bin_indices(self, x: float, y: float, z: float) -> tuple[int, int, int]:
+        i = int(x / self.side * self.lateral_count)
+        j = int(y / self.side * self.lateral_count)
+        k = int(z / self.length * self.axial_count)
+        return i, j, k
+
+    def _lateral_distance(self, first: float, second: float) -> float:
+        """Return the signed distance to the nearest lateral image; its square is what counts."""
+        distance = abs(first - second)
+        if distance > self.side / 2:
+            distance -= self.side
+        return distance
+
+
+def place_at_random(
+    diameters: Floats, side: float, length: float, seed: int, *, periodic_z: bool = False
+) -> tuple[Floats, Ints]:
+    """Return centres (n, 3) of spheres without contacts, and which sphere is at each of them (n,).
+
+    The spheres of `diameters` (n,) are placed one by one where they fit, the largest first, and
+    sorted along z. All lengths have one unit. Raises InputError where the cell is narrower than
+    three of the largest spheres, or where they do not fit.
     """
-    count, largest = len(diameters), float(diameters.max())
-    # Bins at least one diameter wide; with fewer than three a neighbour would lie on both sides.
-    across, along = int(side / largest), int(length / largest)
-    if across < 3 or along < (3 if whole else 2):
+    count = len(diameters)
+    largest = float(diameters.max())
+    bins = _Bins(side, length, largest, periodic_z=periodic_z)
+    # With fewer than three bins along a period a neighbour would lie on both sides.
+    min_axial_count = 3 if periodic_z else 2
+    if bins.lateral_count < 3 or bins.axial_count < min_axial_count:
         raise InputError(
-            "input",
+            "narrow_cell",
             f"{count} spheres at this width",
             "the cell is narrower than three of the largest, or less than two layers",
             "take other numbers, or sizes that differ less",
         )
-    order, random = np.argsort(-diameters, kind="stable"), np.random.default_rng(seed)
-    points = chain.from_iterable(random.random((count, 3)).tolist() for _ in repeat(None))
-    bins: dict[tuple[int, int, int], list[tuple[float, float, float, float]]] = {}
-    around = [(a, b, c) for a in (-1, 0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1)]
-    places = np.empty((count, 3))
-    for number, size in enumerate(diameters[order].tolist()):
-        low, high = (0.0, length) if whole else (size / 2, length - size)
-        for x, y, z in islice(points, ROUNDS):
-            x, y, z = side * x, side * y, low + high * z
-            i, j, k = int(x / side * across), int(y / side * across), int(z / length * along)
-            near = (
-                other
-                for a, b, c in around
-                for other in bins.get(
-                    ((i + a) % across, (j + b) % across, (k + c) % along if whole else k + c), ()
-                )
-            )
-            if all(
-                (abs(x - u) - side * (abs(x - u) > side / 2)) ** 2
-                + (abs(y - v) - side * (abs(y - v) > side / 2)) ** 2
-                + (abs(z - w) - length * (whole and abs(z - w) > length / 2)) ** 2
-                > ((size + other) / 2) ** 2
-                for u, v, w, other in near
-            ):
-                bins.setdefault((i, j, k), []).append((x, y, z, size))
-                places[number] = x, y, z
+    order = np.argsort(-diameters, kind="stable")
+    points = _random_points(seed, count)
+    centres = np.empty((count, 3))
+    for number, diameter in enumerate(diameters[order].tolist()):
+        lowest = 0.0 if periodic_z else diameter / 2
+        height = length if periodic_z else length - diameter
+        for u, v, w in islice(points, MAX_TRIALS):
+            x = side * u
+            y = side * v
+            z = lowest + height * w
+            if bins.is_free(x, y, z, diameter):
+                bins.add(x, y, z, diameter)
+                centres[number] = x, y, z
                 break
         else:
             raise InputError(
-                "input", f"{count} spheres do not fit into the cloud", remedy="take another width"
+                "cloud_full",
+                f"{count} spheres do not fit into the cloud",
+                remedy="take another width",
             )
-    upwards = np.argsort(places[:, 2], kind="stable")
-    return places[upwards], order[upwards]
+    upwards = np.argsort(centres[:, 2], kind="stable")
+    return centres[upwards], order[upwards]
+
+
+def _random_points(seed: int, count: int) -> Iterator[tuple[float, float, float]]:
+    """Yield random points of the unit cube without end, drawn `count` at a time."""
+    random = np.random.default_rng(seed)
+    while True:
+        yield from random.random((count, 3)).tolist()

@@ -1,8 +1,8 @@
-"""A loading path from its cloud to each stress, whoever makes the steps; killed, it goes on.
+"""Loading paths from a cloud to each stress, in any program's motion, resumable after a kill.
 
-One definition with friction, for YADE (`yade_scripts/compress.py`) and for modal's own loop, and
-without (`modal.preparation.frictionless`). Each run starts from the checkpoint that the one before
-has written, so that a path that was killed takes the same steps as one that was not.
+With friction, YADE (`yade_scripts/compress.py`) and modal's own loop follow this one definition;
+without friction it is `modal.preparation.frictionless`. Each run starts from the checkpoint that
+the run before has written, so that a path that was killed takes the same steps as one that was not.
 """
 
 import math
@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import count, pairwise
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,150 +20,176 @@ from modal.formats.attributes import number_noted
 from modal.formats.provenance import Provenance
 from modal.packing.sample import Sample, read_sample, validate, void_ratio, write_sample
 from modal.preparation import protocol
-from modal.preparation.cloud import cloud
-from modal.preparation.durations import steps_of
-from modal.preparation.protocol import CHECKPOINT, END, OLD_CHECKPOINT, Stage, Study, stages_of
-from modal.tools.arrays import Floats
+from modal.preparation.cloud import make_cloud
+from modal.preparation.durations import count_steps
+from modal.preparation.protocol import (
+    CHECKPOINT,
+    END,
+    OLD_CHECKPOINT,
+    MovingPacking,
+    Stage,
+    Study,
+    name_stages,
+)
 from modal.tools.display import duration
 from modal.tools.errors import InputError
 from modal.tools.progress import Minute, progress
 
 AXES = "stress_xx", "stress_yy", "stress_zz"
-WAY = "; "
-"""Between the stages that a checkpoint names as its way."""
+STAGE_SEPARATOR = "; "
+"""Separates the stages in a checkpoint's attribute `way`, those that the path has gone through."""
 
 
-class Packing(Protocol):
-    """Spheres in motion under a stage's control."""
-
-    steps: int
-
-    def advance(self, count: int, dt: float, every: int) -> None:
-        """`count` steps of `dt`, s, with the rates set `every` so many of them."""
-
-    def stress(self) -> Floats:
-        """Principal stresses (3,), Pa, compression positive."""
-
-    def unbalanced(self) -> float:
-        """Mean residual force on a sphere over the mean contact force."""
-
-    def sample(self, *, moving: bool) -> Sample:
-        """The sample as it is now; with its velocities and strain rate if it is `moving`."""
-
-
-Begin = Callable[[Sample, Any], Packing]
-"""Sets a sample in motion under a stage."""
+StartMotion = Callable[[Sample, Any], MovingPacking]
+"""Function that sets a sample in motion under a stage."""
 Say = Callable[[str], None]
+"""Function that shows a line of progress."""
 
 
-def in_motion(sample: Sample, stage: Stage) -> Dynamics:
-    """A sample in modal's own motion, whose strain rates a stage's control sets."""
+class StageProgress(NamedTuple):
+    """Time of a stage so far, s, and whether the packing has settled and the stage has ended."""
+
+    seconds: float
+    has_settled: bool
+    has_ended: bool
+
+
+def start_dynamics(sample: Sample, stage: Stage) -> Dynamics:
+    """Set a sample in modal's own motion, whose strain rates the control of a stage sets."""
     return Dynamics(sample, stage.damping, control=stage.control.follow)
 
 
-def compacted(study: Study, begin: Begin) -> Sample:
-    """The cloud compacted to LOOSE and put to rest."""
-    started, stage = time.perf_counter(), Stage(protocol.CLOUD_STAGE, study)
-    packing = begin(cloud(study), stage)
+def compact_cloud(study: Study, start_motion: StartMotion) -> Sample:
+    """Return the cloud of a study after compaction to `LOOSE_FRACTION`, at rest."""
+    started = time.perf_counter()
+    stage = Stage(protocol.CLOUD_STAGE, study)
+    packing = start_motion(make_cloud(study), stage)
     dt = study.time_step(protocol.COMPACTION_STRESS * study.mixture.hardness)
     rate = protocol.COMPACTION_RATE * study.mixture.tempo
-    steps = int(math.log(protocol.LOOSE / protocol.CLOUD) / 3 / rate / dt)
-    parts = min(steps, protocol.CHECKS)
+    strain = math.log(protocol.LOOSE_FRACTION / protocol.CLOUD_FRACTION) / 3
+    steps = int(strain / rate / dt)
+    parts = min(steps, protocol.CHECKS_PER_CHECKPOINT)
     for part in progress(parts, f"friction {study.mu_comp:g}, cloud"):
-        more = (part + 1) * steps // parts - packing.steps
-        packing.advance(more, dt, steps_of(stage.interval, dt))
+        next_steps = (part + 1) * steps // parts - packing.steps
+        packing.advance(next_steps, dt, count_steps(stage.interval, dt))
     sample = packing.sample(moving=False)
-    sample.study = study.attributes | _cost({}, stage.name, packing, sample, started)
+    sample.study = study.attributes | _describe_cost({}, stage.name, packing, sample, started)
     return sample
 
 
-def stirred(dense: Sample, study: Study, begin: Begin) -> Sample:
-    """A packing at rest, its spheres drawn apart and stirred: all contacts it had are forgotten.
+def stir(dense: Sample, study: Study, start_motion: StartMotion) -> Sample:
+    """Return a packing at rest after its spheres were drawn apart and stirred.
 
-    At random velocities, with which they push the cell by the stress of agitated ones, and without
-    friction or damping, that none of them comes to rest before its neighbours.
+    Lengths grow by the share `dilate` of the study, and spheres move at random velocities, with
+    which they exert the stress of agitated spheres, without friction or damping, so that none comes
+    to rest before its neighbours. All contacts of the dense packing are lost.
     """
-    started, stage, mixture = time.perf_counter(), Stage(protocol.STIR, study), study.mixture
-    stress, grown = study.hot_stress * mixture.hardness, 1 + study.dilate
-    solid = 1 / (1 + void_ratio(len(dense.position), dense.sizes, dense.side, dense.length))
+    started = time.perf_counter()
+    stage = Stage(protocol.STIR, study)
+    mixture = study.mixture
+    stress = study.hot_stress * mixture.hardness
+    expansion = 1 + study.dilate
+    solid_fraction = 1 / (
+        1 + void_ratio(len(dense.position), dense.sizes, dense.side, dense.length)
+    )
     # Hard spheres push by their kinetic energy over the gap, as a share of the diameter.
-    speed = math.sqrt(study.dilate * stress / (solid * mixture.mean.density))
+    speed = math.sqrt(study.dilate * stress / (solid_fraction * mixture.mean.density))
     velocity = np.random.default_rng(study.seed).normal(0.0, speed, dense.position.shape)
     apart = replace(
         dense,
-        position=grown * dense.position,
-        side=grown * dense.side,
-        walls=grown * dense.walls,
+        position=expansion * dense.position,
+        side=expansion * dense.side,
+        walls=expansion * dense.walls,
         friction=0.0,
         velocity=velocity - velocity.mean(axis=0),
     )
-    packing, dt = begin(apart, stage), study.time_step(protocol.ABOVE * stress)
-    steps = steps_of(protocol.STIRRED * study.dilate * 2 * mixture.radius / speed, dt)
+    packing = start_motion(apart, stage)
+    dt = study.time_step(protocol.STRESS_MARGIN * stress)
+    stirring_time = protocol.STIRRING_TIME * study.dilate * 2 * mixture.radius / speed
+    steps = count_steps(stirring_time, dt)
     packing.advance(steps, dt, steps)
     sample = replace(packing.sample(moving=True), friction=study.mu_comp, shear=None)
-    sample.study = study.attributes | _cost({}, stage.name, packing, sample, started)
+    sample.study = study.attributes | _describe_cost({}, stage.name, packing, sample, started)
     return sample
 
 
-def reach(packing: Packing, stage: Stage, seconds: float, say: Say) -> tuple[float, bool, bool]:
-    """The time of the stage, s, at its next checkpoint; whether it has settled; is over.
-
-    `seconds` of it have gone already.
-    """
-    started, begun, minute = time.perf_counter(), seconds, Minute()
+def advance_to_checkpoint(
+    packing: MovingPacking, stage: Stage, seconds: float, say: Say
+) -> StageProgress:
+    """Advance a packing to the next checkpoint of its stage, of which `seconds` have passed."""
+    started = time.perf_counter()
+    seconds_before = seconds
+    minute = Minute()
     stage.control.stress = packing.stress()
-    for _ in count() if stage.checks is None else range(stage.checks):
+    checks = count() if stage.checks is None else range(stage.checks)
+    for _ in checks:
         dt = stage.time_step()
-        steps = steps_of(stage.check, dt)
-        packing.advance(steps, dt, steps_of(stage.interval, dt))
+        steps = count_steps(stage.check, dt)
+        packing.advance(steps, dt, count_steps(stage.interval, dt))
         seconds += steps * dt
-        settled = stage.settled(packing.unbalanced())
-        ended = settled or stage.impatient(seconds)
-        if ended:
+        has_settled = stage.settled(packing.unbalanced())
+        has_ended = has_settled or stage.impatient(seconds)
+        if has_ended:
             break
-        stage.look(packing)
+        stage.refuse_failure(packing)
         if minute.passed():
-            pace = (time.perf_counter() - started) / (seconds - begun)
-            say(f"{_at(stage, packing)}; {_to_go(stage, seconds, pace)}")
-    return seconds, settled, ended
+            pace = (time.perf_counter() - started) / (seconds - seconds_before)
+            say(f"{_describe_state(stage, packing)}; {_describe_rest(stage, seconds, pace)}")
+    return StageProgress(seconds, has_settled, has_ended)
 
 
-def run_to_checkpoint(sample: Sample, stage: Stage, begin: Begin, say: Say) -> tuple[Sample, bool]:
-    """The sample at the next checkpoint after `sample`, and whether the stage is over."""
-    started, before = time.perf_counter(), dict(sample.study)
-    packing = begin(sample, stage)
-    seconds, settled, ended = reach(packing, stage, number_noted(before, "stage_time") or 0.0, say)
-    found: dict[str, Any] = {"stage_time": seconds, "unbalanced": packing.unbalanced()}
-    found |= zip(AXES, stage.control.stress, strict=True)
+def run_to_checkpoint(
+    sample: Sample, stage: Stage, start_motion: StartMotion, say: Say
+) -> tuple[Sample, bool]:
+    """Return the sample at the next checkpoint after `sample`, and whether the stage is over."""
+    started = time.perf_counter()
+    before = dict(sample.study)
+    packing = start_motion(sample, stage)
+    seconds_before = number_noted(before, "stage_time") or 0.0
+    progress_of_stage = advance_to_checkpoint(packing, stage, seconds_before, say)
+    attributes: dict[str, Any] = {
+        "stage_time": progress_of_stage.seconds,
+        "unbalanced": packing.unbalanced(),
+    }
+    attributes |= zip(AXES, stage.control.stress, strict=True)
     if stage.is_state:
-        found |= {"settled": settled, "stress_error": stage.control.error()}
+        attributes["settled"] = progress_of_stage.has_settled
+        attributes["stress_error"] = stage.control.error()
     after = packing.sample(moving=stage.checks is not None)
     validate(after, f"friction {stage.study.mu_comp:g}, {stage.name}")
-    cost = _cost(before, stage.name, packing, after, started)
-    after.study = before | found | cost
+    cost = _describe_cost(before, stage.name, packing, after, started)
+    after.study = before | attributes | cost
     say(
-        f"{_at(stage, packing)}, e {cost['void_ratio']:.4f}, Z {cost['coordination_number']:.3f}, "
-        f"{packing.steps} steps, {cost['seconds']:.0f} s"
+        f"{_describe_state(stage, packing)}, e {cost['void_ratio']:.4f}, "
+        f"Z {cost['coordination_number']:.3f}, {packing.steps} steps, {cost['seconds']:.0f} s"
     )
-    return after, ended
+    return after, progress_of_stage.has_ended
 
 
-def _at(stage: Stage, packing: Packing) -> str:
+def _describe_state(stage: Stage, packing: MovingPacking) -> str:
+    """Return a line with the stress and the balance of a packing."""
     return (
         f"friction {stage.study.mu_comp:g}, {stage.name}: stress {stage.control.stress.mean():.4g} "
         f"Pa, unbalanced {packing.unbalanced():.1e}"
     )
 
 
-def _to_go(stage: Stage, seconds: float, pace: float) -> str:
-    """Where the stage ends, `seconds` after its start at `pace`, seconds of ours for one of it."""
+def _describe_rest(stage: Stage, seconds: float, pace: float) -> str:
+    """Return what ends the stage and how long it may take.
+
+    `seconds` of the stage have passed; `pace` is the computing time per simulated time.
+    """
     if math.isinf(stage.patience):
-        return f"ends at {stage.study.hot_stress * stage.study.mixture.hardness:.4g} Pa"
-    most = duration((stage.patience - seconds) * pace)
-    error, residual = stage.limits
-    if math.isinf(residual):
-        return f"{most} left"
-    return f"ends at unbalanced {residual:.1e} and stresses off by {error:.1e}, at most {most} left"
+        hot_stress = stage.study.hot_stress * stage.study.mixture.hardness
+        return f"ends at {hot_stress:.4g} Pa"
+    time_left = duration((stage.patience - seconds) * pace)
+    limits = stage.limits
+    if math.isinf(limits.residual):
+        return f"{time_left} left"
+    return (
+        f"ends at unbalanced {limits.residual:.1e} and stresses off by "
+        f"{limits.stress_error:.1e}, at most {time_left} left"
+    )
 
 
 def compress_to_stresses(
@@ -171,133 +197,186 @@ def compress_to_stresses(
     study: Study,
     stresses: Sequence[float],
     made: Provenance,
-    begin: Begin,
+    start_motion: StartMotion,
     say: Say,
-    stage_of: Callable[[str, Study], Stage] = Stage,
+    make_stage: Callable[[str, Study], Stage] = Stage,
     dense: Path | None = None,
 ) -> list[tuple[float, Path]]:
-    """Follow the path to each stress, Pa; each with its file STRESSPa.sample.h5 in `folder`.
+    """Follow the path of a study to each stress, and return the (stress, file) pairs of its states.
 
-    Goes on from the checkpoint, or from the cloud, or from a `dense` packing to dilate; states that
-    are there stay. InputError for a stress that comes twice or, with friction, does not rise, and
-    where the checkpoint or one of the files is of another study or was made by another command (one
-    program's steps are not the other's), or the checkpoint has gone another way.
+    The path goes on from the checkpoint in `folder`; otherwise it begins at the cloud, or at a
+    `dense` packing, which is dilated. Files of states that exist stay.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the checkpoint and of the states, STRESSPa.sample.h5.
+    study : Study
+        Parameters of the path.
+    stresses : sequence of float
+        Pa, in rising order with friction.
+    made : Provenance
+        Command and study, written into each file.
+    start_motion : callable
+        Sets a sample in motion under a stage.
+    say : callable
+        Shows lines of progress.
+    make_stage : callable
+        Makes a stage from its name and the study.
+    dense : Path, optional
+        Sample of a packing without friction.
+
+    Raises
+    ------
+    InputError
+        If stresses are repeated or, with friction, do not rise; if the checkpoint or a state is of
+        another study, or was made by another command (programs do not take the same steps); or if
+        the checkpoint has gone through other stages.
     """
-    if any(lower >= higher for lower, higher in pairwise(stresses)) and study.mu_comp:
+    if study.mu_comp and any(lower >= higher for lower, higher in pairwise(stresses)):
         raise InputError(
-            "input",
-            f"stresses {_listed(stresses)} Pa",
+            "stress_order",
+            f"stresses {_list_stresses(stresses)} Pa",
             "a compression only loads",
             "give them in rising order",
         )
-    stages, checkpoint = stages_of(study, stresses), folder / CHECKPOINT
+    stages = name_stages(study, stresses)
     if len(set(stages)) < len(stages):
         raise InputError(
-            "input", f"stresses {_listed(stresses)} Pa", "one comes twice", "give each once"
+            "repeated_stress",
+            f"stresses {_list_stresses(stresses)} Pa",
+            "one comes twice",
+            "give each once",
         )
     files = {f"{stress:g}": folder / f"{stress:g}Pa.sample.h5" for stress in stresses}
 
     def write(path: Path, sample: Sample) -> None:
         write_sample(path, replace(sample, provenance=made.attributes()))
 
-    def keep(sample: Sample) -> None:
-        write(folder / CHECKPOINT, replace(sample, study=sample.study | {"way": WAY.join(way)}))
+    def write_checkpoint(sample: Sample) -> None:
+        attributes = sample.study | {"way": STAGE_SEPARATOR.join(passed_stages)}
+        write(folder / CHECKPOINT, replace(sample, study=attributes))
         (folder / OLD_CHECKPOINT).unlink(missing_ok=True)
 
+    checkpoint = folder / CHECKPOINT
     if not checkpoint.exists():
         checkpoint = folder / OLD_CHECKPOINT
     if checkpoint.exists():
-        there = (checkpoint, *filter(Path.exists, files.values()))
-        sample, *_ = [_of_study(path, study, made.command) for path in there]
-        way = _way_so_far(checkpoint, sample, stages)
+        sample = _read_sample_of_study(checkpoint, study, made.command)
+        for path in files.values():
+            if path.exists():
+                _read_sample_of_study(path, study, made.command)
+        passed_stages = _resume(checkpoint, sample, stages)
     else:
         if dense:
-            sample = stirred(read_sample(dense), study, begin)
+            sample = stir(read_sample(dense), study, start_motion)
+        elif study.mu_comp:
+            sample = compact_cloud(study, start_motion)
         else:
-            sample = compacted(study, begin) if study.mu_comp else cloud(study)
-        way = stages[:1]
+            sample = make_cloud(study)
+        passed_stages = stages[:1]
         sample.study = study.attributes | sample.study | {"stage": stages[0], "stage_time": 0.0}
-        keep(sample)
+        write_checkpoint(sample)
     while (name := sample.study["stage"]) != END:
-        way += [name] * (name not in way)
-        sample, ended = run_to_checkpoint(sample, stage_of(name, study), begin, say)
-        if ended:
+        if name not in passed_stages:
+            passed_stages.append(name)
+        sample, has_ended = run_to_checkpoint(sample, make_stage(name, study), start_motion, say)
+        if has_ended:
             if name in files:
                 sample.study["stress"] = float(name)
                 # What follows brings it to rest; the checkpoint keeps the motion.
                 still = replace(sample, velocity=None, angular_velocity=None, strain_rate=None)
                 write(files[name], still)
-                found = "unbalanced {unbalanced:.1e}, stresses off by {stress_error:.1e}"
-                short = "" if sample.study["settled"] else f", not settled: {found}"
-                say(f"{files[name]}: written{short.format(**sample.study)}")
-            after = [*stages, END][stages.index(name) + 1]
-            sample.study |= {"stage": after, "stage_time": 0.0}
-        keep(sample)
+                say(f"{files[name]}: written{_describe_shortfall(sample.study)}")
+            following = [*stages, END][stages.index(name) + 1]
+            sample.study |= {"stage": following, "stage_time": 0.0}
+        write_checkpoint(sample)
     return list(zip(stresses, files.values(), strict=True))
 
 
-def _listed(stresses: Sequence[float]) -> str:
+def _describe_shortfall(attributes: dict[str, Any]) -> str:
+    """Return how far a state is from its limits, or an empty text for a settled state."""
+    if attributes["settled"]:
+        return ""
+    return (
+        f", not settled: unbalanced {attributes['unbalanced']:.1e}, stresses off by "
+        f"{attributes['stress_error']:.1e}"
+    )
+
+
+def _list_stresses(stresses: Sequence[float]) -> str:
+    """Return stresses, Pa, as a text."""
     return ", ".join(f"{stress:g}" for stress in stresses)
 
 
-def _cost(
-    before: dict[str, Any], stage: str, packing: Packing, sample: Sample, started: float
+def _describe_cost(
+    before: dict[str, Any], stage: str, packing: MovingPacking, sample: Sample, started: float
 ) -> dict[str, Any]:
-    """What a stage and the path have come to and cost so far, by the names of the format.
+    """Return attributes of the present packing, and steps and seconds of stage and path so far.
 
-    `before` are the attributes at the start of the run, which began when the clock said `started`.
+    `before` are the attributes at the start of the run, which began at `started` on the clock.
     """
-    contact, n = sample.contacts(), len(sample.position)
-    ends = 2 * len(contact.overlap) - int((contact.particle_j < 0).sum())
-    found: dict[str, Any] = {
-        f"contacts_{stage}": len(contact.overlap),
-        "coordination_number": ends / n,
-        "void_ratio": void_ratio(n, sample.sizes, sample.side, sample.length),
+    contacts = sample.contacts()
+    spheres = len(sample.position)
+    with_wall = int((contacts.particle_j < 0).sum())
+    ends = 2 * len(contacts.overlap) - with_wall
+    attributes: dict[str, Any] = {
+        f"contacts_{stage}": len(contacts.overlap),
+        "coordination_number": ends / spheres,
+        "void_ratio": void_ratio(spheres, sample.sizes, sample.side, sample.length),
     }
-    spent = {"steps": packing.steps, "seconds": time.perf_counter() - started}
-    for name, value in spent.items():
+    costs = {"steps": packing.steps, "seconds": time.perf_counter() - started}
+    for name, cost in costs.items():
         for key in (f"{name}_{stage}", name):
-            known = number_noted(before, key) is not None
-            found[key] = value + (before[key] if known else 0)
-    return found
+            attributes[key] = cost
+            if number_noted(before, key) is not None:
+                attributes[key] = cost + before[key]
+    return attributes
 
 
-def _way_so_far(checkpoint: Path, sample: Sample, stages: list[str]) -> list[str]:
-    """The stages that a checkpoint has gone through; its `study` then says where it goes on.
+def _resume(checkpoint: Path, sample: Sample, stages: list[str]) -> list[str]:
+    """Set the stage at which a checkpoint goes on, and return the stages that it has gone through.
 
-    A path that was at its end, or on its way to a stress, may be given further ones later.
-    InputError where it has come another way than the `stages`, or is on its way elsewhere.
+    A path that was at its end, or on its way to a stress, may get further stresses later. Raises
+    InputError if it has gone through other stages than `stages`, or is on its way to another one.
     """
-    stage, way = sample.study.get("stage"), str(sample.study.pop("way", "")).split(WAY)
+    stage = sample.study.get("stage")
+    passed = str(sample.study.pop("way", "")).split(STAGE_SEPARATOR)
     if not isinstance(stage, str):
         raise InputError(
             "incomplete",
-            f"{checkpoint}: it does not say at which stage it is",
-            remedy="move it away, and begin anew",
+            f"{checkpoint}",
+            "it does not say at which stage it is",
+            "move it away, and begin anew",
         )
-    known = [name for name in stages if name in way]
+    known = [name for name in stages if name in passed]
     ahead = stages[len(known) :]
-    straight = known == stages[: len(known)] == [name for name in way if name in known]
-    if not straight or ((ahead or stage in way) and way[-1] not in known):
+    is_prefix = known == stages[: len(known)]
+    is_in_order = known == [name for name in passed if name in known]
+    goes_on = bool(ahead) or stage in passed
+    is_elsewhere = goes_on and passed[-1] not in known
+    if not (is_prefix and is_in_order) or is_elsewhere:
         raise InputError(
-            "input",
-            f"{checkpoint}: it has gone by way of {WAY.join(way)} (Pa)",
-            remedy=("give stresses that go on from there, or take another folder"),
+            "other_path",
+            f"{checkpoint}",
+            f"it has gone by way of {STAGE_SEPARATOR.join(passed)} (Pa)",
+            "give stresses that go on from there, or take another folder",
         )
-    if stage not in way:
+    if stage not in passed:
         sample.study["stage"] = ahead[0] if ahead else END
-    return way
+    return passed
 
 
-def _of_study(path: Path, study: Study, command: str) -> Sample:
-    """A state of this path; InputError for one of another."""
+def _read_sample_of_study(path: Path, study: Study, command: str) -> Sample:
+    """Read a state of this path; raise InputError if it is of another study or command."""
     sample = read_sample(path)
     study.refuse_other(sample.study, path)
-    by = sample.provenance.get("command", command)
-    if by != command:
+    maker = sample.provenance.get("command", command)
+    if maker != command:
         raise InputError(
-            "input",
-            f"{path}: made by {by}, not by {command}",
-            remedy="go on with that, or take another folder",
+            "other_command",
+            f"{path}",
+            f"made by {maker}, not by {command}",
+            "go on with that, or take another folder",
         )
     return sample

@@ -1,132 +1,229 @@
-"""The way from a cloud to a packing with friction: its stages, durations, rates and limits.
+"""Protocol from a cloud to a packing with friction: its stages, durations, rates and limits.
 
-One definition for YADE (`yade_scripts/compress.py`) and for modal's own loop. Durations are times,
-not numbers of steps: half the step takes twice as many. What agitates spheres takes a fixed number
-of the packing's own times; what settles it are vibrations (`modal.preparation.durations`).
+YADE (`yade_scripts/compress.py`) and modal's own loop follow this one definition. Durations are
+times, not numbers of steps: half the step takes twice as many. Stages that agitate spheres last a
+fixed number of inertial times; stages in which they settle are counted in vibrations
+(`modal.preparation.durations`).
 
-While spheres still move freely hardly anything but friction dissipates (Otsubo et al. 2017,
+While spheres still move freely hardly anything but friction dissipates energy (Otsubo et al. 2017,
 section 2, have friction alone): damping makes the packing looser. The agitated packing then comes
 to rest at a constant volume: a servo would let it expand until the agitation carries the stress.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
 from modal.formats.provenance import Provenance, versions
 from modal.packing.neighbours import refuse_more_than_fit
-from modal.preparation.durations import STABILITY, duration, inertial_time, time_step
+from modal.packing.sample import Sample
+from modal.preparation.durations import (
+    REFERENCE_PRESSURE,
+    STABLE_FRACTION,
+    inertial_time,
+    time_step,
+    vibration_duration,
+)
 from modal.preparation.sizes import MIXTURE, Mixture
 from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
-CONTROL = 0.0127
-"""Between two settings of the strain rates; 5 steps of `STABILITY` at the target stress."""
-CHECK = 0.2542
-"""Between two looks at stress and balance; 100 such steps."""
-CHECKS = 30
-"""Checks between two checkpoints; 3,000 such steps, in YADE some four minutes at full size."""
+
+class SettlingLimits(NamedTuple):
+    """Deviations below which a stage has settled.
+
+    Attributes
+    ----------
+    stress_error : float
+        Largest relative deviation of a principal stress from its target.
+    residual : float
+        Mean net force on a sphere divided by the mean contact force.
+    """
+
+    stress_error: float
+    residual: float
+
+
+CONTROL_INTERVAL = 0.0127
+"""Inertial times at `REFERENCE_PRESSURE` between two settings of the strain rates: 5 steps of
+`STABLE_FRACTION` at the target stress."""
+CHECK_INTERVAL = 0.2542
+"""Inertial times at `REFERENCE_PRESSURE` between two checks of stress and balance: 100 such
+steps."""
+CHECKS_PER_CHECKPOINT = 30
+"""Checks between two checkpoints: 3,000 such steps, in YADE some four minutes at full size."""
 PATIENCE = 30.5
-"""After which a packing that does not settle is taken as it is, and marked; 12,000 such steps. At
-1 kPa these are 6.6 of its own times, at 10 MPa 142."""
+"""Inertial times at `REFERENCE_PRESSURE` after which a packing that does not settle is accepted as
+it is, and marked: 12,000 such steps. At 1 kPa these are 6.6 inertial times, at 10 MPa 142."""
 
 CHECKPOINT = "path.checkpoint"
-"""Name of the state under way, which is none of the states that `*.h5` in its folder means."""
+"""File of the current state; its name does not match `*.h5`, which means finished states."""
 OLD_CHECKPOINT = "checkpoint.h5"
-"""The same of paths that were begun before; they go on from there."""
+"""File of the current state of paths that were begun by earlier versions, which can continue."""
 END = "end"
 """Name of the stage after the last."""
-PREPARATION = "approach", "cool", "jam"
-CLOUD_STAGE, STIR, SQUEEZE = "cloud", "stir", "peak"
-"""Names of the stage before these, which has no checkpoint; of the one that stands in its place for
-spheres that have been dense before; and of that before all states without friction."""
+APPROACH = "approach"
+"""Name of the stage that compresses agitated spheres at a constant rate."""
+COOL = "cool"
+"""Name of the stage in which agitated spheres come to rest at a constant volume."""
+JAM = "jam"
+"""Name of the stage in which a servo brings spheres at rest to `JAMMING_STRESS`."""
+PREPARATION: Final = (APPROACH, COOL, JAM)
+"""Names of the stages from the compacted cloud to the first stress, with friction."""
+CLOUD_STAGE = "cloud"
+"""Name of the stage before these, which has no checkpoint."""
+STIR = "stir"
+"""Name of the stage that replaces the cloud for spheres that have been dense before."""
+SQUEEZE = "peak"
+"""Name of the stage before all states without friction."""
 STRESSES = (1e3, 1e4, 1e5, 1e6, 1e7)
-CLOUD, LOOSE = 0.2, 0.5
-"""Solid fractions of the cloud (no overlaps) and of its compaction at rest."""
+"""Stresses of the study's states with friction, Pa."""
+CLOUD_FRACTION = 0.2
+"""Solid fraction of the cloud, in which no spheres overlap."""
+LOOSE_FRACTION = 0.5
+"""Solid fraction at which the compaction of the cloud ends, at rest."""
 COMPACTION_RATE = 400.0
-"""Strain rate, 1/s, from CLOUD to LOOSE."""
+"""Strain rate, 1/s, from `CLOUD_FRACTION` to `LOOSE_FRACTION`."""
 COMPACTION_STRESS = 1e6
 """Mean stress, Pa, that the time step of the compaction allows for."""
-HOT = 5e5
-"""Mean stress, Pa, of the agitated spheres at which the compaction ends; without agitation and
-unloading, below the first stress of the study."""
-APPROACH_RATE, AGITATED_DAMPING = 8.0, 0.02
-"""Strain rate, 1/s, from LOOSE to HOT, and local damping until then, which decides how dense the
-packing jams."""
-DAMPING = 0.2
-"""Local damping once the compaction is over."""
-COOLING = 36.5
-"""Own times at HOT, at constant volume, after which the agitation is over; 6,000 steps of a packing
-whose contacts have parted."""
+HOT_STRESS = 5e5
+"""Mean stress, Pa, of the agitated spheres at which the approach ends; without agitation, and once
+unloaded, the packing is below the first stress of the study."""
+APPROACH_RATE = 8.0
+"""Strain rate, 1/s, from `LOOSE_FRACTION` to `HOT_STRESS`."""
+AGITATED_DAMPING = 0.02
+"""Local damping during the approach, which decides how dense the packing jams."""
+LOCAL_DAMPING = 0.2
+"""Local damping once the approach is over."""
+COOLING_TIME = 36.5
+"""Inertial times at `HOT_STRESS`, at constant volume, after which the agitation is over: 6,000
+steps of a packing whose contacts have opened."""
 JAMMING_STRESS = 1e4
 """Stress, Pa, before the first state: a jammed packing that is let go at once flies apart."""
-JAMMED = 0.1, 1e-2
-SETTLED = 3e-3, 1e-3
-"""When jamming is over, when a state is reached: largest relative error of a principal stress, mean
-residual over contact force."""
-STIRRED = 50.0
-"""Times in which a stirred sphere, on average, goes as far as the gap between two; four times as
-long leave the same contacts."""
+JAMMED: Final = SettlingLimits(stress_error=0.1, residual=1e-2)
+"""Limits at which jamming is over."""
+SETTLED: Final = SettlingLimits(stress_error=3e-3, residual=1e-3)
+"""Limits at which a state is reached."""
+NEVER: Final = SettlingLimits(-math.inf, -math.inf)
+"""Limits that no packing reaches, of stages that end by stress or time."""
+STIRRING_TIME = 50.0
+"""Duration of stirring in units of the time that a sphere takes to cross the mean gap; stirring
+four times as long leaves the same contacts."""
 PEAK = 2e8
 """Pressure, Pa, under which spheres without friction are packed before they are unloaded."""
 NOMINAL_FRACTION = 0.6
 """Solid fraction at which `width` and the number of spheres fix the length."""
-ABOVE = 1.5
-"""Stress that the time step allows for, over the present mean."""
+STRESS_MARGIN = 1.5
+"""Stress that the time step allows for, divided by the present mean."""
+MAX_STRESS_FACTOR = 10
+"""Largest ratio of two successive stresses: packings settle faster by smaller ones."""
+MAX_DILATION = 0.1
+"""Largest `dilate` of a study; spheres drawn farther apart are a cloud."""
+HOT_STRESS_RANGE = (100.0, 1e8)
+"""Pa: allowed agitation stresses."""
 
 
-def by_tens(before: float, stress: float) -> list[float]:
-    """The way from one stress, Pa, to another: each at most ten times the one before, or a tenth.
+def list_intermediate_stresses(before: float, stress: float) -> list[float]:
+    """Return stresses, Pa, between two others, each at most ten times or a tenth of the one before.
 
-    >>> by_tens(1e4, 1e5), by_tens(2e8, 1e6), by_tens(1e4, 5e5)
-    ([100000.0], [20000000.0, 2000000.0, 1000000.0], [100000.0, 500000.0])
+    >>> list_intermediate_stresses(1e4, 1e5), list_intermediate_stresses(2e8, 1e6)
+    ([], [20000000.0, 2000000.0])
     """
-    way = []
-    while not 1 / 10 <= (ratio := stress / before) <= 10:
-        before = before * 10 if ratio > 1 else before / 10
-        way.append(before)
-    return [*way, stress]
+    intermediate = []
+    ratio = stress / before
+    while not 1 / MAX_STRESS_FACTOR <= ratio <= MAX_STRESS_FACTOR:
+        before = before * MAX_STRESS_FACTOR if ratio > 1 else before / MAX_STRESS_FACTOR
+        intermediate.append(before)
+        ratio = stress / before
+    return intermediate
 
 
-OF_CLOUD = "approach_rate", "agitated_damping"
-OF_FRICTION = *OF_CLOUD, "inertial_number", "fraction", "hot_stress", "damping"
-"""Numbers of a study that say nothing of a descent without friction; the first ones say nothing of
-spheres that were dense before, either."""
+CLOUD_PARAMETERS: Final = ("approach_rate", "agitated_damping")
+"""Parameters of a study without meaning for spheres that were dense before."""
+FRICTION_PARAMETERS: Final = (
+    *CLOUD_PARAMETERS,
+    "inertial_number",
+    "fraction",
+    "hot_stress",
+    "damping",
+)
+"""Parameters of a study without meaning for a descent without friction."""
 
 
-def unused(friction: float, dilate: float) -> tuple[str, ...]:
-    """Names of a study's numbers that say nothing of such a path.
+def unused_parameters(friction: float, dilate: float) -> tuple[str, ...]:
+    """Return names of a study's parameters that have no meaning for such a path.
 
-    >>> unused(0.3, 0.0), unused(0.3, 0.005)
+    >>> unused_parameters(0.3, 0.0), unused_parameters(0.3, 0.005)
     (('peak',), ('approach_rate', 'agitated_damping'))
     """
     if friction == 0:
-        return *OF_FRICTION, "dilate"
-    return OF_CLOUD if dilate else ("peak",)
+        return *FRICTION_PARAMETERS, "dilate"
+    if dilate:
+        return CLOUD_PARAMETERS
+    return ("peak",)
 
 
-UNSAID = dict[str, Any](dict.fromkeys((*MIXTURE, "solid"), "")) | {"dilate": 0.0}
-"""What attributes leave out where it stands like this."""
+IMPLICIT: Final[Mapping[str, Any]] = {
+    **dict.fromkeys(MIXTURE, ""),
+    "solid": "",
+    "dilate": 0.0,
+}
+"""Values that attributes leave out: equal glass spheres from a cloud, as in earlier files."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Study:
-    """What tells one compression from another; the defaults are the study's own at friction 0.4.
+    """Parameters of one compression; the defaults are those of the study at friction 0.4.
 
-    width: diameters; approach_rate: 1/s; fraction: time step over its limit; hot_stress: Pa, see
-    `HOT`; damping: local, after it; residual: mean residual over contact force of a settled state;
-    peak: Pa, of spheres without friction, of whose path the other numbers but residual say nothing;
-    dilate: share by which all lengths of spheres that are dense, as without friction, grow before
-    these are stirred and jam with friction; 0 is the path from a cloud;
-    sizes, densities, walls: words as `modal.preparation.sizes` has them, none for equal spheres, of
-    glass between walls of glass; walls are `NO_WALLS` of a cell that is periodic along z. `solid`
-    has words as `solid_of`, none for the study's glass: stresses of the protocol, `hot_stress`
-    and `peak` among them, then grow with E*, rates with (E* / density)^(1/2) / R, so that the same
-    packing comes about at a stress that is the same share of E*.
+    Attributes
+    ----------
+    mu_comp : float
+        Coefficient of friction of the compression.
+    spheres : int
+        Number of spheres.
+    width : float
+        Width of the cell at `NOMINAL_FRACTION`, mean diameters.
+    seed : int
+        Seed of the random numbers.
+    approach_rate : float
+        Strain rate of the agitated spheres, 1/s.
+    agitated_damping : float
+        Local damping of the agitated spheres.
+    inertial_number : float
+        Largest strain rate of the servo multiplied by the inertial time.
+    fraction : float
+        Time step divided by its limit.
+    hot_stress : float
+        Mean stress at which the approach ends, Pa.
+    damping : float
+        Local damping after the approach.
+    residual : float
+        Mean net force divided by the mean contact force of a settled state.
+    peak : float
+        Peak pressure of spheres without friction, Pa. Of the other parameters of the protocol, only
+        `residual` has a meaning for them.
+    dilate : float
+        Share by which all lengths of a dense packing (without friction) grow before its spheres are
+        stirred and jam with friction; 0 is a path from a cloud.
+    sizes, densities, walls : str
+        Words of `modal.preparation.sizes`, empty for equal spheres of glass between walls of glass;
+        walls are `NO_WALLS` if the cell is periodic along z.
+    solid : str
+        Words of `parse_solid`, empty for the study's glass. Stresses of the protocol, `hot_stress`
+        and `peak` among them, then grow with E*, rates with (E* / density)^(1/2) / R, so that the
+        packing is the one of glass at a stress that is an equal share of E*.
+
+    Raises
+    ------
+    InputError
+        If a parameter is outside its range, or words are unknown.
     """
 
     mu_comp: float = 0.4
@@ -136,10 +233,10 @@ class Study:
     approach_rate: float = APPROACH_RATE
     agitated_damping: float = AGITATED_DAMPING
     inertial_number: float = INERTIAL_NUMBER
-    fraction: float = STABILITY
-    hot_stress: float = HOT
-    damping: float = DAMPING
-    residual: float = SETTLED[1]
+    fraction: float = STABLE_FRACTION
+    hot_stress: float = HOT_STRESS
+    damping: float = LOCAL_DAMPING
+    residual: float = SETTLED.residual
     peak: float = PEAK
     dilate: float = 0.0
     sizes: str = ""
@@ -148,171 +245,256 @@ class Study:
     solid: str = ""
 
     def __post_init__(self) -> None:
-        for name, kind in Study.__annotations__.items():
-            setattr(self, name, kind(getattr(self, name)))
-            if kind is float and not math.isfinite(getattr(self, name)):
-                raise InputError(
-                    "input",
-                    f"{name} {getattr(self, name)}: not a finite number",
-                    remedy="give another",
-                )
-        fewest, narrowest = (100, 4) if self.mu_comp else (8, 2)
-        enough = self.spheres >= fewest and self.width >= narrowest
-        if not 0 <= self.mu_comp <= 1:
-            raise InputError(
-                "input", f"friction (mu_comp) {self.mu_comp:g}", remedy="give a number from 0 to 1"
-            )
-        if not enough:
-            raise InputError(
-                "input",
-                f"{self.spheres} spheres in a cell {self.width:.3g} diameters wide",
-                "too few",
-                "take "
-                f"at least {fewest} spheres and a width of {narrowest} diameters, by more spheres "
-                "or a smaller aspect (length over width)",
-            )
+        self._convert_types()
+        self._check_spheres()
         refuse_more_than_fit(self.spheres)
         _ = self.mixture  # refuses unknown words
+        self._check_protocol()
+
+    def _convert_types(self) -> None:
+        """Give each parameter the type of its default: tables have numbers of any type."""
+        for name, default in PARAMETER_DEFAULTS.items():
+            value = type(default)(getattr(self, name))
+            object.__setattr__(self, name, value)
+            if isinstance(value, float) and not math.isfinite(value):
+                raise InputError(
+                    "not_finite", f"{name} {value}", "not a finite number", "give another"
+                )
+
+    def _check_spheres(self) -> None:
+        """Raise InputError for an impossible friction, or for too few spheres or widths."""
+        if not 0 <= self.mu_comp <= 1:
+            raise InputError(
+                "friction",
+                f"friction (mu_comp) {self.mu_comp:g}",
+                remedy="give a number from 0 to 1",
+            )
+        min_spheres = 8
+        min_width = 2
+        if self.mu_comp:
+            min_spheres = 100
+            min_width = 4
+        if self.spheres < min_spheres or self.width < min_width:
+            raise InputError(
+                "too_few_spheres",
+                f"{self.spheres} spheres in a cell {self.width:.3g} diameters wide",
+                "too few",
+                f"take at least {min_spheres} spheres and a width of {min_width} diameters, by "
+                "more spheres or a smaller aspect (length over width)",
+            )
+
+    def _check_protocol(self) -> None:
+        """Raise InputError for a number of the protocol outside its range."""
         if not (0 < self.fraction <= 1 and 0 < self.inertial_number < 1):
             raise InputError(
-                "input",
+                "fraction",
                 f"fraction {self.fraction:g}, inertial number {self.inertial_number:g}",
                 "both must lie between 0 and 1",
-                f"{STABILITY:g} and {INERTIAL_NUMBER:g} are usual",
+                f"{STABLE_FRACTION:g} and {INERTIAL_NUMBER:g} are usual",
             )
         if not (self.approach_rate > 0 and 0 <= self.agitated_damping < 1 > self.damping > 0):
             raise InputError(
-                "input",
+                "rate_or_damping",
                 f"approach rate {self.approach_rate:g}, damping {self.agitated_damping:g} while "
                 f"agitated and {self.damping:g} later",
                 "the rate must be positive, each damping below 1, the later one above 0",
             )
-        if not (0 <= self.dilate <= 0.1 and (self.mu_comp or not self.dilate)):
+        if not 0 <= self.dilate <= MAX_DILATION or (self.dilate and not self.mu_comp):
             raise InputError(
-                "input",
+                "dilate",
                 f"dilate {self.dilate:g}",
-                "the share by which lengths grow before spheres jam with friction, 0 to 0.1",
+                "the share by which lengths grow before spheres jam with friction, 0 to "
+                f"{MAX_DILATION:g}",
                 "0.005 leaves them nearly as dense as they are without",
             )
-        if not (100 <= self.hot_stress <= 1e8 and 0 < self.residual < 1):
+        lowest, highest = HOT_STRESS_RANGE
+        if not (lowest <= self.hot_stress <= highest and 0 < self.residual < 1):
             raise InputError(
-                "input",
+                "hot_stress_or_residual",
                 f"hot stress {self.hot_stress:g} Pa, residual {self.residual:g}",
-                "the stress must lie between 100 Pa and 1e8 Pa, the residual between 0 and 1",
+                f"the stress must lie between {lowest:g} Pa and {highest:g} Pa, the residual "
+                "between 0 and 1",
             )
 
     @cached_property
     def mixture(self) -> Mixture:
-        """Spheres and walls."""
-        words = self.sizes, self.densities, self.walls, self.solid
-        return Mixture.of(self.spheres, self.seed, *words)
+        """Spheres and walls that the words of the study describe."""
+        return Mixture.parse(
+            self.spheres, self.seed, self.sizes, self.densities, self.walls, self.solid
+        )
 
     def time_step(self, stress: float) -> float:
-        """Stable time step of statics at `stress` (Pa), s."""
+        """Return the time step of statics at `stress` (Pa), s."""
         mixture = self.mixture
         return time_step(stress, self.fraction, mixture.smallest, mixture.mean)
 
-    def duration(self, number: float, stress: float) -> float:
-        """Seconds of a vibration's duration, as the function `duration` has it."""
-        return duration(number, stress, self.mixture.radius, self.mixture.mean)
+    def vibration_duration(self, number: float, stress: float) -> float:
+        """Return the seconds, at `stress` (Pa), of a duration stated at the reference pressure."""
+        return vibration_duration(number, stress, self.mixture.radius, self.mixture.mean)
 
     @property
     def attributes(self) -> dict[str, float | int | str]:
-        """The study as a file's attributes; `protocol` 2 counts times, 1 counted steps."""
-        none = unused(self.mu_comp, self.dilate)
-        own = {name: getattr(self, name) for name in Study.__annotations__ if name not in none}
-        # Equal spheres of glass from a cloud say nothing of others, as earlier files do not.
-        said = {name: value for name, value in own.items() if value != UNSAID.get(name)}
-        return said | {"protocol": 2}
+        """Parameters as attributes of a file; `protocol` 2 counts times, 1 counted steps.
+
+        Parameters without a meaning for the path, and `IMPLICIT` values, are left out.
+        """
+        unused = unused_parameters(self.mu_comp, self.dilate)
+        attributes: dict[str, float | int | str] = {}
+        for name, value in asdict(self).items():
+            if name not in unused and value != IMPLICIT.get(name):
+                attributes[name] = value
+        attributes["protocol"] = 2
+        return attributes
 
     def provenance(self, command: str, **programs: str) -> Provenance:
-        """What a state is made from: the study alone; `programs` with their versions."""
+        """Return the provenance of a state: the study alone, and versions of `programs`."""
         return Provenance(command, self.attributes, versions=versions(**programs))
 
-    def refuse_other(self, found: dict[str, Any], path: object) -> None:
-        """InputError if a checkpoint's attributes are those of another study."""
-        own = {name: getattr(self, name) for name in UNSAID}
-        found = UNSAID | found
-        for name, value in (own | self.attributes).items():
-            if not np.array_equal(np.asarray(found.get(name)), np.asarray(value)):
+    def refuse_other(self, attributes: Mapping[str, Any], path: object) -> None:
+        """Raise InputError if the attributes of the checkpoint at `path` are of another study."""
+        expected = {name: getattr(self, name) for name in IMPLICIT} | self.attributes
+        actual = {**IMPLICIT, **attributes}
+        for name, value in expected.items():
+            if not np.array_equal(np.asarray(actual.get(name)), np.asarray(value)):
                 raise InputError(
                     "other_study",
-                    f"{path}: it belongs to another study ({name} is {found.get(name)}, not "
-                    f"{value})",
-                    remedy="move it away or take another folder",
+                    f"{path}",
+                    f"it belongs to another study ({name} is {actual.get(name)}, not {value})",
+                    "move it away or take another folder",
                 )
 
 
-def stages_of(study: Study, stresses: Sequence[float]) -> list[str]:
-    """Names of the stages that lead to each stress, Pa, in turn.
+PARAMETER_DEFAULTS: Final[Mapping[str, Any]] = {
+    name: field.default for name, field in Study.__dataclass_fields__.items()
+}
+"""Parameters of a study with their defaults."""
 
-    From one to the next by way of others at most ten times apart, which settle faster.
+
+def name_stages(study: Study, stresses: Sequence[float]) -> list[str]:
+    """Return the names of the stages that lead to each stress, Pa, in turn.
+
+    Between two stresses are others at most ten times apart, which settle faster; their names are
+    of the form "10000 for 100000".
     """
-    loads = study.mu_comp > 0
-    names = [SQUEEZE] if not loads else [PREPARATION[-1]] if study.dilate else [*PREPARATION]
-    before = (JAMMING_STRESS if loads else study.peak) * study.mixture.hardness
+    if study.mu_comp == 0:
+        names = [SQUEEZE]
+        before = study.peak * study.mixture.hardness
+    else:
+        names = [JAM] if study.dilate else [*PREPARATION]
+        before = JAMMING_STRESS * study.mixture.hardness
     for stress in stresses:
-        *way, _ = by_tens(before, stress)
-        names += [*(f"{station:g} for {stress:g}" for station in way), f"{stress:g}"]
+        for intermediate in list_intermediate_stresses(before, stress):
+            names.append(f"{intermediate:g} for {stress:g}")
+        names.append(f"{stress:g}")
         before = stress
     return names
 
 
-class Stage:
-    """One stage's control, damping and durations, s; `settled`, `impatient` say when it is over."""
+def read_target_stress(name: str) -> float:
+    """Return the stress, Pa, that a stage of this name leads to."""
+    return float(name.partition(" ")[0])
 
-    checks: int | None = CHECKS
-    """Between two checkpoints; None for a stage without any."""
+
+class MovingPacking(Protocol):
+    """Spheres in motion under a stage's control."""
+
+    steps: int
+
+    def advance(self, count: int, dt: float, every: int) -> None:
+        """Take `count` steps of `dt`, s; the rates are set after `every` of them."""
+
+    def stress(self) -> Floats:
+        """Return the principal stresses (3,), Pa, compression positive."""
+
+    def unbalanced(self) -> float:
+        """Return the mean net force on a sphere divided by the mean contact force."""
+
+    def sample(self, *, moving: bool) -> Sample:
+        """Return the present sample; with its velocities and strain rate if it is `moving`."""
+
+
+class Stage:
+    """Control, damping and durations of one stage of a study.
+
+    Attributes
+    ----------
+    checks : int or None
+        Checks between two checkpoints; None for a stage without checkpoints.
+    control : ConstantRate or Servo
+        What sets the strain rates.
+    damping : float
+        Local damping.
+    limits : SettlingLimits
+        Deviations below which the stage has settled.
+    check, interval, patience : float
+        Times between two checks, between two settings of the strain rates, and after which the
+        stage ends in any case, s.
+    """
+
+    checks: int | None = CHECKS_PER_CHECKPOINT
 
     def __init__(self, name: str, study: Study) -> None:
-        self.name, self.study, mixture = name, study, study.mixture
-        self.damping, self.limits = study.damping, (-math.inf, -math.inf)
-        hot = inertial_time(HOT * mixture.hardness, mixture.radius, mixture.mean)
-        constant = {
-            CLOUD_STAGE: (COMPACTION_RATE, 0.0, math.inf),
-            STIR: (0.0, 0.0, math.inf),
-            "approach": (study.approach_rate, study.agitated_damping, math.inf),
-            "cool": (0.0, study.damping, COOLING * hot),
-        }
-        if name in constant:
-            rate, self.damping, self.patience = constant[name]
-            self.control: ConstantRate | Servo = ConstantRate(rate * mixture.tempo)
-            self.control.target *= mixture.hardness
+        self.name = name
+        self.study = study
+        self.damping = study.damping
+        self.limits = NEVER
+        self.patience = math.inf
+        self.control: ConstantRate | Servo
+        mixture = study.mixture
+        if name == CLOUD_STAGE:
+            self.damping = 0.0
+            self.control = self._constant_rate(COMPACTION_RATE)
+        elif name == STIR:
+            self.damping = 0.0
+            self.control = self._constant_rate(0.0)
+        elif name == APPROACH:
+            self.damping = study.agitated_damping
+            self.control = self._constant_rate(study.approach_rate)
+        elif name == COOL:
+            self.control = self._constant_rate(0.0)
+            hot_stress = HOT_STRESS * mixture.hardness
+            self.patience = COOLING_TIME * inertial_time(hot_stress, mixture.radius, mixture.mean)
         else:
-            jams = name == "jam"
-            target = JAMMING_STRESS * mixture.hardness if jams else stress_of(name)
-            self.limits = JAMMED if jams else (SETTLED[0], study.residual)
+            if name == JAM:
+                target = JAMMING_STRESS * mixture.hardness
+                self.limits = JAMMED
+            else:
+                target = read_target_stress(name)
+                self.limits = SettlingLimits(SETTLED.stress_error, study.residual)
             self.control = Servo(target, study.inertial_number, mixture.radius, mixture.mean)
-            self.patience = study.duration(PATIENCE, target)
-        self.check = study.duration(CHECK, self.control.target)
-        self.interval = study.duration(CONTROL, self.control.target)
+            self.patience = study.vibration_duration(PATIENCE, target)
+        self.check = study.vibration_duration(CHECK_INTERVAL, self.control.target)
+        self.interval = study.vibration_duration(CONTROL_INTERVAL, self.control.target)
+
+    def _constant_rate(self, rate: float) -> ConstantRate:
+        """Return a control at a strain rate, 1/s, of glass, scaled to the study's spheres."""
+        mixture = self.study.mixture
+        return ConstantRate(rate * mixture.tempo, REFERENCE_PRESSURE * mixture.hardness)
 
     @property
     def is_state(self) -> bool:
-        """Whether the stage's end is a state to be written."""
+        """Whether the end of the stage is a state to be written."""
         return self.name[0].isdigit() and " " not in self.name
 
     def time_step(self) -> float:
-        """Stable at the target and at the present stress, s."""
-        stress = max(self.control.target, ABOVE * self.control.stress.mean())
+        """Return a time step, s, stable at the target and at the present stress."""
+        stress = max(self.control.target, STRESS_MARGIN * self.control.stress.mean())
         return self.study.time_step(stress)
 
     def settled(self, unbalanced: float) -> bool:
-        """Whether stresses and balance (residual over contact force) are as near as wanted."""
-        if self.name == "approach":
-            return bool(
-                self.control.stress.mean() > self.study.hot_stress * self.study.mixture.hardness
-            )
-        return self.control.error() < self.limits[0] and unbalanced < self.limits[1]
+        """Return whether stresses and balance are within the limits.
 
-    def look(self, packing: Any) -> None:
-        """See, at each check that does not end it, whether the packing can go on."""
+        `unbalanced` is the mean net force divided by the mean contact force. The approach is over
+        when the mean stress exceeds the study's `hot_stress`.
+        """
+        if self.name == APPROACH:
+            hot_stress = self.study.hot_stress * self.study.mixture.hardness
+            return bool(self.control.stress.mean() > hot_stress)
+        return self.control.error() < self.limits.stress_error and unbalanced < self.limits.residual
+
+    def refuse_failure(self, packing: Any) -> None:
+        """Raise InputError if the packing cannot go on, at each check that does not end it."""
 
     def impatient(self, seconds: float) -> bool:
-        """Whether the time of the stage is over, to half a check."""
+        """Return whether the time of the stage is over, to half a check."""
         return seconds > self.patience - self.check / 2
-
-
-def stress_of(name: str) -> float:
-    """The stress, Pa, that a stage of this name leads to."""
-    return float(name.partition(" ")[0])

@@ -1,4 +1,4 @@
-"""Random packings, with friction and without: one way for `modal pack` and `random_packing`."""
+"""Random packings, with friction and without, for the command `pack` and for Python."""
 
 import math
 import warnings
@@ -6,42 +6,63 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TypedDict, Unpack
 
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Material
 from modal.packing.network import Network
 from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import read_sample
-from modal.preparation.compression import compress_to_stresses, in_motion
+from modal.preparation.compression import compress_to_stresses, start_dynamics
 from modal.preparation.frictionless import Descent, Pressure
 from modal.preparation.protocol import JAMMING_STRESS, NOMINAL_FRACTION, PEAK, STRESSES, Study
-from modal.preparation.sizes import NO_WALLS, Mixture, solid_of, words
-from modal.preparation.unequal_stress import RATIOS, load_further
+from modal.preparation.sizes import NO_WALLS, Mixture, Words, join_words, parse_solid
+from modal.preparation.unequal_stress import RATIO_RANGE, load_further
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
 
 PRESSURES = (1e5, 1e6, 1e7)
-"""Pa, of spheres without friction after the peak."""
+"""Pressures, Pa, of states without friction, after the peak."""
+MIN_PRESSURE = 10.0
+"""Lowest stress of a state of glass spheres, Pa: overlaps of lower ones are lost to round-off."""
+MAX_PEAK_RATIO = 10.0
+"""Largest peak pressure divided by the usual one, `PEAK`."""
 ASPECT = 10.05
 """Length over width: 35,201 spheres then reach 141 to 146 diameters, as in the study."""
-SHRINKS = 1.08
-"""Width at the nominal solid fraction over that of a packing without friction at 10 MPa."""
-DENSE = "dense"
+WIDTH_SHRINKAGE = 1.08
+"""Width at the nominal solid fraction divided by that of a frictionless packing at 10 MPa."""
+MAX_SEED = 2**63 - 1
+"""Largest seed that an attribute of a file holds."""
+DENSE_FOLDER = "dense"
 """Folder of the packing without friction that is dilated, within that of the states."""
 COMMAND = "python -m modal pack"
-"""What makes the same packing again, whoever has called."""
+"""Command in the provenance of each packing, which makes it again whoever has called."""
+
+
+class ProtocolNumbers(TypedDict, total=False):
+    """Numbers of the protocol that a caller may change, by their names in `Study`."""
+
+    approach_rate: float
+    agitated_damping: float
+    inertial_number: float
+    fraction: float
+    hot_stress: float
+    damping: float
+    residual: float
+    peak: float
+    dilate: float
 
 
 def sound_aspect(spheres: int) -> float:
-    """Return the default length over width: the study's, or less, so that the cell is wide enough.
+    """Return the default length over width: that of the study, or less so that the cell is wide.
 
-    Of so few spheres that a cube is no wider, that of a cube.
+    The cell is then `MIN_WIDTH_IN_DIAMETERS` diameters wide; it is a cube if there are too few spheres for this.
     """
-    return min(max((width_of(spheres, 1.0) / (SHRINKS * MIN_WIDTH_IN_DIAMETERS)) ** 3, 1.0), ASPECT)
+    cube_width = width_of(spheres, 1.0)
+    return min(max((cube_width / (WIDTH_SHRINKAGE * MIN_WIDTH_IN_DIAMETERS)) ** 3, 1.0), ASPECT)
 
 
 def width_of(spheres: int, aspect: float) -> float:
-    """Width in diameters of a cell of `aspect`, length over width, at the nominal solid fraction.
+    """Return the width, diameters, of a cell of `aspect` (length over width), at nominal fraction.
 
     Zero, which no study accepts, for numbers that no cell can have.
     """
@@ -61,93 +82,162 @@ def pack(
     aspect: float | None = None,
     width: float | None = None,
     peak: float | None = None,
-    sizes: Sequence[str | float] | None = None,
-    densities: Sequence[str | float] | None = None,
-    walls: Sequence[str | float] | None = None,
+    sizes: Words | None = None,
+    densities: Words | None = None,
+    walls: Words | None = None,
     periodic: bool = False,
     stress_ratio: float | None = None,
     oedometric: bool = False,
-    solid: Sequence[str | float] | None = None,
-    **protocol: Any,
+    solid: Words | None = None,
+    **protocol: Unpack[ProtocolNumbers],
 ) -> list[tuple[float, Path]]:
-    """Pack in `folder`; each stress, Pa, with the file of its state. Killed, the same call goes on.
+    """Pack spheres in a folder, and return the (stress, file) pairs of its states.
 
-    Without stresses those of the study, of softer spheres as much less. `width`, in diameters,
-    stands in place of `aspect`; numbers of the `protocol` have their names in `Study`, and `peak`,
-    Pa, is that of packings without friction. A `periodic` cell has no walls. With friction a state
-    may go on from each isotropic one to a `stress_ratio`, lateral over axial stress; or the spheres
-    are compressed along z alone (`oedometric`) from a tenth of the first stress to each axial one.
-    `say` is told how it goes.
-    `solid` as in `modal.preparation.sizes.solid_of`, of the study's glass without: the peak and the
-    stresses of the protocol grow with its modulus.
+    After a kill, an equal call goes on where the path was.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the checkpoint and of the states.
+    say : callable
+        Shows lines of progress.
+    spheres : int
+        Number of spheres.
+    stresses : sequence of float
+        Pa; if empty, those of the study, multiplied by the hardness of the spheres.
+    friction : float
+        Coefficient of friction, 0 to 1.
+    seed : int
+        Seed of the random numbers.
+    aspect, width : float, optional
+        Length over width of the cell, or its width in diameters.
+    peak : float, optional
+        Peak pressure of packings without friction, Pa.
+    sizes, densities, walls : sequence, optional
+        Words of the mixture, as in `modal.preparation.sizes`.
+    periodic : bool
+        Whether the cell has a period along z instead of walls.
+    stress_ratio : float, optional
+        Lateral stress divided by the axial one, to which each isotropic state is loaded further.
+    oedometric : bool
+        Whether the spheres are compressed along z alone, from a tenth of the first stress to each
+        axial stress.
+    solid : sequence, optional
+        Words of `parse_solid`; the peak and the stresses of the protocol grow with the modulus.
+    **protocol : float
+        Numbers of the protocol, by their names in `Study`.
+
+    Raises
+    ------
+    InputError
+        If a number is outside its range, if arguments exclude each other, or if the folder has
+        states of another study.
     """
-    hardness = Mixture(*solid_of(solid)).hardness if solid else 1.0
-    usual_stresses = STRESSES if friction else PRESSURES
-    targets = list(stresses) or [stress * hardness for stress in usual_stresses]
+    hardness = 1.0
+    if solid:
+        hardness = Mixture(*parse_solid(solid)).hardness
+    targets = list(stresses)
+    if not targets:
+        usual_stresses = STRESSES if friction else PRESSURES
+        targets = [stress * hardness for stress in usual_stresses]
+    _refuse_stresses(stresses, hardness)
+    if peak is not None:
+        _refuse_peak(peak, targets, hardness)
+        protocol["peak"] = peak / hardness
+    _refuse_unequal_stresses(friction, stress_ratio, oedometric)
+    if not 0 <= seed <= MAX_SEED:
+        raise InputError("seed", f"seed {seed}", "outside 0 to 2^63 - 1", "give 0, 1, 2 ...")
+    if periodic and walls:
+        raise InputError(
+            "walls_and_periodic",
+            "walls of a cell that is periodic along z",
+            "it has none",
+            "leave one out",
+        )
+    words = join_words({"sizes": sizes, "densities": densities, "walls": walls, "solid": solid})
+    if periodic:
+        words["walls"] = NO_WALLS
+    default_aspect = None
+    if width is None:
+        if aspect is None:
+            default_aspect = sound_aspect(spheres)
+        width = width_of(spheres, aspect or default_aspect or 0.0)
+    study = Study(friction, spheres, width, seed, **protocol, **words)
+    if default_aspect:
+        say(f"{spheres} spheres: length over width {default_aspect:.3g}")
+    made = study.provenance(COMMAND)
+    if friction == 0:
+        return compress_to_stresses(folder, study, targets, made, Descent, say, Pressure)
+    dense = None
+    if study.dilate:
+        frictionless_study = replace(study, mu_comp=0.0, dilate=0.0)
+        [(_, dense)] = compress_to_stresses(
+            folder / DENSE_FOLDER,
+            frictionless_study,
+            [JAMMING_STRESS * hardness],
+            frictionless_study.provenance(COMMAND),
+            Descent,
+            say,
+            Pressure,
+        )
+    isotropic_stresses = targets
+    if oedometric:
+        isotropic_stresses = [targets[0] / 10]
+    files = compress_to_stresses(
+        folder, study, isotropic_stresses, made, start_dynamics, say, dense=dense
+    )
+    if not oedometric and stress_ratio is None:
+        return files
+    ratio = math.nan if stress_ratio is None else stress_ratio
+    return load_further(folder, study, files, targets, ratio, COMMAND, say)
+
+
+def _refuse_stresses(stresses: Sequence[float], hardness: float) -> None:
+    """Raise InputError for a stress, Pa, outside what spheres of this hardness bear."""
     for stress in stresses:
-        if not 10 * hardness <= stress <= PEAK * hardness:
+        if not MIN_PRESSURE * hardness <= stress <= PEAK * hardness:
             raise InputError(
-                "input",
+                "stress",
                 f"stress {stress:g} Pa",
-                f"outside {10 * hardness:g} Pa to {PEAK * hardness:g} Pa",
+                f"outside {MIN_PRESSURE * hardness:g} Pa to {PEAK * hardness:g} Pa",
                 "give it in Pa",
             )
-    if peak is not None:
-        usual = PEAK * hardness
-        if not max(targets) <= peak <= 10 * usual:
-            raise InputError(
-                "input",
-                f"peak {peak:g} Pa",
-                f"below one of the stresses, or above {10 * usual:g} Pa",
-                f"{usual:g} is usual",
-            )
-        protocol["peak"] = peak / hardness
+
+
+def _refuse_peak(peak: float, stresses: Sequence[float], hardness: float) -> None:
+    """Raise InputError for a peak, Pa, below one of the stresses, or far above the usual one."""
+    usual = PEAK * hardness
+    if not max(stresses) <= peak <= MAX_PEAK_RATIO * usual:
+        raise InputError(
+            "peak",
+            f"peak {peak:g} Pa",
+            f"below one of the stresses, or above {MAX_PEAK_RATIO * usual:g} Pa",
+            f"{usual:g} is usual",
+        )
+
+
+def _refuse_unequal_stresses(friction: float, stress_ratio: float | None, oedometric: bool) -> None:
+    """Raise InputError for unequal stresses that are contradictory, frictionless or extreme."""
     if oedometric and stress_ratio is not None:
         raise InputError(
-            "input",
+            "ratio_and_oedometric",
             "a stress ratio of one-dimensional compression comes about",
             remedy="leave one out",
         )
     if friction == 0 and (oedometric or stress_ratio is not None):
         raise InputError(
-            "input",
+            "unequal_stress_without_friction",
             "unequal stresses need friction, without which spheres flow",
             remedy="give some",
         )
-    if stress_ratio is not None and not RATIOS[0] <= stress_ratio <= RATIOS[1]:
+    lowest, highest = RATIO_RANGE
+    if stress_ratio is not None and not lowest <= stress_ratio <= highest:
         raise InputError(
-            "input",
+            "stress_ratio",
             f"stress ratio {stress_ratio:g}",
-            f"lateral over axial stress, {RATIOS[0]:g} to {RATIOS[1]:g}",
+            f"lateral over axial stress, {lowest:g} to {highest:g}",
             "few packings hold less than 0.3",
         )
-    if not 0 <= seed < 2**63:  # as an attribute of the file holds it
-        raise InputError("input", f"seed {seed}", "outside 0 to 2^63 - 1", "give 0, 1, 2 ...")
-    if periodic and walls:
-        raise InputError(
-            "input", "walls of a cell that is periodic along z", "it has none", "leave one out"
-        )
-    of = words({"sizes": sizes, "densities": densities, "walls": walls, "solid": solid})
-    of |= {"walls": NO_WALLS} if periodic else {}
-    sound = sound_aspect(spheres) if aspect is None and width is None else None
-    width = width_of(spheres, aspect or sound or 0.0) if width is None else width
-    study = Study(friction, spheres, width, seed, **(protocol | of))
-    if sound:
-        say(f"{spheres} spheres: length over width {sound:.3g}")
-    made = study.provenance(COMMAND)
-    if friction == 0:
-        return compress_to_stresses(folder, study, targets, made, Descent, say, Pressure)
-    first = [targets[0] / 10] if oedometric else targets
-    dense = None
-    if study.dilate:
-        bare = replace(study, mu_comp=0.0, dilate=0.0)
-        own = folder / DENSE, bare, [JAMMING_STRESS * hardness], bare.provenance(COMMAND)
-        [(_, dense)] = compress_to_stresses(*own, Descent, say, Pressure)
-    files = compress_to_stresses(folder, study, first, made, in_motion, say, dense=dense)
-    if not oedometric and stress_ratio is None:
-        return files
-    ratio = math.nan if stress_ratio is None else stress_ratio
-    return load_further(folder, study, files, targets, ratio, COMMAND, say)
 
 
 @checked
@@ -165,27 +255,27 @@ def random_packing(
     material: Material | None = None,
     radius: float | None = None,
 ) -> Network:
-    """A random packing of glass spheres between two flat walls, at rest under a pressure.
+    """Make a random packing of spheres between two flat walls, at rest under a pressure.
 
-    It is the packing that `modal pack` makes of these numbers. Without friction the energy is
-    minimised, a second for 500 spheres; with it, a dilute state is compressed as
-    `modal.preparation.protocol` says, some minutes. Equal numbers give equal packings, to the bit
-    where the installed packages and the kind of processor are equal as well: without numba sums
-    are rounded otherwise, and a contact that opens for that makes another packing of the same kind
-    (the void ratio of 500 spheres then differs by 2e-4). A warning says where a packing has not
-    settled.
+    The command `modal pack` makes the same packing of these arguments. Without friction the energy
+    is minimised, which takes a second for 500 spheres; with friction, a dilute state is compressed
+    by the protocol of `modal.preparation.protocol`, which takes some minutes. Equal arguments give
+    equal packings, to the bit if the installed packages and the kind of processor are equal as
+    well: without numba, sums are rounded differently, and a contact that opens for this reason
+    leads to another packing of the same kind (the void ratio of 500 spheres then differs by 2e-4).
+    A warning is issued if the packing has not settled.
 
     Parameters
     ----------
     spheres : int, default 500
-        Their number.
+        Number of spheres.
     stress : float, optional
-        Pressure, Pa, the same along all axes; by default 1e5, of a softer or harder `material` as
-        much less or more.
+        Pressure, Pa, equal along all axes; by default 1e5, multiplied by the modulus of the
+        `material` divided by that of glass.
     friction : float, default 0
-        Coefficient of friction while it is compressed, 0 to 1.
+        Coefficient of friction during the compression, 0 to 1.
     seed : int, default 1
-        Of the random numbers.
+        Seed of the random numbers.
     aspect : float, optional
         Length over width; by default such that the cell is 8 diameters wide, at least that of a
         cube (up to 740 spheres) and at most 10.05 (from 7,400 on).
@@ -198,21 +288,21 @@ def random_packing(
     walls : sequence of 2 float, optional
         Young's modulus, Pa, and Poisson's ratio of the walls; those of the spheres by default.
     periodic : bool, default False
-        A period along z in place of walls.
+        Whether the cell has a period along z instead of walls.
     material : Material, optional
-        Of the spheres; by default the study's glass.
+        Material of the spheres; by default the study's glass.
     radius : float, optional
-        m; 1.27e-3 by default.
+        Mean radius, m; 1.27e-3 by default.
 
     Returns
     -------
     Network
-        The packing at rest; its `study` has what was asked for, and the void ratio.
+        The packing at rest; its `study` has the parameters and the void ratio.
 
     Raises
     ------
     InputError
-        Where there is no such packing.
+        If an argument is outside its range, or the packing is impossible.
 
     Examples
     --------
@@ -220,24 +310,46 @@ def random_packing(
     >>> net.n_particles, net.study["void_ratio"] < 0.7
     (100, True)
     """
-    mixture: dict[str, Any] = {"sizes": sizes, "densities": densities, "walls": walls}
     solid: list[str | float] | None = None
     if material is not None or radius is not None:
-        own = material or GLASS
-        solid = [own.young, own.poisson, own.density, RADIUS if radius is None else radius]
-        solid += [] if own.contact_model == HERTZ_MINDLIN else own.contact_model.split()
+        solid = _solid_words(material or GLASS, RADIUS if radius is None else radius)
     if stress is None:
-        stress = PRESSURES[0] * (Mixture(*solid_of(solid)).hardness if solid else 1.0)
+        stress = PRESSURES[0]
+        if solid:
+            stress = PRESSURES[0] * Mixture(*parse_solid(solid)).hardness
     with TemporaryDirectory() as folder:
-        files = pack(
-            Path(folder), lambda _: None, spheres, [stress], friction, seed,
-            aspect=aspect, periodic=periodic, solid=solid, **mixture,
-        )  # fmt: skip
-        sample = read_sample(files[-1][1])
-    if not sample.study.get("settled", True):
+        [(_, path)] = pack(
+            Path(folder),
+            _ignore_progress,
+            spheres,
+            [stress],
+            friction,
+            seed,
+            aspect=aspect,
+            sizes=sizes,
+            densities=densities,
+            walls=walls,
+            periodic=periodic,
+            solid=solid,
+        )
+        sample = read_sample(path)
+    attributes = sample.study
+    if not attributes.get("settled", True):
         warnings.warn(
-            f"the packing has not settled: stresses are off by {sample.study['stress_error']:.1e}, "
-            f"residual {sample.study['unbalanced']:.1e}",
+            f"the packing has not settled: stresses are off by {attributes['stress_error']:.1e}, "
+            f"residual {attributes['unbalanced']:.1e}",
             stacklevel=2,
         )
     return sample.network()
+
+
+def _solid_words(material: Material, radius: float) -> list[str | float]:
+    """Return the words of `parse_solid` for a material and a radius, m."""
+    words: list[str | float] = [material.young, material.poisson, material.density, radius]
+    if material.contact_model != HERTZ_MINDLIN:
+        words += material.contact_model.split()
+    return words
+
+
+def _ignore_progress(line: str) -> None:
+    """Ignore a line of progress."""

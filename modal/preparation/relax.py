@@ -1,14 +1,14 @@
-"""A sample brought into the balance of its contact law, at a fixed cell.
+"""Relaxation of a sample to the balance of its contact law, at a fixed cell.
 
-What a dynamic run leaves unbalanced would move by itself while a wave of some nanometres passes.
+Net forces that a dynamic run leaves would move spheres while a wave of some nanometres passes.
 Damped motion (`modal.dem.motion`) lets contacts slide, open and close until few still do. It ends
-in a long elastic tail: nothing slides any more, and what is left are the longest waves along the
-packing, which die slowly. The springs say at once how far each sphere still has to go: K d = F,
-with the present overlaps' stiffnesses and the net forces F (a step of Newton's method without the
-change of direction of the forces, which gains two or three digits at a time). Spheres that slide,
-or that springs alone would send far, know no such rest: their own net force is left out and they
-follow their neighbours. What has been gained is seen after some more steps of all. A packing that
-rests holds by itself.
+in a long elastic tail: nothing slides any more, and the longest waves along the packing decay
+slowly. An elastic step computes at once how far each sphere still has to go: K d = F, with the
+stiffness K of the present overlaps and the net forces F. This is a step of Newton's method without
+the change of direction of the forces, which gains two or three digits. Spheres that slide, or that
+the springs alone would move far, are not in such a balance: their own net force is left out and
+they follow their neighbours. The gain is checked after some more damped steps. A packing at rest
+stays at rest by itself.
 """
 
 from collections.abc import Callable
@@ -27,56 +27,76 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 TOLERANCE = 1e-10
-"""Mean net force over mean contact force at which a sample counts as balanced. What is left moves
-spheres by a share of their overlaps, the more the higher the stress; at 100 kPa and below it is
-round-off of the positions that decides."""
-SINGLE = 10.0
-"""Largest net force of a sphere, over the mean one allowed: a single sphere with more would go by
-itself as far as a wave moves it."""
-RESERVE = 0.95
-"""Share of the friction that may be used at rest: none stands at its limit when a wave comes."""
-NEAR = 1e-7
-"""Residual at which a sample that comes no nearer is still given back, as one not at rest."""
-LOOK = 100
-"""Steps between two looks at the balance."""
-FEW = 0.05
-"""Share of sliding contacts below which springs are asked: a few loose spheres may go on sliding
-for long while all others have nothing left but what is elastic."""
-FIRST = 500
-"""Steps before the springs are asked at all: how many contacts will slide shows while they do."""
-GAIN = 0.5
-"""Largest residual, over the one at the turn of the springs before, with which they are asked again
-after `LOOK` steps. Otherwise damped motion goes on twice as long as before, `AGAIN` at least."""
-AGAIN = 500
-"""Steps that take about half the time of a turn of the springs."""
+"""Mean net force divided by mean contact force at which a sample counts as balanced. What is left
+moves spheres by a share of their overlaps, the more the higher the stress; at 100 kPa and below,
+round-off of the positions decides."""
+MAX_SINGLE_RATIO = 10.0
+"""Largest net force of a single sphere divided by the mean one allowed: a sphere with more would
+move by itself as far as a wave moves it."""
+FRICTION_SHARE = 0.95
+"""Share of the friction that may be used at rest: no contact is at its limit when a wave comes."""
+ACCEPTED_RESIDUAL = 1e-7
+"""Residual at which a sample that comes no nearer to balance is still returned, as not at rest."""
+CHECK_STEPS = 100
+"""Steps between two checks of the balance."""
+MAX_SLIDING_SHARE = 0.05
+"""Share of sliding contacts below which elastic steps are tried: a few loose spheres may go on
+sliding for long while the rest of the packing only vibrates."""
+FIRST_ELASTIC_STEP = 500
+"""Damped steps before the first elastic one: how many contacts will slide shows while they do."""
+MIN_GAIN = 0.5
+"""Largest residual, divided by the one at the previous elastic step, with which the next follows
+after `CHECK_STEPS`. Otherwise damped motion lasts twice as long as before, and at least
+`MIN_WAIT_STEPS`."""
+MIN_WAIT_STEPS = 500
+"""Damped steps that take about half the time of an elastic one."""
 MAX_STEPS = 60_000
-STRIDE = 1.0
-"""Median overlaps that a sphere may go at once; its neighbours go nearly as far, and the overlaps
-change by much less."""
-LEFT_OUT = 0.05
-"""Share of spheres that springs leave out above which the packing is not yet one of springs."""
-ROUNDS = 3
-"""Solutions until no further sphere goes too far."""
-HELD = 1e-7
-"""Of the mean stiffness, added to that of every sphere: the softest elastic motion of 150 layers
-has 1e-5, motions without energy none."""
-ERROR = 1e-2
-"""Of the motion, in the energy norm. The change of stiffness on the way is off by as much."""
-LOOK_BACK, MOST_PRODUCTS = 30, 3000
-"""Products with K over which the error is measured, and after which the springs know of no rest."""
-AT_LIMIT = 1 - 1e-9
-"""Share of friction from which a contact slides: the moving contacts are cut back to exactly 1."""
+MAX_DISPLACEMENT_OVERLAPS = 1.0
+"""Largest displacement of a sphere in an elastic step, in median overlaps; its neighbours go nearly
+as far, and the overlaps change by much less."""
+MAX_EXCLUDED_SHARE = 0.05
+"""Share of spheres excluded from the elastic balance above which the packing is not yet elastic."""
+MAX_ROUNDS = 3
+"""Solutions of the elastic balance until no further sphere moves too far."""
+HOLDING_RATIO = 1e-7
+"""Stiffness that holds every sphere in its place, divided by the mean stiffness: the softest
+elastic motion of 150 layers has 1e-5, motions without energy have none."""
+SOLVER_ERROR = 1e-2
+"""Error of the elastic motion in the energy norm; the change of stiffness along it is as large."""
+ERROR_PRODUCTS = 30
+"""Products with K over which the error of the solver is estimated."""
+MAX_PRODUCTS = 3000
+"""Products with K after which the elastic balance is given up."""
+SLIDING_SHARE = 1 - 1e-9
+"""Share of friction from which a contact slides: moving contacts are cut back to exactly 1."""
+ROUND_OFF_FACTOR = 10
+"""Attainable residual in units of the round-off of a position divided by the median overlap."""
 
 
 @dataclass
 class Equilibrium:
-    """Residuals of a state: mean and largest net force (and torque over R) over mean N.
+    """Balance of a state, as ratios to the mean normal force.
 
-    friction_used: largest |shear| / (mu N), over 1 in the `sliding` contacts beyond the limit,
-    which a dynamic run would let slide; `steps` so far. While spheres move `sliding` are those that
-    slid in the last step, and friction_used is not sought (NaN). Of the end of `relax` also the
-    `tolerance` that was asked for, the one that round-off of the positions allows (`attainable`),
-    and whether the larger of both holds, `SINGLE` times as much for a single sphere (`at_rest`).
+    Attributes
+    ----------
+    residual, largest : float
+        Mean and largest net force on a sphere (or torque divided by its radius) divided by the mean
+        normal force.
+    friction_used : float
+        Largest |shear| / (mu N); above 1 in `sliding` contacts. NaN while spheres move.
+    sliding : int
+        Contacts beyond the limit of friction, which a dynamic run would let slide; while spheres
+        move, contacts that slid in the last step.
+    contacts : int
+        Number of contacts.
+    steps : int
+        Steps so far.
+    tolerance, attainable : float
+        Residual that was requested, and that round-off of the positions allows; set at the end of
+        `relax`.
+    at_rest : bool
+        Whether the residual is below the larger of both, and that of each sphere below
+        `MAX_SINGLE_RATIO` times it.
     """
 
     residual: float
@@ -90,18 +110,25 @@ class Equilibrium:
     at_rest: bool = False
 
     def within(self, goal: float) -> bool:
-        """Whether the residual is below `goal`, and no sphere's force above `SINGLE` times it."""
-        return self.residual <= goal and self.largest <= SINGLE * goal
+        """Return whether the residuals of all and of single spheres are within `goal`."""
+        return self.residual <= goal and self.largest <= MAX_SINGLE_RATIO * goal
 
 
-def equilibrium_of(sample: Sample, steps: int = 0) -> Equilibrium:
-    """How far from balance the sample is, from its positions and shear forces alone."""
+def measure_equilibrium(sample: Sample, steps: int = 0) -> Equilibrium:
+    """Return how far a sample is from balance, from its positions and shear forces alone."""
     network = sample.network()
     if network.n_contacts == 0:
         return Equilibrium(0.0, 0.0, 0.0, 0, 0, steps)
-    size, used = residual_forces(network), friction_used(network, sample.friction)
-    limits = float(used.max()), int((used > 1).sum())
-    return Equilibrium(float(size.mean()), float(size.max()), *limits, network.n_contacts, steps)
+    net_force = residual_forces(network)
+    used = friction_used(network, sample.friction)
+    return Equilibrium(
+        residual=float(net_force.mean()),
+        largest=float(net_force.max()),
+        friction_used=float(used.max()),
+        sliding=int((used > 1).sum()),
+        contacts=network.n_contacts,
+        steps=steps,
+    )
 
 
 def relax(
@@ -111,156 +138,228 @@ def relax(
     max_steps: int = MAX_STEPS,
     watch: Callable[[Equilibrium], None] | None = None,
 ) -> tuple[Sample, Equilibrium]:
-    """The sample in balance under its law; raises InputError if it does not come to rest.
+    """Return a sample in the balance of its contact law, and how good the balance is.
 
-    It needs friction: frictionless packings have motions that nothing resists. The tolerance is
-    raised to what round-off of the positions allows; a sample that stalls below `NEAR` is given
-    back with a balance that is not `at_rest`. Contacts slide at `RESERVE` of the friction, and at
-    that of the compression (`mu_comp` among the notes) where this is less: no state at rest bears
-    what its compression did not allow. `watch` sees the balance every `LOOK` steps.
+    Friction is needed: frictionless packings have motions that nothing resists. Contacts slide at
+    `FRICTION_SHARE` of the friction, or at the friction of the compression (`mu_comp` among the
+    attributes of the sample) if this is less: no state at rest bears what its compression did not
+    allow.
+
+    Parameters
+    ----------
+    sample : Sample
+        The sample, with friction and contacts.
+    tolerance : float
+        Residual of the balance; raised to what round-off of the positions allows.
+    max_steps : int
+        Largest number of steps of damped motion.
+    watch : callable, optional
+        Called with the balance every `CHECK_STEPS` steps.
+
+    Returns
+    -------
+    Sample
+        The sample after its motion.
+    Equilibrium
+        Its balance; not `at_rest` if the motion stopped below `ACCEPTED_RESIDUAL` alone.
+
+    Raises
+    ------
+    InputError
+        If there is no friction or no contact, or if the sample comes apart or not to rest.
     """
-    if not 0 < sample.friction < np.inf:
-        raise InputError(
-            "input",
-            f"friction {sample.friction:g}",
-            "a balance of contacts needs friction",
-            "give a positive one",
-        )
-    limit = RESERVE * sample.friction
-    of_compression = number_noted(sample.study, "mu_comp")
-    if of_compression is not None and of_compression > 0:
-        limit = min(limit, of_compression)
+    limit = _friction_at_rest(sample)
     contacts = MovingContacts(sample, limit)
     if contacts.touching == 0:
         raise InputError(
-            "input", "the sample has no contacts", remedy="compress it before it is brought to rest"
+            "no_contacts",
+            "the sample has no contacts",
+            remedy="compress it before it is brought to rest",
         )
     overlap = float(np.median(sample.contacts().overlap))
-    attainable = float(10 * np.finfo(float).eps * contacts.lengths[2] / overlap)
+    round_off = ROUND_OFF_FACTOR * np.finfo(float).eps
+    attainable = float(round_off * contacts.lengths[2] / overlap)
     goal = max(tolerance, attainable)
-    motion, turns = DampedMotion(contacts), _Turns()
+    motion = DampedMotion(contacts)
+    schedule = _ElasticSchedule()
     for step in range(max_steps + 1):
         if contacts.touching == 0:
             raise InputError(
-                "input",
+                "comes_apart",
                 f"the spheres come apart at a friction of {limit:.3g}",
-                remedy=("give them more of it, or compress the sample further first"),
+                remedy="give them more of it, or compress the sample further first",
             )
-        if step % LOOK == 0:
-            state = _look(contacts, step)
+        if step % CHECK_STEPS == 0:
+            state = _measure_moving(contacts, step)
             if watch:
                 watch(state)
             # The sample is what counts: its overlaps follow from the positions once more.
             if state.within(goal):
-                if equilibrium_of(contacts.sample()).within(goal):
+                if measure_equilibrium(contacts.sample()).within(goal):
                     break
-                # It holds no part of the shear forces along the contacts.
+                # A sample holds no part of the shear forces along the contacts' normals.
                 contacts.level_shear()
-            elif turns.of_springs(state):
-                there = _by_springs(contacts, state)
-                turns.note(state, taken=there is not contacts)
-                if there is not contacts:
-                    contacts = there
+            elif schedule.is_due(state):
+                moved_contacts = _take_elastic_step(contacts, state)
+                schedule.record(state, accepted=moved_contacts is not None)
+                if moved_contacts is not None:
+                    contacts = moved_contacts
                     motion = DampedMotion(contacts)
         motion.step()
-    rested = contacts.sample()
-    state = equilibrium_of(rested, step)
-    if not state.within(max(NEAR, goal)):
+    relaxed = contacts.sample()
+    state = measure_equilibrium(relaxed, step)
+    if not state.within(max(ACCEPTED_RESIDUAL, goal)):
         raise InputError(
-            "input",
+            "not_at_rest",
             f"the sample does not come to rest (residual {state.residual:.1e}, of a single sphere "
             f"{state.largest:.1e}, after {step} steps)",
             remedy="let its dynamics settle further first",
         )
-    state.tolerance, state.attainable, state.at_rest = tolerance, attainable, state.within(goal)
-    return rested, state
+    state.tolerance = tolerance
+    state.attainable = attainable
+    state.at_rest = state.within(goal)
+    return relaxed, state
 
 
-class _Turns:
-    """When the springs are asked: soon again after a gain, ever later without one.
+def _friction_at_rest(sample: Sample) -> float:
+    """Return the friction at which contacts slide; raise InputError if there is none."""
+    if not 0 < sample.friction < np.inf:
+        raise InputError(
+            "friction",
+            f"friction {sample.friction:g}",
+            "a balance of contacts needs friction",
+            "give a positive one",
+        )
+    limit = FRICTION_SHARE * sample.friction
+    compression_friction = number_noted(sample.study, "mu_comp")
+    if compression_friction is not None and compression_friction > 0:
+        limit = min(limit, compression_friction)
+    return limit
 
-    And out of turn as soon as no contact slides any more.
+
+class _ElasticSchedule:
+    """Schedule of elastic steps: soon again after a gain, ever later without one.
+
+    An elastic step is also due as soon as no contact slides any more.
     """
 
     def __init__(self) -> None:
-        self._next, self._wait, self._before, self._slid = FIRST, LOOK, np.inf, True
+        self._next_step = FIRST_ELASTIC_STEP
+        self._wait_steps = CHECK_STEPS
+        self._residual_before = np.inf
+        self._was_sliding = True
 
-    def of_springs(self, state: Equilibrium) -> bool:
-        """Whether it is their turn at this look."""
-        held = self._slid and state.sliding == 0 and state.steps >= FIRST
-        return state.sliding <= FEW * state.contacts and (held or state.steps >= self._next)
+    def is_due(self, state: Equilibrium) -> bool:
+        """Return whether an elastic step is to be tried at this check."""
+        if state.sliding > MAX_SLIDING_SHARE * state.contacts:
+            return False
+        stopped_sliding = self._was_sliding and state.sliding == 0
+        if stopped_sliding and state.steps >= FIRST_ELASTIC_STEP:
+            return True
+        return state.steps >= self._next_step
 
-    def note(self, state: Equilibrium, taken: bool) -> None:
-        """They were asked in this state; `taken` if the sample now is where they put it."""
-        gained = taken and state.residual <= GAIN * self._before
-        self._wait = LOOK if gained else max(AGAIN, 2 * self._wait)
-        self._next, self._before = state.steps + self._wait, state.residual
-        self._slid = state.sliding > 0
+    def record(self, state: Equilibrium, accepted: bool) -> None:
+        """Plan the next elastic step after one from this state, which was `accepted` or not."""
+        if accepted and state.residual <= MIN_GAIN * self._residual_before:
+            self._wait_steps = CHECK_STEPS
+        else:
+            self._wait_steps = max(MIN_WAIT_STEPS, 2 * self._wait_steps)
+        self._next_step = state.steps + self._wait_steps
+        self._residual_before = state.residual
+        self._was_sliding = state.sliding > 0
 
 
-def _by_springs(contacts: MovingContacts, state: Equilibrium) -> MovingContacts:
-    """The contacts where the springs put them; the same ones if that is no nearer to balance."""
-    here = contacts.sample()
-    motion = elastic_motion(contacts, here)
+def _take_elastic_step(contacts: MovingContacts, state: Equilibrium) -> MovingContacts | None:
+    """Return the contacts after an elastic step; None if this does not reduce the residual."""
+    sample = contacts.sample()
+    motion = elastic_motion(contacts, sample)
     if motion is None:
-        return contacts
-    there = MovingContacts(here, contacts.friction)
-    there.move(motion)
-    if there.touching and _look(there, state.steps).residual < state.residual:
-        return there
-    return contacts
+        return None
+    moved_contacts = MovingContacts(sample, contacts.friction)
+    moved_contacts.move(motion)
+    if not moved_contacts.touching:
+        return None
+    if _measure_moving(moved_contacts, state.steps).residual < state.residual:
+        return moved_contacts
+    return None
 
 
-def _look(contacts: MovingContacts, step: int) -> Equilibrium:
-    size = sizes_of_loads(contacts.load, contacts.radius) / contacts.mean_force
-    mean, largest = float(size.mean()), float(size.max())
-    return Equilibrium(mean, largest, np.nan, contacts.sliding, contacts.touching, step)
+def _measure_moving(contacts: MovingContacts, step: int) -> Equilibrium:
+    """Return the balance of moving contacts; the friction used is not computed."""
+    net_force = sizes_of_loads(contacts.load, contacts.radius) / contacts.mean_force
+    return Equilibrium(
+        residual=float(net_force.mean()),
+        largest=float(net_force.max()),
+        friction_used=np.nan,
+        sliding=contacts.sliding,
+        contacts=contacts.touching,
+        steps=step,
+    )
 
 
 def elastic_motion(contacts: MovingContacts, sample: Sample) -> Floats | None:
-    """Shape (n, 6), m and rad: the motion to balance of the springs; None if they know of none.
+    """Return the motion (n, 6), m and rad, to the balance of the contacts' springs.
 
-    `sample` is what the contacts are now. None of the spheres goes further than `STRIDE` median
-    overlaps, a turn counted as the arc that it makes. It is for the caller to see whether the
-    forces of the law are nearer to balance there.
+    `sample` is the present state of `contacts`. No sphere moves further than
+    `MAX_DISPLACEMENT_OVERLAPS` median overlaps; rotations count as arcs. None if too many spheres
+    are excluded, or if the solver does not converge. The caller checks whether the forces of the
+    contact law are nearer to balance after the motion.
     """
     network = sample.network()
     system = LinearSystem(network)
-    stride = STRIDE * float(np.median(network.require("overlap", "rest")))
-    at_limit = friction_used(network, contacts.friction) > AT_LIMIT
-    out = np.zeros(network.n_particles, bool)
-    out[network.particle_i[at_limit]] = True
-    out[network.particle_j[at_limit & ~network.with_wall]] = True
-    for _ in range(ROUNDS):
-        if out.mean() > LEFT_OUT:
+    median_overlap = float(np.median(network.require("overlap", "rest")))
+    max_displacement = MAX_DISPLACEMENT_OVERLAPS * median_overlap
+    is_sliding = friction_used(network, contacts.friction) > SLIDING_SHARE
+    excluded = np.zeros(network.n_particles, bool)
+    excluded[network.particle_i[is_sliding]] = True
+    excluded[network.particle_j[is_sliding & ~network.with_wall]] = True
+    for _ in range(MAX_ROUNDS):
+        if excluded.mean() > MAX_EXCLUDED_SHARE:
             return None
         try:
-            motion = _balance(system, np.where(out[:, None], 0.0, contacts.load))
+            motion = _solve_balance(system, np.where(excluded[:, None], 0.0, contacts.load))
         except InputError:
             return None  # stiffnesses that differ too much for the solver: damped motion goes on
-        turn = motion[:, 3:] * network.radius[:, None]
-        size = np.sqrt((motion[:, :3] ** 2).sum(axis=1) + (turn**2).sum(axis=1))
-        far = size > stride
-        if not (far & ~out).any():
+        arc = motion[:, 3:] * network.radius[:, None]
+        displacement = np.sqrt((motion[:, :3] ** 2).sum(axis=1) + (arc**2).sum(axis=1))
+        is_far = displacement > max_displacement
+        if not (is_far & ~excluded).any():
             break
-        out |= far
-    return motion * np.minimum(1, stride / np.maximum(size, stride))[:, None]
+        excluded |= is_far
+    factor = np.minimum(1, max_displacement / np.maximum(displacement, max_displacement))
+    return motion * factor[:, None]
 
 
-def _balance(system: LinearSystem, load: Floats) -> Floats:
-    """Shape (n, 6), m and rad: where the springs, all spheres held a little, balance `load`."""
-    root, blocks, operator = system.sqrt_mass, system.own_blocks, system.renumbered
-    held = HELD * float(np.einsum("nii->ni", blocks).mean())
-    inverse = np.linalg.inv(blocks + held * np.eye(6))
+def _solve_balance(system: LinearSystem, load: Floats) -> Floats:
+    """Return the motion (n, 6), m and rad, at which springs balance `load` (n, 6), N and N m.
+
+    Each sphere is also held in its place by a weak spring.
+    """
+    sqrt_mass = system.sqrt_mass
+    blocks = system.own_blocks
+    operator = system.renumbered
+    holding_stiffness = HOLDING_RATIO * float(np.einsum("nii->ni", blocks).mean())
+    inverse = np.linalg.inv(blocks + holding_stiffness * np.eye(6))
     if operator.order is not None:
         inverse = inverse[operator.order]
-    found = conjugate_gradients(
-        lambda motion: operator.combine(motion, np.empty_like(motion), 1.0, held),
-        lambda rest: (inverse @ rest.reshape(-1, 6, 1)).reshape(rest.shape),
-        operator.inward(root.over(load.ravel()))[:, None],
-        lambda energy: ERROR**2 * energy,
+
+    def multiply(motion: Floats) -> Floats:
+        return operator.combine(motion, np.empty_like(motion), 1.0, holding_stiffness)
+
+    def precondition(residual: Floats) -> Floats:
+        product: Floats = (inverse @ residual.reshape(-1, 6, 1)).reshape(residual.shape)
+        return product
+
+    def allowed_error(energy: Floats) -> Floats:
+        return SOLVER_ERROR**2 * energy
+
+    solution = conjugate_gradients(
+        multiply,
+        precondition,
+        operator.inward(sqrt_mass.over(load.ravel()))[:, None],
+        allowed_error,
         np.zeros(1),
-        look_back=LOOK_BACK,
-        most_products=MOST_PRODUCTS,
+        look_back=ERROR_PRODUCTS,
+        most_products=MAX_PRODUCTS,
     )
-    return root.over(operator.outward(found.motion[:, 0])).reshape(load.shape)
+    return sqrt_mass.over(operator.outward(solution.motion[:, 0])).reshape(load.shape)

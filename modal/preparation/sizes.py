@@ -1,4 +1,4 @@
-"""Mixtures: radii, log-normal or two, whose mean is the study's; densities; walls of their own."""
+"""Mixtures: radii, log-normal or of two sizes; densities of the spheres; materials of the walls."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -22,37 +23,59 @@ from modal.packing.sample import Sample
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
-WIDEST = 10.0
+Words = Sequence[str | float]
+"""Words and numbers as a user types them, for example ("two", 2, 0.5)."""
+
+MAX_RADIUS_RATIO = 10.0
 """Ratio of the largest to the smallest radius: pairs are sought as far as the largest reach."""
-MIXTURE = "sizes", "densities", "walls"
-"""What tells a mixture: options of `pack`, words of a `Study`, columns of YADE's tables."""
-NO_WALLS = "none"
-"""Word for the walls of a cell that is periodic along z, without any."""
-KINDS = "lognormal SPREAD (of ln R, 0 to 0.7) or two RATIO SHARE (of the large ones by volume)"
+MAX_LOGNORMAL_SPREAD = 0.7
+"""Largest standard deviation of ln R; wider distributions soon exceed `MAX_RADIUS_RATIO`."""
+MIXTURE: Final = ("sizes", "densities", "walls")
+"""Names of what defines a mixture: options of `pack`, fields of a `Study`, columns of tables."""
+NO_WALLS: Final = "none"
+"""Word for the walls of a cell that is periodic along z and has no walls."""
+KINDS = (
+    f"lognormal SPREAD (of ln R, 0 to {MAX_LOGNORMAL_SPREAD:g}) or two RATIO SHARE (of the large "
+    "ones by volume)"
+)
 DENSITIES = (
     "kg/m^3, one for all or several: two of a mixture of two sizes are of the small and of the "
     "large ones, others are dealt out at random in equal numbers"
 )
 WALLS = "Young's modulus, Pa, and Poisson's ratio of the walls"
-LARGE = (1e-8, 10.0)
+RADIUS_RANGE = (1e-8, 10.0)
 """m: radii of spheres that are neither molecules nor hills."""
-DENSE = (10.0, 30_000.0)
+DENSITY_RANGE = (10.0, 30_000.0)
 """kg/m^3: from foam to osmium; densities in g/cm^3 lie outside."""
+POISSON_RANGE = (-1.0, 0.5)
+"""Poisson's ratios of a stable isotropic solid; the ends are excluded."""
 SOLID = (
     f"Young's modulus, Pa ({YOUNG_RANGE_PA[0]:g} to {YOUNG_RANGE_PA[1]:g}), "
     "Poisson's ratio (-1 to 0.5), density, "
-    f"kg/m^3 ({DENSE[0]:g} to {DENSE[1]:g}), (mean) radius, m ({LARGE[0]:g} to {LARGE[1]:g}) of "
-    "the spheres, and their contact model if it is another than hertz-mindlin"
+    f"kg/m^3 ({DENSITY_RANGE[0]:g} to {DENSITY_RANGE[1]:g}), (mean) radius, m "
+    f"({RADIUS_RANGE[0]:g} to {RADIUS_RANGE[1]:g}) of the spheres, and their contact model if it "
+    "is another than hertz-mindlin"
 )
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """Of what spheres a packing is, and between what walls; the defaults are the study's glass.
+    """Spheres and walls of a packing; the defaults are the study's equal glass spheres.
 
-    `radius`, m, is the mean of `radii` (n,), in a random order, or that of all; `densities` (n,),
-    kg/m^3, go with them; each is None where all spheres are alike, the walls' material where they
-    are of that of the spheres. A `periodic` cell has a period along z in place of walls.
+    Attributes
+    ----------
+    material : Material
+        Material of the spheres.
+    radius : float
+        Mean radius, m.
+    radii : ndarray (n,), optional
+        Radius of each sphere, m, in a random order; None where all are equal.
+    densities : ndarray (n,), optional
+        Density of each sphere, kg/m^3; None where all have that of `material`.
+    wall_material : Elasticity, optional
+        Material of the walls; None where it is that of the spheres.
+    periodic : bool
+        Whether the cell has a period along z instead of walls.
     """
 
     material: Material = GLASS
@@ -63,54 +86,83 @@ class Mixture:
     periodic: bool = False
 
     @classmethod
-    def of(
+    def parse(
         cls, spheres: int, seed: int, sizes: str, densities: str, walls: str, solid: str
     ) -> Mixture:
-        """From words as the functions below have them, or none; InputError for others."""
-        material, radius = solid_of(solid.split()) if solid else (GLASS, RADIUS)
-        radii = radii_of(spheres, sizes.split(), seed) * (radius / RADIUS) if sizes else None
-        dense = densities_of(spheres, densities.split(), radii, seed) if densities else None
+        """Return the mixture that a study's words describe; empty words mean the defaults.
+
+        Raises InputError for words that `draw_radii`, `assign_densities`, `parse_wall_material` or
+        `parse_solid` refuse.
+        """
+        material = GLASS
+        radius = RADIUS
+        if solid:
+            material, radius = parse_solid(solid.split())
+        radii = None
+        if sizes:
+            radii = draw_radii(spheres, sizes.split(), seed) * (radius / RADIUS)
+        sphere_densities = None
+        if densities:
+            sphere_densities = assign_densities(spheres, densities.split(), radii, seed)
         periodic = walls == NO_WALLS
-        own = wall_material(walls.split()) if walls and not periodic else None
-        return cls(material, radius, radii, dense, own, periodic)
+        wall_material = None
+        if walls and not periodic:
+            wall_material = parse_wall_material(walls.split())
+        return cls(material, radius, radii, sphere_densities, wall_material, periodic)
 
     @property
     def hardness(self) -> float:
-        """E* of the spheres over that of glass, with which stresses of the protocol grow."""
+        """E* of the spheres divided by that of glass; the protocol's stresses scale with it."""
         return self.material.effective_young / GLASS.effective_young
 
     @property
     def tempo(self) -> float:
-        """Rates of the protocol over those of the study's glass spheres."""
-        lighter = GLASS.density / self.material.density
-        return math.sqrt(self.hardness * lighter) * (RADIUS / self.radius)
+        """Rates of the protocol divided by those of the study's glass spheres."""
+        density_ratio = GLASS.density / self.material.density
+        return math.sqrt(self.hardness * density_ratio) * (RADIUS / self.radius)
 
     @cached_property
     def mean(self) -> Material:
-        """That of the spheres with the density of the whole mixture, on which durations go by."""
+        """Material of the spheres with the mean density of the mixture, which durations use."""
         if self.densities is None:
             return self.material
-        weights = None if self.radii is None else self.radii**3
+        weights = None
+        if self.radii is not None:
+            weights = self.radii**3
         return replace(self.material, density=float(np.average(self.densities, weights=weights)))
 
     @cached_property
     def smallest(self) -> float:
-        """Radius, m, of a sphere of the `mean` that vibrates as fast as the fastest one there is.
+        """Radius, m, of a sphere of the `mean` material that vibrates as fast as the fastest one.
 
-        A frequency goes as 1 / (R sqrt(density)), and as E*^(1/3) under a given force.
+        A frequency varies as 1 / (R sqrt(density)), and as E*^(1/3) under a given force.
         """
-        radius = self.radius if self.radii is None else float(self.radii.min())
+        radius = self.radius
+        if self.radii is not None:
+            radius = float(self.radii.min())
         if self.densities is not None:
             radius *= math.sqrt(float(self.densities.min()) / self.mean.density)
         if self.wall_material:
-            at_wall = self.material.against(self.wall_material).effective_young
-            radius *= min(1.0, (self.material.effective_young / at_wall) ** (1 / 3))
+            wall_modulus = self.material.against(self.wall_material).effective_young
+            radius *= min(1.0, (self.material.effective_young / wall_modulus) ** (1 / 3))
         return radius
 
-    def sample(
+    def make_sample(
         self, position: Floats, lengths: Floats, friction: float, order: Ints | None = None
     ) -> Sample:
-        """The spheres at `position` (n, 3), in an `order` (n,), in a cell of `lengths` (3,), m."""
+        """Return a sample of the mixture's spheres in a cell.
+
+        Parameters
+        ----------
+        position : ndarray (n, 3)
+            Centres, m.
+        lengths : ndarray (3,)
+            Lengths of the cell, m.
+        friction : float
+            Coefficient of friction.
+        order : ndarray (n,), optional
+            Which sphere of the mixture is at each centre; by default they are in order.
+        """
         if order is None:
             order = np.arange(len(position))
         return Sample(
@@ -127,119 +179,163 @@ class Mixture:
         )
 
 
-def words(given: Mapping[str, Sequence[str | float] | None]) -> dict[str, str]:
-    """What a `Mixture` is made of, of names and lists of words and numbers, those that are given.
+def join_words(fields: Mapping[str, Words | None]) -> dict[str, str]:
+    """Return each list of words and numbers as one text; empty or missing lists are left out.
 
-    >>> words({"sizes": ("two", 2, 0.5), "walls": None})
+    >>> join_words({"sizes": ("two", 2, 0.5), "walls": None})
     {'sizes': 'two 2 0.5'}
     """
-    some = {name: listed for name, listed in given.items() if listed is not None and len(listed)}
-    return {name: " ".join(map(str, listed)) for name, listed in some.items()}
+    texts = {}
+    for name, words in fields.items():
+        if words is not None and len(words):
+            texts[name] = _joined(words)
+    return texts
 
 
-def radii_of(spheres: int, sizes: Sequence[str | float], seed: int) -> np.ndarray:
-    """Radius of each sphere (n,), m, in a random order that `seed` fixes.
+def draw_radii(spheres: int, sizes: Words, seed: int) -> Floats:
+    """Return the radius of each sphere (n,), m, in a random order that `seed` fixes.
 
-    `sizes`: "lognormal" and the standard deviation of ln R, whose quantiles at (k + 1/2) / n are
-    taken, so that the sizes themselves are not drawn; or "two", the ratio of the radii and the
-    share of the large ones in the volume. InputError for what is neither.
+    `sizes` is either "lognormal" and the standard deviation of ln R, or "two", the ratio of the
+    radii and the share of the large spheres in the volume. Log-normal radii are the quantiles at
+    (k + 1/2) / n, so that the set of sizes is not random. Raises InputError for other sizes.
 
-    >>> radii = radii_of(1000, ("two", 2, 0.5), seed=1)
+    >>> radii = draw_radii(1000, ("two", 2, 0.5), seed=1)
     >>> float(radii.max() / radii.min()), len(np.unique(radii))
     (2.0, 2)
     """
-    kind, numbers = (str(sizes[0]) if sizes else ""), _numbers(sizes[1:])
-    if kind == "lognormal" and len(numbers) == 1 and 0 < numbers[0] <= 0.7:
-        from scipy.special import ndtri  # the inverse of the normal distribution
-
-        radii = np.exp(numbers[0] * ndtri((np.arange(spheres) + 0.5) / spheres))
-    elif kind == "two" and len(numbers) == 2 and 1 < numbers[0] <= WIDEST and 0 < numbers[1] < 1:
-        ratio, share = numbers
-        # Of n spheres the share s by volume: n_large q^3 / (n_large q^3 + n_small) = s.
-        large = share / ratio**3 / (share / ratio**3 + 1 - share)
-        count = round(large * spheres)
-        if not 0 < count < spheres:
-            raise InputError(
-                "input",
-                f"sizes two {ratio:g} {share:g}",
-                f"that are {count} large ones of {spheres} spheres",
-                "take more spheres or another share",
-            )
-        radii = np.where(np.arange(spheres) < count, ratio, 1.0)
+    kind = str(sizes[0]) if sizes else ""
+    numbers = _parse_numbers(sizes[1:])
+    if kind == "lognormal" and len(numbers) == 1 and 0 < numbers[0] <= MAX_LOGNORMAL_SPREAD:
+        radii = _lognormal_quantiles(spheres, numbers[0])
+    elif (
+        kind == "two"
+        and len(numbers) == 2
+        and 1 < numbers[0] <= MAX_RADIUS_RATIO
+        and 0 < numbers[1] < 1
+    ):
+        radii = _two_sizes(spheres, *numbers)
     else:
-        raise InputError("input", f"sizes {' '.join(map(str, sizes))}", remedy=f"give {KINDS}")
-    if radii.max() > WIDEST * radii.min():
+        raise InputError("sizes", f"sizes {_joined(sizes)}", remedy=f"give {KINDS}")
+    if radii.max() > MAX_RADIUS_RATIO * radii.min():
         raise InputError(
-            "input",
-            f"sizes {' '.join(map(str, sizes))}",
-            f"radii from 1 to {radii.max() / radii.min():.3g}",
-            f"up to {WIDEST:g} is allowed, take a smaller spread",
+            "size_ratio",
+            f"sizes {_joined(sizes)}",
+            f"radii from 1 to {radii.max() / radii.min():.3g}, up to {MAX_RADIUS_RATIO:g} is "
+            "allowed",
+            "take a smaller spread",
         )
     radii = RADIUS * radii / radii.mean()
     return np.random.default_rng(seed).permutation(radii)
 
 
-def densities_of(
-    spheres: int, densities: Sequence[str | float], radii: np.ndarray | None, seed: int
-) -> np.ndarray:
-    """Density of each sphere (n,), kg/m^3, of `radii` (n,), m, or of equal spheres.
+def _lognormal_quantiles(spheres: int, spread: float) -> Floats:
+    """Return the quantiles (n,) at (k + 1/2) / n of a log-normal distribution of median 1."""
+    from scipy.special import ndtri  # the inverse of the normal distribution
 
-    Two densities of a mixture of two sizes are those of the small and of the large ones; others are
-    dealt out in equal numbers, in a random order that `seed` fixes. InputError for what is none.
+    quantiles: Floats = np.exp(spread * ndtri((np.arange(spheres) + 0.5) / spheres))
+    return quantiles
+
+
+def _two_sizes(spheres: int, ratio: float, share: float) -> Floats:
+    """Return radii (n,), `ratio` for the large spheres, which come first, and 1 for the small.
+
+    Raises InputError if all spheres would have one size.
+    """
+    # Of n spheres the share s by volume: n_large q^3 / (n_large q^3 + n_small) = s.
+    large_share = share / ratio**3 / (share / ratio**3 + 1 - share)
+    count = round(large_share * spheres)
+    if not 0 < count < spheres:
+        raise InputError(
+            "single_size",
+            f"sizes two {ratio:g} {share:g}",
+            f"that are {count} large ones of {spheres} spheres",
+            "take more spheres or another share",
+        )
+    return np.where(np.arange(spheres) < count, ratio, 1.0)
+
+
+def assign_densities(spheres: int, densities: Words, radii: Floats | None, seed: int) -> Floats:
+    """Return the density of each sphere (n,), kg/m^3.
+
+    `radii` (n,), m, is None for equal spheres. Two densities of a mixture of two sizes are those of
+    the small and of the large spheres; others are dealt out in equal numbers, in a random order
+    that `seed` fixes. Raises InputError for values that are not densities.
 
     >>> small, large = 1.0, 2.0
-    >>> densities_of(3, (2500, 7800), np.array([large, small, large]), seed=1).tolist()
+    >>> assign_densities(3, (2500, 7800), np.array([large, small, large]), seed=1).tolist()
     [7800.0, 2500.0, 7800.0]
     """
-    given = _numbers(densities)
-    if not given or not all(DENSE[0] <= one <= DENSE[1] for one in given):
+    values = _parse_numbers(densities)
+    lowest, highest = DENSITY_RANGE
+    if not values or not all(lowest <= value <= highest for value in values):
         raise InputError(
-            "input",
-            f"densities {' '.join(map(str, densities))}",
+            "densities",
+            f"densities {_joined(densities)}",
+            f"allowed are {lowest:g} to {highest:g}",
             f"give {DENSITIES}",
-            f"from {DENSE[0]:g} to {DENSE[1]:g}",
         )
-    kinds = np.unique(radii) if radii is not None else np.empty(0)
-    if radii is not None and len(kinds) == len(given) == 2:
-        return np.where(radii == kinds[1], given[1], given[0])
-    dealt = np.array(given)[np.arange(spheres) % len(given)]
-    return np.random.default_rng([seed, len(given)]).permutation(dealt)
+    distinct_radii = np.empty(0)
+    if radii is not None:
+        distinct_radii = np.unique(radii)
+    if radii is not None and len(distinct_radii) == len(values) == 2:
+        return np.where(radii == distinct_radii[1], values[1], values[0])
+    dealt = np.array(values)[np.arange(spheres) % len(values)]
+    return np.random.default_rng([seed, len(values)]).permutation(dealt)
 
 
-def wall_material(words: Sequence[str | float]) -> Elasticity:
-    """What walls are made of, from Young's modulus, Pa, and Poisson's ratio; else InputError."""
-    given = _numbers(words)
-    if len(given) != 2 or not (
-        YOUNG_RANGE_PA[0] <= given[0] <= YOUNG_RANGE_PA[1] and -1 < given[1] < 0.5
-    ):
+def parse_wall_material(words: Words) -> Elasticity:
+    """Return the material of walls from Young's modulus, Pa, and Poisson's ratio.
+
+    Raises InputError for anything else.
+    """
+    values = _parse_numbers(words)
+    if len(values) != 2 or not _is_elastic(*values):
         raise InputError(
-            "input",
-            f"walls {' '.join(map(str, words))}",
+            "wall_material",
+            f"walls {_joined(words)}",
+            f"allowed are {YOUNG_RANGE_PA[0]:g} to {YOUNG_RANGE_PA[1]:g} Pa, and -1 to 0.5",
             f"give {WALLS}, as 2.1e11 0.3",
-            f"from {YOUNG_RANGE_PA[0]:g} to {YOUNG_RANGE_PA[1]:g} Pa, and from -1 to 0.5",
         )
-    return Elasticity(*given)
+    return Elasticity(*values)
 
 
-def solid_of(words: Sequence[str | float]) -> tuple[Material, float]:
-    """What spheres are made of and their (mean) radius, m: `SOLID`; else InputError."""
-    given, model = _numbers(words[:4]), " ".join(map(str, words[4:])) or HERTZ_MINDLIN
-    if len(given) == 4:
-        young, poisson, density, radius = given
-        sound = YOUNG_RANGE_PA[0] <= young <= YOUNG_RANGE_PA[1] and -1 < poisson < 0.5
-        if sound and DENSE[0] <= density <= DENSE[1] and LARGE[0] <= radius <= LARGE[1]:
+def parse_solid(words: Words) -> tuple[Material, float]:
+    """Return the material of spheres and their (mean) radius, m, from the words of `SOLID`.
+
+    Raises InputError for other words, or for a contact model that does not exist.
+    """
+    values = _parse_numbers(words[:4])
+    model = _joined(words[4:]) or HERTZ_MINDLIN
+    if len(values) == 4:
+        young, poisson, density, radius = values
+        is_solid = (
+            _is_elastic(young, poisson)
+            and DENSITY_RANGE[0] <= density <= DENSITY_RANGE[1]
+            and RADIUS_RANGE[0] <= radius <= RADIUS_RANGE[1]
+        )
+        if is_solid:
             material = Material(young, poisson, density, model)
-            laws_of(material)  # refuses a model that there is not
+            laws_of(material)  # refuses an unknown model
             return material, radius
-    raise InputError(
-        "input",
-        f"spheres of {' '.join(map(str, words))}",
-        remedy=(f"give {SOLID}, as {GLASS.young:g} {GLASS.poisson:g} {GLASS.density:g} {RADIUS:g}"),
+    example = f"{GLASS.young:g} {GLASS.poisson:g} {GLASS.density:g} {RADIUS:g}"
+    raise InputError("solid", f"spheres of {_joined(words)}", remedy=f"give {SOLID}, as {example}")
+
+
+def _is_elastic(young: float, poisson: float) -> bool:
+    """Return whether Young's modulus, Pa, and Poisson's ratio lie in their ranges."""
+    return (
+        YOUNG_RANGE_PA[0] <= young <= YOUNG_RANGE_PA[1]
+        and POISSON_RANGE[0] < poisson < POISSON_RANGE[1]
     )
 
 
-def _numbers(words: Sequence[str | float]) -> list[float]:
-    """What the words say; none where one of them is no number."""
+def _joined(words: Words) -> str:
+    """Return words and numbers as one text."""
+    return " ".join(map(str, words))
+
+
+def _parse_numbers(words: Words) -> list[float]:
+    """Return the numbers that the words are; an empty list if one of them is not a number."""
     try:
         return [float(word) for word in words]
     except ValueError:

@@ -1,4 +1,4 @@
-"""What sets the strain rates of a packing: a constant rate, or a servo on its stresses."""
+"""Controls of a packing's strain rates: a constant rate, or a servo on its principal stresses."""
 
 import math
 from collections.abc import Sequence
@@ -6,40 +6,64 @@ from collections.abc import Sequence
 import numpy as np
 
 from modal.packing.contact_law import GLASS, RADIUS, Material
-from modal.preparation.durations import REFERENCE, inertial_time
+from modal.preparation.durations import REFERENCE_PRESSURE, inertial_time
+from modal.tools.arrays import Floats
 
 INERTIAL_NUMBER = 0.01
-"""Largest strain rate of the servo times the own time."""
-GROWTH, TURN = 1.1, 0.5
-"""Factors of the servo's strain rate at each setting: short of the target, and on crossing it."""
-FIRST = 1e-3
-"""The servo's first strain rate over its limit."""
+"""Largest strain rate of the servo multiplied by the inertial time."""
+RATE_GROWTH = 1.1
+"""Factor of the servo's strain rate at each setting before the target stress is reached."""
+RATE_REVERSAL = 0.5
+"""Factor of the servo's strain rate when its stress crosses the target."""
+FIRST_RATE_RATIO = 1e-3
+"""First strain rate of the servo divided by its limit."""
 
 
 class ConstantRate:
-    """Isotropic compression at a constant rate, 1/s; `stress` (3,) is what was last measured."""
+    """Isotropic compression at a constant rate, 1/s.
 
-    def __init__(self, rate: float) -> None:
-        self.rate, self.stress, self.target = float(rate), np.zeros(3), REFERENCE
+    Attributes
+    ----------
+    stress : ndarray (3,)
+        Principal stresses of the last measurement, Pa.
+    target : float
+        Stress, Pa, to which time steps and intervals refer.
+    """
 
-    def follow(self, stress: np.ndarray) -> np.ndarray:
-        """Strain rates (3,), 1/s, at the principal stresses (3,), Pa."""
+    def __init__(self, rate: float, target: float = REFERENCE_PRESSURE) -> None:
+        self.rate = float(rate)
+        self.target = target
+        self.stress: Floats = np.zeros(3)
+
+    def follow(self, stress: Floats) -> Floats:
+        """Record the principal stresses (3,), Pa, and return the strain rates (3,), 1/s."""
         self.stress = stress
         return np.full(3, -self.rate)
 
     def error(self) -> float:
-        """Infinite: a constant rate leads to no stress in particular."""
+        """Return infinity: a constant rate leads to no stress in particular."""
         return math.inf
 
 
 class Servo:
-    """Drives three principal stresses to their targets, Pa, within a limited strain rate.
+    """Control that drives three principal stresses to their targets at limited strain rates.
 
-    `target` is that of an isotropic stress; with `shares` (3,) each axis has its share of it, and
-    an axis whose share is NaN is not strained at all.
+    No stiffness is assumed, because the stiffness of a packing falls by orders of magnitude when
+    its contacts open. Each strain rate grows until its stress crosses the target; then it changes
+    sign and is halved.
 
-    No stiffness is assumed, because that of a packing falls by orders of magnitude when it comes
-    apart: each strain rate grows until its stress crosses the target, then turns round, halved.
+    Parameters
+    ----------
+    target : float
+        Isotropic stress, Pa.
+    inertial_number : float
+        Largest strain rate multiplied by the inertial time at `target`.
+    radius : float
+        Radius of the spheres, m.
+    material : Material
+        Material of the spheres.
+    shares : sequence of 3 float
+        Stress of each axis divided by `target`; an axis whose share is NaN is not strained.
     """
 
     def __init__(
@@ -50,20 +74,21 @@ class Servo:
         material: Material = GLASS,
         shares: Sequence[float] = (1.0, 1.0, 1.0),
     ) -> None:
-        self.target, self.targets = target, target * np.array(shares)
+        self.target = target
+        self.targets = target * np.array(shares)
         self.limit = inertial_number / inertial_time(target, radius, material)
-        self.rates = np.full(3, FIRST * self.limit)
-        self.stress = np.zeros(3)
+        self.rates = np.full(3, FIRST_RATE_RATIO * self.limit)
+        self.stress: Floats = np.zeros(3)
 
-    def follow(self, stress: np.ndarray) -> np.ndarray:
-        """Strain rates (3,), 1/s, at the principal stresses (3,), Pa, compression positive."""
+    def follow(self, stress: Floats) -> Floats:
+        """Return strain rates (3,), 1/s, at principal stresses (3,), Pa, compression positive."""
         self.stress = stress
         outward = np.where(stress > self.targets, 1.0, -1.0)
-        factor = np.where(outward * self.rates < 0, TURN, GROWTH)
+        factor = np.where(outward * self.rates < 0, RATE_REVERSAL, RATE_GROWTH)
         self.rates = outward * np.minimum(factor * np.abs(self.rates), self.limit)
         self.rates[np.isnan(self.targets)] = 0.0
         return self.rates
 
     def error(self) -> float:
-        """Largest relative deviation of a principal stress from its target."""
+        """Return the largest relative deviation of a principal stress from its target."""
         return float(np.nanmax(abs(self.stress / self.targets - 1)))

@@ -1,34 +1,35 @@
-"""Unequal stresses: a packing at rest under one pressure, loaded further along z.
+"""Unequal stresses: a packing at rest under isotropic pressure, loaded further along z.
 
 Either the lateral stresses go to a share of the axial one, which stays ("triaxial"), or the walls
-approach while nothing moves sideways ("oedometric", one-dimensional compression): the ratio of
-lateral to axial stress that then comes about is K0, the earth pressure at rest. Both begin where
-a compression ends (`modal.preparation.compression`), with its friction.
+approach while nothing moves sideways ("oedometric", one-dimensional compression). The ratio of
+lateral to axial stress in oedometric compression is K0, the coefficient of earth pressure at rest.
+Both begin at the end of a compression (`modal.preparation.compression`), with its friction.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from modal.dem.motion import Dynamics
 from modal.formats.provenance import STATE, Provenance, Source, is_current
 from modal.packing.sample import read_sample, write_sample
-from modal.preparation.compression import in_motion, run_to_checkpoint
-from modal.preparation.protocol import ABOVE, Stage, Study
+from modal.preparation.compression import run_to_checkpoint, start_dynamics
+from modal.preparation.protocol import STRESS_MARGIN, Stage, Study
 from modal.preparation.strain_control import Servo
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
-SLOWNESS = 0.1
-"""Largest strain rate, over that of the isotropic compression: an inertial number of 1e-3."""
-FAILED = 0.15
-"""Strain along any axis from which on a packing that has not reached its stresses flows: dense ones
+RATE_RATIO = 0.1
+"""Largest strain rate divided by that of the isotropic compression: an inertial number of 1e-3."""
+FAILURE_STRAIN = 0.15
+"""Strain along any axis beyond which a packing that has not reached its stresses flows: dense ones
 fail at some per cent, loose ones come near their final strength at 0.1."""
-RATIOS = 0.05, 20.0
-"""Ratios of lateral to axial stress that are tried at all."""
+RATIO_RANGE: Final = (0.05, 20.0)
+"""Ratios of lateral to axial stress that are attempted."""
 
 
 def load_further(
@@ -40,67 +41,75 @@ def load_further(
     command: str,
     say: Callable[[str], None],
 ) -> list[tuple[float, Path]]:
-    """From isotropic states to each axial stress, Pa: files, kept where they are there already.
+    """Load packings from isotropic states to each axial stress, and return (stress, file) pairs.
 
-    To lateral stresses of `ratio` times the axial one, from the state of that stress; with NaN at
-    constant width, from the first state to each stress in turn. Their notes tell `stress_ratio`,
-    the mean lateral over the axial stress, the `strain` (3,) that it took, and whether they have
-    `settled`. InputError where the packing flows before.
+    With a `ratio` of lateral to axial stress, each path begins at the isotropic state of its axial
+    stress; with NaN, the width is constant, and one path goes from the first state to each stress,
+    Pa, in turn. Files that are current stay. The attributes of a state are `stress_ratio`, the mean
+    lateral stress divided by the axial one, the `strain` (3,), and whether it has `settled`.
+    Raises InputError if a packing flows before it reaches its stresses.
     """
-    kind, files = "oedometric" if math.isnan(ratio) else f"K{ratio:g}", list[tuple[float, Path]]()
+    is_oedometric = math.isnan(ratio)
+    loading = "oedometric" if is_oedometric else f"K{ratio:g}"
     starts = dict(isotropic)
+    files: list[tuple[float, Path]] = []
     _, before = isotropic[0]
     for stress in stresses:
-        before = before if math.isnan(ratio) else starts[stress]
-        path = folder / f"{stress:g}Pa_{kind}.sample.h5"
-        settings = study.attributes | {"stress": stress, "loading": kind}
+        if not is_oedometric:
+            before = starts[stress]
+        path = folder / f"{stress:g}Pa_{loading}.sample.h5"
+        settings = study.attributes | {"stress": stress, "loading": loading}
         made = Provenance(command, settings, (Source.of(STATE, before),))
         if not (path.exists() and is_current(path, made, say)):
             start = read_sample(before)
             stage = Loading(f"{stress:g}", study, (ratio, ratio, 1.0), start.lengths)
             start.study |= {"stress": stress, "stage_time": 0.0}
-            found, _ = run_to_checkpoint(start, stage, in_motion, say)
-            lateral, axial = stage.control.stress[:2].mean(), stage.control.stress[2]
-            found.study |= {"stress_ratio": lateral / axial, "strain": stage.strain(found.lengths)}
-            write_sample(path, replace(found, provenance=made.attributes()))
-            say(f"{path}: written, lateral over axial stress {found.study['stress_ratio']:.3f}")
+            loaded, _ = run_to_checkpoint(start, stage, start_dynamics, say)
+            reached_ratio = stage.control.stress[:2].mean() / stage.control.stress[2]
+            loaded.study |= {"stress_ratio": reached_ratio, "strain": stage.strain(loaded.lengths)}
+            write_sample(path, replace(loaded, provenance=made.attributes()))
+            say(f"{path}: written, lateral over axial stress {reached_ratio:.3f}")
         files.append((stress, path))
         before = path
     return files
 
 
 class Loading(Stage):
-    """The way to the shares (3,) of a stress, Pa; NaN is an axis that is not strained."""
+    """Stage that leads to the shares (3,) of a stress, Pa; an axis with NaN is not strained.
+
+    `start` (3,) are the lengths of the cell at the beginning, m.
+    """
 
     checks = None
 
     def __init__(self, name: str, study: Study, shares: Sequence[float], start: Floats) -> None:
         super().__init__(name, study)
-        slow, mixture = SLOWNESS * study.inertial_number, study.mixture
+        inertial_number = RATE_RATIO * study.inertial_number
+        mixture = study.mixture
         stress = self.control.target
-        self.control = Servo(stress, slow, mixture.radius, mixture.mean, shares)
-        self.patience += FAILED / self.control.limit
-        self._largest, self._start = stress * max(1.0, float(np.nanmax(shares))), start
+        self.control = Servo(stress, inertial_number, mixture.radius, mixture.mean, shares)
+        self.patience += FAILURE_STRAIN / self.control.limit
+        self._largest_stress = stress * max(1.0, float(np.nanmax(shares)))
+        self._start = start
 
     def time_step(self) -> float:
-        """Stable at the largest stress asked for, s."""
-        return self.study.time_step(ABOVE * self._largest)
+        """Return a time step, s, stable at the largest target stress."""
+        return self.study.time_step(STRESS_MARGIN * self._largest_stress)
 
     def strain(self, lengths: Floats) -> Floats:
-        """Shape (3,): of the cell since the start, compression positive."""
+        """Return the logarithmic strain (3,) of the cell since the start, compression positive."""
         strain: Floats = np.log(self._start / lengths)
         return strain
 
-    def look(self, packing: Dynamics) -> None:
-        """InputError where the packing flows."""
+    def refuse_failure(self, packing: Dynamics) -> None:
+        """Raise InputError if the packing flows."""
         largest = abs(self.strain(packing.contacts.lengths)).max()
-        if largest > FAILED and not self.control.error() < self.limits[0]:
+        if largest > FAILURE_STRAIN and not self.control.error() < self.limits.stress_error:
             stress = self.control.stress
+            ratio = stress[:2].mean() / stress[2]
             raise InputError(
-                "input",
+                "packing_flows",
                 f"the packing fails on its way to {self.name} Pa along z",
-                "at a strain of "
-                f"{largest:.2f} its lateral over axial stress is "
-                f"{stress[:2].mean() / stress[2]:.3f}",
+                f"at a strain of {largest:.2f} its lateral over axial stress is {ratio:.3f}",
                 "take a ratio nearer to 1, or more friction",
             )

@@ -1,4 +1,4 @@
-"""Which contacts are near: against the pairs of a tree, and before any of them can be missed."""
+"""Tests of the list of near contacts: completeness, and renewal before a contact is missed."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,8 @@ import pytest
 from modal.dem import near_contacts
 from modal.dem.contacts import MovingContacts
 from modal.packing.neighbours import periodic_pairs
-from modal.preparation.cloud import cloud
+from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.preparation.cloud import make_cloud
 from modal.preparation.protocol import Study
 from modal.tools.slabs import SLABS
 
@@ -15,64 +16,80 @@ pytestmark = pytest.mark.two_ways
 EPS = np.finfo(float).eps
 
 
-@pytest.mark.parametrize("whole", [False, True])
+@pytest.mark.parametrize("periodic_z", [False, True], ids=["walls", "periodic"])
 @pytest.mark.parametrize(
     ("lengths", "count"),
     [([3.1, 4.7, 6.2], 400), ([5.0, 3.3, 0.41], 400), ([2.9, 4.7, 6.2], 400), ([9, 7, 31], 6000)],
 )
 @pytest.mark.parametrize("sizes", [(0.4, 0.4), (0.1, 0.4)])
-def test_contacts_are_those_of_a_tree(sizes, lengths, count, whole):
-    """Crowded and empty cells, beside their own images, too few, points on borders; by threads.
+def test_contacts_are_those_of_a_tree(sizes, lengths, count, periodic_z):
+    """Compare with pairs of a tree, in crowded, empty and narrow cells and with points on borders.
 
-    The skin is 0.1, and walls reach as far as the largest radius.
+    The skin is 0.1, and walls reach as far as the largest radius. Many spheres use threads.
     """
-    lengths, random = np.array(lengths, float), np.random.default_rng(2)
-    places, radius = random.random((count, 3)) ** 2 * lengths, random.choice(sizes, count)
-    places[0], places[1] = 0.0, [0.0, 0.0, lengths[2] * (1 - EPS)]
-    ends, shift = near_contacts.contacts_in_reach(places, lengths, radius, 0.1, whole)
-    found = set(zip(*ends.T.tolist(), *shift.T.tolist(), strict=True))
-    assert (np.diff(ends[:, 0]) >= 0).all() and len(found) == len(ends) > 100
-    i, j, periods = periodic_pairs(places, lengths if whole else lengths[:2], 1.0)
-    apart = np.linalg.norm(places[j] + periods * lengths - places[i], axis=1)
-    near = apart <= radius[i] + radius[j] + 0.2
-    expected = set(zip(i[near].tolist(), j[near].tolist(), *periods[near].T.tolist(), strict=True))
-    for wall, distance in () if whole else ((-1, places[:, 2]), (-2, lengths[2] - places[:, 2])):
-        expected |= {(k, wall, 0, 0, 0) for k in np.flatnonzero(distance < 0.5).tolist()}
-    assert found == expected
+    lengths = np.array(lengths, float)
+    random = np.random.default_rng(2)
+    position = random.random((count, 3)) ** 2 * lengths
+    radius = random.choice(sizes, count)
+    position[0] = 0.0
+    position[1] = 0.0, 0.0, lengths[2] * (1 - EPS)
+    ends, shift = near_contacts.contacts_in_reach(position, lengths, radius, 0.1, periodic_z)
+    contacts = set(map(tuple, np.hstack([ends, shift]).tolist()))
+    assert (np.diff(ends[:, 0]) >= 0).all()
+    assert len(contacts) == len(ends) > 100
+    periods = lengths if periodic_z else lengths[:2]
+    i, j, images = periodic_pairs(position, periods, 1.0)
+    distance = np.linalg.norm(position[j] + images * lengths - position[i], axis=1)
+    is_near = distance <= radius[i] + radius[j] + 0.2
+    expected = set(map(tuple, np.column_stack([i, j, images])[is_near].tolist()))
+    if not periodic_z:
+        at_source = np.flatnonzero(position[:, 2] < 0.5).tolist()
+        at_receiver = np.flatnonzero(lengths[2] - position[:, 2] < 0.5).tolist()
+        expected |= {(k, SOURCE_WALL, 0, 0, 0) for k in at_source}
+        expected |= {(k, RECEIVER_WALL, 0, 0, 0) for k in at_receiver}
+    assert contacts == expected
 
 
-def test_list_expires_before_a_contact_is_missed():
-    """A sphere that has gone by the skin of a radius, a cell that has shrunk, or a wall."""
+SKIN = 0.1
+"""Reach of the list of pairs beyond contact, in radii."""
 
-    def renewed(change):
-        contacts = MovingContacts(cloud(Study(0.0, 200, 4.4, 3)), skin=0.1, history=False)
-        before = contacts._ends
-        change(contacts)
-        contacts.touch()
-        return contacts._ends is not before
 
-    def shrink(contacts, share):
-        stretch = np.array([1, 1, 1 - share])
-        contacts.position *= stretch
-        contacts.walls *= stretch[2]
+def move_sphere(contacts, share):
+    """Move a sphere by a share of the skin."""
+    contacts.position[7] += [SKIN * share * contacts.largest, 0, 0]
 
-    for share, over in ((0.99, False), (1.01, True)):
-        assert (
-            renewed(lambda c, s=share: c.position[7].__iadd__([0.1 * s * c.largest, 0, 0])) is over
-        )
-        assert renewed(lambda c, s=share: shrink(c, s * 0.1 / 1.1)) is over
-        assert renewed(lambda c, s=share: c.walls.__iadd__(0.1 * s * c.largest)) is over
+
+def shrink_cell(contacts, share):
+    """Shrink the cell along z by a share of what brings two spheres nearer by the skin."""
+    stretch = np.array([1, 1, 1 - share * SKIN / (1 + SKIN)])
+    contacts.position *= stretch
+    contacts.walls *= stretch[2]
+
+
+def move_walls(contacts, share):
+    """Move the walls by a share of the skin."""
+    contacts.walls += SKIN * share * contacts.largest
+
+
+@pytest.mark.parametrize(("share", "is_renewed"), [(0.99, False), (1.01, True)])
+@pytest.mark.parametrize("change", [move_sphere, shrink_cell, move_walls])
+def test_list_is_renewed_before_a_contact_is_missed(change, share, is_renewed):
+    contacts = MovingContacts(make_cloud(Study(0.0, 200, 4.4, 3)), skin=SKIN, history=False)
+    before = contacts._ends
+    change(contacts, share)
+    contacts.touch()
+    assert (contacts._ends is not before) is is_renewed
 
 
 @pytest.mark.parametrize("n", [37, 6000])
-def test_longest_way_is_that_of_numpy(n):
-    """By threads and without; what is no number stays in sight."""
+def test_largest_displacement_is_that_of_numpy(n):
+    """Compare the loop, with threads and without, with numpy; NaN is not lost."""
     position, start = np.random.default_rng(n).standard_normal((2, n, 3))
     stretch = np.array([0.99, 1.0, 1.02])
-    one, other = np.empty((2, SLABS))
-    near_contacts.longest_ways(position, start, stretch, one)
-    near_contacts.longest_ways_by_arrays(position, start, stretch, other)
-    assert one.max() == pytest.approx(other.max(), rel=10 * EPS)
+    distances, expected = np.empty((2, SLABS))
+    near_contacts.longest_ways(position, start, stretch, distances)
+    near_contacts.longest_ways_by_arrays(position, start, stretch, expected)
+    assert distances.max() == pytest.approx(expected.max(), rel=10 * EPS)
     position[n // 2, 1] = np.nan
-    near_contacts.longest_ways(position, start, stretch, one)
-    assert np.isnan(one.max())
+    near_contacts.longest_ways(position, start, stretch, distances)
+    assert np.isnan(distances.max())

@@ -1,4 +1,4 @@
-"""Cells without walls: their stress, steps that know no place, packings to be used."""
+"""Tests of cells without walls: stress, invariance to shifts, files, refusals."""
 
 from dataclasses import replace
 
@@ -18,26 +18,25 @@ from modal.tools.errors import InputError
 
 
 def packed(folder, **options):
-    """A sample at 100 kPa from `pack`, its file in `folder`."""
+    """Pack 200 spheres at 100 kPa in `folder` and return the sample."""
     files = pack(folder, lambda text: None, 200, [1e5], seed=2, aspect=1.5, **options)
     return read_sample(files[-1][1])
 
 
 @pytest.fixture(scope="module")
-def smooth(tmp_path_factory):
-    return packed(tmp_path_factory.mktemp("smooth"), friction=0.0, periodic=True)
+def frictionless(tmp_path_factory):
+    return packed(tmp_path_factory.mktemp("frictionless"), friction=0.0, periodic=True)
 
 
 @pytest.fixture(scope="module")
-def rough(tmp_path_factory):
-    return packed(tmp_path_factory.mktemp("rough"), friction=0.3, periodic=True)
+def frictional(tmp_path_factory):
+    return packed(tmp_path_factory.mktemp("frictional"), friction=0.3, periodic=True)
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_packing_has_its_stress_without_walls(friction, smooth, rough):
-    """Contacts alone say so: in balance, the stress their forces' moments, none with a wall."""
-    sample = rough if friction else smooth
-    network = sample.network()
+@pytest.mark.parametrize("name", ["frictionless", "frictional"])
+def test_packing_has_its_stress_without_walls(name, request):
+    """Compute stress and balance from contact forces and branches alone."""
+    network = request.getfixturevalue(name).network()
     assert network.cell_periodic.all() and not network.with_wall.any()
     force = network.force_normal[:, None] * network.normal - network.force_tangential
     stress = network.branch.T @ force / network.cell_size.prod()
@@ -47,51 +46,70 @@ def test_packing_has_its_stress_without_walls(friction, smooth, rough):
     assert residual < 2e-3 * network.force_normal.mean()
 
 
-def shifted(sample, by):
-    """The same packing with the origin elsewhere along z."""
+def shifted(sample, shift):
+    """Move the origin of a packing along z."""
     low, high = sample.walls
     position = sample.position.copy()
-    position[:, 2] = low + (position[:, 2] - low + by) % (high - low)
+    position[:, 2] = low + (position[:, 2] - low + shift) % (high - low)
     # Contacts keep their order and their shear forces where no first end changes: without shear.
     return replace(sample, position=position, shear=None)
 
 
-def test_steps_know_no_place(rough):
-    """Strained by a servo, spheres slide, part and meet: the same from another origin along z."""
-    random, low = np.random.default_rng(1), rough.walls[0]
-    velocity = 0.03 * random.standard_normal(rough.position.shape)
-    still = in_flight(replace(rough, shear=None), velocity, velocity / rough.radius)
-    by = 0.37 * (rough.walls[1] - low)
-    runs = []
-    for sample in (still, shifted(still, by)):
-        motion, servo = Dynamics(sample, damping=0.2), Servo(2e5, 0.01)
-        touched = set()
-        for k in range(100):
-            motion.step(time_step(3e5), servo.follow if k % 5 == 4 else None)
-            touched.add(motion.contacts.touching)
-        runs.append(motion)
-    assert len(touched) > 5
-    first, second = (motion.sample(moving=False) for motion in runs)
-    assert second.walls == pytest.approx(first.walls, rel=1e-9)
-    length = float(np.diff(first.walls)[0])
-    apart = second.position - first.position
-    apart[:, 2] -= by * length / (rough.walls[1] - low)
-    apart -= np.round(apart / [*first.side, length]) * [*first.side, length]
-    # Round-off of places, 1e-17 m, grows as collisions part the ways.
-    assert abs(apart).max() < 1e-9 * 2 * rough.radius
-    assert runs[0].stress() == pytest.approx(runs[1].stress(), rel=1e-6)
+def run_under_servo(sample):
+    """Return the motion of a sample after 100 steps under a servo, with contacts that change."""
+    motion = Dynamics(sample, damping=0.2)
+    servo = Servo(2e5, 0.01)
+    contact_counts = set()
+    for k in range(100):
+        motion.step(time_step(3e5), servo.follow if k % 5 == 4 else None)
+        contact_counts.add(motion.contacts.touching)
+    assert len(contact_counts) > 5
+    return motion
 
 
-def test_file_and_commands_take_a_cell_without_walls(rough, tmp_path, printed, one_line):
+def test_motion_does_not_depend_on_the_origin(frictional):
+    """Strain a cell by a servo, from two origins along z: spheres slide, part and meet."""
+    random = np.random.default_rng(1)
+    velocity = 0.03 * random.standard_normal(frictional.position.shape)
+    still = replace(frictional, shear=None)
+    start = in_flight(still, velocity, velocity / frictional.radius)
+    length_before = frictional.walls[1] - frictional.walls[0]
+    shift = 0.37 * length_before
+    motion = run_under_servo(start)
+    shifted_motion = run_under_servo(shifted(start, shift))
+    sample = motion.sample(moving=False)
+    shifted_sample = shifted_motion.sample(moving=False)
+    assert shifted_sample.walls == pytest.approx(sample.walls, rel=1e-9)
+    length = float(np.diff(sample.walls)[0])
+    lengths = [*sample.side, length]
+    difference = shifted_sample.position - sample.position
+    difference[:, 2] -= shift * length / length_before
+    difference -= np.round(difference / lengths) * lengths
+    # Round-off of positions, 1e-17 m, grows as collisions separate the paths.
+    assert abs(difference).max() < 1e-9 * 2 * frictional.radius
+    assert motion.stress() == pytest.approx(shifted_motion.stress(), rel=1e-6)
+
+
+@pytest.fixture
+def periodic_file(frictional, tmp_path):
+    """Return the file of a cell without walls."""
     path = tmp_path / "cell.sample.h5"
-    write_sample(path, rough)
+    write_sample(path, frictional)
     assert read_sample(path).periodic_z
-    lengths = rough.walls[1] - rough.walls[0]
-    for words in (f"moduli {path}", f"wave {path} --plane {lengths / 2} --duration 2e-5"):
-        assert printed(*words.split())
-    one_line(main, ["wave", path, "--nonlinear"], "no wall sends a wave")
+    return path
+
+
+def test_commands_read_a_cell_without_walls(periodic_file, frictional, printed):
+    middle = (frictional.walls[1] - frictional.walls[0]) / 2
+    assert printed("moduli", periodic_file)
+    assert printed("wave", periodic_file, "--plane", middle, "--duration", 2e-5)
+
+
+def test_nonlinear_wave_without_walls_is_refused(periodic_file, one_line):
+    one_line(main, ["wave", periodic_file, "--nonlinear"])
 
 
 def test_walls_of_a_cell_without_walls_are_refused():
-    with pytest.raises(InputError, match="has none"):
+    with pytest.raises(InputError) as error:
         modal.random_packing(100, periodic=True, walls=(2e9, 0.4))
+    assert error.value.code == "walls_and_periodic"

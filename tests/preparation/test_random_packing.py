@@ -1,4 +1,4 @@
-"""Frictionless packings: forces, descent, energy and stress, seeds, mixtures, bad input."""
+"""Tests of frictionless packings: forces, descent, energy, stress and mixtures."""
 
 import numpy as np
 import pytest
@@ -12,79 +12,90 @@ from modal.packing.sample import read_sample
 from modal.packing.state import net_forces, stress_tensor, void_ratio
 from modal.packing.summary import summary
 from modal.preparation import frictionless
-from modal.preparation.cloud import cloud
+from modal.preparation.cloud import make_cloud
 from modal.preparation.frictionless import Descent, Pressure
-from modal.preparation.protocol import Study, by_tens, stages_of
+from modal.preparation.protocol import (
+    SettlingLimits,
+    Study,
+    list_intermediate_stresses,
+    name_stages,
+)
 from modal.preparation.random_packing import sound_aspect, width_of
-from modal.preparation.sizes import radii_of, words
+from modal.preparation.sizes import draw_radii, join_words
 from modal.tools.slabs import SLABS
 
 
-def of(spheres, aspect, seed, **mixture):
-    """What a packing without friction is made of."""
-    return Study(0.0, spheres, width_of(spheres, aspect), seed, **words(mixture))
+def make_study(spheres, aspect, seed, **mixture):
+    """Return the study of a packing without friction."""
+    return Study(0.0, spheres, width_of(spheres, aspect), seed, **join_words(mixture))
 
 
-def points(*given, **mixture):
-    """Overlapping random points, where such a packing begins."""
-    return cloud(of(*given, **mixture))
+def make_points(spheres, aspect, seed, **mixture):
+    """Return overlapping random spheres, from which a packing without friction begins."""
+    return make_cloud(make_study(spheres, aspect, seed, **mixture))
 
 
 @pytest.mark.two_ways
 def test_forces_are_the_gradient_of_the_energy():
-    """Central differences of the energy along a random motion, and along each length."""
-    sample = points(200, 2.0, 3)
+    """Compare with central differences of the energy along a random motion and each length."""
+    sample = make_points(200, 2.0, 3)
     start = MovingContacts(sample, history=False)
 
-    def rise(change):
-        """Of the energy from before a change to after it."""
+    def energy_change(change):
+        """Return the energy after a change minus the energy after the opposite change."""
         energies = []
-        for way in (-1, 1):
+        for sign in (-1, 1):
             contacts = MovingContacts(sample, history=False)
-            change(contacts, way)
+            change(contacts, sign)
             contacts.touch()
             energies.append(contacts.elastic_energy)
         return energies[1] - energies[0]
 
-    motion, step = np.random.default_rng(4).standard_normal((200, 3)), 1e-6 * sample.radius
+    motion = np.random.default_rng(4).standard_normal((200, 3))
+    step = 1e-6 * sample.radius
 
-    def move(contacts, way):
-        contacts.position += way * step * motion
+    def move(contacts, sign):
+        contacts.position += sign * step * motion
 
-    def stretch(contacts, way):
-        by = np.where(np.arange(3) == axis, (1 + 1e-6) ** way, 1.0)
-        contacts.position *= by
-        contacts.side *= by[:2]
-        contacts.walls *= by[2]
+    def stretch(contacts, sign):
+        factor = np.where(np.arange(3) == axis, (1 + 1e-6) ** sign, 1.0)
+        contacts.position *= factor
+        contacts.side *= factor[:2]
+        contacts.walls *= factor[2]
 
     # Error of order (step / overlap)^2 and of the round-off of the energy over the step.
-    assert rise(move) / (2 * step) == pytest.approx(-(start.load * motion).sum(), rel=1e-5, abs=0)
+    work = (start.load * motion).sum()
+    assert energy_change(move) / (2 * step) == pytest.approx(-work, rel=1e-5, abs=0)
     for axis in range(3):
         # The walls move with the length, so their work is part of the virial.
-        assert rise(stretch) / (2 * np.log1p(1e-6)) == pytest.approx(-start.virial[axis], rel=1e-5)
+        slope = energy_change(stretch) / (2 * np.log1p(1e-6))
+        assert slope == pytest.approx(-start.virial[axis], rel=1e-5)
 
 
 @pytest.mark.two_ways
 def test_minimum_has_the_stress_and_lower_enthalpy():
-    study, pressure = of(150, 1.5, 5), 1e7
-    start = cloud(study)
+    study = make_study(150, 1.5, 5)
+    pressure = 1e7
+    start = make_cloud(study)
 
     def enthalpy(sample):
-        there = MovingContacts(sample, history=False)
-        return there.elastic_energy + pressure * there.lengths.prod()
+        contacts = MovingContacts(sample, history=False)
+        return contacts.elastic_energy + pressure * contacts.lengths.prod()
 
     stage = Pressure(f"{pressure:g}", study)
-    stage.limits = 1e-3, 1e-5
-    motion, seen = Descent(start, stage), [enthalpy(start)]
+    stage.limits = SettlingLimits(stress_error=1e-3, residual=1e-5)
+    motion = Descent(start, stage)
+    enthalpies = [enthalpy(start)]
     for _ in range(1000):
         motion.advance(25, 1.0, 1)
-        seen.append(enthalpy(motion.sample(moving=False)))
+        enthalpies.append(enthalpy(motion.sample(moving=False)))
         if stage.settled(motion.unbalanced()):
             break
     packed = motion.sample(moving=False)
     assert motion.unbalanced() < 1e-5
     # What is left of it comes and goes with the velocities: residual times overlap, some 1e-7.
-    assert seen[-1] < min(seen) + 1e-6 * (seen[0] - min(seen)) < seen[0]
+    lowest = min(enthalpies)
+    assert enthalpies[-1] < lowest + 1e-6 * (enthalpies[0] - lowest) < enthalpies[0]
     network = packed.network()
     assert np.diag(stress_tensor(network)) == pytest.approx([pressure] * 3, rel=1e-3)
     for code in (-1, -2):
@@ -97,43 +108,46 @@ def test_minimum_has_the_stress_and_lower_enthalpy():
 
 @pytest.mark.parametrize("spheres", [37, 6000])
 def test_compiled_steps_of_a_descent_are_those_of_numpy(spheres):
-    """Sums, by threads and without, and one motion: to round-off."""
+    """Compare sums, with threads and without, and one motion, to round-off."""
     velocity, force, position = np.random.default_rng(spheres).standard_normal((3, spheres, 3))
-    one, other = np.zeros((2, SLABS, 5))
-    frictionless.sums_by_loop(velocity, force, one)
-    frictionless.sums_by_arrays(velocity, force, other)
-    # A sum of products without a sign: by their size, sqrt(3 n) times that of one.
-    same = pytest.approx(other[:, :3].sum(axis=0), rel=1e-12, abs=1e-12 * spheres)
-    assert one[:, :3].sum(axis=0) == same and (one.max(axis=0) == other.max(axis=0))[3:].all()
-    moved = []
-    for by in (frictionless.descend_by_loop, frictionless.descend_by_arrays):
-        x, v = position.copy(), velocity.copy()
-        by(x, v, force, 0.9, 0.2, np.array([1.1, 1.0, 0.8]), 0.3)
-        moved.append(np.hstack([x, v]))
-    assert moved[0] == pytest.approx(moved[1], rel=1e-13, abs=1e-14)
+    compiled_sums, array_sums = np.zeros((2, SLABS, 5))
+    frictionless.sums_by_loop(velocity, force, compiled_sums)
+    frictionless.sums_by_arrays(velocity, force, array_sums)
+    # A sum of products of either sign: its size is sqrt(3 n) times that of one.
+    expected = pytest.approx(array_sums[:, :3].sum(axis=0), rel=1e-12, abs=1e-12 * spheres)
+    assert compiled_sums[:, :3].sum(axis=0) == expected
+    assert np.array_equal(compiled_sums[:, 3:].max(axis=0), array_sums[:, 3:].max(axis=0))
+    results = []
+    for descend in (frictionless.descend_by_loop, frictionless.descend_by_arrays):
+        moved_position = position.copy()
+        moved_velocity = velocity.copy()
+        stretch = np.array([1.1, 1.0, 0.8])
+        descend(moved_position, moved_velocity, force, 0.9, 0.2, stretch, 0.3)
+        results.append(np.hstack([moved_position, moved_velocity]))
+    assert results[0] == pytest.approx(results[1], rel=1e-13, abs=1e-14)
 
 
 def test_packings_are_isostatic_or_denser_and_uncrystallised():
-    """Frictionless spheres need six contacts each but for rattlers; a crystal has e 0.35."""
+    """Count six contacts per sphere but for rattlers; a crystal would have a void ratio of 0.35."""
     sample = random_sample(300, 1e6, seed=9, aspect=2.0, tolerance=1e-3)
     network = sample.network()
     touching = np.bincount(network.particle_i, minlength=300)
     touching += np.bincount(network.particle_j[~network.with_wall], minlength=300)
-    held = touching >= 4
-    assert touching[held].mean() > 5.8
-    assert held.mean() > 0.9
+    is_held = touching >= 4
+    assert touching[is_held].mean() > 5.8
+    assert is_held.mean() > 0.9
     # Random close packing has e 0.56; walls a few diameters apart add some hundredths.
-    found = summary(network)
-    assert 0.48 < found["void_ratio"] < 0.64
+    properties = summary(network)
+    assert 0.48 < properties["void_ratio"] < 0.64
     # Isotropic: a third along each axis; 900 normals scatter by 0.3 / sqrt(900).
-    assert found["fabric_diagonal"] == pytest.approx([1 / 3] * 3, abs=0.03)
+    assert properties["fabric_diagonal"] == pytest.approx([1 / 3] * 3, abs=0.03)
     # Contacts and both walls bear the pressure, to some times the tolerance of 1e-3.
-    assert found["stress_pa"] == pytest.approx([1e6] * 3, rel=5e-3)
-    assert found["wall_stress_pa"] == pytest.approx([1e6] * 2, rel=5e-3)
+    assert properties["stress_pa"] == pytest.approx([1e6] * 3, rel=5e-3)
+    assert properties["wall_stress_pa"] == pytest.approx([1e6] * 2, rel=5e-3)
 
 
 def test_higher_peak_leaves_a_denser_packing(tmp_path):
-    """What a peak has pushed together stays so: at one stress the voids fall with the peak."""
+    """Compare void ratios at one stress after two peaks."""
     command = ["pack", "--spheres", "300", "--aspect", "2", "--stress", "1e6", "--peak"]
     voids = []
     for peak in ("1e7", "3e8"):
@@ -147,19 +161,21 @@ def test_higher_peak_leaves_a_denser_packing(tmp_path):
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("stresses", [[1e3], [1e6, 1e7], [1e5, 3e6]])
 def test_a_path_goes_by_stresses_at_most_ten_times_apart(friction, stresses):
-    """From the peak, or from where it has jammed, to each; no stage has the name of another."""
-    names = stages_of(Study(friction, 200, 4.5), stresses)
+    """Check the stresses of the stages, and that no two stages have one name."""
+    names = name_stages(Study(friction, 200, 4.5), stresses)
     assert len(set(names)) == len(names)
-    way = [float(name.split()[0]) for name in names if name[0].isdigit()]
-    assert [float(name) for name in names if name[0].isdigit() and " " not in name] == stresses
-    before = [1e4 if friction else 2e8, *way]
-    assert all(0.099 < one / other < 10.1 for one, other in zip(before, way, strict=False))
-    assert by_tens(1e4, 5e5) == [1e5, 5e5]
+    stress_names = [name for name in names if name[0].isdigit()]
+    assert [float(name) for name in stress_names if " " not in name] == stresses
+    path = [1e4 if friction else 2e8]
+    path += [float(name.split()[0]) for name in stress_names]
+    ratios = np.array(path[1:]) / path[:-1]
+    assert (ratios > 0.099).all() and (ratios < 10.1).all()
+    assert list_intermediate_stresses(1e4, 5e5) == [1e5]
 
 
 @pytest.mark.parametrize("spheres", [300, 2000, 20_000, 35_201])
 def test_default_shape_is_sound_for_any_number(spheres):
-    """8 diameters wide even as dense as random spheres get, 0.64; a cube or the study's at ends."""
+    """Check the width at the densest random packing, 0.64: 8 diameters, or a cube."""
     aspect = sound_aspect(spheres)
     width = (spheres * np.pi / 6 / 0.64 / aspect) ** (1 / 3)
     assert width >= 8 or aspect == 1
@@ -168,14 +184,14 @@ def test_default_shape_is_sound_for_any_number(spheres):
 
 @pytest.mark.parametrize("sizes", [("lognormal", 0.3), ("two", 2, 0.5)])
 def test_mixtures_come_to_rest_and_keep_their_sizes(sizes):
-    """Balance, stress and voids by the network's own sums."""
+    """Compute balance, stress and void ratio from the sums of the network."""
     sample = random_sample(120, stress=1e6, seed=2, aspect=1.5, tolerance=1e-4, sizes=sizes)
-    radii = radii_of(120, sizes, seed=2)
+    radii = draw_radii(120, sizes, seed=2)
     np.testing.assert_array_equal(sample.radii, radii)
     network = sample.network()
     mean = network.force_normal.mean()
     net = np.linalg.norm(net_forces(network)[:, :3], axis=1)
-    # The residual at which it stopped, its largest sphere.
+    # Twice the residual at which the descent stopped.
     assert net.mean() < 2e-4 * mean
     np.testing.assert_allclose(np.diag(stress_tensor(network)), 1e6, rtol=2e-3)
     assert void_ratio(network) == pytest.approx(network.study["void_ratio"], rel=1e-12)
@@ -183,27 +199,27 @@ def test_mixtures_come_to_rest_and_keep_their_sizes(sizes):
 
 @pytest.mark.parametrize("sizes", [None, ("lognormal", 0.4)])
 def test_loop_and_arrays_agree(sizes, monkeypatch):
-    """The compiled loop against numpy, sphere by sphere, and the list against all pairs."""
-    rough = points(200, 1.5, 4, sizes=sizes)
+    """Compare the compiled loop with numpy, sphere by sphere, and the list with all pairs."""
+    sample = make_points(200, 1.5, 4, sizes=sizes)
     results = []
-    for compute in (forces_by_loop, forces_by_arrays):
-        monkeypatch.setattr(contacts, "forces_by_loop", compute)
-        found = MovingContacts(rough, history=False)
-        sums = found.elastic_energy, found.mean_force, found.mean_stiffness, *found.virial
-        results.append((found.load.copy(), found.stiffness.copy(), *sums, found.touching))
-        # Two in the same place have no direction of contact, and no force.
-        found.position[11] = found.position[10]
-        found.touch()
-        assert np.isfinite(found.load).all()
-    for one, other in zip(*results, strict=True):
-        largest = np.max(np.abs(other), initial=0)
-        assert one == pytest.approx(other, rel=1e-12, abs=1e-12 * largest)
-    assert results[0][-1] == len(rough.contacts().particle_i)
+    for compute_forces in (forces_by_loop, forces_by_arrays):
+        monkeypatch.setattr(contacts, "forces_by_loop", compute_forces)
+        moving = MovingContacts(sample, history=False)
+        sums = moving.elastic_energy, moving.mean_force, moving.mean_stiffness, *moving.virial
+        results.append((moving.load.copy(), moving.stiffness.copy(), *sums, moving.touching))
+        # Two spheres in one place have no direction of contact, and no force.
+        moving.position[11] = moving.position[10]
+        moving.touch()
+        assert np.isfinite(moving.load).all()
+    for compiled, expected in zip(*results, strict=True):
+        largest = np.max(np.abs(expected), initial=0)
+        assert compiled == pytest.approx(expected, rel=1e-12, abs=1e-12 * largest)
+    assert results[0][-1] == len(sample.contacts().particle_i)
 
 
 def test_log_normal_sizes_have_their_moments():
-    """Mean ln R and its spread: quantiles at mid-steps miss 1 % of the variance at n = 1,000."""
-    logarithm = np.log(radii_of(1000, ("lognormal", 0.25), seed=3))
+    """Check the spread and skew of ln R: quantiles at mid-steps miss 1 % of the variance."""
+    logarithm = np.log(draw_radii(1000, ("lognormal", 0.25), seed=3))
     assert logarithm.std() == pytest.approx(0.25, rel=0.01)
     skew = ((logarithm - logarithm.mean()) ** 3).mean() / logarithm.std() ** 3
     assert abs(skew) < 1e-9
