@@ -55,7 +55,7 @@ class ProtocolNumbers(TypedDict, total=False):
 def sound_aspect(spheres: int) -> float:
     """Return the default length over width: that of the study, or less so that the cell is wide.
 
-    The cell is then `MIN_WIDTH_IN_DIAMETERS` wide; it is a cube if there are too few spheres for it.
+    The cell is then `MIN_WIDTH_IN_DIAMETERS` wide; it is a cube if the spheres are too few.
     """
     cube_width = width_of(spheres, 1.0)
     return min(max((cube_width / (WIDTH_SHRINKAGE * MIN_WIDTH_IN_DIAMETERS)) ** 3, 1.0), ASPECT)
