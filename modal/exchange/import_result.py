@@ -84,7 +84,7 @@ class _ContactState(NamedTuple):
     overlap: Floats
     overlaps_from: OverlapSource
     force: Floats | None
-    columns: dict[str, Floats]
+    columns: dict[str, Any]
     overlap_error: float = 0.0
     sliding: Bools | None = None
 
@@ -192,7 +192,7 @@ def _apply_laws(
     sliding = None
     if listed.shear is not None:
         sliding = laws.are_sliding(force, listed.shear)
-    columns = dict(listed.columns) | laws.network_columns(overlap, effective_radius)
+    columns: dict[str, Any] = dict(listed.columns) | laws.network_columns(overlap, effective_radius)
     return _ContactState(overlap, overlaps_from, force, columns, overlap_error, sliding)
 
 

@@ -153,7 +153,8 @@ class ProgramLaw:
         return text
 
 
-class ContactLaws(NamedTuple):
+@dataclass(frozen=True)
+class ContactLaws:
     """The laws of m contacts: `laws`, and the index (m,) of each contact's law among them."""
 
     laws: Sequence[ProgramLaw]

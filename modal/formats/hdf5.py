@@ -1,9 +1,8 @@
-"""HDF5 files that are complete or absent, and hold all of their numbers themselves.
+"""HDF5 files that are complete or absent, and have all of their numbers in themselves.
 
-All of a file carries checksums, so that a bit that has flipped is noticed when the file is read:
-the data by HDF5's fletcher32 filter and zlib's, names, shapes and attributes by the format of
-HDF5 1.10.
-Files of other programs, with or without, are read alike.
+All parts of a file have checksums, so that a flipped bit is noticed when the file is read: the data
+by HDF5's fletcher32 filter and by zlib, names, shapes and attributes by the format of HDF5 1.10.
+Files of other programs are read with or without checksums.
 """
 
 import errno
@@ -27,15 +26,26 @@ from modal.tools.errors import InputError
 
 CHECKSUMMED = ("v110", "v110")
 """Lowest and highest HDF5 format to write: from 1.10 on all structures have checksums."""
-_HEAP = b"GCOL\x01\0\0\0"
-"""How a global heap begins: where HDF5 keeps texts."""
+_HEAP_SIGNATURE = b"GCOL\x01\0\0\0"
+"""First bytes of a global heap, in which HDF5 keeps texts."""
+_HEAP_HEADER_BYTES = 16
+"""Size of the header of a heap, and of the header of each entry."""
+_HDF5_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError)
+"""Exceptions that h5py raises for a file that it cannot read."""
+_NO_LOCK_ERRORS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
+"""Error numbers of a disk without locks."""
+_INCOMPLETE_ERRORS = (
+    *(AttributeError, KeyError, IndexError, TypeError, ValueError),
+    *(OverflowError, RecursionError),  # of a whole number too large, of JSON in JSON in JSON
+)
+"""Exceptions for an attribute that is absent or not of its kind."""
 
 
 @contextmanager
 def atomic_h5(path: str | Path) -> Iterator[h5py.File]:
     """Open a new HDF5 file for writing that takes its final name only when the block succeeds.
 
-    It is built in memory: HDF5 ends the process with a segmentation fault where the disk is full.
+    The file is built in memory: on a full disk HDF5 ends the process with a segmentation fault.
     """
     image = io.BytesIO()
     with h5py.File(image, "w", libver=CHECKSUMMED) as file:
@@ -45,84 +55,74 @@ def atomic_h5(path: str | Path) -> Iterator[h5py.File]:
 
 @contextmanager
 def open_h5(path: str | Path) -> Iterator[h5py.File]:
-    """Open an HDF5 file for reading; refuse what is missing or damaged.
+    """Open an HDF5 file for reading; raise InputError if it is missing or damaged.
 
-    What the block itself raises is no damage of the file: it goes to the caller as it is, but for
-    what HDF5 has raised in it.
+    Exceptions of the block itself are no damage of the file and reach the caller as they are;
+    exceptions that HDF5 raises in the block become InputError.
     """
     path = Path(path)
     refuse_absent(path)
     try:
         _refuse_endless_heap(path)
         file = h5py.File(path, "r")
-    except _BY_HDF5 as error:
+    except _HDF5_ERRORS as error:
         raise _unreadable(path, error) from error
     with file:
         try:
             with named(path):
                 refuse_links(file)
             yield file
-        except _BY_HDF5 as error:
-            frames = traceback.walk_tb(error.__traceback__)
-            if any(frame.f_globals["__name__"].startswith("h5py.") for frame, _ in frames):
+        except _HDF5_ERRORS as error:
+            if _is_from_h5py(error):
                 raise _unreadable(path, error) from error
             raise
 
 
-_BY_HDF5 = (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError)
-_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
-"""What a disk says that knows no locks."""
+def _is_from_h5py(error: Exception) -> bool:
+    """Tell whether an exception was raised in h5py."""
+    frames = traceback.walk_tb(error.__traceback__)
+    return any(frame.f_globals["__name__"].startswith("h5py.") for frame, _ in frames)
 
 
 def _unreadable(path: Path, error: Exception) -> InputError:
-    """Return what is said of a file that HDF5 does not read, by what it has raised."""
+    """Return the error for a file that HDF5 does not read, from the exception of HDF5."""
     reason = " ".join(str(error).split())
     if isinstance(error, MemoryError):
-        return InputError(
-            "memory", f"{path}: not enough memory to read it ({reason})", remedy="free some"
-        )
+        problem = f"{path}: not enough memory to read it"
+        return InputError("memory", problem, reason, "free some")
     if _is_in_use(error):
-        return InputError(
-            "file_in_use",
-            f"{path}: another program has it open for writing, or this disk has no locks",
-            remedy=("close it there, or set HDF5_USE_FILE_LOCKING=FALSE if nobody writes it"),
-        )
-    do = "it may be truncated, make it again"
+        problem = f"{path}: another program has it open for writing, or this disk has no locks"
+        remedy = "close it there, or set HDF5_USE_FILE_LOCKING=FALSE if nobody writes it"
+        return InputError("file_in_use", problem, remedy=remedy)
+    remedy = "it may be truncated, make it again"
     if not h5py.is_hdf5(path):
-        do += "; what another program wrote is read by `import`"
-    return InputError("unreadable", f"{path}: not a readable HDF5 file ({reason})", remedy=do)
+        remedy += "; what another program wrote is read by `import`"
+    return InputError("unreadable", f"{path}: not a readable HDF5 file", reason, remedy)
 
 
 def _is_in_use(error: Exception) -> bool:
-    """Return whether HDF5 has refused a file for its lock, or for the mark of a writer in it."""
-    if isinstance(error, BlockingIOError) or getattr(error, "errno", None) in _NO_LOCKS:
+    """Tell whether HDF5 has refused a file for its lock, or for the mark of a writer in it."""
+    if isinstance(error, BlockingIOError) or getattr(error, "errno", None) in _NO_LOCK_ERRORS:
         return True
-    # HDF5 has no number for what this process, or a killed one, has open.
+    # HDF5 has no error number for a file that this process, or a killed one, has open.
     return "already open for" in str(error)
 
 
 @contextmanager
 def complete(path: str | Path) -> Iterator[None]:
-    """While attributes are read: InputError where one is absent or not what it should be."""
+    """Raise InputError if an attribute that the block reads is absent or not of its kind."""
     try:
         yield
     except InputError:
         raise
-    except _INCOMPLETE as error:
-        raise InputError(
-            "incomplete", f"{path}", f"{error}", "incomplete, make it again"
-        ) from error
-
-
-_INCOMPLETE = (
-    *(AttributeError, KeyError, IndexError, TypeError, ValueError),
-    *(OverflowError, RecursionError),  # of a whole number too large, of JSON in JSON in JSON
-)
+    except _INCOMPLETE_ERRORS as error:
+        remedy = "incomplete, make it again"
+        raise InputError("incomplete", f"{path}", f"{error}", remedy) from error
 
 
 @contextmanager
 def named(path: str | Path) -> Iterator[None]:
-    """Have what is refused begin with the file that it comes from."""
+    """Put the name of a file before the problem of each InputError of the block."""
     try:
         yield
     except InputError as error:
@@ -131,35 +131,48 @@ def named(path: str | Path) -> Iterator[None]:
 
 
 def _refuse_endless_heap(path: Path) -> None:
-    """Refuse a file whose strings HDF5 (up to 2.0) would read for ever.
+    """Raise InputError for a file whose texts HDF5 (up to 2.0) would read for ever.
 
-    Texts of attributes lie in "global heaps", the one structure without a checksum. The library
-    walks from entry to entry; behind a damaged length it may meet an empty one of size zero.
+    Texts of attributes are in global heaps, the one structure without a checksum. The library steps
+    from entry to entry; after a damaged length it may meet an empty entry of size zero.
     """
     if path.stat().st_size == 0:
         return
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as raw:
-        at = raw.find(_HEAP)
-        while at >= 0:
-            end = at + int.from_bytes(raw[at + 8 : at + 16], "little")
-            here = at + 16
-            while here + 16 <= min(end, len(raw)):
-                index = int.from_bytes(raw[here : here + 2], "little")
-                size = int.from_bytes(raw[here + 8 : here + 16], "little")
-                step = 16 + (size + 7) // 8 * 8 if index else size
-                if step == 0:
-                    raise InputError(
-                        "unreadable", f"{path}: its texts are damaged", remedy="make the file again"
-                    )
-                here += step
-            at = raw.find(_HEAP, at + 8)
+        heap = raw.find(_HEAP_SIGNATURE)
+        while heap >= 0:
+            if _has_empty_entry(raw, heap):
+                problem = f"{path}: its texts are damaged"
+                raise InputError("unreadable", problem, remedy="make the file again")
+            heap = raw.find(_HEAP_SIGNATURE, heap + len(_HEAP_SIGNATURE))
+
+
+def _has_empty_entry(raw: mmap.mmap, heap: int) -> bool:
+    """Tell whether the global heap at this place has an entry of size zero."""
+    end = heap + int.from_bytes(raw[heap + 8 : heap + 16], "little")
+    entry = heap + _HEAP_HEADER_BYTES
+    while entry + _HEAP_HEADER_BYTES <= min(end, len(raw)):
+        index = int.from_bytes(raw[entry : entry + 2], "little")
+        size = int.from_bytes(raw[entry + 8 : entry + 16], "little")
+        step = size
+        if index:
+            padded_size = (size + 7) // 8 * 8
+            step = _HEAP_HEADER_BYTES + padded_size
+        if step == 0:
+            return True
+        entry += step
+    return False
 
 
 def put(file: h5py.File | h5py.Group, name: str, data: Array, units: str) -> None:
     """Write one dataset with its units.
 
-    Compressed even where it is small: fletcher32 takes 0xFFFF for zero, zlib's Adler-32 does not.
+    Small datasets are compressed, too: fletcher32 takes 0xFFFF for zero, zlib's Adler-32 does not.
     """
-    checked = {"fletcher32": True, "compression": "gzip", "shuffle": True}
-    options = checked if np.size(data) > 0 else {}
-    file.create_dataset(name, data=data, **options).attrs["units"] = units
+    if np.size(data) > 0:
+        dataset = file.create_dataset(
+            name, data=data, fletcher32=True, compression="gzip", shuffle=True
+        )
+    else:
+        dataset = file.create_dataset(name, data=data)
+    dataset.attrs["units"] = units

@@ -1,6 +1,6 @@
-"""A product: an HDF5 file of one schema, told by one table of its columns and attributes.
+"""A product: an HDF5 file of one schema, described by one table of its columns and attributes.
 
-The table is all that a format needs: files are written, read and refused by it alone.
+The table is all that a format needs: it determines how files are written, read and refused.
 
 >>> track = Product(
 ...     "granular-track",
@@ -21,116 +21,165 @@ from collections.abc import Callable, Container, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, Literal, NamedTuple, get_type_hints
 
 import h5py
 import numpy as np
 
 from modal.formats.attributes import number_noted, read_attributes, write_attributes
 from modal.formats.hdf5 import atomic_h5, complete, named, open_h5, put
-from modal.formats.provenance import OF_PACKING, Provenance
+from modal.formats.provenance import PACKING_DIGEST, Provenance
 from modal.formats.storage import refuse_hidden, walk
 from modal.tools.arrays import Array
 from modal.tools.errors import InputError
 from modal.tools.units import plain_numbers, says
 
+Kind = Literal["f", "i", "b", "c"]
+"""Kind of the numbers of a column: floating-point, integer, boolean, complex."""
+
 CREATOR = "granular-wave-modes"
-OF_THE_FORMAT = ("schema", "schema_version", "creator", OF_PACKING)
-"""Attributes that each product has, and that are none of its own."""
-KINDS = {
-    "f": ("fiu", "numbers", np.float64),
-    "i": ("iu", "whole numbers", np.int64),
-    "b": ("biu", "yes or no", np.bool_),
-    "c": ("fiu", "numbers", np.float64),
+"""The attribute `creator` of all files."""
+FORMAT_ATTRIBUTES = ("schema", "schema_version", "creator", PACKING_DIGEST)
+"""Attributes of the format itself, which every product has."""
+
+
+class NumberType(NamedTuple):
+    """How a kind of number is read and written.
+
+    accepted: kinds of NumPy arrays that are read. description: for messages. in_memory, in_file:
+    types of the numbers there.
+    """
+
+    accepted: str
+    description: str
+    in_memory: type
+    in_file: type
+
+
+NUMBER_TYPES: Mapping[str, NumberType] = {
+    "f": NumberType("fiu", "numbers", np.float64, np.float64),
+    "i": NumberType("iu", "whole numbers", np.int64, np.int32),
+    "b": NumberType("biu", "yes or no", np.bool_, np.bool_),
+    "c": NumberType("fiu", "numbers", np.float64, np.complex128),
 }
-"""Of each kind of column: the kinds of array that are taken, its name, and what it is made. Complex
-numbers are stored as (..., 2), real and imaginary part."""
-STORED = {"f": np.float64, "i": np.int32, "b": np.bool_, "c": np.complex128}
-OF_UNITS = ("unit", "units")
-"""Names of attributes, in small letters, that say the unit of a dataset."""
-OF_PACKED = {"scale_factor": 1.0, "add_offset": 0.0}
-"""Attributes by which other programs pack numbers, and what these are where nothing is packed."""
-OF_MISSING = ("_FillValue", "missing_value")
-"""Attributes that name a number which stands for none."""
+"""Number types by the kind of a column. Complex numbers are stored as (..., 2), real and imaginary
+part."""
+UNIT_ATTRIBUTES = ("unit", "units")
+"""Names of attributes, in small letters, that have the unit of a dataset."""
+PACKING_ATTRIBUTES = {"scale_factor": 1.0, "add_offset": 0.0}
+"""Attributes by which other programs pack numbers, and their values if nothing is packed."""
+MISSING_ATTRIBUTES = ("_FillValue", "missing_value")
+"""Attributes with a number that stands for a missing one."""
+MIN_INTEGER_BYTES = 4
+"""Integers of this width keep it in memory: six times a number of contacts fits."""
 
 
 class Column(NamedTuple):
-    """A dataset: its place in the file, kind of number, lengths, unit.
+    """A dataset of a format.
 
-    A length with a name is the same in all columns of the file. Of a file that has the column,
-    `since` is the lowest version: a program that would miss it refuses the file. What may be
-    infinite or no number is not `finite`.
+    dataset: its path in the file. kind: of its numbers. shape: lengths; a length with a name is the
+    same in all columns of a file. unit: SI unit. optional: whether a file may lack it. finite:
+    whether all numbers must be finite. since: lowest version of a file that has the column; a
+    program that does not know it refuses the file.
     """
 
     dataset: str
-    kind: str
+    kind: Kind
     shape: tuple[int | str, ...]
     unit: str
     optional: bool = False
     finite: bool = True
     since: int = 1
 
-    def check(self, name: str, given: Any, lengths: dict[int | str, int]) -> None:
-        """InputError where an array or a dataset has another kind or shape than this column.
+    def check(self, name: str, data: Any, lengths: dict[int | str, int]) -> None:
+        """Raise InputError if an array or a dataset has another kind or shape than this column.
 
-        Nothing of a dataset is read, whatever it says of itself.
+        `lengths` are those of the names so far; new ones are added. No number of a dataset is read,
+        whatever size it declares.
         """
-        taken, words, _ = KINDS[self.kind]
-        if given.dtype.kind not in taken:
-            raise InputError(
-                "wrong_kind", f"{name} is no array of {words}", remedy="write it as documented"
-            )
-        if isinstance(given, h5py.Dataset):
-            refuse_hidden(given, name)
-        shape = self.shape if self.kind != "c" else (*self.shape, 2)
-        wanted = tuple(lengths.get(n, n) for n in shape)
-        pairs = zip(wanted, given.shape, strict=False)
-        if given.ndim != len(wanted) or any(w != n for w, n in pairs if not isinstance(w, str)):
-            problem = f"{name} has shape {given.shape}, expected {wanted}"
-            raise InputError("wrong_shape", problem, remedy="mend it")
-        lengths.update(zip(shape, given.shape, strict=True))
-
-    def array(self, name: str, given: Any, lengths: dict[int | str, int], of: Any = ()) -> Array:
-        """What is `given`, a dataset or like an array, as an array of this column; or InputError.
-
-        `of` has the indices of the part that is taken. Lengths with a name are those in `lengths`,
-        or new there. In memory whole numbers may keep 4 bytes: six times a number fits.
-        """
-        stored = isinstance(given, h5py.Dataset)
-        if not stored:
-            given = _as_array(plain_numbers(given, name, self.unit))
-        self.check(name, given, lengths)
-        data: Array = given[of]
-        if self.kind == "i":
-            data = _whole_numbers(name, data, keep=not stored)
-        else:
-            data = data.astype(KINDS[self.kind][2], copy=False)
+        number_type = NUMBER_TYPES[self.kind]
+        if data.dtype.kind not in number_type.accepted:
+            problem = f"{name} is no array of {number_type.description}"
+            raise InputError("wrong_kind", problem, remedy="write it as documented")
+        if isinstance(data, h5py.Dataset):
+            refuse_hidden(data, name)
+        shape: tuple[int | str, ...] = self.shape
         if self.kind == "c":
-            data = data[..., 0] + 1j * data[..., 1]
-        if self.finite and not np.isfinite(data).all():
-            row = int(np.argwhere(~np.isfinite(data))[0, 0])
-            raise InputError(
-                "not_finite", f"{name} is not finite in row {row}", remedy="make it again"
-            )
-        return data
+            shape = (*shape, 2)
+        expected = tuple(lengths.get(length, length) for length in shape)
+        if not _shape_fits(data.shape, expected):
+            problem = f"{name} has shape {data.shape}, expected {expected}"
+            raise InputError("wrong_shape", problem, remedy="mend it")
+        lengths.update(zip(shape, data.shape, strict=True))
+
+    def array(
+        self, name: str, data: Any, lengths: dict[int | str, int], indices: Any = ()
+    ) -> Array:
+        """Return a dataset, or what is like an array, as an array of this column.
+
+        `indices` select the part that is read. Lengths with a name are those in `lengths`; new ones
+        are added. In memory integers of 4 bytes keep their width: six times a number fits. Raises
+        InputError if the data do not fit the column.
+        """
+        is_stored = isinstance(data, h5py.Dataset)
+        if not is_stored:
+            data = _to_array(plain_numbers(data, name, self.unit))
+        self.check(name, data, lengths)
+        numbers: Array = data[indices]
+        if self.kind == "i":
+            numbers = _to_integers(name, numbers, keep_width=not is_stored)
+        else:
+            numbers = numbers.astype(NUMBER_TYPES[self.kind].in_memory, copy=False)
+        if self.kind == "c":
+            numbers = numbers[..., 0] + 1j * numbers[..., 1]
+        if self.finite and not np.isfinite(numbers).all():
+            row = int(np.argwhere(~np.isfinite(numbers))[0, 0])
+            problem = f"{name} is not finite in row {row}"
+            raise InputError("not_finite", problem, remedy="make it again")
+        return numbers
 
 
-def _as_array(given: Any) -> Array:
-    """What is given as an array; of no kind that a column has, where it is none."""
+def _shape_fits(shape: tuple[int, ...], expected: tuple[int | str, ...]) -> bool:
+    """Tell whether a shape is as expected; a length that is still a name may be any."""
+    if len(shape) != len(expected):
+        return False
+    return all(
+        isinstance(wanted, str) or wanted == length
+        for wanted, length in zip(expected, shape, strict=True)
+    )
+
+
+def _to_array(data: Any) -> Array:
+    """Return data as an array; an array of no kind that a column has if they are none."""
     try:
-        return np.asarray(given)
+        return np.asarray(data)
     except (TypeError, ValueError):  # rows of different lengths, or members that are no numbers
         return np.array(None)
 
 
 @dataclass(frozen=True)
 class Product:
-    """One format: columns and attributes by the names of their values.
+    """A format of files.
 
-    `attributes` convert what a file says; `defaults` are those that a file may lack. `groups` are
-    of free attributes, each a dictionary, empty where absent; `others` is the name of the
-    dictionary of all further attributes of the file, empty for none. An attribute with a version
-    `since` is written where it is not its default, and such a file is of that version.
+    Attributes
+    ----------
+    schema : str
+        Name of the format.
+    columns : mapping
+        Columns by the names of their values.
+    attributes : mapping
+        Functions that convert the attributes of a file, by the names of their values.
+    defaults : mapping
+        Values of the attributes that a file may lack.
+    groups : tuple of str
+        Groups of free attributes; each is a dictionary, empty if the file lacks it.
+    others : str
+        Name of the dictionary of all further attributes of the file; empty for none.
+    versions : tuple of int
+        Versions that are read.
+    since : mapping
+        Attributes that need a version: they are written only if they differ from their default,
+        and such a file is of that version at least.
     """
 
     schema: str
@@ -145,118 +194,150 @@ class Product:
     def write(
         self, path: str | Path, values: Mapping[str, Any], made: Provenance | None = None
     ) -> None:
-        """Write the file whole, or leave what was there; optional columns may be None or absent."""
-        there = {
-            name: column
-            for name, column in self.columns.items()
-            if not (column.optional and values.get(name) is None)
-        }
-        usual = [name for name in self.since if values.get(name) == self.defaults[name]]
-        said = [since for name, since in self.since.items() if name not in usual]
-        version = max([1, *said, *(column.since for column in there.values())])
+        """Write the file whole, or leave the previous one; optional columns may be None or absent.
+
+        `made` is the provenance.
+        """
+        columns = {}
+        for name, column in self.columns.items():
+            if not (column.optional and values.get(name) is None):
+                columns[name] = column
+        omitted = {name for name in self.since if values.get(name) == self.defaults[name]}
         with atomic_h5(path) as file:
             if made:
                 made.write(file)
             if self.others:
                 write_attributes(file, values[self.others])
+            version = self._version(columns, omitted)
             file.attrs.update(schema=self.schema, schema_version=version, creator=CREATOR)
             for name, convert in self.attributes.items():
-                if name not in usual and (name in values or name not in self.defaults):
+                may_be_absent = name not in values and name in self.defaults
+                if name not in omitted and not may_be_absent:
                     write_attributes(file, {name: convert(values[name])})
-            for name, column in there.items():
-                given = plain_numbers(values[name], name, column.unit)
-                data: Array = np.asarray(given).astype(STORED[column.kind], copy=False)
-                if column.kind == "c":
-                    data = np.stack([data.real, data.imag], axis=-1)
-                put(file, column.dataset, data, column.unit)
+            for name, column in columns.items():
+                _write_column(file, column, name, values[name])
             for group in self.groups:
                 write_attributes(file.require_group(group), values[group])
+
+    def _version(self, columns: Mapping[str, Column], omitted: set[str]) -> int:
+        """Return the version of a file with these columns, without the omitted attributes."""
+        versions = [1, *(column.since for column in columns.values())]
+        versions += [since for name, since in self.since.items() if name not in omitted]
+        return max(versions)
 
     def read(
         self, path: str | Path, leave: Container[str] = (), parts: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
-        """All values by name, absent columns None; InputError in one line for anything wrong.
+        """Return all values by name; absent columns are None.
 
-        Columns to `leave` are not read, and are None. Of those in `parts` their indices are read.
+        Columns to `leave` are not read, and are None. Of columns in `parts` only the elements with
+        these indices are read. Raises InputError for anything wrong.
         """
         with open_h5(path) as file:
-            values: dict[str, Any] = {}
-            lengths: dict[int | str, int] = {}
             with named(path):
-                self._refuse_others(file)
-                folders = {column.dataset.rpartition("/")[0] for column in self.columns.values()}
-                for folder in {"", *(folders & {*file})}:
-                    _refuse_units(read_attributes(file[folder or "/"]), folder or "the file", "1")
-                values |= dict.fromkeys(self.columns)
-                there = {
-                    name: column
-                    for name, column in self.columns.items()
-                    if name not in leave and not (column.optional and column.dataset not in file)
-                }
-                for column in there.values():  # before memory is taken for what they say
-                    column.check(column.dataset, _dataset(file, column), lengths)
-                for name, column in there.items():
-                    values[name] = _numbers(file, column, lengths, (parts or {}).get(name, ()))
-                said = read_attributes(file)
-                # `file.get` would take a damaged group for an absent one.
+                self._refuse_other_file(file)
+                self._refuse_units_of_folders(file)
+                values: dict[str, Any] = dict.fromkeys(self.columns)
+                values |= self._read_columns(file, leave, parts or {})
+                attributes = read_attributes(file)
                 for group in self.groups:
+                    # `file.get` would take a damaged group for an absent one.
                     values[group] = read_attributes(file[group]) if group in file else {}
             with complete(path):
                 for name, convert in self.attributes.items():
-                    if name in said or name not in self.defaults:
-                        values[name] = convert(said[name])
+                    if name in attributes or name not in self.defaults:
+                        values[name] = convert(attributes[name])
                     else:
                         values[name] = self.defaults[name]
-            if self.others:
-                own = (*OF_THE_FORMAT, *self.attributes)
-                values[self.others] = {name: note for name, note in said.items() if name not in own}
+        if self.others:
+            known = (*FORMAT_ATTRIBUTES, *self.attributes)
+            values[self.others] = {
+                name: value for name, value in attributes.items() if name not in known
+            }
         return values
 
-    def _refuse_others(self, file: h5py.File) -> None:
-        """InputError for a file of another schema or version, and for columns that are not known.
+    def _read_columns(
+        self, file: h5py.File, leave: Container[str], parts: Mapping[str, Any]
+    ) -> dict[str, Array]:
+        """Return the columns that are to be read and that the file has, by name."""
+        columns = {}
+        for name, column in self.columns.items():
+            is_absent = column.optional and column.dataset not in file
+            if name not in leave and not is_absent:
+                columns[name] = column
+        lengths: dict[int | str, int] = {}
+        for column in columns.values():  # before memory is taken for the sizes that they declare
+            column.check(column.dataset, _find_dataset(file, column), lengths)
+        values = {}
+        for name, column in columns.items():
+            values[name] = _read_column(file, column, lengths, parts.get(name, ()))
+        return values
+
+    def _refuse_units_of_folders(self, file: h5py.File) -> None:
+        """Raise InputError if the file or a folder of columns says that numbers are not SI."""
+        folders = {column.dataset.rpartition("/")[0] for column in self.columns.values()}
+        for folder in {"", *(folders & {*file})}:
+            _refuse_units(read_attributes(file[folder or "/"]), folder or "the file", "1")
+
+    def _refuse_other_file(self, file: h5py.File) -> None:
+        """Raise InputError for another schema or version, and for columns that are not known.
 
         A column of a later program may change the answer; in version 1 there is none.
         """
-        said = read_attributes(file)
-        schema, version = (said.get(name) for name in OF_THE_FORMAT[:2])
+        attributes = read_attributes(file)
+        schema = attributes.get("schema")
         if not (isinstance(schema, str) and schema == self.schema):
             problem = f"schema is {schema!r}, expected {self.schema!r}"
             raise InputError("schema", problem, remedy="wrong file?")
-        number = number_noted(said, "schema_version")
-        if number not in self.versions:
-            reads = f"this program reads {' and '.join(map(str, self.versions))}"
+        version = number_noted(attributes, "schema_version")
+        if version not in self.versions:
             raise InputError(
                 "schema_version",
-                f"schema_version is {version}, {reads}",
+                f"schema_version is {attributes.get('schema_version')}, this program reads "
+                f"{' and '.join(map(str, self.versions))}",
                 remedy="convert the file or update the program",
             )
-        if number == 1:
+        if version == 1:
             return
         known = {column.dataset for column in self.columns.values()}
         for name, node in walk(file):
             if name not in known and not isinstance(node, h5py.Group):
-                raise InputError(
-                    "unknown_column",
-                    f"{name} is unknown to this program and may change the answer",
-                    remedy=("update the program, or leave it out"),
-                )
+                problem = f"{name} is unknown to this program and may change the answer"
+                remedy = "update the program, or leave it out"
+                raise InputError("unknown_column", problem, remedy=remedy)
 
 
-def stored(folder: str, kind: str, *shape: int | str, name: str = "", **more: Any) -> Column:
-    """A column in a folder, "" for none, named as its field or by `name`; `more` of `Column`."""
-    return Column(f"{folder}/{name}".lstrip("/"), kind, shape, **{"unit": "1"} | more)
+def stored(
+    folder: str,
+    kind: Kind,
+    *shape: int | str,
+    name: str = "",
+    unit: str = "1",
+    optional: bool = False,
+    finite: bool = True,
+    since: int = 1,
+) -> Column:
+    """Return a column in a folder, "" for none, with the name of its field or this `name`.
+
+    The other arguments are those of `Column`.
+    """
+    return Column(f"{folder}/{name}".lstrip("/"), kind, shape, unit, optional, finite, since)
 
 
 def columns_of(table: type) -> dict[str, Column]:
-    """The columns that the fields of a class are `stored` as; those with a default are optional."""
-    hints, found = get_type_hints(table, include_extras=True), {}
-    for one in fields(table):
-        for column in getattr(hints[one.name], "__metadata__", ()):
+    """Return the columns of the fields of a class that are `stored`, by the names of the fields.
+
+    A field with a default is optional.
+    """
+    hints = get_type_hints(table, include_extras=True)
+    columns = {}
+    for each in fields(table):
+        has_default = each.default is not MISSING or each.default_factory is not MISSING
+        for column in getattr(hints[each.name], "__metadata__", ()):
             folder, _, name = column.dataset.rpartition("/")
-            dataset = f"{folder}/{name or one.name}".lstrip("/")
-            optional = not one.default is one.default_factory is MISSING
-            found[one.name] = column._replace(dataset=dataset, optional=optional)
-    return found
+            dataset = f"{folder}/{name or each.name}".lstrip("/")
+            columns[each.name] = column._replace(dataset=dataset, optional=has_default)
+    return columns
 
 
 def product_of(
@@ -264,39 +345,50 @@ def product_of(
     table: type,
     columns: Mapping[str, Column] = MappingProxyType({}),
     attributes: Mapping[str, Callable[[Any], Any]] = MappingProxyType({}),
-    **more: Any,
+    *,
+    groups: tuple[str, ...] = (),
+    others: str = "",
+    versions: tuple[int, ...] = (1,),
+    since: Mapping[str, int] = MappingProxyType({}),
 ) -> Product:
-    """The format of a class: its columns, its texts and numbers as attributes, and further ones.
+    """Return the format of a class.
 
-    `more` as of `Product`. Attributes that a file lacks have the default of their field.
+    Its columns are the stored fields of the class and further `columns`; its attributes are the
+    texts and floating-point numbers of the class and further `attributes`. Attributes that a file
+    lacks have the default of their field. The other arguments are those of `Product`.
     """
     kinds = get_type_hints(table)
-    plain = [one for one in fields(table) if kinds[one.name] in (str, float)]
-    every = {one.name: kinds[one.name] for one in plain} | dict(attributes)
-    defaults = {one.name: one.default for one in plain if one.default is not MISSING}
-    return Product(schema, columns_of(table) | dict(columns), every, defaults, **more)
+    plain_fields = [each for each in fields(table) if kinds[each.name] in (str, float)]
+    all_attributes = {each.name: kinds[each.name] for each in plain_fields} | dict(attributes)
+    defaults = {}
+    for each in plain_fields:
+        if each.default is not MISSING:
+            defaults[each.name] = each.default
+    all_columns = columns_of(table) | dict(columns)
+    return Product(schema, all_columns, all_attributes, defaults, groups, others, versions, since)
 
 
-def _whole_numbers(name: str, given: Array, keep: bool) -> Array:
-    """Return whole numbers with the sign and the width that computing needs, 8 bytes.
+def _to_integers(name: str, data: Array, *, keep_width: bool) -> Array:
+    """Return integers with a sign, of the width that computing needs, 8 bytes.
 
-    Those of 4 bytes or more in the machine's own order may `keep` their width.
+    With `keep_width` those of 4 bytes or more in the machine's own order are returned as they are.
     """
-    if keep and given.dtype.kind == "i" and given.dtype.itemsize >= 4 and given.dtype.isnative:
-        return given
-    if given.dtype.kind == "u" and given.max(initial=0) > np.iinfo(np.int64).max:
-        row = int(np.argmax(given.reshape(len(given), -1).max(axis=1)))
+    is_native = data.dtype.itemsize >= MIN_INTEGER_BYTES and data.dtype.isnative
+    if keep_width and data.dtype.kind == "i" and is_native:
+        return data
+    if data.dtype.kind == "u" and data.max(initial=0) > np.iinfo(np.int64).max:
+        row = int(np.argmax(data.reshape(len(data), -1).max(axis=1)))
         raise InputError(
             "whole_number_too_large",
-            f"{name} is {given[row]} in row {row}, more than 8 bytes with a sign hold (a negative "
+            f"{name} is {data[row]} in row {row}, more than 8 bytes with a sign hold (a negative "
             "number without its sign?)",
             remedy="write it with a sign",
         )
-    return given.astype(np.int64, copy=False)
+    return data.astype(np.int64, copy=False)
 
 
-def _dataset(file: h5py.File, column: Column) -> h5py.Dataset:
-    """The dataset of a column, unless it is missing or says that it is not SI."""
+def _find_dataset(file: h5py.File, column: Column) -> h5py.Dataset:
+    """Return the dataset of a column; raise InputError if it is missing, or not in SI units."""
     node = file.get(column.dataset)
     if not isinstance(node, h5py.Dataset):
         problem = f"dataset {column.dataset} is missing"
@@ -305,43 +397,53 @@ def _dataset(file: h5py.File, column: Column) -> h5py.Dataset:
     return node
 
 
-def _numbers(file: h5py.File, column: Column, lengths: dict[int | str, int], of: Any) -> Array:
-    """The numbers of a column, or a part `of` them; InputError where one stands for none."""
-    name, node = column.dataset, _dataset(file, column)
-    notes = read_attributes(node)
-    data = column.array(name, node, lengths, of)
-    for missing in OF_MISSING:
-        number = number_noted(notes, missing)
+def _read_column(
+    file: h5py.File, column: Column, lengths: dict[int | str, int], indices: Any
+) -> Array:
+    """Return the numbers of a column, or a part; refuse a number that stands for a missing one."""
+    name = column.dataset
+    dataset = _find_dataset(file, column)
+    attributes = read_attributes(dataset)
+    data = column.array(name, dataset, lengths, indices)
+    for attribute in MISSING_ATTRIBUTES:
+        number = number_noted(attributes, attribute)
         if number is not None and (data == number).any():
-            raise InputError(
-                "masked",
-                f"{name} has the number {number:g}, which stands for none by its {missing}",
-                remedy=("give a number there, or leave the column out"),
-            )
+            problem = f"{name} has the number {number:g}, which stands for none by its {attribute}"
+            remedy = "give a number there, or leave the column out"
+            raise InputError("masked", problem, remedy=remedy)
     return data
 
 
-def _refuse_units(notes: Mapping[str, Any], name: str, unit: str) -> None:
-    """InputError where the attributes of a dataset say that its numbers are no plain SI."""
-    for attribute, said in notes.items():
-        if attribute.lower() in OF_UNITS and not says(_text_of(said), unit):
-            raise InputError(
-                "unit",
-                f"{name} is in {_text_of(said)!r}",
-                remedy=(
-                    "all numbers are SI: convert them to m, kg, s, "
-                    f"here {unit}, and say so or nothing"
-                ),
-            )
-    for attribute, usual in OF_PACKED.items():
-        if attribute in notes and number_noted(notes, attribute) != usual:
-            raise InputError(
-                "unit",
-                f"{name} is packed by its {attribute}",
-                remedy="write the numbers themselves",
-            )
+def _write_column(file: h5py.File, column: Column, name: str, value: Any) -> None:
+    """Write the numbers of a column."""
+    numbers = plain_numbers(value, name, column.unit)
+    data: Array = np.asarray(numbers).astype(NUMBER_TYPES[column.kind].in_file, copy=False)
+    if column.kind == "c":
+        data = np.stack([data.real, data.imag], axis=-1)
+    put(file, column.dataset, data, column.unit)
 
 
-def _text_of(said: Any) -> str:
-    """What an attribute says, also as a list of one text."""
-    return str(said[0] if isinstance(said, list | np.ndarray) and len(said) == 1 else said)
+def _refuse_units(attributes: Mapping[str, Any], name: str, unit: str) -> None:
+    """Raise InputError if the attributes of a dataset say that its numbers are no plain SI."""
+    for attribute, value in attributes.items():
+        if attribute.lower() not in UNIT_ATTRIBUTES:
+            continue
+        text = _to_text(value)
+        if not says(text, unit):
+            raise InputError(
+                "unit",
+                f"{name} is in {text!r}",
+                "all numbers are SI",
+                f"convert them to m, kg, s, here {unit}, and say so or nothing",
+            )
+    for attribute, neutral in PACKING_ATTRIBUTES.items():
+        if attribute in attributes and number_noted(attributes, attribute) != neutral:
+            problem = f"{name} is packed by its {attribute}"
+            raise InputError("unit", problem, remedy="write the numbers themselves")
+
+
+def _to_text(value: Any) -> str:
+    """Return the value of an attribute as a text; of a list of one member, that member."""
+    if isinstance(value, list | np.ndarray) and len(value) == 1:
+        value = value[0]
+    return str(value)

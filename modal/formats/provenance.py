@@ -1,8 +1,8 @@
 """What a file was made from: its command, its source files and the settings that shaped it.
 
-This module is the one definition of the group `provenance` that every product carries, of when two
-files belong together, and of when a product is stale. It imports neither scipy nor anything that
-computes, so that it also runs inside YADE's Python.
+This module alone defines the group `provenance` of every product, when two files belong together,
+and when a product is stale. It imports neither scipy nor anything that computes, so that it also
+runs inside YADE's Python.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import h5py
 
@@ -24,16 +24,19 @@ from modal.formats.whole_file import refuse_absent, sha256
 from modal.tools.display import plain
 from modal.tools.errors import InputError
 
-GROUP, OF_PACKING = "provenance", "network_sha256"
-"""The group, and the root attribute with the digest of the packing that a product is of."""
+GROUP = "provenance"
+"""Group of a file that has its provenance."""
+PACKING_DIGEST = "network_sha256"
+"""Attribute of the file with the digest of the packing that a product is of."""
 PACKING = "packing"
 """Role of the packing that a product is of: a network or sample, and what it was exported from."""
 STATE = "state"
 """Role of the sample that another one was moved from."""
 NETWORK_SCHEMA = "granular-contact-network"
+"""Schema of a network."""
 DISTRIBUTIONS = ("granular-wave-modes", "numpy", "scipy", "h5py")
-"""Whose versions a product names, where they are installed."""
-SHOWN = 8
+"""Packages whose versions a product names, if they are installed."""
+DIGEST_DIGITS_SHOWN = 8
 """Digits of a digest in messages."""
 
 
@@ -41,7 +44,7 @@ SHOWN = 8
 class Source:
     """A file that a product was made from: its role, its name without folder, its digest.
 
-    The same file under another name is the same source.
+    A file under another name is an equal source.
     """
 
     role: str
@@ -50,21 +53,30 @@ class Source:
 
     @staticmethod
     def of(role: str, path: str | Path) -> Source:
-        """The file as it is now; InputError where there is none."""
+        """Return the file as it is now; raise InputError if there is none."""
         refuse_absent(path)
         return Source(role, Path(path).name, sha256(path))
 
     def __str__(self) -> str:
-        return f"{self.name or 'a file without name'} ({self.sha256[:SHOWN]})"
+        return f"{self.name or 'a file without name'} ({self.sha256[:DIGEST_DIGITS_SHOWN]})"
 
 
 @dataclass(frozen=True)
 class Provenance:
     """How a product came about.
 
-    `settings` are numbers, texts, booleans and lists of them by name, whatever changes the product;
-    None where a file does not tell (files of earlier versions and of other programs). Of several
-    sources in the role `PACKING` the first is the file that was read.
+    Attributes
+    ----------
+    command : str
+        The command as it was typed.
+    settings : mapping or None
+        Numbers, texts, booleans and lists of them by name: all that changes the product. None if a
+        file does not say it (files of earlier versions and of other programs).
+    sources : tuple of Source
+        The files that it was made from. Of several sources in the role `PACKING` the first is the
+        file that was read.
+    versions : str
+        Versions of Python and of the packages.
     """
 
     command: str = ""
@@ -75,61 +87,71 @@ class Provenance:
     def __post_init__(self) -> None:
         if self.settings is None:
             return
-        given = {name: value for name, value in self.settings.items() if value is not None}
-        files = {name: value.name for name, value in given.items() if isinstance(value, Path)}
-        kept = plain(given | files)  # numbers, texts and lists as JSON gives them back
-        for name, value in kept.items():
+        settings = {name: value for name, value in self.settings.items() if value is not None}
+        for name, value in settings.items():
+            if isinstance(value, Path):
+                settings[name] = value.name
+        plain_settings = plain(settings)  # numbers, texts and lists as JSON returns them
+        for name, value in plain_settings.items():
             if value is None:
-                raise InputError("input", f"{name} is {given[name]}", remedy="give a number")
-        object.__setattr__(self, "settings", kept)
+                problem = f"{name} is {settings[name]}"
+                raise InputError("not_finite", problem, remedy="give a number")
+        object.__setattr__(self, "settings", plain_settings)
 
     @property
     def packing(self) -> tuple[Source, ...]:
-        """The packing that the product is of; empty where the file does not tell."""
+        """Return the packing that the product is of; empty if the file does not say it."""
         return tuple(source for source in self.sources if source.role == PACKING)
 
     def attributes(self) -> dict[str, str]:
-        """Attributes of the group `provenance`; the settings are one canonical JSON text."""
-        as_json = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False).encode
+        """Return the attributes of the group `provenance`; settings are one canonical JSON text."""
+        encoder = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False)
         return {
             "command": self.command,
             "versions": self.versions,
-            "settings": as_json(self.settings or {}),
-            "sources": as_json([vars(source) for source in self.sources]),
+            "settings": encoder.encode(self.settings or {}),
+            "sources": encoder.encode([vars(source) for source in self.sources]),
         }
 
     def write(self, file: h5py.File) -> None:
-        """Write the group, and of which packing it is, into a file that is open for writing."""
+        """Write the group, and the packing's digest, into a file that is open for writing."""
         write_attributes(file.require_group(GROUP), self.attributes())
         for source in self.packing[:1]:
-            file.attrs[OF_PACKING] = source.sha256
+            file.attrs[PACKING_DIGEST] = source.sha256
 
 
 def versions(**others: str) -> str:
-    """Versions of Python and of the packages that are installed; `others` such as yade="2023"."""
+    """Return the versions of Python and of the packages that are installed.
+
+    `others` are those of further programs, as yade="2023".
+    """
     import platform  # both only for a product that is written
     from importlib import metadata
 
-    found = dict(others) | {"python": platform.python_version()}
+    by_name = {**others, "python": platform.python_version()}
     for name in DISTRIBUTIONS:
         # An installed scipy says nothing about a process that has not imported it, as inside YADE.
-        if name != "scipy" or "scipy" in sys.modules:
-            try:
-                found[name] = metadata.version(name)
-            except metadata.PackageNotFoundError:
-                continue
-    return ", ".join(f"{name} {version}" for name, version in found.items())
+        if name == "scipy" and "scipy" not in sys.modules:
+            continue
+        try:
+            by_name[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return ", ".join(f"{name} {version}" for name, version in by_name.items())
 
 
 def command_line(program: str, arguments: Sequence[str]) -> str:
-    """The command as it was typed, for a shell, files without their folders.
+    """Return the command as it was typed, for a shell, with files without their folders.
 
-    Words with blanks, such as the line of a contact law, are files where their folder is there.
+    A word with a blank, such as the line of a contact law, is a file only if its folder exists.
     """
     words = []
     for argument in arguments:
-        at = argument.find("=") + 1 if argument.startswith("--") else 0
-        option, value = argument[:at], argument[at:]
+        option = ""
+        value = argument
+        if argument.startswith("--") and "=" in argument:
+            name, value = argument.split("=", 1)
+            option = f"{name}="
         if os.sep in value and (" " not in value or Path(value).parent.is_dir()):
             value = Path(value).name
         words.append(option + value)
@@ -137,60 +159,65 @@ def command_line(program: str, arguments: Sequence[str]) -> str:
 
 
 def read_provenance(path: str | Path) -> Provenance:
-    """What a product says of itself; files of earlier versions at least name their packing."""
+    """Return what a product was made from.
+
+    Files of earlier versions name their packing at least. Raises InputError for a file whose digest
+    is not that of the packing among its sources.
+    """
     with open_h5(path) as file:
-        said = read_attributes(file[GROUP]) if GROUP in file else {}
-        at_root = read_attributes(file)
-    digest, schema = str(at_root.get(OF_PACKING, "")), at_root.get("schema")
-    made = Provenance(str(said.get("command", "")), versions=str(said.get("versions", "")))
-    if "settings" in said and "sources" in said:
+        group = read_attributes(file[GROUP]) if GROUP in file else {}
+        root = read_attributes(file)
+    digest = str(root.get(PACKING_DIGEST, ""))
+    provenance = Provenance(str(group.get("command", "")), versions=str(group.get("versions", "")))
+    if "settings" in group and "sources" in group:
         with complete(path):
-            sources = tuple(_source_of(each) for each in json.loads(said["sources"]))
-            settings = json.loads(said["settings"])
+            sources = tuple(_parse_source(source) for source in json.loads(group["sources"]))
+            settings = json.loads(group["settings"])
             if settings is not None:
                 settings = dict(settings)
-            made = replace(made, settings=settings, sources=sources)
-        if digest and digest not in [source.sha256 for source in made.packing[:1]]:
-            raise InputError(
-                "input",
-                f"{path}: names a network as its own that is not the packing among its sources",
-                remedy="make it again",
-            )
-    elif digest:
-        made = replace(made, sources=(Source(PACKING, "", digest),))
-    elif "parent_sha256" in said:
-        # A network is its parent in another form; a sample has been moved from where it was.
-        role, name = PACKING if schema == NETWORK_SCHEMA else STATE, str(said.get("parent", ""))
-        made = replace(made, sources=(Source(role, name, str(said["parent_sha256"])),))
-    return made
+            provenance = replace(provenance, settings=settings, sources=sources)
+        if digest and digest not in [source.sha256 for source in provenance.packing[:1]]:
+            problem = f"{path}: names a network that is not the packing among its sources"
+            raise InputError("other_packing", problem, remedy="make it again")
+        return provenance
+    if digest:
+        return replace(provenance, sources=(Source(PACKING, "", digest),))
+    if "parent_sha256" in group:
+        # A network is its parent in another form; a sample has been moved from its parent.
+        role = PACKING if root.get("schema") == NETWORK_SCHEMA else STATE
+        parent = Source(role, str(group.get("parent", "")), str(group["parent_sha256"]))
+        return replace(provenance, sources=(parent,))
+    return provenance
 
 
-def _source_of(said: Mapping[str, Any]) -> Source:
-    """The source that a file names; ValueError where it is no three texts."""
-    source = Source(**said)
+def _parse_source(attributes: Mapping[str, Any]) -> Source:
+    """Return the source that a file names; raise ValueError unless it has three texts."""
+    source = Source(**attributes)
     if not all(isinstance(text, str) for text in vars(source).values()):
         raise ValueError("a source is no three texts")
     return source
 
 
 def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) -> Provenance:
-    """The provenance of what a command of modal writes, from its parsed options.
+    """Return the provenance of what a command of modal writes, from its parsed options.
 
-    Names of files to write, and what only changes what is printed, are no settings. A file stands
-    in the place of the setting that its role names.
+    Names of files to write, and options that only change what is printed, are no settings. A file
+    replaces the setting with the name of its role.
     """
-    settings = {
-        name: x for name, x in options.items() if name not in _NOT_SETTINGS and x is not False
-    }
-    sources: tuple[Source, ...] = ()
-    if command == "tile":  # another packing than the one that it repeats
-        sources = (Source.of(STATE, options["network"]),)
+    settings = {}
+    for name, value in options.items():
+        if name not in _NOT_SETTINGS and value is not False:
+            settings[name] = value
+    sources: list[Source] = []
+    if command == "tile":  # the product is another packing than the one that it repeats
+        sources.append(Source.of(STATE, options["network"]))
     elif command not in ("relax", "import"):
-        sources = packing_of(options["network"])
-    for name in filter(options.get, _ROLES):
-        sources = (*sources, Source.of(_ROLES[name], options[name]))
-        settings.pop(_ROLES[name], None)
-    return Provenance(command_line("python -m modal", arguments), settings, sources)
+        sources += packing_of(options["network"])
+    for name, role in _ROLES.items():
+        if options.get(name):
+            sources.append(Source.of(role, options[name]))
+            settings.pop(role, None)
+    return Provenance(command_line("python -m modal", arguments), settings, tuple(sources))
 
 
 _ROLES = {
@@ -201,58 +228,90 @@ _ROLES = {
     "log": "log",
     "bodies": "bodies",
 }
+"""Roles of the files that options name, by the names of the options."""
 _NOT_SETTINGS = {*_ROLES, "command", "network", "output", "json", "skip_current", "at", "hours"}
+"""Options that do not change a product."""
 
 
 def packing_of(path: str | Path) -> tuple[Source, ...]:
-    """A packing's file as the source of a product, and the sample that it was exported from."""
-    own = Source.of(PACKING, path)
-    # A file of another program does not say what it was made from.
-    return (own, *(read_provenance(path).packing if h5py.is_hdf5(path) else ()))
+    """Return a packing's file as the source of a product, and what it was exported from."""
+    source = Source.of(PACKING, path)
+    if not h5py.is_hdf5(path):  # a file of another program does not say what it was made from
+        return (source,)
+    return (source, *read_provenance(path).packing)
 
 
 def require_same_packing(product: str | Path, packing: tuple[Source, ...]) -> str:
-    """InputError, naming both files, where a product was made from another packing.
+    """Raise InputError, which names both files, if a product was made from another packing.
 
-    `packing` as `packing_of` gives it. A product made from a sample belongs to a network that was
-    exported from that sample, and the other way round; a product of one network does not belong to
-    another network, even if both were exported from one sample. Returns a note where the product
-    does not tell what it was made from, and an empty text otherwise.
+    `packing` is that of `packing_of`. A product made from a sample belongs to a network that was
+    exported from that sample, and the other way round. A product of one network does not belong to
+    another network, even if both were exported from one sample. Returns a note if the product does
+    not say what it was made from, and an empty text otherwise.
     """
-    made = read_provenance(product).packing
-    if not made:
+    recorded = read_provenance(product).packing
+    if not recorded:
         return (
             f"{product}: of unknown origin, nothing says that it belongs to {packing[0]}; "
             "make it again to be sure"
         )
-    own = {source.sha256 for source in made}
-    if made[0].sha256 in {source.sha256 for source in packing} or packing[0].sha256 in own:
+    recorded_digests = {source.sha256 for source in recorded}
+    given_digests = {source.sha256 for source in packing}
+    if recorded[0].sha256 in given_digests or packing[0].sha256 in recorded_digests:
         return ""
     raise InputError(
         "other_packing",
-        f"{product}: made from {made[0]}, not from {packing[0]}",
+        f"{product}: made from {recorded[0]}, not from {packing[0]}",
         remedy=("make it again, or give the packing that it belongs to"),
     )
 
 
-def changes(path: str | Path, wanted: Provenance) -> list[str]:
-    """Why an existing product is stale: each setting and source that differs, old and new value.
+@dataclass(frozen=True)
+class Change:
+    """A difference between what a product was made from and what it should be made from.
 
-    Empty where it was made from these very sources with these settings. Of several sources with one
-    role, such as a network and its sample, the first is compared.
+    kind: "no_settings" if the product does not say its settings; "setting" and "source" for a
+    setting or a source that differs. name: of the setting, or the role of the source. old, new:
+    their values; "absent" if there is none.
     """
-    made = read_provenance(path)
-    if made.settings is None:
-        return ["it does not say with which settings it was made"]
-    old, new = (
-        {**(said.settings or {}), **{source.role: source for source in reversed(said.sources)}}
-        for said in (made, wanted)
-    )
-    return [
-        f"{name} was {old.get(name, 'absent')}, is {new.get(name, 'absent')}"
-        for name in sorted(old.keys() | new.keys())
-        if old.get(name) != new.get(name)
-    ]
+
+    kind: Literal["no_settings", "setting", "source"]
+    name: str = ""
+    old: Any = None
+    new: Any = None
+
+    def __str__(self) -> str:
+        if self.kind == "no_settings":
+            return "it does not say with which settings it was made"
+        return f"{self.name} was {self.old}, is {self.new}"
+
+
+def changes(path: str | Path, wanted: Provenance) -> list[Change]:
+    """Return why an existing product is stale: all settings and sources that differ.
+
+    The list is empty if the product was made from equal sources with equal settings. Of several
+    sources with one role, such as a network and its sample, the first is compared.
+    """
+    recorded = read_provenance(path)
+    if recorded.settings is None:
+        return [Change("no_settings")]
+    old = _settings_and_sources(recorded)
+    new = _settings_and_sources(wanted)
+    different = []
+    for name in sorted(old.keys() | new.keys()):
+        if old.get(name) != new.get(name):
+            values = (old.get(name, "absent"), new.get(name, "absent"))
+            is_source = any(isinstance(value, Source) for value in values)
+            different.append(Change("source" if is_source else "setting", name, *values))
+    return different
+
+
+def _settings_and_sources(provenance: Provenance) -> dict[str, Any]:
+    """Return the settings by name, and the first source of each role."""
+    by_name = dict(provenance.settings or {})
+    for source in reversed(provenance.sources):
+        by_name[source.role] = source
+    return by_name
 
 
 def is_current(
@@ -261,22 +320,23 @@ def is_current(
     say: Callable[[str], object] = print,
     read: Callable[[Path], object] | None = None,
 ) -> bool:
-    """Whether a product is there and need not be made again; `say` is told why, where it is not.
+    """Tell whether a product exists and need not be made again.
 
-    `read` is a reader that refuses a damaged file.
+    `say` is called with the reason why an existing product is made again; `read` is a reader that
+    refuses a damaged file.
     """
     if not Path(path).exists():
         return False
     try:
         if read:
             read(Path(path))
-        why = changes(path, wanted)
+        different = changes(path, wanted)
     except InputError as error:
         say(f"{error}; making it again")
         return False
-    if why:
-        say(f"{path}: stale, {'; '.join(why)}; making it again")
-    return not why
+    if different:
+        say(f"{path}: stale, {'; '.join(map(str, different))}; making it again")
+    return not different
 
 
 def set_aside(path: str | Path) -> None:

@@ -1,8 +1,8 @@
-"""Files of which others see the old state or the new one, never a part.
+"""Files of which other processes see the old state or the new one, never a part.
 
-All that this project writes goes through `write_whole`: a partial file beside the place, under a
-name that nobody can foresee, takes the final name when it is complete. Its writer holds a lock on
-it, by which those are known that a killed process has left.
+All files of this project are written by `write_whole`: a partial file in the folder of the final
+one, under a name that nobody can foresee, is renamed when it is complete. Its writer holds a lock
+on it, so that partial files without a lock are known to be left by a killed process.
 """
 
 import errno
@@ -27,19 +27,22 @@ except ImportError:  # Windows, which deletes no file that is open
     fcntl = None  # type: ignore[assignment]
 
 HOST = f"{zlib.crc32(platform.node().encode()):08x}"
-"""This machine in names of partial files: some disks keep the locks of each machine apart. A
-digest, as names of hosts may be long."""
+"""Digest of this machine's name, for names of partial files: some disks keep the locks of each
+machine apart, and names of hosts may be long."""
 RANDOM_BYTES = 8
-"""In a partial file's name: a link that is planted under it beforehand cannot be met."""
-LINKS = 40
-"""From one to the next, after which Linux takes them for a circle."""
+"""Random bytes in a partial file's name, so that nobody can put a link there beforehand."""
+MAX_LINKS = 40
+"""Links that are followed, one to the next; Linux takes more of them for a circle."""
+
+LockState = Literal["ours", "held", "none"]
+"""Whether a lock was taken, is held by another process, or is not possible."""
 
 
 def write_whole(path: str | Path, data: bytes | memoryview) -> None:
-    """Write a file of which others see the old state or the new one, never a part of it.
+    """Write a file of which other processes see the old state or the new one, never a part.
 
-    Through a link into the file that it leads to, if the link is the user's own; InputError for
-    another one's, for a device or a pipe, and where the file cannot be written.
+    A link of the user is followed to its file. Raises InputError for a link of another user, for a
+    device or a pipe, and if the file cannot be written.
     """
     refuse_unwritable(path)
     place = Path(os.path.realpath(path))
@@ -47,7 +50,7 @@ def write_whole(path: str | Path, data: bytes | memoryview) -> None:
         place.parent.mkdir(parents=True, exist_ok=True)
         _remove_abandoned(place)
         with _partial_file(place) as (partial, file):
-            # Who may read and write it stays as it was, where there are such rights.
+            # The permissions of an existing file stay, on systems that have them.
             with suppress(FileNotFoundError, AttributeError):
                 os.fchmod(file.fileno(), stat.S_IMODE(place.stat().st_mode))
             file.write(data)
@@ -66,45 +69,47 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def refuse_unwritable(path: str | Path) -> None:
-    """InputError where no file of this name can be put, before anything is computed for it."""
+    """Raise InputError, before anything is computed, if a file of this name cannot be written."""
     place = Path(os.path.realpath(path))
     try:
         if str(path).endswith(os.sep) or place.is_dir():
-            raise InputError(
-                "folder", f"{path}: a folder", remedy="name the file to be written in it"
-            )
+            remedy = "name the file to be written in it"
+            raise InputError("folder", f"{path}: a folder", remedy=remedy)
         _refuse_foreign_link(Path(path))
-        there = os.path.exists(path)
-        if there and not place.is_file():  # /dev/stdout, its file removed
-            raise InputError(
-                "no_file", f"{path}: a device or a pipe, no file", remedy="give the name of a file"
-            )
+        exists = os.path.exists(path)
+        if exists and not place.is_file():  # /dev/stdout, its file removed
+            problem = f"{path}: a device or a pipe, no file"
+            raise InputError("no_file", problem, remedy="give the name of a file")
         with suppress(FileNotFoundError):
-            os.lstat(_partial_name(place))  # whose name is longer
-        folder = next(p for p in place.parents if p.exists())
-        allowed = os.access(folder, os.W_OK | os.X_OK)
-        if not (allowed and (not there or os.access(place, os.W_OK))):
+            os.lstat(_partial_name(place))  # fails if this longer name is too long
+        folder = next(parent for parent in place.parents if parent.exists())
+        may_write = os.access(folder, os.W_OK | os.X_OK)
+        if exists:
+            may_write = may_write and os.access(place, os.W_OK)
+        if not may_write:
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as error:
         raise unwritable(path, error) from error
 
 
 def unwritable(path: str | Path, error: OSError) -> InputError:
-    """Return what is said of a file that could not be written."""
-    return InputError(
-        "unwritable",
-        f"{path}: cannot be written ({error.strerror or error})",
-        remedy=("check the folder, its permissions and the space on the disk"),
-    )
+    """Return the error for a file that could not be written."""
+    problem = f"{path}: cannot be written ({error.strerror or error})"
+    remedy = "check the folder, its permissions and the space on the disk"
+    return InputError("unwritable", problem, remedy=remedy)
 
 
 def refuse_absent(path: str | Path) -> None:
-    """InputError where there is no file of this name."""
+    """Raise InputError if there is no file of this name."""
     if os.path.isdir(path):
         raise InputError("folder", f"{path}: a folder, no file", remedy="name the file in it")
-    if not os.path.isfile(path):  # nor a name that is too long for one
-        why = "a device or a pipe, no file" if os.path.exists(path) else "no such file"
-        raise InputError("no_file", f"{path}: {why}", remedy="check the name")
+    if os.path.isfile(path):
+        return
+    if os.path.exists(path):
+        problem = f"{path}: a device or a pipe, no file"
+    else:  # also for a name that is too long
+        problem = f"{path}: no such file"
+    raise InputError("no_file", problem, remedy="check the name")
 
 
 def sha256(path: str | Path) -> str:
@@ -114,14 +119,14 @@ def sha256(path: str | Path) -> str:
 
 
 def _refuse_foreign_link(path: Path) -> None:
-    """InputError where the name is a link that another user has put there.
+    """Raise InputError if the name is a link that another user has put there.
 
-    In a folder that several may write to it could lead to any file of whoever follows it. As Linux
-    does in /tmp, links of the folder's owner are taken.
+    In a folder to which several users may write such a link could lead to any file of the user who
+    follows it. Links of the folder's owner are accepted, as Linux does in /tmp.
     """
     if not hasattr(os, "getuid"):
         return
-    for _ in range(LINKS):
+    for _ in range(MAX_LINKS):
         if not path.is_symlink():
             return
         trusted = {os.getuid(), path.parent.stat().st_uid}
@@ -135,7 +140,7 @@ def _refuse_foreign_link(path: Path) -> None:
 
 
 def _partial_name(place: Path) -> Path:
-    """Return a name that no other process has, and that none can foresee."""
+    """Return a name that no other process uses or can foresee."""
     return place.with_name(f".{place.name}.{HOST}.{secrets.token_hex(RANDOM_BYTES)}.part")
 
 
@@ -157,14 +162,15 @@ def _partial_file(place: Path) -> Iterator[tuple[Path, BinaryIO]]:
 def _new_partial_file(place: Path) -> tuple[Path, BinaryIO]:
     """Return the name of a new partial file, and the file, open and locked.
 
-    Between its creation and its lock it looks abandoned: another one is made if it was removed.
+    Between its creation and its lock a file looks abandoned. If another process has removed it
+    then, a new one is created.
     """
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
     flags |= getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
     while True:
         partial = _partial_name(place)
         UNFINISHED.add(partial)
-        descriptor = os.open(partial, flags, 0o666)  # less what the umask takes
+        descriptor = os.open(partial, flags, 0o666)  # less the permissions that the umask removes
         if _lock(descriptor) != "held" and os.fstat(descriptor).st_nlink > 0:
             return partial, os.fdopen(descriptor, "wb")
         os.close(descriptor)
@@ -172,10 +178,10 @@ def _new_partial_file(place: Path) -> tuple[Path, BinaryIO]:
         UNFINISHED.discard(partial)
 
 
-def _lock(descriptor: int) -> Literal["ours", "held", "none"]:
-    """Lock an open file, until it is closed or its process ends.
+def _lock(descriptor: int) -> LockState:
+    """Lock an open file, until it is closed or its process ends; return whether that succeeded.
 
-    "held" where another one has the lock, "none" on a disk, or a system, without locks.
+    Returns "held" if another process has the lock, "none" on a disk or a system without locks.
     """
     if fcntl is None:
         return "none"
@@ -189,16 +195,18 @@ def _lock(descriptor: int) -> Literal["ours", "held", "none"]:
 
 
 def _remove_abandoned(place: Path) -> None:
-    """Remove the parts that killed processes of this machine have left of this file.
+    """Remove the partial files of this file that killed processes of this machine have left.
 
-    Those whose lock can be had: a process of another container has another number here, but no
-    other locks.
+    A partial file whose lock can be taken is abandoned. Numbers of processes would not show it:
+    they differ between containers, locks do not.
     """
     random = f"[0-9a-f]{{{2 * RANDOM_BYTES}}}"
     pattern = re.compile(rf"\.{re.escape(place.name)}\.{HOST}\.{random}\.part")
     flags = os.O_WRONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-    for part in [part for part in place.parent.iterdir() if pattern.fullmatch(part.name)]:
-        with suppress(OSError):  # another one has removed it, or it is no file
+    for part in list(place.parent.iterdir()):
+        if not pattern.fullmatch(part.name):
+            continue
+        with suppress(OSError):  # another process has removed it, or it is no file
             descriptor = os.open(part, flags)
             try:
                 if _lock(descriptor) == "ours":

@@ -22,7 +22,8 @@ VERSION = (1, 2)
 """Version 2 has columns of `BOND_COLUMNS`: readers that would miss them refuse the file."""
 OPTIONAL_CONTACT_COLUMNS = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
 """Columns of the contacts that a program may not know."""
-ROTATIONAL = {"unit": "N m/rad", "since": 2}
+ROTATIONAL = stored("contacts", "f", "m", unit="N m/rad", since=2)
+"""A stiffness of contacts against rolling or twisting, in N m/rad."""
 KG_M2 = "kg m^2"
 
 
@@ -57,8 +58,8 @@ class Columns:
     shear_growth: Annotated[Floats | None, stored("contacts", "f", "m", unit="1/m")] = None
     motion_shortening: Annotated[Floats | None, stored("contacts", "f", "m")] = None
     torque_shortening: Annotated[Floats | None, stored("contacts", "f", "m")] = None
-    stiffness_rolling: Annotated[Floats | None, stored("contacts", "f", "m", **ROTATIONAL)] = None
-    stiffness_twisting: Annotated[Floats | None, stored("contacts", "f", "m", **ROTATIONAL)] = None
+    stiffness_rolling: Annotated[Floats | None, ROTATIONAL] = None
+    stiffness_twisting: Annotated[Floats | None, ROTATIONAL] = None
     inertia_tensor: Annotated[
         Floats | None, stored("particles", "f", "n", 3, 3, unit=KG_M2, since=2)
     ] = None

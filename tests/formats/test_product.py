@@ -41,11 +41,14 @@ def file(tmp_path):
 
 
 def test_what_is_written_is_read(file):
-    said = TABLE.read(file)
-    assert said.pop("twist") is None
+    values = TABLE.read(file)
+    assert values.pop("twist") is None
+    assert values.keys() == VALUES.keys()
     for name, value in VALUES.items():
-        np.testing.assert_array_equal(said.pop(name), value)
-    assert not said
+        np.testing.assert_array_equal(values[name], value)
+
+
+def test_columns_and_attributes_may_be_left_out(file):
     assert TABLE.read(file, leave=["answer"])["answer"] is None
     with h5py.File(file, "a") as raw:
         assert raw.attrs["schema_version"] == 1
@@ -57,33 +60,38 @@ def test_a_column_of_a_later_version_says_so(file):
     TABLE.write(file, VALUES | {"twist": np.ones(2)})
     with h5py.File(file) as raw:
         assert raw.attrs["schema_version"] == 2
-    with pytest.raises(InputError, match="schema_version is 2, this program reads 1;"):
+    with pytest.raises(InputError) as refused:
         Product(TABLE.schema, TABLE.columns).read(file)
+    assert refused.value.code == "schema_version"
 
 
 @pytest.mark.parametrize(
-    ("dataset", "data", "said"),
+    ("dataset", "data", "code", "names"),
     [
-        ("time", [0.0, np.nan, 2.0], "time is not finite"),
-        ("time", [0.0, np.inf, 2.0], "time is not finite in row 1"),
-        ("time", "noon", "time is no array of numbers; write"),
-        ("time", [1j, 2, 3], "time is no array of numbers"),
-        ("time", [[0.0], [1.0], [2.0]], r"time has shape .3, 1., expected .'nt',."),
-        ("time", None, "dataset time is missing"),
-        ("spheres/index", [1.5, 2.0], "spheres/index is no array of whole numbers"),
-        ("spheres/index", [1, 2, 3], r"spheres/answer has shape .3, 2, 2., expected .3, 3, 2."),
-        ("spheres/twist", [1.0], "spheres/twist has shape"),
-        ("bonds/cohesion", [1.0, 1.0], "bonds/cohesion is unknown .* may change the answer"),
-        ("height", None, "height.*incomplete, make it again"),
+        ("time", [0.0, np.nan, 2.0], "not_finite", ["time", "row 1"]),
+        ("time", [0.0, np.inf, 2.0], "not_finite", ["time", "row 1"]),
+        ("time", "noon", "wrong_kind", ["time"]),
+        ("time", [1j, 2, 3], "wrong_kind", ["time"]),
+        ("time", [[0.0], [1.0], [2.0]], "wrong_shape", ["time", "(3, 1)", "('nt',)"]),
+        ("time", None, "missing_dataset", ["time"]),
+        ("spheres/index", [1.5, 2.0], "wrong_kind", ["spheres/index"]),
+        ("spheres/index", [1, 2, 3], "wrong_shape", ["spheres/answer", "(3, 2, 2)", "(3, 3, 2)"]),
+        ("spheres/twist", [1.0], "wrong_shape", ["spheres/twist"]),
+        ("bonds/cohesion", [1.0, 1.0], "unknown_column", ["bonds/cohesion"]),
+        ("height", None, "incomplete", ["height"]),
     ],
 )
-def test_what_does_not_fit_the_table_is_refused(file, dataset, data, said):
+def test_file_that_does_not_fit_the_table_is_refused(file, dataset, data, code, names):
     with h5py.File(file, "a") as raw:
         raw.attrs["schema_version"] = 2
-        where = raw.attrs if dataset == "height" else raw
-        where.pop(dataset, None)
+        node = raw.attrs if dataset == "height" else raw
+        node.pop(dataset, None)
         if data is not None:
             raw[dataset] = data
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError) as refused:
         TABLE.read(file)
-    assert "\n" not in str(caught.value) and "a.h5" in str(caught.value)
+    assert refused.value.code == code
+    line = str(refused.value)
+    assert "\n" not in line
+    for name in ("a.h5", *names):
+        assert name in line

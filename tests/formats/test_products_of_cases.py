@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 from dataclasses import replace
 from math import isnan, nan
@@ -46,21 +45,21 @@ def folder(made_once, tmp_path) -> Path:
 
 
 @pytest.mark.parametrize("kind", ["modes", "signals", "reverse"])
-def test_products_of_another_stress_are_refused_with_both_names(kind, folder, capsys):
-    """In place of a case's own, and as another run of an agreement."""
-    mine, its = (folder / f"case{case}.{kind}.h5" for case in ("03", "02"))
-    name = "natural_frequencies" if kind == "modes" else "signals"
-    command = ["figure", name, str(folder / "case03.network.h5"), str(mine), "-o", str(folder)]
+def test_products_of_another_stress_are_refused_with_both_names(kind, folder, one_line):
+    """A product of case 02 stands in for one of case 03, or is another run of an agreement."""
+    case = folder / "case03"
     if kind == "reverse":
-        case, its = folder / "case03", folder / "case02.signals.h5"
-        command = ["agreement", f"{case}.network.h5", f"{case}.signals.h5", "--reverse", str(its)]
+        product = folder / "case02.signals.h5"
+        files = [f"{case}.network.h5", f"{case}.signals.h5", "--reverse", product]
+        command = ["agreement", *files]
     else:
-        shutil.copy(its, mine)
-    capsys.readouterr()
-    assert analysis_main(command) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert re.search("made from case02.network.h5 .* not from case03.network.h5", line)
-    assert (its if kind == "reverse" else mine).name in line
+        product = folder / f"case03.{kind}.h5"
+        shutil.copy(folder / f"case02.{kind}.h5", product)
+        figure = "natural_frequencies" if kind == "modes" else "signals"
+        command = ["figure", figure, f"{case}.network.h5", product, "-o", folder]
+    error = one_line(analysis_main, command, product.name, code="other_packing")
+    for name in ("case02.network.h5", "case03.network.h5"):
+        assert name in str(error)
 
 
 def test_what_is_kept_is_made_again_where_its_settings_or_packing_have_changed(

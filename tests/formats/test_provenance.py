@@ -94,8 +94,9 @@ def test_a_product_says_what_it_was_made_from_and_is_kept_until_that_changes(
     capsys.readouterr()
     new = json.loads(other)
     made(command, network, "--skip-current", option, other)
-    told = f"stale, {option[2:]} was {json.loads(old)}, is {new}; making it again"
-    assert told in capsys.readouterr().err
+    reported = capsys.readouterr().err
+    for name in (option[2:], str(json.loads(old)), str(new)):
+        assert name in reported
     assert path.stat().st_mtime_ns != before
     assert read_provenance(path).settings[option[2:]] == new
     # Without a file there is nothing to keep.
@@ -114,9 +115,13 @@ def test_changed_source_makes_a_product_stale(network, capsys):
     path, old = made("wave", network), sha256(network)
     write_network(network, gallery.fcc(2e5, (1, 1, 12)))
     new = sha256(network)
+    wanted = Provenance(read_provenance(path).command, {"seed": 1}, packing_of(network))
+    (change,) = [each for each in changes(path, wanted) if each.kind == "source"]
+    assert (change.name, change.old.sha256, change.new.sha256) == ("packing", old, new)
     made("wave", network, "--skip-current")
-    told = capsys.readouterr().err
-    assert f"was case02.network.h5 ({old[:8]}), is case02.network.h5 ({new[:8]})" in told
+    reported = capsys.readouterr().err
+    assert f"case02.network.h5 ({old[:8]})" in reported
+    assert f"case02.network.h5 ({new[:8]})" in reported
     assert read_provenance(path).packing[0].sha256 == new
 
 
@@ -138,21 +143,24 @@ def test_files_of_an_earlier_version(network):
             del file["provenance"]
             if path == modes:
                 del file.attrs["network_sha256"]
-    assert "of unknown origin" in require_same_packing(modes, packing)
-    assert changes(modes, Provenance(settings={"lowest": 4}, sources=packing)) != []
+    assert require_same_packing(modes, packing) != ""
+    wanted = Provenance(settings={"lowest": 4}, sources=packing)
+    assert [change.kind for change in changes(modes, wanted)] == ["no_settings"]
     assert require_same_packing(wave, packing) == ""
     write_network(network, gallery.fcc(2e5, (1, 1, 12)))
-    with pytest.raises(InputError, match=r"wave\.h5: made from .* not from case02"):
+    with pytest.raises(InputError) as refused:
         require_same_packing(wave, packing_of(network))
+    assert refused.value.code == "other_packing"
 
 
 def test_a_network_that_is_not_among_the_sources_is_refused(network):
-    """One line, which names the file."""
     path = made("wave", network)
     with h5py.File(path, "r+") as file:
         file.attrs["network_sha256"] = "abc"
-    with pytest.raises(InputError, match=r"wave\.h5: names a network .* not the packing"):
+    with pytest.raises(InputError) as refused:
         read_provenance(path)
+    assert refused.value.code == "other_packing"
+    assert "wave.h5" in str(refused.value)
 
 
 def test_product_of_a_sample_belongs_to_the_network_exported_from_it(tmp_path):
@@ -169,8 +177,10 @@ def test_product_of_a_sample_belongs_to_the_network_exported_from_it(tmp_path):
         product = source.with_suffix(".modes.h5")
         assert main(["modes", str(source), "--highest", "1", "-o", str(product)]) == 0
         assert all(require_same_packing(product, packing_of(file)) == "" for file in files[:2])
-    with pytest.raises(InputError, match=r"made from a\.network\.h5 .* not from b\.network\.h5"):
+    with pytest.raises(InputError) as refused:
         require_same_packing(product, packing_of(other))
+    assert refused.value.code == "other_packing"
+    assert all(name in str(refused.value) for name in ("a.network.h5", "b.network.h5"))
 
 
 def test_relaxed_sample_is_another_packing_than_its_state(tmp_path, capsys):
@@ -187,4 +197,5 @@ def test_relaxed_sample_is_another_packing_than_its_state(tmp_path, capsys):
         file["study"].attrs["at_rest"] = False
     assert main([*relax, "--skip-current"]) == 3  # what it fell short of stays
     assert main([*relax, "--skip-current", "--friction", "0.7"]) == 0
-    assert "friction was absent, is 0.7" in capsys.readouterr().err
+    reported = capsys.readouterr().err
+    assert "friction" in reported and "0.7" in reported

@@ -280,5 +280,5 @@ def read_bodies(path: str | Path, units: Units) -> Bodies:
     table = table[np.argsort(table[:, 0], kind="stable")]
     xx, yy, zz, xy, xz, yz = units.mass * units.length**2 * table[:, 5:].T
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
-    number = table[:, 0].astype(int)
-    return Bodies(number, units.mass * table[:, 1], units.length * table[:, 2:5], tensor)
+    body = table[:, 0].astype(int)
+    return Bodies(body, units.mass * table[:, 1], units.length * table[:, 2:5], tensor)
