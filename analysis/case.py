@@ -1,6 +1,7 @@
-"""A case: the files of one packing, what they are called, and what they hold, read on demand.
+"""Hold the files of one packing: their kinds, their names, and what they contain, read on demand.
 
-Each is recognised by its schema, all are joined by the packing's digest.
+The kind of a file follows from its schema; files belong together if they have the digest of one
+packing.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Any, NamedTuple
 
 from analysis.agreement import OTHER_RUNS
 from analysis.estimators import structure_factor
@@ -29,200 +31,283 @@ ABSENT = "what it is read from is not among the packing's files"
 
 
 class AbsentError(UnavailableError):
-    """What something is read from is not there: a file of the packing, or a wave."""
+    """Refuse because a file of the packing, or a wave, is not there."""
 
     def __init__(self, problem: str = ABSENT, reason: str = "", remedy: str = "") -> None:
         super().__init__("absent", problem, reason, remedy)
 
 
 PACKINGS = "network", "sample"
+"""Kinds of files that hold a packing."""
 WAVES = "shear_yade.signals", "signals", "shear.signals"
-"""Recorded waves; S-waves by YADE are a further run, or the case's own run; and the linear one."""
+"""Kinds of recorded waves: an S-wave by YADE, the case's own run, the linear S-wave."""
 OTHER_WAVES = tuple(f"{run}.signals" for run in ("100kHz", "shear_yade", *OTHER_RUNS))
-"""Further YADE runs of a case: its pulse at 100 kHz where its own is another, an S-wave, and those
-that split its difference to the linear wave (`analysis.agreement.OTHER_RUNS`)."""
+"""Kinds of further YADE runs of a case: with a pulse of 100 kHz, of an S-wave, and those that split
+the difference to the linear wave (`analysis.agreement.OTHER_RUNS`)."""
 KINDS = (
-    *("network", "modes", "translations.modes", "signals"),
-    *("sample", "highest.modes", "band.modes", "linear.signals"),
-    *("structure", "density", "response", "shear.signals", "moduli"),
+    "network",
+    "modes",
+    "translations.modes",
+    "signals",
+    "sample",
+    "highest.modes",
+    "band.modes",
+    "linear.signals",
+    "structure",
+    "density",
+    "response",
+    "shear.signals",
+    "moduli",
     *OTHER_WAVES,
 )
-"""All kinds of files of a case; their last word names their format."""
+"""All kinds of files of a case; the last word of a kind names its format."""
+EARLY_SIGNALS_VERSION = "2"
+"""Version of signals that are no wave from wall to wall."""
 
 
 def _read_gain(path: Path) -> response.Response:
-    """A response of elastic contacts and P-waves; InputError for another."""
-    found = response.read_response(path)
-    if found.damping or found.direction != "z":
-        why = "of viscous contacts or of an S-wave, which the report's gain is not"
+    """Read a response of elastic contacts to P-waves; InputError for any other response."""
+    contents = response.read_response(path)
+    if contents.damping or contents.direction != "z":
         raise InputError(
-            "input",
-            f"{path}: {why}",
+            "other_response",
+            f"{path}: of viscous contacts or of an S-wave, which the report's gain is not",
             remedy="leave it out, or make it without --damping, --direction",
         )
-    return found
+    return contents
 
 
-FORMATS: dict[str, tuple[Any, Callable[[Path], Any]]] = {
-    "network": (network, network.read_network),
-    "sample": (sample, sample.read_sample),
-    "signals": (signals, signals.read_signals),
-    "modes": (mode_set, partial(mode_set.read_modes, shapes=False)),
-    "highest.modes": (mode_set, mode_set.read_modes),
-    "density": (density, density.read_density),
-    "response": (response, _read_gain),
-    "structure": (structure_factor, structure_factor.read_structure),
-    "moduli": (moduli, moduli.read_moduli),
+class Format(NamedTuple):
+    """A format of files: the module that has its SCHEMA, and the function that reads it."""
+
+    module: ModuleType
+    read: Callable[[Path], Any]
+
+
+FORMATS: dict[str, Format] = {
+    "network": Format(network, network.read_network),
+    "sample": Format(sample, sample.read_sample),
+    "signals": Format(signals, signals.read_signals),
+    "modes": Format(mode_set, partial(mode_set.read_modes, shapes=False)),
+    "highest.modes": Format(mode_set, mode_set.read_modes),
+    "density": Format(density, density.read_density),
+    "response": Format(response, _read_gain),
+    "structure": Format(structure_factor, structure_factor.read_structure),
+    "moduli": Format(moduli, moduli.read_moduli),
 }
-"""Kind, or last word of one: the module that has its SCHEMA and VERSION, and its reader."""
-KIND_OF = {form.SCHEMA: kind for kind, (form, _) in FORMATS.items()}
-"""Kinds of product by their schema; modes are of several kinds, and so are signals."""
+"""Format of each kind of files, or of the last word of a kind."""
+KIND_BY_SCHEMA = {each.module.SCHEMA: kind for kind, each in FORMATS.items()}
+"""Kind of files by schema; modes and signals are of several kinds."""
 
 
 @dataclass
 class Case:
-    """One packing's files: those of a name in a folder, or the given ones by their kind."""
+    """The files of one packing.
+
+    Attributes
+    ----------
+    name : str
+        First part of the files' names.
+    folder : Path
+    files : dict of str to Path, or None
+        Files by kind; None for all files in the folder that begin with the name.
+    notes : list of str
+        What a reader should know about files that have been read.
+    """
 
     name: str
     folder: Path
     files: dict[str, Path] | None = None
     notes: list[str] = field(default_factory=list)
-    """What a reader should know: products that do not say which packing they are of."""
-    held: dict[str, Any] = field(default_factory=dict)
-    """What has been read of the files, by their kind."""
+    _contents: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def number(self) -> int | None:
-        """The case's number in the study, from its name; None where it has none."""
+        """Return the number of the case in a study by its name; None without a number."""
         match = re.fullmatch(r"case(\d+)", self.name)
-        return int(match[1]) if match else None
+        if match is None:
+            return None
+        return int(match[1])
 
     @property
     def short(self) -> str:
-        """`case 2` for a case of the study, else the name."""
-        return self.name if self.number is None else f"case {self.number}"
+        """Return `case 2` for a case of the study, otherwise the name."""
+        if self.number is None:
+            return self.name
+        return f"case {self.number}"
 
     def path(self, kind: str) -> Path:
-        """File of one kind of product: where it is, or would be."""
-        return (self.files or {}).get(kind, self.folder / f"{self.name}.{kind}.h5")
+        """Return the path of the file of a kind, whether it exists or not."""
+        path = self.folder / f"{self.name}.{kind}.h5"
+        if self.files is None:
+            return path
+        return self.files.get(kind, path)
 
     def has(self, kind: str) -> bool:
-        """Whether the file exists, and belongs to the case where its files were given."""
-        return self.path(kind).is_file() if self.files is None else kind in self.files
+        """Tell whether the file of a kind exists, or is among the given files."""
+        if self.files is None:
+            return self.path(kind).is_file()
+        return kind in self.files
 
     @property
     def there(self) -> list[str]:
-        """Kinds of the files that are there."""
+        """Return the kinds of the files that exist."""
         return [kind for kind in KINDS if self.has(kind)]
 
     @cached_property
     def packing_path(self) -> Path:
-        """The network, or the sample where there is none; without it nothing can be said."""
+        """Return the path of the network, or of the sample without a network.
+
+        Raises InputError if there is neither.
+        """
         for kind in PACKINGS:
             if self.has(kind):
                 return self.path(kind)
         raise InputError(
-            "input", f"{self.path('network')}: no such file", remedy="run the case first"
+            "no_packing", f"{self.path('network')}: no such file", remedy="run the case first"
         )
 
     @cached_property
     def packing(self) -> tuple[Source, ...]:
-        """The packing's file and the sample that it was exported from."""
+        """Return the packing's file and the sample from which it was exported."""
         return packing_of(self.packing_path)
 
     def check(self) -> None:
-        """InputError where any product at hand is of another packing."""
+        """Raise InputError if any file was made from another packing."""
         for kind in self.there:
             if kind not in PACKINGS:
                 self.product(kind)
 
     def product(self, kind: str) -> Path:
-        """File of a product; InputError, naming both files, where it is of another packing."""
+        """Return the path of a product; InputError if it was made from another packing.
+
+        A product that does not say from which packing it was made adds a note.
+        """
         note = require_same_packing(self.path(kind), self.packing)
         if note and note not in self.notes:
             self.notes.append(note)
         return self.path(kind)
 
     def read(self, kind: str) -> Any:
-        """What the file of a kind holds, modes without shapes; None where there is none."""
-        if kind not in self.held:
-            read = FORMATS[kind if kind in FORMATS else kind.split(".")[-1]][1]
-            self.held[kind] = read(self.product(kind)) if self.has(kind) else None
-        return self.held[kind]
+        """Return the contents of the file of a kind, modes without shapes; None without it."""
+        if not self.has(kind):
+            return None
+        if kind not in self._contents:
+            name = kind
+            if kind not in FORMATS:
+                name = kind.split(".")[-1]
+            self._contents[kind] = FORMATS[name].read(self.product(kind))
+        return self._contents[kind]
 
     def needed(self, kind: str) -> Any:
-        """The same of a file that must be there; else `AbsentError`."""
+        """Return the contents of a file that must exist; AbsentError without it."""
         if not self.has(kind):
             raise AbsentError(f"{self.path(kind)}: no such file", remedy="make it before")
         return self.read(kind)
 
 
 def cases_of_files(paths: Sequence[str | Path]) -> list[Case]:
-    """One case for each packing among the files, with what was made from it.
+    """Return a case for each packing among the files, with the products made from it.
 
-    What was made from it and lies beside it under its name is read too, if no other file of its
-    kind is given. InputError for files of no known schema, without any packing, of another packing
-    than those given, and where two files are of one kind.
+    A product that lies beside the packing under its name is added if no other file of its kind is
+    given. Raises InputError for files of an unknown schema, without any packing, of another
+    packing than those given, and for two files of one kind.
     """
     kinds = {Path(path): kind_of(path) for path in paths}
     cases: list[Case] = []
-    for wanted in PACKINGS:  # networks first: a sample may be what one was exported from
-        for path in (path for path, kind in kinds.items() if kind == wanted):
-            own = packing_of(path)[0].sha256
-            parent = [case for case in cases if own in {each.sha256 for each in case.packing}]
-            if wanted == "sample" and parent:
-                for case in parent:
-                    _give(case, wanted, path)
-            else:
-                cases.append(Case(_name(path, cases), path.parent, {wanted: path}))
+    # Networks come first: a sample may be the one from which a network was exported.
+    for wanted in PACKINGS:
+        for path, kind in kinds.items():
+            if kind == wanted:
+                _add_packing(cases, wanted, path)
     if not cases:
-        told = ", ".join(map(str, kinds)) or "waves alone"
-        raise InputError("input", f"{told}: no packing", remedy="name its *.network.h5 as well")
-    for path in (path for path, kind in kinds.items() if kind not in PACKINGS):
-        _give(owner_of(path, cases), kinds[path], path)
+        names = ", ".join(map(str, kinds)) or "waves alone"
+        raise InputError(
+            "no_packing", f"{names}: no packing", remedy="name its *.network.h5 as well"
+        )
+    for path, kind in kinds.items():
+        if kind not in PACKINGS:
+            _add_file(owner_of(path, cases), kind, path)
     for case in cases:
-        _give_what_lies_beside(case, set(kinds))
+        _add_products_beside(case, set(kinds))
     return cases
 
 
-def kind_of(path: str | Path) -> str:
-    """The kind of product that a file is, by its schema.
+def _add_packing(cases: list[Case], kind: str, path: Path) -> None:
+    """Add a packing to the cases: a new case, or the sample of a network that is there."""
+    digest = packing_of(path)[0].sha256
+    exported = []
+    for case in cases:
+        if digest in {source.sha256 for source in case.packing}:
+            exported.append(case)
+    if kind == "sample" and exported:
+        for case in exported:
+            _add_file(case, kind, path)
+        return
+    cases.append(Case(_case_name(path, cases), path.parent, {kind: path}))
 
-    Of modes also by which were asked for, of signals by the direction of the wall and by who made
-    them.
+
+def kind_of(path: str | Path) -> str:
+    """Return the kind of product that a file is, by its schema.
+
+    Modes are of several kinds, by the choice of modes; signals too, by the direction of the wall
+    and the program that recorded them. Raises InputError for an unknown schema.
     """
     with open_h5(path) as file, complete(path):
-        noted = {name: str(note) for name, note in read_attributes(file).items()}
-        schema = noted.get("schema", "")
-        choice = mode_set.Choice.of_attributes(noted if schema == mode_set.SCHEMA else {})
+        attributes = {name: str(text) for name, text in read_attributes(file).items()}
+        schema = attributes.get("schema", "")
+        choice = mode_set.Choice("all")
+        if schema == mode_set.SCHEMA:
+            choice = mode_set.Choice.of_attributes(attributes)
     if schema == mode_set.SCHEMA:
-        settings = read_provenance(path).settings or {}
-        if settings.get("translations_only", str(path).endswith(".translations.modes.h5")):
-            return "translations.modes"
-        if choice.kind == "highest":
-            return "highest.modes"
-        return "band.modes" if choice.low > 0 else "modes"
-    if schema == signals.SCHEMA and noted.get("schema_version") == "2":
+        return _kind_of_modes(path, choice)
+    if schema == signals.SCHEMA:
+        return _kind_of_signals(path, attributes)
+    if schema not in KIND_BY_SCHEMA:
         raise InputError(
-            "input", f"{path}: not a wave from wall to wall", remedy="a report reads no other"
+            "unknown_schema", f"{path}: schema is {schema!r}, of no product that a report reads"
         )
-    if schema == signals.SCHEMA and noted.get("direction", "z") != "z":
-        return "shear_yade.signals" if noted.get("producer") == "yade" else "shear.signals"
-    if schema not in KIND_OF:
+    return KIND_BY_SCHEMA[schema]
+
+
+def _kind_of_modes(path: str | Path, choice: mode_set.Choice) -> str:
+    """Return the kind of a file with modes."""
+    settings = read_provenance(path).settings or {}
+    if settings.get("translations_only", str(path).endswith(".translations.modes.h5")):
+        return "translations.modes"
+    if choice.kind == "highest":
+        return "highest.modes"
+    if choice.low > 0:
+        return "band.modes"
+    return "modes"
+
+
+def _kind_of_signals(path: str | Path, attributes: dict[str, str]) -> str:
+    """Return the kind of a file with signals; InputError if they are not from wall to wall."""
+    if attributes.get("schema_version") == EARLY_SIGNALS_VERSION:
         raise InputError(
-            "input", f"{path}: schema is {schema!r}, of no product that a report reads"
+            "not_from_wall_to_wall",
+            f"{path}: not a wave from wall to wall",
+            remedy="a report reads no other",
         )
-    return KIND_OF[schema]
+    if attributes.get("direction", "z") == "z":
+        return "signals"
+    if attributes.get("producer") == "yade":
+        return "shear_yade.signals"
+    return "shear.signals"
 
 
 def owner_of(path: Path, cases: list[Case]) -> Case:
-    """The case whose packing a product was made from; of unknown origin, the only case."""
+    """Return the case from whose packing a product was made; the only case for unknown origin.
+
+    Raises InputError if it was made from none of the packings.
+    """
     if len(cases) == 1:
         require_same_packing(path, cases[0].packing)
         return cases[0]
     if not read_provenance(path).packing:
         raise InputError(
-            "input",
+            "unknown_packing",
             f"{path}: does not say of which packing it is",
             remedy="give it with that packing alone",
         )
@@ -231,42 +316,55 @@ def owner_of(path: Path, cases: list[Case]) -> Case:
             require_same_packing(path, case.packing)
             return case
     raise InputError(
-        "input", f"{path}: made from none of the packings given", remedy="name its packing as well"
+        "other_packing",
+        f"{path}: made from none of the packings given",
+        remedy="name its packing as well",
     )
 
 
-def _give_what_lies_beside(case: Case, given: set[Path]) -> None:
+def _add_products_beside(case: Case, given: set[Path]) -> None:
+    """Add the products that lie beside a packing under its name.
+
+    Products of another packing and damaged ones are left out: nobody has named them.
+    """
     path = case.packing_path
-    for product in sorted(path.parent.glob(f"{glob.escape(_stem(path))}.*.h5")):
-        try:
-            kind, named = kind_of(product), product.name[len(_stem(path)) + 1 : -3]
-            if named in KINDS and named.endswith(f".{kind}"):  # one of several waves of a case
-                kind = named
-            known = kind in PACKINGS or kind in (case.files or ())
-            if product in given or known or require_same_packing(product, case.packing):
+    stem = _stem(path)
+    for product in sorted(path.parent.glob(f"{glob.escape(stem)}.*.h5")):
+        if product in given:
+            continue
+        with suppress(InputError):
+            kind = kind_of(product)
+            name = product.name[len(stem) + 1 : -len(".h5")]
+            # One of several waves of a case.
+            if name in KINDS and name.endswith(f".{kind}"):
+                kind = name
+            if kind in PACKINGS or kind in (case.files or ()):
                 continue
-        except InputError:
-            continue  # of another packing, or damaged: nobody has asked for it
-        _give(case, kind, product)
+            # A product that does not say from which packing it was made is noted there.
+            if not require_same_packing(product, case.packing):
+                _add_file(case, kind, product)
 
 
-def _give(case: Case, kind: str, path: Path) -> None:
+def _add_file(case: Case, kind: str, path: Path) -> None:
+    """Add a file to a case; InputError if the case has one of this kind."""
     assert case.files is not None
     if kind in case.files:
         raise InputError(
-            "input",
+            "two_of_a_kind",
             f"{case.files[kind]} and {path} are both {kind} of one packing",
             remedy="give one",
         )
     case.files[kind] = path
 
 
-def _name(path: Path, cases: list[Case]) -> str:
-    """File name without its ending; with its folder before it where another has the same."""
+def _case_name(path: Path, cases: list[Case]) -> str:
+    """Return the file's name without its ending; with its folder if another case has the name."""
     name = _stem(path)
-    taken = {case.name for case in cases}
-    return f"{path.resolve().parent.name}-{name}" if name in taken else name
+    if name in {case.name for case in cases}:
+        return f"{path.resolve().parent.name}-{name}"
+    return name
 
 
 def _stem(packing: Path) -> str:
+    """Return the name of a packing's file without its kind and its ending."""
     return re.sub(rf"(\.({'|'.join(PACKINGS)}))?\.h5$", "", packing.name)

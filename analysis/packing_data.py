@@ -46,7 +46,7 @@ from modal.tools.errors import UnavailableError
 from modal.waves.defaults import PULSE_AMPLITUDE_IN_D, PULSE_FREQUENCY_IN_V_PER_D
 from modal.waves.motions import Motion, Pulse
 from modal.waves.propagate import propagate
-from modal.waves.signals import Signals
+from modal.waves.signals import Direction, Signals
 
 RELATIVE_LINE_WIDTH = 0.005
 """Width of a line of the structure factor and of the density of states, divided by the highest
@@ -349,7 +349,7 @@ class PackingData:
         return self.linear_wave(particles=self.every_particle)
 
     def linear_wave(
-        self, direction: str = "z", *, particles: bool = True, pre_stress: str = "none"
+        self, direction: Direction = "z", *, particles: bool = True, pre_stress: str = "none"
     ) -> Signals:
         """Compute the linear wave of the contacts.
 

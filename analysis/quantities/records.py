@@ -337,13 +337,13 @@ class Threshold(NamedTuple):
     producer: Producer
     whose: Whose
     reference: Reference
-    index: int
+    row: int
 
 
 def _low_pass(packing: PackingData, threshold: Threshold) -> Value:
     """Measure f_low-pass, Hz, by a threshold."""
-    producer, whose, reference, index = threshold
-    return passband.edges(packing, producer, whose, reference)[index]
+    producer, whose, reference, row = threshold
+    return passband.edges(packing, producer, whose, reference)[row]
 
 
 def _wavelength(packing: PackingData, threshold: Threshold) -> Value:
@@ -400,6 +400,15 @@ SHEAR: dict[str, str] = {}
 """Quantities of S-waves, and the program whose record they need."""
 
 
+def _of_record(measure: Callable[[PackingData, str], float | Value], key: str) -> Measure:
+    """Return the function of a packing that measures a quantity of one of its records."""
+
+    def measure_record(packing: PackingData) -> float | Value:
+        return measure(packing, key)
+
+    return measure_record
+
+
 def _register_record_quantities(producer: Producer) -> None:
     """Register the quantities of the record that a program computes."""
     for each in RECORD_QUANTITIES:
@@ -408,7 +417,7 @@ def _register_record_quantities(producer: Producer) -> None:
         if key.startswith("shear"):
             SHEAR[name] = producer
         definition = f"{each.definition}, {PRODUCERS[producer]}"
-        case_quantity(each.unit, definition, name)(partial(each.measure, key=key))
+        case_quantity(each.unit, definition, name)(_of_record(each.measure, key))
 
 
 def _register_thresholds(producer: Producer) -> None:

@@ -138,6 +138,7 @@ def scattering_of_pulse(packing: PackingData) -> Value:
     two derivatives are noise.
     """
     alpha, velocity = attenuation_of(packing)
+    assert alpha.at is not None
     wave = coherents(packing)[0]
     omega = 2 * np.pi * wave.frequency
     curvature = np.gradient(np.gradient(wave.attenuation, omega), omega)

@@ -99,10 +99,11 @@ def standing(packing: PackingData) -> resonant.Standing | None:
 
     None for a crystal and without shapes of modes.
     """
-    if packing.crystal or z_shapes(packing) is None:
+    shapes = z_shapes(packing)
+    if packing.crystal or shapes is None:
         return None
     frequency = packing.case.read("modes").frequency
-    return resonant.standing_modes(frequency, z_shapes(packing), packing.network)
+    return resonant.standing_modes(frequency, shapes, packing.network)
 
 
 @cached_on_packing
@@ -145,14 +146,14 @@ def modal_fitted(packing: PackingData) -> Value:
     if packing.crystal:
         return estimate(modal_dispersion(packing).velocity)
     bearers = standing(packing)
-    if bearers is None:
+    shapes = z_shapes(packing)
+    if bearers is None or shapes is None:
         raise AbsentError
     network = packing.network
     bearing = force_bearing(network)
     depth = network.position[bearing, 2] - network.wall_position[0]
     rows = bearers.row[:LOW_ORDER]
-    shapes = z_shapes(packing)[rows][:, bearing]
-    wavenumber = resonant.fitted_wavenumbers(shapes, depth, network.length)
+    wavenumber = resonant.fitted_wavenumbers(shapes[rows][:, bearing], depth, network.length)
     return estimate(*resonant.long_wave_velocity(bearers.frequency[:LOW_ORDER], wavenumber))
 
 

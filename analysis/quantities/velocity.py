@@ -112,8 +112,8 @@ def longest(packing: PackingData, key: str) -> Value:
         order, next_order = FIT_ORDERS[record.direction]
         velocity = chain(packing, key, order).velocity
         next_velocity = chain(packing, key, next_order).velocity
-        steps = (_step_of_order(order, velocity), _step_of_order(next_order, next_velocity))
-        return Value(velocity, "m/s", {"fit": abs(velocity - next_velocity)}, steps=steps)
+        fits = (_step_of_order(order, velocity), _step_of_order(next_order, next_velocity))
+        return Value(velocity, "m/s", {"fit": abs(velocity - next_velocity)}, steps=fits)
     steps = tuple(_step_of_damping(packing, key, decay) for decay in (DECAY, *OTHER_DECAYS))
     velocity, error = longest_waves(coherent(packing, key))
     weaker, stronger = OTHER_DECAYS
