@@ -1,4 +1,4 @@
-"""One friction coefficient's compression from a cloud to `highest`: a state at each stress.
+"""Compress spheres with one friction coefficient from a cloud to `highest`, Pa.
 
     yade -n -x -j1 yade_scripts/compress.py              (mu_comp = 0.4, 35,201 spheres)
     yade-batch own.table yade_scripts/compress.py
@@ -6,11 +6,11 @@
 Columns `sizes` ("lognormal_0.2", "two_2_0.5", with the quotes), `densities` ("2230_7800") and
 `walls` ("2.1e11_0.3") make a mixture (`modal.preparation.sizes`).
 
-Writes products/compression_mu0.4/STRESSPa.sample.h5 and, after every leg, a checkpoint from which a
-killed compression goes on. Environment: WAVE_PRODUCTS. The protocol, its numbers and their reasons
-are those of `modal.preparation.protocol`; see results/samples/compaction.md. Each leg starts from
-the file that the leg before has written, so that a compression that was killed takes the same steps
-as one that was not.
+Writes a state at each stress, products/compression_mu0.4/STRESSPa.sample.h5, and a checkpoint from
+which a killed compression goes on. The environment variable WAVE_PRODUCTS names another folder. The
+protocol, its numbers and their reasons are those of `modal.preparation.protocol`; see
+results/samples/compaction.md. Each run starts from the file that the run before has written, so
+that a compression that was killed takes the same steps as one that was not.
 """
 
 import sys
@@ -37,23 +37,31 @@ from yade.params import table  # noqa: E402
 
 def main():
     """Compress from the checkpoint, or from the cloud, to the highest stress."""
-    given = {name: getattr(table, name) for name in asdict(Study())}
-    # A column of the table holds one word.
-    words = {name: str(given[name]).replace("_", " ") for name in MIXTURE}
-    study = Study(**given | words)
+    parameters = {name: getattr(table, name) for name in asdict(Study())}
+    for name in MIXTURE:
+        # A column of the table holds one word.
+        parameters[name] = str(parameters[name]).replace("_", " ")
+    study = Study(**parameters)
     if study.mu_comp == 0:
         raise InputError(
-            "input", "mu_comp 0", "packings without friction are made by `python -m modal pack`"
+            "friction",
+            "mu_comp 0",
+            "YADE compresses packings with friction alone",
+            "use `python -m modal pack` for packings without friction",
         )
-    folder = products_folder() / f"compression_mu{study.mu_comp:g}"
     compress_to_stresses(
-        folder,
+        products_folder() / f"compression_mu{study.mu_comp:g}",
         study,
         [stress for stress in protocol.STRESSES if stress <= table.highest],
         study.provenance("yade_scripts/compress.py", yade=config.version),
         Scene,
-        lambda text: print(text, flush=True),
+        show_progress,
     )
+
+
+def show_progress(line):
+    """Print a line at once."""
+    print(line, flush=True)
 
 
 finish(main)

@@ -1,10 +1,11 @@
-"""Contact network of a random sample at rest as YADE has it, and its noise; caseNN.network.h5.
+"""Export a random sample at rest as YADE has it, with its noise, to caseNN.network.h5.
 
     yade-batch own.table yade_scripts/export_sample.py
 
-Loads products/caseNN.sample.h5, which stays as it is, refuses it where YADE's own forces are not of
-its stress or not in balance, and lets it run for a while without a wave: what moves by itself is
-the noise floor of a wave run, which the network's study holds. Environment: WAVE_PRODUCTS.
+Loads products/caseNN.sample.h5, which stays as it is, and refuses it if YADE's own forces do not
+have its stress or are not in balance. The scene then runs for a while without a wave: what moves by
+itself is the noise floor of a wave run, which the network's study holds. The environment variable
+WAVE_PRODUCTS names another folder.
 """
 
 import sys
@@ -26,101 +27,130 @@ from modal.packing.sample import read_sample
 from modal.preparation.durations import time_step
 from modal.tools.errors import InputError
 from yade_scripts.export import contact_network
-from yade_scripts.scene import already_there, finish, products_folder
+from yade_scripts.scene import finish, is_product_current, products_folder
 from yade_scripts.servo import principal_stresses, wall_stresses
 from yade_scripts.state import build_scene
 
-STRESS_TOLERANCE = 5e-3
-BALANCE = 1e-7
-"""Largest mean net force over the mean contact force: at 100 kPa it moves a free sphere by 2 nm in
-the run without a wave, one that is held by others far less; compressions end at 1e-3, relax at
+MAX_STRESS_ERROR = 5e-3
+"""Largest relative deviation of a principal stress, in YADE, from that of the sample."""
+MAX_RESIDUAL = 1e-7
+"""Largest mean net force divided by the mean contact force: at 100 kPa it moves a free sphere by 2
+nm in the run without a wave, a sphere in contacts far less. Compressions end at 1e-3, relax at
 1e-10."""
-MARGIN = 0.05
+COLLIDER_MARGIN = 0.05
+"""Reach of the collider around each sphere, radii."""
 NOISE_STEPS = 1500
 """Steps of the run without a wave: at 100 kPa some 1.5 ms, twice the time that a wave takes."""
-NEGLIGIBLE = 2.5e-12
-"""Displacement, m, below which it does not matter how small: 1e-3 of the default amplitude."""
+STEPS_PER_CHECK = 100
+"""Steps between two measurements of the displacements."""
+NEGLIGIBLE_DISPLACEMENT = 2.5e-12
+"""Displacement, m, below which the noise need not be known better: 1e-3 of the default
+amplitude."""
 
 readParamsFromTable(noTableOk=True, unknownOk=True, case=30, mu_wave=0.5, stress=1e5)
 from yade.params.table import case, mu_wave, stress  # noqa: E402
 
 
-def noise(network):
-    """At most so far, m, a layer's mean and a firmly held sphere move along z in NOISE_STEPS.
+def measure_noise(network):
+    """Return bounds, m, of the motion along z of a layer's mean and of a firmly held sphere.
 
-    What moves them is the rest of net force that the sample has. Whatever it is held by, a sphere
-    under a constant force gets no further than a free one, whose way grows with the square of time.
-    So the run ends early, and what was found is multiplied by that square, where the product is
-    negligible.
+    They hold for a run of NOISE_STEPS. What moves spheres is the net force that the sample has
+    left. A sphere under a constant force moves no further than a free one, whose displacement grows
+    with the square of time. The run therefore ends early, and the displacements are multiplied by
+    that square, if the product is negligible.
     """
     n = network.n_particles
-    layers, held = Layers(network), firmly_held(network)
+    layers = Layers(network)
+    is_held = firmly_held(network)
     states = [O.bodies[k].state for k in range(n)]
     start = np.array([state.pos[2] for state in states])
-    of_layer = of_sphere = 0.0
-    for done in range(100, NOISE_STEPS + 1, 100):
-        for _ in range(100):
+    layer_motion = 0.0
+    sphere_motion = 0.0
+    for steps in range(STEPS_PER_CHECK, NOISE_STEPS + 1, STEPS_PER_CHECK):
+        for _ in range(STEPS_PER_CHECK):
             O.step()
-        moved = abs(np.array([state.pos[2] for state in states]) - start)
-        of_layer = max(of_layer, float(layers.means(moved).max()))
-        of_sphere = max(of_sphere, float(moved[held].max()))
-        growth = (NOISE_STEPS / done) ** 2
-        if growth * max(of_layer, of_sphere) < NEGLIGIBLE:
+        displacement = abs(np.array([state.pos[2] for state in states]) - start)
+        layer_motion = max(layer_motion, float(layers.means(displacement).max()))
+        sphere_motion = max(sphere_motion, float(displacement[is_held].max()))
+        growth = (NOISE_STEPS / steps) ** 2
+        if growth * max(layer_motion, sphere_motion) < NEGLIGIBLE_DISPLACEMENT:
             break
-    return growth * of_layer, growth * of_sphere
+    return growth * layer_motion, growth * sphere_motion
+
+
+def refuse_other_sample(sample, path):
+    """Raise InputError if a sample has another friction or stress than the table of cases."""
+    expected = {"friction": mu_wave, "target stress": stress}
+    actual = {"friction": sample.friction, "target stress": sample.study.get("stress")}
+    for name, value in expected.items():
+        if actual[name] != value:
+            raise InputError(
+                "other_sample",
+                f"{path}: its {name} is {actual[name]}, the table of cases has {value}",
+                remedy="make the sample again",
+            )
+
+
+def refuse_unsettled(stresses, unbalanced, path):
+    """Raise InputError if stresses (3,), Pa, or the balance are not those of a settled sample."""
+    if abs(stresses / stress - 1).max() > MAX_STRESS_ERROR:
+        raise InputError(
+            "stress",
+            f"{path}: stresses {stresses} Pa, target {stress:g} Pa",
+            remedy="compress it again",
+        )
+    if not unbalanced < MAX_RESIDUAL:
+        raise InputError(
+            "not_at_rest",
+            f"{path}: net forces of {unbalanced:.1e} of the mean contact force in YADE",
+            f"{MAX_RESIDUAL:g} is allowed",
+            "bring it to rest with python -m modal relax",
+        )
 
 
 def main():
-    """Export, unless the network of this very sample is there, made with these settings."""
+    """Export the sample unless its network exists, made from it with these settings."""
     folder = products_folder()
-    sample_path, path = folder / f"case{case:02d}.sample.h5", folder / f"case{case:02d}.network.h5"
-    sample, parent = read_sample(sample_path), packing_of(sample_path)
+    sample_path = folder / f"case{case:02d}.sample.h5"
+    path = folder / f"case{case:02d}.network.h5"
+    sample = read_sample(sample_path)
+    parent = packing_of(sample_path)
     settings = {"stress": float(stress), "mu_wave": float(mu_wave), "noise_steps": NOISE_STEPS}
     made = Provenance(
         "yade_scripts/export_sample.py", settings, parent, versions(yade=config.version)
     )
-    if already_there(path, made, read_network):
+    if is_product_current(path, made, read_network):
         return
-    n, target = len(sample.position), float(stress)
-    for name, found, wanted in (
-        ("friction", sample.friction, mu_wave),
-        ("target stress", sample.study.get("stress"), stress),
-    ):
-        if found != wanted:
-            raise InputError(
-                "input",
-                f"{sample_path}: its {name} is {found}, the table of cases has {wanted}",
-                remedy="make the sample again",
-            )
-    build_scene(sample, margin=MARGIN, damping=0.0)
+    refuse_other_sample(sample, sample_path)
+    n = len(sample.position)
+    build_scene(sample, margin=COLLIDER_MARGIN, damping=0.0)
     stresses = principal_stresses(n)
-    if abs(stresses / target - 1).max() > STRESS_TOLERANCE:
-        raise InputError(
-            "input",
-            f"{sample_path}: stresses {stresses} Pa, target {target:g} Pa",
-            remedy="compress it again",
-        )
-    unbalanced, walls = unbalancedForce(useMaxForce=False), wall_stresses(n)
-    if not unbalanced < BALANCE:
-        raise InputError(
-            "input",
-            f"{sample_path}: net forces of {unbalanced:.1e} of the mean contact force in YADE, "
-            f"{BALANCE:g} is allowed",
-            remedy="bring it to rest with python -m modal relax",
-        )
+    unbalanced = unbalancedForce(useMaxForce=False)
+    refuse_unsettled(stresses, unbalanced, sample_path)
+    source_stress, receiver_stress = wall_stresses(n)
     network = contact_network(n, sample.study | sample.constants | {"case": str(case)}, {})
-    O.dt = time_step(target)
-    of_layer, of_sphere = noise(network)
-    measured = {"noise_layer": of_layer, "noise_sphere": of_sphere, "unbalanced": unbalanced}
-    of_stresses = "xx", "yy", "zz", "source_wall", "receiver_wall"
-    for name, value in zip(of_stresses, (*stresses, *walls), strict=True):
-        measured[f"stress_{name}"] = value
-    come_from = {"parent": parent[0].name, "parent_sha256": parent[0].sha256}
-    study, provenance = network.study | measured, made.attributes() | come_from
-    write_network(path, replace(network, study=study, provenance=provenance))
+    O.dt = time_step(float(stress))
+    layer_noise, sphere_noise = measure_noise(network)
+    properties = {
+        "noise_layer": layer_noise,
+        "noise_sphere": sphere_noise,
+        "unbalanced": unbalanced,
+        "stress_xx": stresses[0],
+        "stress_yy": stresses[1],
+        "stress_zz": stresses[2],
+        "stress_source_wall": source_stress,
+        "stress_receiver_wall": receiver_stress,
+    }
+    parent_attributes = {"parent": parent[0].name, "parent_sha256": parent[0].sha256}
+    network = replace(
+        network,
+        study=network.study | properties,
+        provenance=made.attributes() | parent_attributes,
+    )
+    write_network(path, network)
     print(
         f"{path}: {network.n_contacts} contacts, unbalanced {unbalanced:.1e}, noise of a layer "
-        f"{of_layer:.1e} m, of a sphere {of_sphere:.1e} m"
+        f"{layer_noise:.1e} m, of a sphere {sphere_noise:.1e} m"
     )
 
 

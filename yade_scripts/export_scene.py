@@ -1,4 +1,4 @@
-"""Any YADE scene as a contact network: spheres of own radii, kn and ks as YADE holds them.
+"""Export any YADE scene as a contact network, with radii, kn and ks as YADE holds them.
 
 In a script of your own, when the packing is at rest:
 
@@ -36,16 +36,17 @@ from modal.formats.provenance import Provenance, versions
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
 from yade_scripts.export import network_of_scene
-from yade_scripts.scene import find_contacts, finish, refused_in_one_line
+from yade_scripts.scene import exit_at_refusal, find_contacts, finish
 
 
 def export_scene(path):
-    """Write the network of the present scene, or refuse what a network does not know.
+    """Write the network of the present scene to a file.
 
-    That is an InputError; where YADE ends with the script (-x), one line and exit status 2.
+    Raises InputError for what a network cannot represent; where YADE ends with the script (-x),
+    the process ends with one line and status 2 instead.
     """
     if runtime.opts.exitAfter:
-        refused_in_one_line(lambda: _write_scene(path))
+        exit_at_refusal(lambda: _write_scene(path))
     else:
         _write_scene(path)
 
@@ -66,9 +67,9 @@ def _write_scene(path):
 def main():
     """Load a saved scene and export it."""
     if len(sys.argv) != 3:
-        raise InputError("input", "two arguments needed", "SCENE.yade.bz2 OUT.network.h5")
+        raise InputError("arguments", "two arguments needed", "SCENE.yade.bz2 OUT.network.h5")
     if not Path(sys.argv[1]).is_file():
-        raise InputError("input", f"{sys.argv[1]}: no such file", remedy="check the name")
+        raise InputError("no_file", sys.argv[1], "no such file", "check the name")
     O.load(sys.argv[1])
     # Geometry is not saved with every contact: a step without motion makes it again.
     find_contacts()

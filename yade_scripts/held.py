@@ -1,37 +1,41 @@
-"""Spheres of a YADE scene that are not free to move as their contacts push them."""
+"""Spheres of a YADE scene that do not move freely under their contact forces."""
 
 from yade import O, wrapper
 
 from modal.tools.errors import InputError
 
-MOVERS = ("KinematicEngine", "CombinedKinematicEngine", "StepDisplacer")
-"""Engines that move their `ids` whatever pushes these."""
-LISTS = {"UniaxialStrainer": ("posIds", "negIds")} | {name: ("ids",) for name in MOVERS}
-"""Names of the lists of ids of each engine that moves bodies."""
+MOVED_IDS = {
+    "UniaxialStrainer": ("posIds", "negIds"),
+    "KinematicEngine": ("ids",),
+    "CombinedKinematicEngine": ("ids",),
+    "StepDisplacer": ("ids",),
+}
+"""Engines that move bodies whatever forces act on these, with their lists of ids."""
 
 
 def refuse_held(bodies):
     """Raise InputError, which names the first one, unless all of these spheres move freely.
 
-    A network's spheres do. A member of a clump moves as the clump does.
+    All spheres of a network move freely. A member of a clump moves as the clump does.
     """
-    moved = _moved_by_engines()
+    engine_reasons = _find_moved_bodies()
     for body in bodies:
         mover = O.bodies[body.clumpId] if body.isClumpMember else body
-        reason = moved.get(body.id) or moved.get(mover.id) or _why_held(mover)
+        reason = (
+            engine_reasons.get(body.id) or engine_reasons.get(mover.id) or _describe_hold(mover)
+        )
         if reason:
             raise InputError(
                 "held_bodies",
                 f"sphere {body.id} does not move freely",
-                f"{reason}",
-                "a network knows no held spheres "
-                "yet: put a Wall, Facet or Box in their place, or let them move freely "
+                f"{reason}, and a network has no held spheres",
+                "put a Wall, Facet or Box in their place, or let them move freely "
                 f"(O.bodies[{mover.id}].state.blockedDOFs = '') and come to rest",
             )
 
 
-def _why_held(body):
-    """What keeps a body from moving freely, or an empty text."""
+def _describe_hold(body):
+    """Return what keeps a body from moving freely, or an empty text."""
     kind = "its clump" if body.isClump else "it"
     blocked = body.state.blockedDOFs
     if blocked:
@@ -44,14 +48,16 @@ def _why_held(body):
     return ""
 
 
-def _moved_by_engines():
-    """What moves bodies whatever pushes these, by their ids."""
+def _find_moved_bodies():
+    """Return a text for each body that an engine moves, by its id."""
     reasons = {}
     for engine in O.engines:
         if engine.dead:
             continue
-        for name, lists in LISTS.items():
-            if isinstance(engine, getattr(wrapper, name)):
-                ids = [one for each in lists for one in getattr(engine, each)]
-                reasons |= dict.fromkeys(ids, f"{type(engine).__name__} moves it")
+        for engine_name, list_names in MOVED_IDS.items():
+            if not isinstance(engine, getattr(wrapper, engine_name)):
+                continue
+            for list_name in list_names:
+                for body_id in getattr(engine, list_name):
+                    reasons[body_id] = f"{type(engine).__name__} moves it"
     return reasons

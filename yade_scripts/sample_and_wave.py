@@ -1,8 +1,8 @@
-"""Network of a random sample and the wave through it, in one YADE: small packings start it once.
+"""Export a random sample and send a wave through it, in one YADE: starting it takes long.
 
     yade-batch own.table yade_scripts/sample_and_wave.py
 
-Runs export_sample.py, then wave.py, each in a fork; columns of the table and files are theirs.
+Runs export_sample.py, then wave.py, each in a fork; they define the columns and the files.
 """
 
 import os
@@ -12,14 +12,17 @@ from pathlib import Path
 FOLDER = Path(sys.argv[0]).resolve().parent
 sys.path.insert(0, str(FOLDER.parent))
 
-# What both need is loaded once.
+# Modules that both need are loaded once, before the forks.
 import yade_scripts.export  # noqa: E402, F401
 import yade_scripts.wave_run  # noqa: E402, F401
 
 for script in ("export_sample.py", "wave.py"):
     child = os.fork()
-    if not child:  # each ends its process
+    if child == 0:
+        # The script ends this process.
         exec(compile((FOLDER / script).read_text(), script, "exec"), globals())
-    if status := os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]):
+    _, wait_status = os.waitpid(child, 0)
+    status = os.waitstatus_to_exitcode(wait_status)
+    if status:
         os._exit(status)
 os._exit(0)

@@ -1,9 +1,9 @@
-"""Sample of an FCC case: placed in balance, checked, written as products/caseNN.network.h5.
+"""Place the FCC crystal of a case in balance, check it, and write products/caseNN.network.h5.
 
     yade -n -x -j1 yade_scripts/sample_fcc.py            (case 2)
     yade-batch own.table yade_scripts/sample_fcc.py
 
-Environment: WAVE_PRODUCTS names the folder of products (default: products).
+The environment variable WAVE_PRODUCTS names the folder of products (default: products).
 """
 
 import os
@@ -24,16 +24,16 @@ from modal.packing.network import read_network, write_network
 from modal.tools.errors import InputError
 from yade_scripts.export import contact_network
 from yade_scripts.scene import (
-    already_there,
     find_contacts,
     finish,
+    is_product_current,
     place,
     products_folder,
     set_engines,
 )
 from yade_scripts.servo import wall_stresses
 
-ROUND_OFF = 100 * np.finfo(float).eps
+POSITION_ERROR = 100 * np.finfo(float).eps
 """Relative error of a position; divided by overlap / length it bounds the residual force."""
 
 readParamsFromTable(
@@ -50,7 +50,7 @@ from yade.params.table import case, layers, mu_comp, mu_wave, stress, width  # n
 
 
 def main():
-    """Make the sample unless a valid one is there."""
+    """Make the sample unless a current one exists."""
     path = products_folder() / f"case{case:02d}.network.h5"
     settings = {"stress": float(stress), "mu_comp": float(mu_comp), "mu_wave": float(mu_wave)}
     made = Provenance(
@@ -58,33 +58,42 @@ def main():
         settings | {"width": width, "layers": layers},
         versions=versions(yade=config.version),
     )
-    if already_there(path, made, read_network):
+    if is_product_current(path, made, read_network):
         return
     if width < 3:
         raise InputError(
-            "input", f"width {width}", "YADE needs at least 3 spheres a side (single contacts)"
+            "width",
+            f"width {width}",
+            "YADE has one contact for each pair of spheres",
+            "take at least 3 spheres a side",
         )
     crystal = fcc(stress, (width, width, layers))
     n = crystal.n_particles
     place(crystal.position, crystal.cell_size[:2].tolist(), crystal.wall_position, mu_wave)
     set_engines()
     find_contacts(expected=crystal.n_contacts)
-    ratio = unbalancedForce(useMaxForce=True)
-    least = min(contact.geom.penetrationDepth for contact in O.interactions if contact.isReal)
-    tolerance = ROUND_OFF * crystal.length / least
-    if ratio > tolerance:
+    residual = unbalancedForce(useMaxForce=True)
+    overlaps = [contact.geom.penetrationDepth for contact in O.interactions if contact.isReal]
+    tolerance = POSITION_ERROR * crystal.length / min(overlaps)
+    if residual > tolerance:
         raise InputError(
-            "input", f"case {case}", f"residual force {ratio:.1e} of the mean", "not in balance"
+            "unbalanced",
+            f"case {case}: not in balance",
+            f"residual force {residual:.1e} of the mean",
         )
-    walls = wall_stresses(n)
-    if max(abs(wall / stress - 1) for wall in walls) > tolerance:
-        raise InputError("input", f"case {case}", f"wall stresses {walls} Pa, target {stress} Pa")
+    stresses = wall_stresses(n)
+    if max(abs(wall_stress / stress - 1) for wall_stress in stresses) > tolerance:
+        raise InputError(
+            "wall_stress", f"case {case}", f"wall stresses {stresses} Pa, target {stress} Pa"
+        )
     study = {"case": str(case)} | settings
     study |= {name: getattr(GLASS, name) for name in ("young", "poisson", "density")}
-    provenance = made.attributes() | {"residual_force_ratio": ratio}
+    provenance = made.attributes() | {"residual_force_ratio": residual}
     write_network(path, contact_network(n, study, provenance))
-    found = f"{n} spheres, {crystal.n_contacts} contacts"
-    print(f"{path}: {found}, residual {ratio:.1e} of the mean force")
+    print(
+        f"{path}: {n} spheres, {crystal.n_contacts} contacts, residual {residual:.1e} of the mean "
+        "force"
+    )
 
 
 finish(main)

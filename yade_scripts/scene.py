@@ -1,4 +1,4 @@
-"""Spheres between flat walls in a laterally periodic cell, as a YADE scene."""
+"""YADE scenes of spheres between flat walls in a laterally periodic cell."""
 
 import math
 import os
@@ -30,17 +30,22 @@ from modal.tools.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
 WALL_HALF_THICKNESS = RADIUS
-NO_TIME = 1e-15
-"""A time step, s, in which nothing moves; a step of zero gives undefined displacements."""
+"""Half the thickness of the boxes that are walls, m; any size will do."""
+TINY_TIME_STEP = 1e-15
+"""Time step, s, in which nothing moves; a step of zero gives undefined displacements."""
+CELL_MARGIN_RADII = 20
+"""Length of the cell along z beyond the walls: long enough not to matter."""
+MODULUS_FACTOR = math.sqrt(2)
+"""Factor of the moduli of a contact with a wall that corrects the effective radius of a box."""
 
 
 def products_folder():
-    """Folder of products: the environment variable WAVE_PRODUCTS, or products/."""
+    """Return the folder of products: the environment variable WAVE_PRODUCTS, or products/."""
     return Path(os.environ.get("WAVE_PRODUCTS", ROOT / "products"))
 
 
-def already_there(path, made, read):
-    """Whether a product need not be made again; one that is stale or damaged is set aside."""
+def is_product_current(path, made, read):
+    """Return whether a product need not be made again; a stale or damaged one is set aside."""
     if is_current(path, made, read=read):
         print(f"{path}: already there")
         return True
@@ -48,62 +53,96 @@ def already_there(path, made, read):
     return False
 
 
-def of_a_wall(spheres, wall):
-    """What a box must be made of to resist `spheres` as a flat `wall` does; both `Elasticity`.
+def compute_box_material(spheres, wall):
+    """Return the material with which a box resists `spheres` as a flat `wall` does.
 
-    YADE gives a sphere on a box the effective radius R/2 of two spheres, where a flat wall has R:
-    the box takes part with sqrt(2) times the moduli, 1/E* = (1 - nu^2)/E + (1 - nu'^2)/E', and G*
-    alike. Of the same material that is a box of E / (sqrt(2) - 1). A wall more than 1 + sqrt(2)
-    times stiffer than the spheres takes a negative modulus, which is a number in that sum.
+    All materials are `Elasticity`; None is a wall of the spheres' material. YADE gives a sphere on
+    a box the effective radius R/2 of two spheres, where a flat wall has R. The contact therefore
+    needs sqrt(2) times the moduli, 1/E* = (1 - nu^2)/E + (1 - nu'^2)/E', and G* likewise. For a
+    wall of the spheres' material this is a box of E / (sqrt(2) - 1). A wall more than 1 + sqrt(2)
+    times stiffer than the spheres needs a negative modulus, which is valid in this sum.
     """
     if wall is None:
-        return Elasticity(spheres.young / (math.sqrt(2) - 1), spheres.poisson)
-    ours, flat = spheres.moduli, spheres.against(wall)
-    # Twice the moduli of two equal bodies is what one of them adds to the sum.
-    young, shear = (
-        1 / (1 / (math.sqrt(2) * there) - 1 / (2 * here))
-        for here, there in zip(ours, flat, strict=True)
-    )
-    # young = E / (1 - nu^2) and shear = E / (2 (1 + nu) (2 - nu)), for E and nu.
-    ratio = young / shear
+        return Elasticity(spheres.young / (MODULUS_FACTOR - 1), spheres.poisson)
+    equal_contact = spheres.moduli
+    wall_contact = spheres.against(wall)
+    plane_young = _compute_box_modulus(equal_contact[0], wall_contact[0])
+    plane_shear = _compute_box_modulus(equal_contact[1], wall_contact[1])
+    # plane_young = E / (1 - nu^2) and plane_shear = E / (2 (1 + nu) (2 - nu)), solved for nu.
+    ratio = plane_young / plane_shear
     poisson = (ratio - 4) / (ratio - 2)
-    return Elasticity(young * (1 - poisson**2), poisson)
+    return Elasticity(plane_young * (1 - poisson**2), poisson)
+
+
+def _compute_box_modulus(equal_modulus, wall_modulus):
+    """Return the modulus of a box, Pa, from those of a contact of spheres and one with the wall."""
+    # Twice the modulus of two equal bodies is what one of them adds to the sum of compliances.
+    return 1 / (1 / (MODULUS_FACTOR * wall_modulus) - 1 / (2 * equal_modulus))
 
 
 def place(
     position, side, walls, friction, radius=RADIUS, *, glass=GLASS, densities=None, wall=None
 ):
-    """Spheres of the study's glass, ids 0 ... n-1, and the walls, ids n (source) and n + 1.
+    """Add spheres, with ids 0 ... n - 1, and walls, with ids n (source) and n + 1 (receiver).
 
-    `position` (n, 3), `radius` of all or of each (n,), `side` (2,) of the periodic cell, `walls`
-    (2,): z of the wall faces; m. `densities` (n,), kg/m^3, and the `wall` where they are not those
-    of the `glass`.
+    Parameters
+    ----------
+    position : array (n, 3)
+        Centres, m.
+    side : sequence of 2 float
+        Lateral size of the periodic cell, m.
+    walls : sequence of 2 float
+        z of the wall faces, m.
+    friction : float
+        Coefficient of friction.
+    radius : float or array (n,)
+        Radius of all spheres or of each, m.
+    glass : Material
+        Material of the spheres.
+    densities : array (n,), optional
+        Density of each sphere, kg/m^3, if it is not that of `glass`.
+    wall : Elasticity, optional
+        Material of the walls, if it is not `glass`.
     """
-    box_material = of_a_wall(glass, wall)
-    angle = {"frictionAngle": math.atan(friction)}
-    elastic = {"young": glass.young, "poisson": glass.poisson} | angle
-    each_density = np.broadcast_to(glass.density if densities is None else densities, len(position))
-    solids = {rho: FrictMat(density=rho, **elastic) for rho in np.unique(each_density).tolist()}
-    flat = FrictMat(
-        young=box_material.young, poisson=box_material.poisson, density=glass.density, **angle
+    count = len(position)
+    box_material = compute_box_material(glass, wall)
+    friction_angle = math.atan(friction)
+    sphere_densities = np.broadcast_to(glass.density if densities is None else densities, count)
+    sphere_materials = {}
+    for density in np.unique(sphere_densities).tolist():
+        sphere_materials[density] = FrictMat(
+            density=density,
+            young=glass.young,
+            poisson=glass.poisson,
+            frictionAngle=friction_angle,
+        )
+    wall_material = FrictMat(
+        density=glass.density,
+        young=box_material.young,
+        poisson=box_material.poisson,
+        frictionAngle=friction_angle,
     )
-    O.materials.append([*solids.values(), flat])
+    O.materials.append([*sphere_materials.values(), wall_material])
     O.periodic = True
-    # Along z the cell only has to be too long to matter.
-    height = walls[1] - walls[0] + 20 * RADIUS
+    height = walls[1] - walls[0] + CELL_MARGIN_RADII * RADIUS
     O.cell.hSize = [[side[0], 0, 0], [0, side[1], 0], [0, 0, height]]
-    each = np.broadcast_to(radius, len(position)).tolist()
-    columns = np.asarray(position).tolist(), each, each_density.tolist()
-    for centre, size, rho in zip(*columns, strict=True):
-        O.bodies.append(sphere(centre, size, material=solids[rho]))
+    centres = np.asarray(position).tolist()
+    radii = np.broadcast_to(radius, count).tolist()
+    for centre, sphere_radius, density in zip(
+        centres, radii, sphere_densities.tolist(), strict=True
+    ):
+        O.bodies.append(sphere(centre, sphere_radius, material=sphere_materials[density]))
     half = WALL_HALF_THICKNESS
+    extents = (1.5 * side[0], 1.5 * side[1], half)
     for z in (walls[0] - half, walls[1] + half):
-        centre, extents = (side[0] / 2, side[1] / 2, z), (1.5 * side[0], 1.5 * side[1], half)
-        O.bodies.append(box(centre, extents, fixed=True, material=flat))
+        centre = (side[0] / 2, side[1] / 2, z)
+        O.bodies.append(box(centre, extents, fixed=True, material=wall_material))
 
 
 def set_engines(*, margin=0.01, damping=0.0):
-    """Engines of a scene with friction; the collider looks `margin` radii around each sphere.
+    """Set the engines of a scene with friction.
+
+    The collider searches `margin` radii around each sphere; `damping` is the local damping.
 
     With walls that are boxes the collider's first sort must run along z, or it misses contacts.
     Lever arms are those of the law's torques (no "ratcheting" variant), so that energy is kept.
@@ -127,69 +166,74 @@ def set_engines(*, margin=0.01, damping=0.0):
     ]
 
 
-def before_motion(work=None):
-    """Call `work`, in place of what was called there before, between forces and motion.
+def call_before_motion(action=None):
+    """Have YADE call `action` between forces and motion instead of an earlier one; None for none.
 
-    At every step, or each `iterPeriod` of the engine "control". YADE looks for what it calls among
-    the names of the main script.
+    It is called at every step, or at each `iterPeriod` of the engine "control". YADE searches the
+    names of the main script for the functions that it calls.
     """
-    __main__.before_motion = work
-    runner = PyRunner(command="before_motion()", iterPeriod=1, label="control")
-    O.engines = [
-        *(engine for engine in O.engines if not isinstance(engine, PyRunner | NewtonIntegrator)),
-        *([runner] if work else []),
-        O.labeledEngine("newton"),
-    ]
+    __main__.before_motion = action
+    engines = []
+    for engine in O.engines:
+        if not isinstance(engine, PyRunner | NewtonIntegrator):
+            engines.append(engine)
+    if action:
+        engines.append(PyRunner(command="before_motion()", iterPeriod=1, label="control"))
+    engines.append(O.labeledEngine("newton"))
+    O.engines = engines
 
 
 def find_contacts(expected=None):
-    """Steps without motion that find every contact; InputError unless `expected` many.
+    """Take two steps without motion, which find every contact.
 
-    The second one lets a velocity gradient, if one was set, take effect.
+    The second one lets a velocity gradient, if one was set, take effect. Raises InputError if there
+    are not `expected` contacts.
     """
-    O.dt = NO_TIME
+    O.dt = TINY_TIME_STEP
     O.step()
     O.step()
-    found = O.interactions.countReal()
-    if expected is not None and found != expected:
-        raise InputError("input", f"{found} contacts found in YADE, the packing has {expected}")
+    count = O.interactions.countReal()
+    if expected is not None and count != expected:
+        raise InputError(
+            "other_contacts", f"{count} contacts found in YADE, the packing has {expected}"
+        )
 
 
 def wall_faces(n):
-    """z of the faces of source and receiver wall, m; n is the number of spheres."""
+    """Return z of the faces of source and receiver wall, m; n is the number of spheres."""
     half = WALL_HALF_THICKNESS
     return O.bodies[n].state.pos[2] + half, O.bodies[n + 1].state.pos[2] - half
 
 
 def cell_side():
-    """Lateral size of the periodic cell, (2,), m."""
+    """Return the lateral size of the periodic cell, (2,), m."""
     return O.cell.hSize[0][0], O.cell.hSize[1][1]
 
 
 def finish(main):
-    """Run `main` and end the process with its status: 2 and one line for a user's mistake.
+    """Run `main` and end the process: status 2 and one line for a user's mistake.
 
-    Anything else that went wrong is told with its place, status 1.
+    Any other error is printed as a traceback, with status 1.
     """
     try:
-        refused_in_one_line(main)
+        exit_at_refusal(main)
         status = 0
     except Exception:
         traceback.print_exc()
         status = 1
-    _end(status)
+    _exit(status)
 
 
-def refused_in_one_line(work):
-    """Do `work`; end the process with one line and status 2 for a user's mistake."""
+def exit_at_refusal(action):
+    """Call `action`; end the process with one line and status 2 for a user's mistake."""
     try:
-        work()
+        action()
     except (InputError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
-        _end(2)
+        _exit(2)
 
 
-def _end(status):
+def _exit(status):
     """End the process with a status, which YADE's own exit would turn into 0."""
     sys.stdout.flush()
     sys.stderr.flush()

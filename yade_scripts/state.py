@@ -1,4 +1,4 @@
-"""A YADE scene from a sample file and back: positions, velocities, strain rate and shear forces."""
+"""Conversion of samples to YADE scenes and back, with velocities, strain rate and shear forces."""
 
 from dataclasses import replace
 
@@ -9,8 +9,8 @@ from modal.packing.neighbours import canonical, tangents
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.errors import InputError
 from yade_scripts.scene import (
-    NO_TIME,
-    before_motion,
+    TINY_TIME_STEP,
+    call_before_motion,
     cell_side,
     find_contacts,
     place,
@@ -19,8 +19,11 @@ from yade_scripts.scene import (
 )
 
 
-def inside(position, low, size, periodic):
-    """Centres (n, 3) brought into the cell (low, size, periodic: (3,)), and periods taken off."""
+def wrap_into_cell(position, low, size, periodic):
+    """Return centres (n, 3), m, inside the cell, and the periods (n, 3) that were subtracted.
+
+    The cell is given by its low corner, its size, m, and which axes are periodic, (3,) each.
+    """
     periods = np.floor((position - low) / size) * periodic
     position = position - periods * size
     # Round-off may leave a centre exactly on the far side.
@@ -29,18 +32,30 @@ def inside(position, low, size, periodic):
 
 
 def present_positions(n):
-    """Centres (n, 3) wrapped into the lateral cell, and the periods (n, 3) taken off."""
+    """Return centres (n, 3), m, inside the lateral cell, and the periods (n, 3) subtracted."""
     position = np.array([O.bodies[k].state.pos for k in range(n)])
-    return inside(position, 0.0, np.array([*cell_side(), 1.0]), np.array([True, True, False]))
+    size = np.array([*cell_side(), 1.0])
+    return wrap_into_cell(position, 0.0, size, np.array([True, True, False]))
 
 
 def canonical_contacts(ids, periods):
-    """Contacts in canonical order (i, j, shift): YADE's interactions and their place in it.
+    """Return YADE's contacts in canonical order (i, j, shift), with their ends and normals.
 
-    Of the spheres whose bodies have the `ids` (n,), and whose places `periods` (n, 3) were taken
-    off; all other bodies are walls, low or high as the contact's normal says. Returns the
-    interactions, particle_i, particle_j, cell_shift (m, 3), the sign, -1 where YADE's first body is
-    not particle i, and the normals (m, 3) from particle i on.
+    `ids` (n,) are the bodies of the spheres; all other bodies are walls, low or high according to
+    the normal of the contact. `periods` (n, 3) were subtracted from the places of the spheres.
+
+    Returns
+    -------
+    list (m,)
+        YADE's interactions.
+    particle_i, particle_j : ndarray (m,)
+        Ends of the contacts.
+    cell_shift : ndarray (m, 3)
+        Periods between the ends.
+    sign : ndarray (m,)
+        -1 where YADE's first body is not particle i, else 1.
+    normal : ndarray (m, 3)
+        Unit vectors from particle i.
     """
     index = {body: k for k, body in enumerate(ids)}
     contacts = [contact for contact in O.interactions if contact.isReal]
@@ -52,7 +67,8 @@ def canonical_contacts(ids, periods):
     shift = shift + periods[second] - periods[first]
     swap = first < 0
     upwards = normal[:, 2] * np.where(swap, -1, 1) > 0
-    i, j = np.where(swap, second, first), np.where(swap, first, second)
+    i = np.where(swap, second, first)
+    j = np.where(swap, first, second)
     j = np.where(j >= 0, j, np.where(upwards, RECEIVER_WALL, SOURCE_WALL))
     rows, i, j, shift, turned = canonical(i, j, shift)
     sign = np.where(swap[rows] ^ turned, -1, 1)
@@ -60,18 +76,18 @@ def canonical_contacts(ids, periods):
 
 
 def read_scene(sample, *, moving):
-    """The scene that was built of `sample`, as it is now; with its motion if it is `moving`.
+    """Return the present state of the scene that was built of `sample`; with motion if `moving`.
 
-    Positions are wrapped into the cell, velocities with them (they hold the cell's affine motion).
-    Shear forces keep their tangential part; the law lets a normal part of second order creep in.
-    The motion of the last step has not reached the contacts yet: a step without motion opens and
-    closes them at the present positions; their shear forces miss that one step's increment, which
-    the first step after `resume_cell` makes good.
+    Positions are wrapped into the cell, and velocities, which contain the affine motion of the
+    cell, are changed accordingly. Shear forces keep their tangential part; the law lets a normal
+    part of second order creep in. The motion of the last step has not reached the contacts yet: a
+    step without motion opens and closes them at the present positions. Their shear forces lack the
+    increment of that step, which the first step after `resume_cell` adds.
     """
     n = len(sample.position)
-    before_motion()  # no control in the step without motion
+    call_before_motion()  # no control in the step without motion
     _strain_cell(1.0)
-    O.dt = NO_TIME
+    O.dt = TINY_TIME_STEP
     O.step()
     position, periods = present_positions(n)
     states = [O.bodies[k].state for k in range(n)]
@@ -107,22 +123,27 @@ def _strain_cell(power):
 
 
 def resume_cell():
-    """Make ready for the first step of a sample in motion; `O.dt` is set.
+    """Take back one step of the cell's strain, before the first step of a sample in motion.
 
-    YADE strains the cell at the beginning of a step, after the spheres have moved at the end of the
-    one before; in a sample both have.
+    `O.dt` must be set. YADE strains the cell at the beginning of a step, after the spheres have
+    moved at the end of the step before; in a sample both have moved.
     """
     _strain_cell(-1.0)
 
 
 def build_scene(sample, *, margin, damping):
-    """Build the sample's scene: contacts found, shear forces and velocities as they were."""
+    """Build the scene of a sample, with its contacts, shear forces and velocities.
+
+    `margin` is the reach of the collider in radii, `damping` the local damping. Raises InputError
+    for a cell without walls, or if YADE finds other contacts than the sample has.
+    """
     n = len(sample.position)
     if sample.periodic_z:
         raise InputError(
-            "input",
+            "no_walls",
             "the sample is periodic along z",
-            remedy="scenes have walls, take one with walls",
+            "scenes have walls",
+            "take a sample with walls",
         )
     O.reset()
     place(
@@ -144,10 +165,11 @@ def build_scene(sample, *, margin, damping):
         contacts, *_, sign, normal = canonical_contacts(range(n), periods)
         if len(contacts) != len(sample.shear):
             raise InputError(
-                "input",
-                "sample",
-                f"{len(sample.shear)} shear forces, YADE finds {len(contacts)} contacts",
-                "the file is damaged or of another version, make it again",
+                "other_contacts",
+                f"the sample has {len(sample.shear)} shear forces, YADE finds {len(contacts)} "
+                "contacts",
+                "the file is damaged or of another version",
+                "make it again",
             )
         first, second = tangents(normal)
         shear = -sign[:, None] * (sample.shear[:, :1] * first + sample.shear[:, 1:] * second)
@@ -155,11 +177,16 @@ def build_scene(sample, *, margin, damping):
             # The law goes on from the elastic part and copies it to the other.
             contact.phys.shearElastic = contact.phys.shearForce = Vector3(*force)
         O.step()  # without motion: forces on the spheres now hold the shear forces
-    motion, still = (sample.velocity, sample.angular_velocity), np.zeros((n, 3))
-    velocity, spin = (still if each is None else each for each in motion)
+    velocity = sample.velocity
+    if velocity is None:
+        velocity = np.zeros((n, 3))
+    angular_velocity = sample.angular_velocity
+    if angular_velocity is None:
+        angular_velocity = np.zeros((n, 3))
     for k in range(n):
         state = O.bodies[k].state
-        state.vel, state.angVel = Vector3(*velocity[k]), Vector3(*spin[k])
+        state.vel = Vector3(*velocity[k])
+        state.angVel = Vector3(*angular_velocity[k])
     for wall in (n, n + 1):
         state = O.bodies[wall].state
         state.vel = (0, 0, rate[2] * state.pos[2])

@@ -1,10 +1,10 @@
-"""The tangent of YADE's contact law, by central differences of YADE's own forces.
+"""Compute the tangent of YADE's contact law by central differences of YADE's own forces.
 
     yade -n -x -j1 yade_scripts/tangent.py SAMPLE.sample.h5 OUT.h5
 
-Every particle is moved by +h and by -h along each axis and turned about it, all else at rest; the
-forces and torques on it and its neighbours are read. Sliding is suppressed. A tool for the tests of
-modal/system/contacts.py, meant for some hundred particles.
+Every particle is moved by +h and by -h along each axis and rotated about it, all others at rest,
+and the forces and torques on it and its neighbours are read. Sliding is suppressed. The tests of
+modal/system/contacts.py use this script for some hundred particles.
 """
 
 import sys
@@ -24,17 +24,23 @@ from yade_scripts.scene import finish
 from yade_scripts.state import build_scene
 
 STEP = 5e-11
-"""h in m, and of a rotation h / radius: (h / overlap)^2 / 24 and eps radius / h are below 1e-8."""
+"""Displacement h, m; rotations are h / radius. Both errors, (h / overlap)^2 / 24 and
+eps radius / h, are below 1e-8."""
 TIME_STEP = 1e-9
-"""s; only the product of velocity and time step enters the law."""
+"""Time step, s; only its product with the velocity enters the law."""
 NO_SLIDING = 1e6
 """Coefficient of friction that no contact reaches."""
 
 
 class Tangent:
-    """Of the present scene, whose motions are all prescribed and whose sliding is suppressed.
+    """Stiffness of the present scene, with all motions prescribed and without sliding.
 
-    `spheres`: ids of the bodies that are moved; `radius`, m, sets the size of a rotation.
+    Parameters
+    ----------
+    spheres : iterable of int
+        Ids of the bodies that are moved.
+    radius : float
+        Radius, m, by which a displacement is divided to obtain a rotation.
     """
 
     def __init__(self, spheres, radius):
@@ -48,72 +54,90 @@ class Tangent:
         for contact in O.interactions:
             if contact.isReal:
                 contact.phys.tangensOfFrictionAngle = NO_SLIDING
-                # A copy: the law turns the vector that it holds.
-                kept = (contact, Vector3(contact.phys.shearForce))
+                # A copy: the law rotates the vector that it holds.
+                contact_and_shear = (contact, Vector3(contact.phys.shearForce))
                 for body in (contact.id1, contact.id2):
-                    self.contacts[body].append(kept)
-        self.start = {body.id: Vector3(body.state.pos) for body in O.bodies}
-        self.turned = {body.id: Quaternion(body.state.ori) for body in O.bodies}
+                    self.contacts[body].append(contact_and_shear)
+        self.position = {body.id: Vector3(body.state.pos) for body in O.bodies}
+        self.orientation = {body.id: Quaternion(body.state.ori) for body in O.bodies}
 
-    def neighbours(self, p):
-        """The sphere and those that it touches, without walls."""
-        found = {p} | {k for c, _ in self.contacts[p] for k in (c.id1, c.id2) if k in self.index}
-        return sorted(found)
+    def find_neighbours(self, p):
+        """Return the ids of sphere p and of the spheres that it touches, ascending."""
+        neighbours = {p}
+        for contact, _ in self.contacts[p]:
+            neighbours |= {contact.id1, contact.id2}
+        return sorted(neighbours & self.index.keys())
 
-    def loads(self, p, axis, step, bodies):
-        """Forces and torques (len(bodies), 6) with sphere p moved (axis 0-2) or turned (3-5).
+    def compute_loads(self, p, axis, step, bodies):
+        """Return forces and torques (len(bodies), 6) after a motion of sphere p.
 
-        The law sees the new place or orientation and the velocity that has led there. Back at rest
-        its shear forces are put as they were: they depend on the way.
+        It is displaced by `step`, m, along an axis 0 to 2, or rotated by `step`, rad, about axis 3
+        to 5. The law uses the new position or orientation and the velocity that has led there.
+        Afterwards the sphere is put back and the shear forces, which depend on the path, are
+        restored.
         """
         state = O.bodies[p].state
-        way = np.zeros(3)
-        way[axis % 3] = step
+        motion = np.zeros(3)
+        motion[axis % 3] = step
         if axis < 3:
-            state.pos = self.start[p] + Vector3(*way)
-            state.vel = (state.pos - self.start[p]) / TIME_STEP
+            state.pos = self.position[p] + Vector3(*motion)
+            state.vel = (state.pos - self.position[p]) / TIME_STEP
         else:
-            state.angVel = Vector3(*way) / TIME_STEP
-            state.ori = Quaternion(Vector3(*np.eye(3)[axis - 3]), step) * self.turned[p]
+            state.angVel = Vector3(*motion) / TIME_STEP
+            state.ori = Quaternion(Vector3(*np.eye(3)[axis - 3]), step) * self.orientation[p]
         O.step()
-        found = np.array([[*O.forces.f(k, sync=True), *O.forces.t(k, sync=True)] for k in bodies])
+        loads = np.array([[*O.forces.f(k, sync=True), *O.forces.t(k, sync=True)] for k in bodies])
         state.vel = state.angVel = Vector3(0, 0, 0)
-        state.pos, state.ori = self.start[p], self.turned[p]
+        state.pos = self.position[p]
+        state.ori = self.orientation[p]
         O.step()
         for contact, shear in self.contacts[p]:
             contact.phys.shearForce = shear
             if hasattr(contact.phys, "shearElastic"):
                 contact.phys.shearElastic = shear
-        return found
+        return loads
 
-    def columns(self, p):
-        """Rows, columns and values of the six columns of sphere p."""
-        bodies = self.neighbours(p)
+    def compute_columns(self, p):
+        """Return the row and column indices and the values of the six columns of sphere p."""
+        bodies = self.find_neighbours(p)
         numbers = np.array([self.index[body] for body in bodies])
-        rows, values = (6 * numbers[:, None] + np.arange(6)).ravel(), []
+        rows = (6 * numbers[:, None] + np.arange(6)).ravel()
+        values = []
         for axis in range(6):
-            step = STEP if axis < 3 else STEP / self.radius
-            # Positions are rounded; this is how far apart the two places really are.
-            here = self.start[p][axis % 3]
-            apart = (here + step) - (here - step) if axis < 3 else 2 * step
-            change = self.loads(p, axis, step, bodies) - self.loads(p, axis, -step, bodies)
-            values.append(-change.ravel() / apart)
+            if axis < 3:
+                step = STEP
+                # Positions are rounded; this is the true distance of the two positions.
+                coordinate = self.position[p][axis]
+                distance = (coordinate + step) - (coordinate - step)
+            else:
+                step = STEP / self.radius
+                distance = 2 * step
+            forward = self.compute_loads(p, axis, step, bodies)
+            backward = self.compute_loads(p, axis, -step, bodies)
+            values.append(-(forward - backward).ravel() / distance)
         columns = np.repeat(6 * self.index[p] + np.arange(6), len(rows))
         return np.tile(rows, 6), columns, np.concatenate(values)
 
     def write(self, path):
-        """K, minus the forces per motion, six rows a particle as in modal/system/assembly.py."""
-        parts = zip(*map(self.columns, self.index), strict=True)
-        units = {"row": "1", "column": "1", "value": "N/m, N, N m"}
+        """Write K, minus the loads divided by the motion, as rows, columns and values.
+
+        Each particle has six rows, as in modal/system/assembly.py.
+        """
+        columns_of_spheres = [self.compute_columns(p) for p in self.index]
+        rows, columns, values = zip(*columns_of_spheres, strict=True)
         with atomic_h5(path) as file:
-            for (name, unit), values in zip(units.items(), parts, strict=True):
-                put(file, name, np.concatenate(values), unit)
+            put(file, "row", np.concatenate(rows), "1")
+            put(file, "column", np.concatenate(columns), "1")
+            put(file, "value", np.concatenate(values), "N/m, N, N m")
 
 
 def main():
-    """Read, differentiate, write; InputError for what the user can mend."""
+    """Read a sample, differentiate its forces, and write the tangent.
+
+    Raises InputError for a user's mistake.
+    """
     if len(sys.argv) != 3:
-        raise InputError("input", "two arguments needed", "SAMPLE.sample.h5 OUT.h5")
+        raise InputError("arguments", "two arguments needed", "SAMPLE.sample.h5 OUT.h5")
     sample = read_sample(sys.argv[1])
     build_scene(sample, margin=0.01, damping=0.0)
     Tangent(range(len(sample.position)), sample.radius).write(sys.argv[2])

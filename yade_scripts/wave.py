@@ -1,18 +1,24 @@
-"""Wave through a case's sample: the source wall moves by one pulse; caseNN.signals.h5.
+"""Send a wave through the sample of a case, by a pulse of the source wall; caseNN.signals.h5.
 
     yade -n -x -j1 yade_scripts/wave.py                  (case 2)
     yade-batch own.table yade_scripts/wave.py
 
 Needs caseNN.network.h5 and caseNN.highest.modes.h5: the time step is `fraction` of 2 / omega_max,
-the exact limit of the leapfrog scheme. Columns of the table, or environment variables WAVE_FRACTION
-and so on, which override them: fraction, amplitude (m; negative reverses the wall), duration (s;
-default until the wave front has made `passage` passages to the receiver wall), interval (s; longest
-between two records), particles (1 records every particle, not only chain and layers), direction (x
-or y: the wall slides and sends an S-wave), damping ("0.05 0.03": dashpots of the contacts, normal
-and tangential, in parts of the critical; such a run has no energy book), motion (a file of two
-columns, s and m: how the wall moves in the place of the pulse). All are recorded in the product;
-signals that were made with others, or of other files, are stale and made again. WAVE_PRODUCTS names
-the folder.
+the exact limit of the leapfrog scheme. The settings are columns of the table, or environment
+variables (WAVE_FRACTION and so on), which override them:
+
+    fraction    time step divided by its limit
+    amplitude   m; a negative one reverses the wall
+    duration    s; by default until the wave front has reached the receiver wall `passage` times
+    interval    s; longest time between two records, 0 for every step
+    particles   1 records every particle, not only chain and layers
+    direction   z, or x or y: the wall slides and sends an S-wave
+    damping     "0.05 0.03": dashpots of the contacts, normal and tangential, as shares of the
+                critical damping; such a run has no energy balance
+    motion      a file of two columns, s and m: motion of the wall instead of the pulse
+
+All are recorded in the product; signals that were made with other settings or from other files are
+stale and made again. WAVE_PRODUCTS names the folder.
 """
 
 import math
@@ -44,7 +50,7 @@ from modal.tools.errors import InputError
 from modal.waves import motions
 from modal.waves.motions import Pulse, read_motion
 from modal.waves.signals import DIRECTIONS, Signals, read_signals, write_signals
-from yade_scripts.scene import already_there, finish, products_folder
+from yade_scripts.scene import finish, is_product_current, products_folder
 from yade_scripts.state import build_scene
 from yade_scripts.wave_run import WaveRun
 
@@ -66,29 +72,55 @@ readParamsFromTable(
 )
 from yade.params import table  # noqa: E402
 
+OPTIONAL_SETTINGS = ("duration", "damping")
+"""Settings that may be absent."""
+COLLIDER_MARGIN = 0.01
+"""Reach of the collider around each sphere, radii."""
 
-def text(name):
-    """A setting from the environment (WAVE_NAME), or from the table; empty where it is absent."""
+
+def read_text(name):
+    """Return a setting from the environment (WAVE_NAME) or the table; empty if it is absent."""
     value = os.environ.get(f"WAVE_{name.upper()}", getattr(table, name))
-    return "" if value is None else str(value)
+    if value is None:
+        return ""
+    return str(value)
 
 
-def numbers(name, count=1):
-    """What a setting says, some of which may be absent; InputError unless it is so many numbers."""
+def read_numbers(name, count):
+    """Return the numbers of a setting; empty if an optional one is absent.
+
+    Raises InputError if there are not `count` numbers.
+    """
+    text = read_text(name)
     try:
-        found = [float(word) for word in text(name).split()]
+        numbers = [float(word) for word in text.split()]
     except ValueError:
-        found = [math.nan]
-    absent = not found and name in ("duration", "damping")
-    if not absent and (len(found) != count or math.isnan(sum(found))):
-        raise InputError(
-            "input", f"{name} {text(name)!r}", remedy=f"give {count} number{'s' * (count > 1)}"
-        )
-    return found
+        numbers = [math.nan]
+    if not numbers and name in OPTIONAL_SETTINGS:
+        return numbers
+    if len(numbers) != count or any(math.isnan(number) for number in numbers):
+        noun = "number" if count == 1 else "numbers"
+        raise InputError(name, f"{name} {text!r}", remedy=f"give {count} {noun}")
+    return numbers
 
 
-def refuse_senseless(settings):
-    """Raise InputError for numbers that no wave can be run with."""
+def read_number(name):
+    """Return the number of a setting, or None if an optional one is absent."""
+    numbers = read_numbers(name, 1)
+    return numbers[0] if numbers else None
+
+
+def read_settings():
+    """Return the numbers of the run, by name; raise InputError for impossible ones."""
+    settings = {
+        "fraction": read_number("fraction"),
+        "amplitude": read_number("amplitude"),
+        "input_frequency": read_number("input_frequency"),
+        "duration": read_number("duration"),
+        "interval": read_number("interval"),
+        "particles": read_number("particles"),
+        "passage": read_number("passage"),
+    }
     fraction = settings["fraction"]
     if not 0 < fraction <= 1:
         raise InputError(
@@ -109,108 +141,149 @@ def refuse_senseless(settings):
             f"particles {settings['particles']:g}",
             remedy="give 1 for a record of every particle, or 0",
         )
+    return settings
 
 
-def highest_frequency(path, packing):
-    """Frequency, Hz, of the highest mode of this very packing; InputError for other modes."""
+def read_direction():
+    """Return the direction of the wall's motion; raise InputError for an unknown one."""
+    direction = read_text("direction")
+    if direction not in DIRECTIONS:
+        raise InputError("direction", f"direction {direction!r}", remedy="choose x, y or z")
+    return direction
+
+
+def read_damping():
+    """Return the damping of the contacts, or None."""
+    ratios = read_numbers("damping", 2)
+    return ContactDamping(*ratios) if ratios else None
+
+
+def read_highest_frequency(path, packing):
+    """Return the frequency, Hz, of the highest mode of this packing.
+
+    Raises InputError if the modes are not its highest ones.
+    """
     note = require_same_packing(path, packing)
     if note:
         print(note)
-    asked = read_provenance(path).settings
-    if asked is not None and not {"highest", "all"} & asked.keys():
+    mode_settings = read_provenance(path).settings
+    if mode_settings is not None and not {"highest", "all"} & mode_settings.keys():
         raise InputError(
-            "input",
-            f"{path}: not the highest modes",
-            remedy="make them with python -m modal modes --highest 1",
+            "other_modes",
+            f"{path}",
+            "not the highest modes",
+            "make them with python -m modal modes --highest 1",
         )
     return read_modes(path).frequency[-1]
 
 
+def build_wave_scene(network, damping):
+    """Build the scene of a network at rest, with dashpots at its contacts if there is damping."""
+    build_scene(sample_of_network(network, table.mu_wave), margin=COLLIDER_MARGIN, damping=0.0)
+    if damping:
+        for contact in O.interactions:
+            contact.phys.betan = damping.normal
+            contact.phys.betas = damping.tangential
+    # During a wave no sphere moves by a millionth of a radius: the collider is not needed.
+    O.labeledEngine("collider").dead = True
+
+
+def make_signals(run, settings, direction, has_damping):
+    """Return the records of a finished run as signals, with its energy balance."""
+    network = run.network
+    records = np.array(run.records)
+    particle_displacement = None
+    if run.every_particle:
+        particle_displacement = np.array(run.particle_records)
+    return Signals(
+        time=records[:, 0],
+        chain_particle=run.chain,
+        chain_position=network.position[run.chain, 2],
+        chain_displacement=records[:, 4:],
+        source_displacement=records[:, 1],
+        source_stress=records[:, 2] - records[0, 2],
+        receiver_stress=records[:, 3] - records[0, 3],
+        producer="yade",
+        case=str(table.case),
+        amplitude=run.motion.amplitude,
+        input_frequency=run.motion.frequency,
+        time_step=O.dt,
+        run_time=run.seconds,
+        direction=direction,
+        layer_position=run.layers.position,
+        layer_displacement=np.array(run.layer_records),
+        particle_displacement=particle_displacement,
+        balance=None if has_damping else run.balance(settings["fraction"]),
+    )
+
+
+def print_report(path, run, fraction, has_damping):
+    """Print what the run has cost, and its energy balance."""
+    balance = run.balance(fraction)
+    print(
+        f"{path}: {run.steps} steps of {O.dt:.3e} s in {run.seconds:.0f} s; "
+        f"energy drift {balance.drift:.1e}, limit {balance.limit:.1e}, "
+        f"to friction {balance.friction:.1e}, gap to the work of the wall {balance.gap:.1e}"
+    )
+    if not (has_damping or balance.closes):
+        print(f"{path}: warning: the energy balance does not close; do not trust this run")
+    print(f"{path}: {run.watch.report()}")
+
+
 def main():
-    """Load, run, write; InputError for what the user can mend."""
-    folder, case = products_folder(), f"case{table.case:02d}"
-    kinds = "network", "highest.modes", "signals"
-    network_path, modes_path, path = (folder / f"{case}.{kind}.h5" for kind in kinds)
-    names = "fraction", "amplitude", "input_frequency", "duration", "interval", "particles"
-    settings = {name: next(iter(numbers(name)), None) for name in (*names, "passage")}
-    refuse_senseless(settings)
-    direction = text("direction")
-    if direction not in DIRECTIONS:
-        raise InputError("input", f"direction {direction!r}", remedy="choose x, y or z")
-    # Said where it is not what earlier products had, so that these stay current.
-    settings |= {} if direction == "z" else {"direction": direction}
-    ratios = numbers("damping", 2)
-    damped = ContactDamping(*ratios) if ratios else None
-    settings |= {"damping": " ".join(text("damping").split())} if ratios else {}
+    """Send the wave and write its signals; raise InputError for a user's mistake."""
+    folder = products_folder()
+    case = f"case{table.case:02d}"
+    network_path = folder / f"{case}.network.h5"
+    modes_path = folder / f"{case}.highest.modes.h5"
+    path = folder / f"{case}.signals.h5"
+    settings = read_settings()
+    direction = read_direction()
+    damping = read_damping()
+    motion_path = read_text("motion")
     packing = packing_of(network_path)
     sources = (*packing, Source.of("highest modes", modes_path))
-    file = text("motion")
-    sources += (Source.of("motion", file),) if file else ()
+    if motion_path:
+        sources += (Source.of("motion", motion_path),)
+    # Direction and damping are recorded only if they are not those of earlier products, so that
+    # these stay current.
+    recorded_settings = settings | {"mu_wave": float(table.mu_wave)}
+    if direction != "z":
+        recorded_settings["direction"] = direction
+    if damping:
+        recorded_settings["damping"] = " ".join(read_text("damping").split())
     made = Provenance(
-        "yade_scripts/wave.py",
-        settings | {"mu_wave": float(table.mu_wave)},
-        sources,
-        versions(yade=config.version),
+        "yade_scripts/wave.py", recorded_settings, sources, versions(yade=config.version)
     )
-    if already_there(path, made, read_signals):
+    if is_product_current(path, made, read_signals):
         return
-    fraction, amplitude, input_frequency = (settings[name] for name in names[:3])
-    motion = read_motion(file) if file else Pulse(amplitude, input_frequency)
+    motion = Pulse(settings["amplitude"], settings["input_frequency"])
+    if motion_path:
+        motion = read_motion(motion_path)
     network = read_network(network_path)
-    highest = highest_frequency(modes_path, packing)
-    build_scene(sample_of_network(network, table.mu_wave), margin=0.01, damping=0.0)
-    if damped:
-        for contact in O.interactions:
-            contact.phys.betan, contact.phys.betas = damped.normal, damped.tangential
-    # Over a wave nobody moves by a millionth of a radius: the collider may sleep.
-    O.labeledEngine("collider").dead = True
-    arrival = settings["passage"] * network.length / affine_velocity(network)
-    duration = arrival if settings["duration"] is None else settings["duration"]
-    O.dt = fraction / (math.pi * highest)
-    every_particle = settings["particles"] == 1
+    highest_frequency = read_highest_frequency(modes_path, packing)
+    build_wave_scene(network, damping)
+    duration = settings["duration"]
+    if duration is None:
+        duration = settings["passage"] * network.length / affine_velocity(network)
+    O.dt = settings["fraction"] / (math.pi * highest_frequency)
     run = WaveRun(
         network,
         motion,
         DIRECTIONS.index(direction),
         steps=int(math.ceil(duration / O.dt)) + 1,
         every=max(1, int(settings["interval"] / O.dt)),
-        every_particle=every_particle,
+        every_particle=settings["particles"] == 1,
     )
-    if file and run.quiet > run.steps:
+    if motion_path and run.quiet_step > run.steps:
         raise InputError(
-            "input", "the wall moves beyond the end of the record", remedy="take a longer duration"
+            "duration",
+            "the wall moves beyond the end of the record",
+            remedy="take a longer duration",
         )
-    run.go(case)
-    balance, recorded = run.balance(fraction), np.array(run.records)
-    signals = Signals(
-        time=recorded[:, 0],
-        chain_particle=run.chain,
-        chain_position=network.position[run.chain, 2],
-        chain_displacement=recorded[:, 4:],
-        source_displacement=recorded[:, 1],
-        source_stress=recorded[:, 2] - recorded[0, 2],
-        receiver_stress=recorded[:, 3] - recorded[0, 3],
-        producer="yade",
-        case=str(table.case),
-        amplitude=motion.amplitude,
-        input_frequency=motion.frequency,
-        time_step=O.dt,
-        run_time=run.seconds,
-        direction=direction,
-        layer_position=run.layers.position,
-        layer_displacement=np.array(run.layer_records),
-        particle_displacement=np.array(run.particle_records) if every_particle else None,
-        balance=None if damped else balance,
-    )
-    write_signals(path, signals, made)
-    print(
-        f"{path}: {run.steps} steps of {O.dt:.3e} s in {run.seconds:.0f} s; "
-        f"energy drift {balance.drift:.1e}, limit {balance.limit:.1e}, "
-        f"to friction {balance.friction:.1e}, gap to the work of the wall {balance.gap:.1e}"
-    )
-    if not (damped or balance.closes):
-        print(f"{path}: warning: the energy books do not close; do not trust this run")
-    print(f"{path}: {run.watch.report()}")
+    run.run(case)
+    write_signals(path, make_signals(run, settings, direction, damping is not None), made)
+    print_report(path, run, settings["fraction"], damping is not None)
 
 
 finish(main)

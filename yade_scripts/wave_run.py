@@ -1,4 +1,4 @@
-"""One wave through a scene at rest: the source wall's motion, the records, the energy's books."""
+"""One wave through a YADE scene at rest: motion of the source wall, records, energy balance."""
 
 import math
 import time
@@ -13,157 +13,222 @@ from modal.tools.errors import InputError
 from modal.tools.progress import Minute
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from yade_scripts.contact_watch import ContactWatch
-from yade_scripts.scene import before_motion
+from yade_scripts.scene import call_before_motion
 from yade_scripts.servo import wall_stresses
 
-LOOKS = 40
-"""Looks at all contacts in a run: which have opened or formed. Few, since a look costs a step."""
-TURNING_ROUND = -0.5
-"""Correlation of the velocities of two steps: the cosine of what a mode turns in a step, 0.5 or
-more for all modes at half the limit, and -1 for a mode that grows."""
-BLOW_UP = 100.0
-"""A displacement of so many amplitudes is no wave but an unstable time step."""
+CONTACT_CHECKS = 40
+"""Checks of all contacts in a run: few, since a check costs as much as a step."""
+MIN_CORRELATION = -0.5
+"""Least correlation of the velocities of two steps. It is the cosine of the phase of a mode in one
+step: 0.5 or more for all modes at half the limit, and -1 for a mode that grows."""
+MAX_AMPLITUDES = 100.0
+"""Displacement, in amplitudes of the wall, beyond which the time step is unstable."""
+MIN_AMPLITUDE = 1e-9
+"""Amplitude, m, to which this limit refers at least: a wall may not move at all."""
+UNSTABLE = "the time step is unstable"
+"""Reason of the refusals of a run."""
+LOWER_FRACTION = "lower WAVE_FRACTION"
+"""Remedy of the refusals of a run."""
 
 
 class WaveRun:
-    """The motion of the source wall along one axis, and what comes of it.
+    """A run of the wave that a motion of the source wall sends along one axis.
 
-    `network` is that of the scene, with n particles; `motion` is that of the wall, along `axis`, 0,
-    1 or 2. The run takes `steps` of O.dt and records `every` so many of
-    them, with `every_particle` the displacements of all particles. After `go`, as lists of rows:
-    records (k, 4 + c) have time, s, the wall's displacement, m, the stresses on both walls, Pa, and
-    the displacements of the `chain` (c,), m; layer_records and particle_records have those of
-    `layers` and particles. `seconds` is what the run took.
+    Parameters
+    ----------
+    network : Network
+        Network of the scene, with n particles.
+    motion : motion of the wall
+        Its displacement over time.
+    axis : int
+        0, 1 or 2.
+    steps : int
+        Number of steps of O.dt.
+    every : int
+        Steps between two records.
+    every_particle : bool
+        Whether the displacements of all particles are recorded.
+
+    Attributes
+    ----------
+    chain : ndarray (c,)
+        Particles of the chain from wall to wall.
+    layers : Layers
+        Layers whose mean displacements are recorded.
+    records : list
+        Rows (4 + c,): time, s, displacement of the wall, m, stresses on source and receiver wall,
+        Pa, displacements of the chain, m.
+    layer_records, particle_records : list
+        Rows of displacements of layers and particles, m.
+    quiet_step : int
+        First step after the motion of the wall.
+    seconds : float
+        Computing time of the run.
     """
 
     def __init__(self, network, motion, axis, *, steps, every, every_particle):
-        self.network, self.motion, self.axis = network, motion, axis
-        self.steps, self.every, self.every_particle = steps, every, every_particle
+        self.network = network
+        self.motion = motion
+        self.axis = axis
+        self.steps = steps
+        self.every = every
+        self.every_particle = every_particle
         self.n = network.n_particles
-        self.chain, self.layers = wall_to_wall_chain(network), Layers(network)
-        self.records, self.layer_records, self.particle_records = [], [], []
+        self.chain = wall_to_wall_chain(network)
+        self.layers = Layers(network)
+        self.records = []
+        self.layer_records = []
+        self.particle_records = []
         self.watch = ContactWatch(2 * abs(motion.amplitude))
         # The wall rests from the motion's end on: kinetic plus elastic energy is then constant.
-        self.quiet = int(math.ceil(motion.corners[-1] / O.dt)) + 2
-        self._look_every = max(1, steps // every // LOOKS)
+        self.quiet_step = int(math.ceil(motion.corners[-1] / O.dt)) + 2
+        self._records_per_check = max(1, steps // every // CONTACT_CHECKS)
         self._states = [O.bodies[k].state for k in range(self.n)]
         self._start = np.array([state.pos[axis] for state in self._states])
         (self._law,) = O.labeledEngine("contacts").lawDispatcher.functors
         self._law.calcEnergy = True
-        self._step, self._stable = 0, True
-        self._work = self._wall_force = 0.0
-        self._books, self._dissipated = [], []
-        before_motion(self._drive)
+        self._step = 0
+        self._is_stable = True
+        self._work = 0.0
+        self._wall_force = 0.0
+        self._energies = []
+        self._dissipated = []
+        call_before_motion(self._drive)
 
     def _drive(self):
-        """Between forces and motion: record state k, then send the wall to its place k + 1."""
-        if self._step in (self.quiet, self.steps):
-            self._elastic_energy = self._stored_energy()
+        """Record state k, and set the wall's velocity for step k + 1, between forces and motion."""
+        if self._step in (self.quiet_step, self.steps):
+            self._elastic_energy = self._compute_stored_energy()
         self.watch.follow()
         now = self._step * O.dt
-        here, there = self.motion.displacement(np.array([now, now + O.dt]))
+        displacement, next_displacement = self.motion.displacement(np.array([now, now + O.dt]))
         if now < self.motion.corners[-1] + O.dt:
-            self._add_work(now, here)
+            self._add_work(now, displacement)
         if self._step % self.every == 0:
-            self._record(now, here)
-        O.bodies[self.n].state.vel = np.eye(3)[self.axis] * (there - here) / O.dt
+            self._record(now, displacement)
+        velocity = np.eye(3)[self.axis] * (next_displacement - displacement) / O.dt
+        O.bodies[self.n].state.vel = velocity
         self._step += 1
 
-    def go(self, name):
-        """Take all steps; InputError where the time step is unstable. `name` is for the log."""
-        static, minute, started = self._stored_energy(), Minute(), time.perf_counter()
-        for target in (self.quiet, self.steps):
-            while self._step < target and self._stable:
-                O.step()  # O.run looks only every 40 ms whether its steps are done
+    def run(self, name):
+        """Take all steps, with lines of progress under a name.
+
+        Raises InputError if the time step is unstable.
+        """
+        static_energy = self._compute_stored_energy()
+        minute = Minute()
+        started = time.perf_counter()
+        for target in (self.quiet_step, self.steps):
+            while self._step < target and self._is_stable:
+                O.step()  # O.run checks only every 40 ms whether its steps are done
                 if minute.passed():
-                    left = (time.perf_counter() - started) * (self.steps / self._step - 1)
-                    to_go = f"{self._step} of {self.steps}, {duration(left)} to go"
-                    print(f"{name}: wave, step {to_go}", flush=True)
-            if not self._stable:
+                    self._print_progress(name, time.perf_counter() - started)
+            if not self._is_stable:
                 raise InputError(
-                    "input",
+                    "unstable_step",
                     f"the wave blew up after {self._step} steps",
-                    "the time step is unstable, lower WAVE_FRACTION",
+                    UNSTABLE,
+                    LOWER_FRACTION,
                 )
-            total, correlation = self._total_energy()
-            self._books.append(total - static)
+            energy, correlation = self._compute_total_energy()
+            self._energies.append(energy - static_energy)
             self._dissipated.append(self.watch.dissipated)
         self.seconds = time.perf_counter() - started
         if not np.isfinite(self.records).all():
+            raise InputError("unstable_step", "the wave is not finite", UNSTABLE, LOWER_FRACTION)
+        # A step little above the limit feeds modes whose velocities change sign at every step,
+        # until friction holds them; neither the chain nor any displacement shows them.
+        if not correlation > MIN_CORRELATION:
             raise InputError(
-                "input",
-                "the wave is not finite",
-                remedy="the time step is unstable, lower WAVE_FRACTION",
-            )
-        # A step little above the limit feeds modes that turn round at every step, until friction
-        # holds them; the chain hardly shows them, and no displacement gives them away.
-        if not correlation > TURNING_ROUND:
-            raise InputError(
-                "input",
+                "unstable_step",
                 f"the velocities turn round at every step (correlation {correlation:.2f})",
-                "the time step is unstable, lower WAVE_FRACTION",
+                UNSTABLE,
+                LOWER_FRACTION,
             )
 
+    def _print_progress(self, name, seconds):
+        """Print how far the run is after some seconds, and how long it may still take."""
+        seconds_left = seconds * (self.steps / self._step - 1)
+        print(
+            f"{name}: wave, step {self._step} of {self.steps}, {duration(seconds_left)} to go",
+            flush=True,
+        )
+
     def balance(self, fraction):
-        """What became of the wall's work; `fraction` is that of the time step's limit."""
-        energy, end = self._books
-        lost = self._dissipated[1] - self._dissipated[0]
+        """Return the energy balance; `fraction` is the time step divided by its limit."""
+        energy, end_energy = self._energies
+        dissipated_before, dissipated = self._dissipated
         slid = len(self.watch.slid)
-        size = self.motion.amplitude
-        limit = math.nan if slid else drift_limit(self.network, fraction, size, energy)
+        limit = math.nan
+        if not slid:
+            limit = drift_limit(self.network, fraction, self.motion.amplitude, energy)
         return EnergyBalance(
             energy=energy,
-            drift=(end - energy) / energy,
-            friction=lost / energy,
+            drift=(end_energy - energy) / energy,
+            friction=(dissipated - dissipated_before) / energy,
             contacts=len(self.watch.depth),
             opened=len(self.watch.opened),
             slid=slid,
             limit=limit,
             work=self._work,
-            gap=(end + self._dissipated[1] - self._work) / self._work,
+            gap=(end_energy + dissipated - self._work) / self._work,
         )
 
-    def _add_work(self, now, here):
-        # The mean of the forces at both ends of a step: exact in a linear system, as the energy is.
+    def _add_work(self, now, displacement):
+        """Add the work of the wall in the last step.
+
+        The force is the mean of those at both ends of the step: the sum is exact in a linear
+        system, as the energy is.
+        """
         force = O.forces.f(self.n, sync=True)[self.axis]
-        before = self.motion.displacement(np.array([now - O.dt]))[0]
-        self._work -= 0.5 * (force + self._wall_force) * (here - before)
+        displacement_before = self.motion.displacement(np.array([now - O.dt]))[0]
+        self._work -= 0.5 * (force + self._wall_force) * (displacement - displacement_before)
         self._wall_force = force
 
-    def _record(self, now, here):
-        moved = np.array([state.pos[self.axis] for state in self._states]) - self._start
-        stresses = wall_stresses(self.n, self.axis)
-        self.records.append((now, here, *stresses, *moved[self.chain]))
-        self.layer_records.append(self.layers.means(moved))
-        if len(self.records) % self._look_every == 0:
-            self.watch.look()
+    def _record(self, now, wall_displacement):
+        """Add a record at a time, s, and note whether the motion is stable."""
+        displacement = np.array([state.pos[self.axis] for state in self._states]) - self._start
+        source_stress, receiver_stress = wall_stresses(self.n, self.axis)
+        chain_displacement = displacement[self.chain]
+        self.records.append(
+            (now, wall_displacement, source_stress, receiver_stress, *chain_displacement)
+        )
+        self.layer_records.append(self.layers.means(displacement))
+        if len(self.records) % self._records_per_check == 0:
+            self.watch.check_all()
         if self.every_particle:
-            self.particle_records.append(moved)
-        if not abs(moved[self.chain[0]]) < BLOW_UP * max(abs(self.motion.amplitude), 1e-9):
-            self._stable = False
+            self.particle_records.append(displacement)
+        limit = MAX_AMPLITUDES * max(abs(self.motion.amplitude), MIN_AMPLITUDE)
+        if not abs(chain_displacement[0]) < limit:
+            self._is_stable = False
 
-    def _stored_energy(self):
-        """Energy stored in all contacts, J: 2/5 of N times overlap, and the shear forces' work.
+    def _compute_stored_energy(self):
+        """Return the energy stored in all contacts, J: 2/5 of N times overlap, and that of shear.
 
-        Fs^2 / 2 ks would change with the overlap, to first order in the wave, without any work
-        done.
+        The energy of shear is the sum of the shear forces' work. Fs^2 / 2 ks would change with the
+        overlap, to first order in the wave, without any work done.
         """
         return self._law.normElastEnergy() + self._law.shearEnergy
 
-    def _momenta(self):
-        """Velocities (n, 6) at the half step behind, times the root of each sphere's inertia."""
-        roots = ((s, math.sqrt(s.mass), math.sqrt(s.inertia[0])) for s in self._states)
-        return np.array([(*s.vel * mass, *s.angVel * inertia) for s, mass, inertia in roots])
+    def _read_scaled_velocities(self):
+        """Return velocities (n, 6) half a step ago, times the square root of mass or inertia."""
+        rows = []
+        for state in self._states:
+            sqrt_mass = math.sqrt(state.mass)
+            sqrt_inertia = math.sqrt(state.inertia[0])
+            rows.append((*state.vel * sqrt_mass, *state.angVel * sqrt_inertia))
+        return np.array(rows)
 
-    def _total_energy(self):
-        """Kinetic plus elastic energy at the present positions, J, and how velocities correlate.
+    def _compute_total_energy(self):
+        """Return kinetic plus elastic energy, J, and the correlation of successive velocities.
 
-        Velocities live half a step off; the product of those behind and ahead is the kinetic energy
-        whose sum with the elastic one the leapfrog scheme conserves in a linear system.
+        Velocities are known half a step before and after the positions. Their product is the
+        kinetic energy whose sum with the elastic one the leapfrog scheme conserves in a linear
+        system.
         """
-        behind = self._momenta()
+        before = self._read_scaled_velocities()
         O.step()
-        ahead = self._momenta()
-        product = float((behind * ahead).sum())
-        correlation = product / float(np.linalg.norm(behind) * np.linalg.norm(ahead))
+        after = self._read_scaled_velocities()
+        product = float((before * after).sum())
+        correlation = product / float(np.linalg.norm(before) * np.linalg.norm(after))
         return self._elastic_energy + 0.5 * product, correlation
