@@ -6,7 +6,7 @@
 >>> low.certified
 True
 
-`modal.read` takes a packing from a file, `modal.fcc` and `modal.random_packing` make one. All other
+`modal.read` reads a packing from a file, `modal.fcc` and `modal.random_packing` make one. All other
 functions take a packing; each result has named fields, a `repr`, and `plot()` where a picture is
 expected. The modules behind these names are loaded when a name is first used, so that the file
 formats also work inside YADE's own Python, which has neither scipy nor numba.
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from modal.waves.response import frequency_response as frequency_response
 
 __version__ = "0.1.0"
-_HOME = {
+_MODULES = {
     "FccLattice": "modal.theory.fcc",
-    "InputError": "modal.formats.hdf5",
+    "InputError": "modal.tools.errors",
     "Network": "modal.packing.network",
     "count_modes": "modal.modes.counts",
     "density_of_states": "modal.modes.density",
@@ -46,15 +46,16 @@ _HOME = {
     "random_packing": "modal.preparation.random_packing",
     "read": "modal.exchange.registry",
 }
-__all__ = [*_HOME]
+"""Module of each public name, as in the imports above."""
+__all__ = [*_MODULES]
 
 
 if not TYPE_CHECKING:  # a type checker follows the imports above and reports other names
 
     def __getattr__(name: str) -> Any:
-        if name not in _HOME:
+        if name not in _MODULES:
             raise AttributeError(f"module 'modal' has no attribute {name!r}")
-        return getattr(importlib.import_module(_HOME[name]), name)
+        return getattr(importlib.import_module(_MODULES[name]), name)
 
 
 def __dir__() -> list[str]:

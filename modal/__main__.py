@@ -1,4 +1,4 @@
-"""`python -m modal`: the command line, see `modal.cli`."""
+"""The command line, `python -m modal`; the commands are in `modal.cli`."""
 
 import atexit
 import gc
@@ -11,29 +11,35 @@ from modal.tools.interrupted import end_at_interrupt
 
 __all__ = ["main"]
 
+OBJECTS_BETWEEN_COLLECTIONS = 100_000
+"""Number of new objects after which garbage is collected; Python itself takes 700."""
+
 
 def main(argv: Sequence[str] | None = None, package: str = "modal") -> int:
-    """Run one command; without `argv` as a program of its own, which Ctrl-C ends in one line."""
+    """Run one command and return the exit status.
+
+    Without `argv` the process is a program of its own, which Ctrl-C ends in one line.
+    """
     if argv is None:
-        begin()
+        prepare_process()
     status: int = import_module(f"{package}.cli.main").main(argv)
     return status
 
 
-def begin() -> None:
-    """Be a program of one's own: before what takes time to load."""
+def prepare_process() -> None:
+    """Prepare the process of a program, before modules that take time to load."""
     end_at_interrupt()
-    # Libraries make objects by the hundred thousand and hardly any garbage: fewer looks for it, and
-    # none as the program ends, which after compiled loops would take 0.3 s.
-    gc.set_threshold(100_000)
+    # Libraries make objects by the hundred thousand and hardly any garbage: collect it less often,
+    # and not at the end of the program, which after compiled loops would take 0.3 s.
+    gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
     atexit.register(gc.freeze)
     _load_when_used("f2py", "testing")
 
 
 def _load_when_used(*parts: str) -> None:
-    """Have these parts of numpy loaded when something of them is used, in this program alone.
+    """Delay loading parts of numpy until they are used, in this program alone.
 
-    scipy asks numpy for each of its parts; these take a sixth of a short command's time.
+    scipy names each part of numpy, which loads it; these take a sixth of a short command's time.
     """
     import numpy
 
@@ -41,7 +47,8 @@ def _load_when_used(*parts: str) -> None:
         spec = find_spec(f"numpy.{part}")
         if spec and spec.loader and spec.name not in sys.modules:
             spec.loader = LazyLoader(spec.loader)
-            module = sys.modules[spec.name] = module_from_spec(spec)
+            module = module_from_spec(spec)
+            sys.modules[spec.name] = module
             spec.loader.exec_module(module)
             setattr(numpy, part, module)
 

@@ -1,5 +1,8 @@
 """A packing in a few lines for people: stresses, voids, rattlers, motions without energy."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from modal.modes.collective import every_floppy
 from modal.packing.network import Network
 from modal.packing.plausibility import is_of_a_solid, median_density
@@ -9,10 +12,13 @@ from modal.tools.arguments import checked
 from modal.tools.display import quantity, table
 from modal.tools.errors import InputError
 
+STRESSES = {"stress_pa": "stress xx, yy, zz", "wall_stress_pa": "stress on walls"}
+"""Labels of the stresses in a summary."""
+
 
 @checked
 def describe(network: Network) -> str:
-    """Spheres, cell, contacts, stresses, void ratio, rattlers and floppy modes of a packing.
+    """Describe spheres, cell, contacts, stresses, void ratio, rattlers and floppy modes.
 
     Parameters
     ----------
@@ -27,7 +33,7 @@ def describe(network: Network) -> str:
     Raises
     ------
     InputError
-        Where `network` is no packing.
+        If `network` is no packing.
 
     Examples
     --------
@@ -42,44 +48,71 @@ def describe(network: Network) -> str:
     void ratio           0.3778
     floppy modes         0
     """
-    told, length = summary(network), quantity(network.length, "m")
-    ends = (quantity(2 * float(end), "m") for end in (network.radius.min(), network.radius.max()))
-    cell = " x ".join(quantity(side, "m") for side in network.cell_size)
-    along_z = "periodic along z" if network.cell_periodic[2] else f"walls {length} apart"
-    at_walls = int(network.with_wall.sum())
+    state = summary(network)
+    contacts_with_walls = int(network.with_wall.sum())
     rows = [
-        ("spheres", f"{network.n_particles}, diameters {' to '.join(dict.fromkeys(ends))}"),
-        ("cell", f"{cell}, {along_z}"),
-        ("contacts", f"{network.n_contacts}, {at_walls} of them with the walls"),
+        ("spheres", f"{network.n_particles}, diameters {_diameters(network)}"),
+        ("cell", _cell(network)),
+        ("contacts", f"{network.n_contacts}, {contacts_with_walls} of them with the walls"),
         ("coordination number", f"{network.coordination_number:.3f}"),
     ]
-    for name, words in (("stress_pa", "stress xx, yy, zz"), ("wall_stress_pa", "stress on walls")):
-        if name in told:
-            rows.append((words, ", ".join(quantity(value, "Pa") for value in told[name])))
-    if "void_ratio" in told:
-        void_ratio = f"{told['void_ratio']:.4f}"
-        if "void_ratio_error" in told:
-            free = ", ".join(told["free_ends"])
-            void_ratio += f" ± {told['void_ratio_error']:.4f}, free at {free}"
-        rows.append(("void ratio", void_ratio))
-    if told["rattlers"]:
-        without = told["coordination_number_without_rattlers"]
-        rows.append(("rattlers", f"{told['rattlers']}; coordination number {without:.3f} without"))
-    rows.append(("floppy modes", _floppy(network)))
+    for name, label in STRESSES.items():
+        if name in state:
+            rows.append((label, ", ".join(quantity(value, "Pa") for value in state[name])))
+    if "void_ratio" in state:
+        rows.append(("void ratio", _void_ratio(state)))
+    if state["rattlers"]:
+        without = state["coordination_number_without_rattlers"]
+        rows.append(("rattlers", f"{state['rattlers']}; coordination number {without:.3f} without"))
+    rows.append(("floppy modes", _floppy_modes(network)))
     density = median_density(network)
     if not is_of_a_solid(density):
         rows.append(("density", f"{density:.4g} kg/m^3, of no solid: mass in kg, radius in m?"))
     return table(rows)
 
 
-def _floppy(network: Network) -> str:
-    """Their number and kinds, or why it is not known."""
+def _diameters(network: Network) -> str:
+    """Return the smallest and the largest diameter, or the one that all spheres have."""
+    smallest = quantity(2 * float(network.radius.min()), "m")
+    largest = quantity(2 * float(network.radius.max()), "m")
+    if smallest == largest:
+        return smallest
+    return f"{smallest} to {largest}"
+
+
+def _cell(network: Network) -> str:
+    """Return the sides of the cell, and what ends it along z."""
+    sides = " x ".join(quantity(side, "m") for side in network.cell_size)
+    if network.cell_periodic[2]:
+        return f"{sides}, periodic along z"
+    return f"{sides}, walls {quantity(network.length, 'm')} apart"
+
+
+def _void_ratio(state: Mapping[str, Any]) -> str:
+    """Return the void ratio of a summary, with its error if the packing has free ends."""
+    void_ratio = f"{state['void_ratio']:.4f}"
+    if "void_ratio_error" in state:
+        free_ends = ", ".join(state["free_ends"])
+        void_ratio += f" ± {state['void_ratio_error']:.4f}, free at {free_ends}"
+    return void_ratio
+
+
+def _floppy_modes(network: Network) -> str:
+    """Return the number and the kinds of floppy modes, or why they are not known."""
     try:
         floppy = every_floppy(LinearSystem.of(network))
     except InputError as error:
         return str(error)
-    kinds = ", ".join(f"{n} {kind.replace('_', ' ')}" for kind, n in floppy.kinds.items() if n)
-    least = "" if floppy.counted else "at least "
+    kinds = []
+    for kind, number in floppy.kinds.items():
+        if number:
+            kinds.append(f"{number} {kind.replace('_', ' ')}")
+    details = ", ".join(kinds)
     if floppy.unstable:
-        kinds = f"and {floppy.unstable} unstable modes; {kinds}".strip("; ")
-    return f"{least}{floppy.total}" + f" ({kinds})" * bool(kinds)
+        details = f"and {floppy.unstable} unstable modes; {details}".strip("; ")
+    description = f"{floppy.total}"
+    if not floppy.counted:
+        description = f"at least {description}"
+    if details:
+        description += f" ({details})"
+    return description

@@ -181,9 +181,9 @@ def longest_ways_by_arrays(
 
 longest_ways = by_parts(_way_of_some, longest_ways_by_arrays)
 if numba is not None:
-    from modal.tools.loop_cache import kept
+    from modal.tools.loop_cache import compile_cached
 
-    _sorted_by = kept(_sorted_by)
+    _sorted_by = compile_cached(_sorted_by)
     _runs_near = compiled_part(_runs_near, fingerprint())
     _pairs_of_some = compiled_part(_pairs_of_some, fingerprint())
     _pairs_by_cells = compiled(_pairs_by_cells, 0, fingerprint())

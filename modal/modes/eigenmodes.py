@@ -27,7 +27,7 @@ from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arguments import checked
 from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError, UnavailableError
-from modal.tools.workload import LONGEST
+from modal.tools.workload import MAX_SECONDS
 
 FEW = 10
 """Lowest modes where nothing else is asked for."""
@@ -54,7 +54,7 @@ def eigenmodes(
     solver: str | None = None,
     shapes: bool = True,
     certify: bool = True,
-    hours: float = LONGEST / 3600,
+    hours: float = MAX_SECONDS / 3600,
 ) -> ModeSet:
     """Natural frequencies and mode shapes of a packing, and whether any mode is missing.
 

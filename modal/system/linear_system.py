@@ -23,7 +23,7 @@ from modal.system.operator import ContactOperator
 from modal.system.root_mass import RootMass
 from modal.tools.arrays import Floats
 from modal.tools.errors import refuse_unknown
-from modal.tools.workload import LONGEST
+from modal.tools.workload import MAX_SECONDS
 
 COUNTED = 1e-11
 """How far round-off of a factorisation may move an omega^2, relative to A's largest diagonal entry;
@@ -78,7 +78,7 @@ class LinearSystem:
     dof: int = 6
     solver: str | None = None
     shapes: bool = True
-    hours: float = LONGEST / 3600
+    hours: float = MAX_SECONDS / 3600
     limits: Limits = Limits()
     damping: ContactDamping | None = None
     asked_of: Network | None = None

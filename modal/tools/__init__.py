@@ -1,1 +1,1 @@
-"""What the other rooms stand on: errors, arrays, compiled loops, progress, what people see."""
+"""Errors, arrays, compiled loops, progress and display, on which all other rooms stand."""

@@ -1,4 +1,4 @@
-"""Arguments of public functions: one of a wrong kind is refused in one line that names it."""
+"""Check arguments of public functions: a wrong kind is refused in one line that names it."""
 
 import types
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -6,7 +6,7 @@ from contextlib import suppress
 from functools import cache, wraps
 from inspect import signature
 from numbers import Real
-from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,23 +17,34 @@ from modal.tools.units import plain_numbers
 
 P = ParamSpec("P")
 R = TypeVar("R")
-NUMBERS = int, float, np.integer, np.floating
-WORDS: dict[Any, str] = {
-    **{float: "a number", int: "a whole number", bool: "True or False"},
-    **{str: "a text", Sequence: "a list", type(None): "None"},
+NUMBER_TYPES = int, float, np.integer, np.floating
+KIND_WORDS: dict[Any, str] = {
+    float: "a number",
+    int: "a whole number",
+    bool: "True or False",
+    str: "a text",
+    Literal: "a text",
+    Sequence: "a list",
+    type(None): "None",
 }
-"""What a kind of argument is called; others by the name of their class."""
-MAKES = {
-    "Network": "; modal.read makes one from a file",
-    "Motion": "; modal.waves.motions has Pulse, chirp, step, SampledMotion and read_motion",
+"""Words for kinds of arguments; other kinds are called by the name of their class."""
+MAKERS = {
+    "Network": "modal.read makes one from a file",
+    "Motion": "modal.waves.motions has Pulse, chirp, step, SampledMotion and read_motion",
 }
-"""What makes an argument of this class."""
+"""What makes an argument of a class, by the name of the class."""
+MAX_SHOWN_LENGTH = 60
+"""Number of characters from which on a message names a value by its type."""
+MAX_FREQUENCY_HZ = 1e30
+"""Largest frequency: no body of a size that numbers hold vibrates so fast, and its powers are still
+numbers."""
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """The function, which raises InputError where an argument is not of its annotated kind.
+    """Wrap a function so that arguments of another kind than annotated raise InputError.
 
-    Numbers of all kinds arrive as Python's own: whole ones do not overflow, others are doubles.
+    Numbers of all types are passed on as Python's own: whole numbers then do not overflow, and
+    others are doubles.
 
     >>> import modal
     >>> modal.eigenmodes("mine.network.h5")  # doctest: +ELLIPSIS
@@ -48,87 +59,119 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             bound = signature(function).bind(*args, **kwargs)
         except TypeError:  # missing or unknown: Python's own message names the function
             return function(*args, **kwargs)
-        given = bound.arguments
-        refuse_other_kinds(function, function.__name__, given)
+        arguments = bound.arguments
+        refuse_other_kinds(function, function.__name__, arguments)
         for name, kind in _kinds(function).items():
-            number = given.get(name)
-            if isinstance(number, NUMBERS) and (own := {int, float} & {*_alternatives(kind)}):
-                given[name] = own.pop()(number)
+            if isinstance(arguments.get(name), NUMBER_TYPES):
+                for number_type in (float, int):
+                    if number_type in _alternatives(kind):
+                        arguments[name] = number_type(arguments[name])
+                        break
         return function(*bound.args, **bound.kwargs)
 
     return call
 
 
-def refuse_other_kinds(owner: Callable[..., Any], name: str, given: Mapping[str, object]) -> None:
-    """InputError for the first of the `given` arguments that its owner's annotation does not allow.
+def refuse_other_kinds(owner: Callable[..., Any], name: str, values: Mapping[str, object]) -> None:
+    """Raise InputError for the first of the `values` that its annotation does not allow.
 
     `owner` is a function, or a class whose fields are given; `name` begins the message.
     """
     kinds = _kinds(owner)
-    for argument, value in given.items():
+    for argument, value in values.items():
         kind = kinds.get(argument, Any)
-        if not _fits(value, kind):
-            wanted = " or ".join(_words(one) for one in _alternatives(kind))
-            shown = repr(value) if len(repr(value)) < 60 else f"a {type(value).__name__}"
-            made = "".join(text for cls, text in MAKES.items() if f"a {cls}" in wanted)
-            message = f"{name}: {argument} is {shown}, not {wanted}{made}"
-            raise InputError("argument", message)
+        if _fits(value, kind):
+            continue
+        words = [_words(alternative) for alternative in _alternatives(kind)]
+        shown = repr(value)
+        if len(shown) >= MAX_SHOWN_LENGTH:
+            shown = f"a {type(value).__name__}"
+        remedies = [maker for cls, maker in MAKERS.items() if f"a {cls}" in words]
+        raise InputError(
+            "argument",
+            f"{name}: {argument} is {shown}, not {' or '.join(words)}",
+            remedy="; ".join(remedies),
+        )
 
 
 @cache
 def _kinds(owner: Callable[..., Any]) -> dict[str, Any]:
+    """Return the annotations of arguments by name; those of *args as sequences."""
     kinds = get_type_hints(owner)
-    for name, one in signature(owner).parameters.items():
-        if one.kind is one.VAR_POSITIONAL:
+    for name, parameter in signature(owner).parameters.items():
+        if parameter.kind is parameter.VAR_POSITIONAL:
             kinds[name] = types.GenericAlias(Sequence, kinds[name])
     return kinds
 
 
 def _alternatives(kind: Any) -> tuple[Any, ...]:
-    return get_args(kind) if get_origin(kind) in (Union, types.UnionType) else (kind,)
+    """Return the members of a union, or the one kind."""
+    if get_origin(kind) in (Union, types.UnionType):
+        return get_args(kind)
+    return (kind,)
 
 
 def _words(kind: Any) -> str:
-    if get_origin(kind) is tuple:
+    """Return a kind of argument in words."""
+    origin = get_origin(kind) or kind
+    if origin is tuple:
         return f"{len(get_args(kind))} numbers"
-    return WORDS.get(get_origin(kind) or kind) or f"a {kind.__name__}"
+    if origin in KIND_WORDS:
+        return KIND_WORDS[origin]
+    return f"a {kind.__name__}"
 
 
 def _fits(value: object, kind: Any) -> bool:
-    """Whether a value is of a kind; kinds that no class stands for allow everything."""
-    parts = _alternatives(kind)
-    if len(parts) > 1:
-        return any(_fits(value, part) for part in parts)
+    """Return whether a value is of a kind; kinds that no class stands for allow everything.
+
+    Any text is a Literal: the function refuses unknown words itself, and names those it knows.
+    """
+    alternatives = _alternatives(kind)
+    if len(alternatives) > 1:
+        return any(_fits(value, alternative) for alternative in alternatives)
     if kind is bool:
         return isinstance(value, bool | np.bool_)
     if kind in (float, int):
-        if not isinstance(value, Real) or isinstance(value, bool | np.bool_):
+        return _is_number(value, whole=kind is int)
+    origin = get_origin(kind)
+    if origin is Literal:
+        return isinstance(value, str)
+    if origin in (tuple, Sequence):
+        member = float
+        if origin is Sequence:
+            member = get_args(kind)[0]
+        if not isinstance(value, Collection) or isinstance(value, str | bytes):
             return False
-        return kind is float or float(value).is_integer()
-    if get_origin(kind) in (tuple, Sequence):
-        each = float if get_origin(kind) is tuple else get_args(kind)[0]
-        text = isinstance(value, str | bytes)
-        return isinstance(value, Collection) and not text and all(_fits(x, each) for x in value)
-    with suppress(TypeError):  # what is no class, or none that can be asked, allows everything
+        return all(_fits(item, member) for item in value)
+    with suppress(TypeError):  # what is no class, or one without instances, allows everything
         return isinstance(value, kind)
     return True
 
 
-HIGHEST = 1e30
-"""Hz: no body of a size that numbers hold vibrates so fast, and powers of it are numbers."""
+def _is_number(value: object, *, whole: bool) -> bool:
+    """Return whether a value is a number, or a `whole` number."""
+    if not isinstance(value, Real) or isinstance(value, bool | np.bool_):
+        return False
+    return not whole or float(value).is_integer()
 
 
-def frequencies(given: ArrayLike) -> Floats:
-    """The frequencies as an array, Hz; InputError where one is no number from 0 to `HIGHEST`."""
-    given = plain_numbers(given, "frequency", "Hz")
+def frequencies(values: ArrayLike) -> Floats:
+    """Return frequencies as an array, Hz.
+
+    Raises InputError for values that are no numbers from 0 to `MAX_FREQUENCY_HZ`.
+    """
+    values = plain_numbers(values, "frequency", "Hz")
     try:
-        asked = np.asarray(given, float)
+        array = np.asarray(values, float)
     except (TypeError, ValueError) as error:
         raise InputError(
-            "input", f"frequency is {given!r}, not numbers from 0 on", remedy="give Hz"
+            "frequency", f"frequency is {values!r}, not numbers from 0 on", remedy="give Hz"
         ) from error
-    wrong = ~((asked >= 0) & (asked <= HIGHEST))
-    if wrong.any():
-        what = f"{asked[wrong][0]:g} Hz is no frequency"
-        raise InputError("input", f"{what}", remedy=f"give a number from 0 to {HIGHEST:g} Hz")
-    return asked
+    is_wrong = ~((array >= 0) & (array <= MAX_FREQUENCY_HZ))
+    if is_wrong.any():
+        raise InputError(
+            "frequency",
+            f"{array[is_wrong][0]:g} Hz is no frequency",
+            remedy=f"give a number from 0 to {MAX_FREQUENCY_HZ:g} Hz",
+        )
+    return array

@@ -1,4 +1,4 @@
-"""Threads of BLAS: small products are made by one, for whom others would only have to wait."""
+"""Threads of BLAS: small products are computed by one thread, as others would only wait."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,7 +11,7 @@ except ImportError:
 
 @contextmanager
 def blas_threads(*, shared: bool) -> Iterator[None]:
-    """Within it BLAS makes each product with one thread, unless they are large enough to be shared.
+    """Let BLAS compute each product with one thread within this context, unless they are `shared`.
 
     Where other programs use the cores, threads that share small products wait for each other many
     times as long as they work. Without threadpoolctl BLAS decides.

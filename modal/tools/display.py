@@ -1,6 +1,7 @@
-"""What people see of results: numbers with engineering units, and the Axes that a picture is in."""
+"""Results for people: numbers with engineering units, tables, and pictures."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,27 +11,29 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PREFIXES = {-9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
-"""Power of ten: its prefix; u stands for micro."""
+"""Prefixes of units by their powers of ten; u stands for micro."""
+TIME_UNITS = {"days": 86400.0, "h": 3600.0, "min": 60.0}
+"""Units of long times, s."""
 
 
 def quantity(value: float, unit: str, digits: int = 4) -> str:
-    """A number with its unit and a prefix that leaves one to three digits before the point.
+    """Return a number with its unit and a prefix that leaves one to three digits before the point.
 
     >>> quantity(137616.0, "Hz"), quantity(1e5, "Pa"), quantity(0.0, "m")
     ('137.6 kHz', '100 kPa', '0 m')
     """
     if value == 0 or not math.isfinite(value):
         return f"{value:g} {unit}"
-    rounded, power = _rounded(value, digits)
+    rounded, power = _round_and_power(value, digits)
     return f"{rounded / 10.0**power:.{digits}g} {PREFIXES[power]}{unit}"
 
 
 def scaled(
     values: Sequence[float], unit: str, digits: int = 4, *, prefixed: bool = True
 ) -> tuple[list[str], str]:
-    """Texts of numbers, and their unit with the one prefix that suits the largest.
+    """Return texts of numbers, and their unit with the prefix that suits the largest.
 
-    They have as many decimals as that one has.
+    All have as many decimals as the largest.
 
     >>> scaled([99976.5, 100012.3, 3.2], "Pa")
     (['100.0', '100.0', '0.0'], 'kPa')
@@ -40,18 +43,22 @@ def scaled(
     largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     if largest == 0:
         return [f"{value:g}" for value in values], unit
-    largest, power = _rounded(largest, digits)
-    power = power if prefixed else 0
+    largest, power = _round_and_power(largest, digits)
+    if not prefixed:
+        power = 0
     decimals = max(0, digits - 1 - math.floor(math.log10(largest) - power))
-    # Added to zero, a number that is rounded to -0 is 0.
-    rounded = (round(value / 10.0**power, decimals) + 0.0 for value in values)
-    return [f"{value:.{decimals}f}" for value in rounded], PREFIXES[power] + unit
+    texts = []
+    for value in values:
+        # Added to zero, a number that is rounded to -0 is 0.
+        rounded = round(value / 10.0**power, decimals) + 0.0
+        texts.append(f"{rounded:.{decimals}f}")
+    return texts, PREFIXES[power] + unit
 
 
-def _rounded(value: float, digits: int) -> tuple[float, int]:
-    """A number that is not zero, and the power of ten, a multiple of three, of its prefix.
+def _round_and_power(value: float, digits: int) -> tuple[float, int]:
+    """Round a number that is not zero, and return it with the power of ten of its prefix.
 
-    Rounded first: 999.96 with four digits is 1 k.
+    Rounding comes first: 999.96 with four digits is 1 k.
     """
     rounded = float(f"{value:.{digits}g}")
     power = 3 * math.floor(math.log10(abs(rounded)) / 3)
@@ -59,43 +66,48 @@ def _rounded(value: float, digits: int) -> tuple[float, int]:
 
 
 def duration(seconds: float) -> str:
-    """A time in the unit that suits it.
+    """Return a time in the unit that suits it.
 
     >>> duration(45.2), duration(600.0), duration(9000.0)
     ('45 s', '10 min', '2.5 h')
     """
-    for name, unit in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+    for name, unit in TIME_UNITS.items():
         if seconds >= 2 * unit:
             return f"{seconds / unit:.3g} {name}"
     return f"{seconds:.0f} s"
 
 
 def plain(value: Any, digits: int = 17) -> Any:
-    """As JSON has it, to so many digits: arrays as lists; what is not finite is None."""
+    """Return a value as JSON has it: arrays as lists, numbers rounded to so many digits.
+
+    None stands for numbers that are not finite.
+    """
     if isinstance(value, Mapping):
-        return {name: plain(cell, digits) for name, cell in value.items()}
+        return {name: plain(item, digits) for name, item in value.items()}
     if isinstance(value, np.ndarray | list | tuple):
-        return [plain(cell, digits) for cell in value]
-    value = value.item() if isinstance(value, np.generic) else value
+        return [plain(item, digits) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
     if isinstance(value, float):
         return float(f"{value:.{digits}g}") if np.isfinite(value) else None
     return value
 
 
 def table(rows: list[tuple[str, str]]) -> str:
-    """Lines of names and what they are, the latter in one column."""
+    """Return lines of names and texts, the texts in one column."""
     width = max(len(name) for name, _ in rows)
     return "\n".join(f"{name:<{width}}  {text}" for name, text in rows)
 
 
-class Drawn:
+class Drawn(ABC):
     """A result that has a picture."""
 
+    @abstractmethod
     def draw(self, ax: Any) -> None:
-        """What the picture shows, in the Axes that are given."""
+        """Draw the picture into Axes."""
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw it into Axes, those of a new figure where none are given; returns the Axes."""
+        """Draw the picture into Axes, by default those of a new figure, and return them."""
         if ax is None:
             from matplotlib import pyplot  # half a second, and not needed for numbers
 

@@ -1,4 +1,4 @@
-"""The error for what a user can mend, and for a word that is none of those known."""
+"""The error for what a user can mend, and its use for unknown words."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from modal.tools.visible import visible
 
 
 class InputError(ValueError):
-    """Refuse what a user can mend: bad input, in one line that says what, why and what to do.
+    """A mistake that a user can mend: bad input, in one line with problem, reason and remedy.
 
-    The command line prints the line and ends with status 2. Names and texts of files stand in it as
-    a terminal may show them: control characters are written as escapes.
+    The command line prints the line and ends with status 2. Control characters in names and texts
+    of files are written as escapes.
 
     Parameters
     ----------
     code : str
-        What is wrong, for programs and tests, which must not depend on the sentences.
+        The kind of mistake, for programs and tests, which must not depend on the sentences.
     problem : str
         What is wrong, for a reader.
     reason : str
-        Why, or what is allowed; empty where the problem says it.
+        Why, or what is allowed; empty if the problem says it.
     remedy : str
-        What to do about it; empty where that is plain.
+        What to do about it; empty if that is obvious.
 
     Examples
     --------
@@ -51,12 +51,12 @@ class InputError(ValueError):
         self.remedy = remedy
 
     def __reduce__(self) -> tuple[Callable[..., InputError], tuple[Any, ...]]:
-        # A process of a pool sends its errors to another one; subclasses have other arguments.
+        # A process of a pool sends its errors to its parent; subclasses have other arguments.
         return _restore, (type(self), self.args, vars(self))
 
     @property
     def as_json(self) -> dict[str, str]:
-        """Code and sentences by their names, for a program that reads JSON."""
+        """Code, problem, reason and remedy by name, for a program that reads JSON."""
         names = ("code", "problem", "reason", "remedy")
         return {name: visible(getattr(self, name)) for name in names}
 
@@ -71,18 +71,20 @@ def _restore(
 
 
 class UnavailableError(InputError):
-    """Refuse because of what a packing or a record is, whatever is asked of it and how.
+    """A refusal because of what a packing or a record is, not because of an argument.
 
-    One quantity of several is then not known; any other refusal ends the list.
+    A quantity for which it is raised is not known; any other InputError ends a measurement.
     """
 
 
-SHOWN = 12
-"""Words that are all named where another one was given."""
+MAX_LISTED_WORDS = 12
+"""Largest number of known words that are all named in a refusal: about a line."""
 
 
-def refuse_unknown(what: str, word: object, known: Iterable[str]) -> None:
-    """InputError for a `word` that is none of the `known`; it names these, of many the nearest.
+def refuse_unknown(kind: str, word: object, known: Iterable[str]) -> None:
+    """Raise InputError for a `word` that is none of the `known`.
+
+    The message begins with the `kind` of word, and names the known words, of many the nearest.
 
     >>> refuse_unknown("solver", "magic", ["blocks", "superlu"])
     Traceback (most recent call last):
@@ -92,7 +94,10 @@ def refuse_unknown(what: str, word: object, known: Iterable[str]) -> None:
     words = list(known)
     if word in words:
         return
-    near = get_close_matches(str(word).lower(), words) if len(words) > SHOWN else []
-    all_of_them = ", ".join(words[:SHOWN] + ["..."] * (len(words) > SHOWN))
-    do = f"did you mean {' or '.join(near)}?" if near else f"choose from {all_of_them}"
-    raise InputError("unknown_word", f"{what} {word!r}".lstrip(), "unknown", do)
+    remedy = f"choose from {', '.join(words)}"
+    if len(words) > MAX_LISTED_WORDS:
+        similar = get_close_matches(str(word).lower(), words)
+        remedy = f"choose from {', '.join(words[:MAX_LISTED_WORDS])}, ..."
+        if similar:
+            remedy = f"did you mean {' or '.join(similar)}?"
+    raise InputError("unknown_word", f"{kind} {word!r}".lstrip(), "unknown", remedy)

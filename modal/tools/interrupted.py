@@ -1,7 +1,7 @@
-"""Ctrl-C ends a program with one line and status 130, wherever it comes.
+"""Ctrl-C ends a program with one line and status 130, at any time.
 
-As an exception it would be a traceback while the program's modules are still loaded, and be lost
-where Python cannot hand one on: in what compiled code has called, and as an object is deleted.
+As an exception it would be a traceback while the program's modules are still being loaded, and
+would be lost where Python cannot pass one on: in compiled code, and while an object is deleted.
 """
 
 import os
@@ -12,19 +12,24 @@ from types import FrameType
 
 UNFINISHED: set[Path] = set()
 """Partial files that this process is writing, which are removed when it is interrupted."""
+INTERRUPTED_STATUS = 130
+"""Exit status of a program that Ctrl-C ends, as shells have it."""
 
 
 def end_at_interrupt() -> None:
-    """From here on; not in a job in the background, for which the shell has Ctrl-C ignored."""
+    """Let Ctrl-C end the program from here on, unless the shell ignores it for a background job."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
+    """Remove partial files, print a line and end the process."""
     for path in list(UNFINISHED):
         with suppress(OSError):
             path.unlink(missing_ok=True)
+    message = b"interrupted; files are whole or absent\n"
     with suppress(OSError):
-        wiped = b"\r\033[K" if os.isatty(2) else b""  # a bar of progress
-        os.write(2, wiped + b"interrupted; files are whole or absent\n")
-    os._exit(130)
+        if os.isatty(2):
+            message = b"\r\033[K" + message  # in place of a progress bar
+        os.write(2, message)
+    os._exit(INTERRUPTED_STATUS)

@@ -1,7 +1,11 @@
-"""Files in which numba keeps compiled loops: a folder of the user, never of the installation.
+"""Files in which numba caches compiled loops: a folder of the user, never of the installation.
 
-What numba writes beside a module stays behind where pip removes the module, and then hides a later
-installation. Nothing here may stop a computation: a loop that cannot be kept is compiled anew.
+What numba writes beside a module would stay behind when pip removes the module, and would then hide
+a later installation. Nothing here may stop a computation: a loop that cannot be cached is compiled
+again.
+
+Two things of numba are used that are not public (see `_guard`): the attributes of its cache, and
+its functions that load and save.
 """
 
 import os
@@ -23,19 +27,19 @@ except ImportError:  # not on Windows
 Loop = Callable[..., Any]
 
 
-def kept(function: Loop, **options: Any) -> Loop:
-    """Return the function compiled by numba, which keeps it in files where a folder allows it."""
+def compile_cached(function: Loop, **options: Any) -> Loop:
+    """Compile a function with numba, which keeps the result in files if a folder allows it."""
     folder = cache_folder()
     if folder is None:
         return numba.njit(**options)(function)
-    usual = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(folder)
+    configured = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(folder)  # numba reads it while it decorates
     try:
         loop: Loop = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # numba has found no place for this function, as in a zip archive
         return numba.njit(**options)(function)
     finally:
-        numba.config.CACHE_DIR = usual
+        numba.config.CACHE_DIR = configured
     files = getattr(getattr(loop, "_cache", None), "_cache_file", None)
     if files is not None:
         _guard(files)
@@ -43,25 +47,25 @@ def kept(function: Loop, **options: Any) -> Loop:
 
 
 def cache_folder() -> Path | None:
-    """Return the folder of NUMBA_CACHE_DIR, or one of the user's own; None where it is not usable.
+    """Return the folder of NUMBA_CACHE_DIR, or one of the user's own; None if it is not usable.
 
-    numba itself keeps apart the functions of different files, and versions of Python and of
-    processors; the version of numba is in the name.
+    numba itself separates functions of different files, versions of Python, and processors; the
+    version of numba is in the name of the folder.
     """
     if numba.config.CACHE_DIR:
         return _usable(Path(numba.config.CACHE_DIR))
-    place = _folder_of_caches()
-    if place is None:
+    caches = _folder_of_caches()
+    if caches is None:
         return None
-    return _usable(place / "granular-wave-modes" / f"numba-{numba.__version__}")
+    return _usable(caches / "granular-wave-modes" / f"numba-{numba.__version__}")
 
 
 def _folder_of_caches() -> Path | None:
-    """Return where the user's caches are; None for a user without a home."""
+    """Return the folder of the user's caches; None for a user without a home."""
     variable = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME"
-    named = Path(os.environ.get(variable, ""))
-    if named.is_absolute():
-        return named
+    folder = Path(os.environ.get(variable, ""))
+    if folder.is_absolute():
+        return folder
     try:
         return Path.home() / ".cache"
     except RuntimeError:
@@ -70,7 +74,7 @@ def _folder_of_caches() -> Path | None:
 
 @cache
 def _usable(folder: Path) -> Path | None:
-    """Return the folder if files can be made in it."""
+    """Return the folder if files can be made in it, else None."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -80,20 +84,28 @@ def _usable(folder: Path) -> Path | None:
 
 
 def _guard(files: Any) -> None:
-    """Let programs use numba's files of a function in turn, and do without what fails there.
+    """Replace how numba loads and saves a function, so that programs take turns and failures pass.
 
-    Of two programs that each save the function for other kinds of arguments at once, numba (0.68)
-    may let the index of one name the file of the other; all later calls would then run wrong code.
-    numba raises where a disk is full, and where a file has been cut off.
+    `files` is numba's private cache of one function. The reasons, with the tests that show each:
+
+    - Two programs that save the function for different kinds of arguments at the same time may
+      leave an index that names the file of the other (numba 0.68); all later calls would then run
+      wrong code: `test_programs_that_keep_a_loop_at_once_keep_each_its_own`.
+    - numba raises if a file has been cut off: `test_a_file_that_cannot_be_read_is_made_anew`.
+    - numba raises if the disk is full: `test_nothing_is_kept_on_a_full_disk`.
+
+    They are in `tests/system/test_cores.py` and `tests/system/test_loops_anywhere.py`.
     """
-    load, save, flush = files.load, files.save, files.flush
+    load = files.load
+    save = files.save
+    flush = files.flush
     lock = f"{files._index_path}.lock"
 
     def load_in_turn(key: Any) -> Any:
         with _in_turn(lock):
             try:
                 return load(key)
-            except Exception:  # whatever a damaged file makes pickle raise
+            except Exception:  # pickle raises any error for a damaged file
                 with suppress(OSError):
                     flush()
                 return None
@@ -108,7 +120,7 @@ def _guard(files: Any) -> None:
 
 @contextmanager
 def _in_turn(lock: str) -> Iterator[None]:
-    """Wait until no other program is within this, where the folder has locks."""
+    """Wait until no other program is within this context, if the folder allows locks."""
     with ExitStack() as stack:
         with suppress(OSError):  # a folder of another user, a full disk, or one without locks
             file = stack.enter_context(open(lock, "w"))

@@ -1,4 +1,7 @@
-"""Loops over contacts or spheres, compiled by numba where it is installed: to import loads it."""
+"""Loops over contacts or spheres, compiled by numba where it is installed.
+
+To import this module loads numba.
+"""
 
 import os
 import sys
@@ -17,32 +20,34 @@ _THREADS = os.environ.get("NUMBA_NUM_THREADS", "1")
 if _THREADS.strip().lstrip("+-").isdecimal() and int(_THREADS) < 1:
     raise InputError(
         "thread_count",
-        f"the environment has NUMBA_NUM_THREADS={_THREADS}, of which numba can make no thread",
-        remedy="set it to 1 or more, or unset it",
+        f"the environment has NUMBA_NUM_THREADS={_THREADS}",
+        "numba needs at least one thread",
+        "set it to 1 or more, or unset it",
     )
 try:
     import numba
 
-    from modal.tools.loop_cache import kept
+    from modal.tools.loop_cache import compile_cached
 except ImportError:
     numba = None
 prange = numba.prange if numba else range
 if numba and "NUMBA_THREADING_LAYER_PRIORITY" not in os.environ:
-    # TBB, numba's own first choice, loses memory with each short loop, and the more time the more
-    # loops there were: 12,000 steps of 6,000 spheres take 7 s with OpenMP, over 100 with it.
+    # TBB, numba's own first choice, loses memory and time with each short loop: 12,000 steps of
+    # 6,000 spheres take 7 s with OpenMP, and over 100 s with TBB.
     numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 
 Loop = Callable[..., Any]
 
 
 _PARENT_HAD_THREADS = False
-"""Whether this process was forked from one whose threads for loops ran: here they do not."""
+"""Whether this process was forked from one that had started numba's threads: here they do not run,
+and OpenMP would end the process that starts them again."""
 
 
 def _after_fork() -> None:
     """Note in a forked process whether numba had started its threads before."""
     global _PARENT_HAD_THREADS
-    with suppress(ValueError):  # they were not started
+    with suppress(ValueError):  # numba's error for threads that were not started
         numba.threading_layer()
         _PARENT_HAD_THREADS = True
 
@@ -52,10 +57,10 @@ if numba and hasattr(os, "register_at_fork"):
 
 
 def threads_for(spheres: int) -> int:
-    """How many threads a loop over so many spheres takes; results are the same to the bit.
+    """Return how many threads a loop over so many spheres takes; results do not depend on it.
 
-    One where more are not worth their start, and in a process that was forked from one with
-    threads. OMP_NUM_THREADS bounds them as NUMBA_NUM_THREADS does.
+    It is one if more are not worth their start, and in a process that was forked from one with
+    threads. OMP_NUM_THREADS bounds it as NUMBA_NUM_THREADS does.
     """
     if spheres < slabs.ENOUGH or _PARENT_HAD_THREADS:
         return 1
@@ -65,9 +70,12 @@ def threads_for(spheres: int) -> int:
 
 @cache
 def _start_threads() -> None:
-    """Start numba's threads, as many as the environment allows; InputError where there are none."""
+    """Start as many threads of numba as the environment allows.
+
+    Raises InputError if numba cannot start any.
+    """
     try:
-        most = numba.get_num_threads()
+        max_threads = numba.get_num_threads()
     except ValueError as error:
         raise InputError(
             "threading_layer",
@@ -75,26 +83,34 @@ def _start_threads() -> None:
             str(error).replace("\n", " "),
             "unset NUMBA_THREADING_LAYER and NUMBA_THREADING_LAYER_PRIORITY",
         ) from None
-    asked = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]  # of nested loops the first
-    if asked.isdecimal() and int(asked) > 0:
-        numba.set_num_threads(min(most, int(asked)))
+    # A list has a number for each level of nested loops.
+    outermost = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
+    if outermost.isdecimal() and int(outermost) > 0:
+        numba.set_num_threads(min(max_threads, int(outermost)))
 
 
 def elementwise(function: Loop) -> Loop:
-    """The function itself, of numbers or of arrays; compiled loops may call it from now on."""
-    return numba.extending.register_jitable(function) if numba else function
+    """Return the function, of numbers or of arrays, and let compiled loops call it from now on."""
+    if numba is None:
+        return function
+    return numba.extending.register_jitable(function)
 
 
 def inlined(function: Loop) -> Loop:
-    """The same, written into the loop that calls it: a gather or scatter of a few numbers."""
-    return numba.extending.register_jitable(inline="always")(function) if numba else function
+    """Return the function, and let numba write it into each compiled loop that calls it.
+
+    This suits a gather or scatter of a few numbers.
+    """
+    if numba is None:
+        return function
+    return numba.extending.register_jitable(inline="always")(function)
 
 
 def fingerprint(*modules: ModuleType) -> str:
-    """What tells this file and those of `modules` from their former states.
+    """Return a checksum of this file and of those of `modules`.
 
-    It stands in the names of compiled loops that call functions of other files: numba keeps loops
-    in a cache, tells them apart by name and by their own file, and would not notice such a change.
+    It stands in the names of compiled loops that call functions of other files: numba's cache knows
+    a loop by its name and its own file, and would not notice a change of the others.
     """
     files = [__file__, *(str(module.__file__) for module in modules)]
     return f"{zlib.crc32(b''.join(Path(file).read_bytes() for file in files)):08x}"
@@ -102,90 +118,96 @@ def fingerprint(*modules: ModuleType) -> str:
 
 def compiled(
     function: Loop,
-    place: int,
-    of: str,
-    own: Mapping[str, Any] = MappingProxyType({}),
+    spheres_argument: int,
+    checksum: str,
+    replacements: Mapping[str, Any] = MappingProxyType({}),
     *,
     fastmath: bool = False,
 ) -> Loop:
-    """A loop over slabs, compiled for few spheres and for threads.
+    """Return a loop over slabs, compiled once for few spheres and once for threads.
 
-    Argument `place` has the spheres; `of` is the `fingerprint` of what it calls, `own` what stands
-    in place of its module's functions, by their names. Many spheres
-    always take the loop for threads, be it with one of them: another compilation might round
-    otherwise. Only in a process that was forked from one with threads they cannot: numba's OpenMP
-    ends it.
+    Argument number `spheres_argument` has a row for each sphere; `checksum` is the `fingerprint` of
+    what the loop calls; `replacements` replace functions of its module by their names. Many spheres
+    always take the loop for threads, even with one thread, because another compilation might round
+    differently. The exception is a process that was forked from one with threads, which numba's
+    OpenMP would end.
     """
-    by_threads = _renamed(function, f"{of}_by_threads", own)
-    few = kept(_renamed(function, of, own), fastmath=fastmath)
-    many = kept(by_threads, fastmath=fastmath, parallel=True)
+    few = compile_cached(_renamed(function, checksum, replacements), fastmath=fastmath)
+    by_threads = _renamed(function, f"{checksum}_by_threads", replacements)
+    many = compile_cached(by_threads, fastmath=fastmath, parallel=True)
 
-    def loop(*given: Any) -> Any:
-        spheres = len(given[place])
+    def loop(*args: Any) -> Any:
+        spheres = len(args[spheres_argument])
         if spheres < slabs.ENOUGH or _PARENT_HAD_THREADS:
-            return few(*given)
+            return few(*args)
         threads_for(spheres)
-        return many(*given)
+        return many(*args)
 
     return loop
 
 
-def _renamed(function: Any, ending: str, own: Mapping[str, Any]) -> FunctionType:
-    other = FunctionType(function.__code__, function.__globals__ | own)
-    other.__name__ = other.__qualname__ = f"{function.__name__}_{ending}"
-    return other
+def _renamed(function: Any, ending: str, replacements: Mapping[str, Any]) -> FunctionType:
+    """Return a copy of a function with an ending to its name and other functions in its module."""
+    renamed = FunctionType(function.__code__, function.__globals__ | replacements)
+    renamed.__name__ = f"{function.__name__}_{ending}"
+    renamed.__qualname__ = renamed.__name__
+    return renamed
 
 
 def compiled_part(
     function: Loop,
-    of: str,
-    own: Mapping[str, Any] = MappingProxyType({}),
+    checksum: str,
+    replacements: Mapping[str, Any] = MappingProxyType({}),
     *,
     fastmath: bool | set[str] = False,
 ) -> Loop:
-    """What a loop does with one slab, compiled; `of` and `own` as in `compiled`.
+    """Return what a loop does with one slab, compiled; arguments as in `compiled`.
 
-    `fastmath` may name what is allowed, as {"contract"}: a product and a sum rounded together where
-    the processor has them in one.
+    `fastmath` may name what is allowed, as {"contract"}: to round a product and a sum together,
+    where the processor has them as one operation.
     """
-    return kept(_renamed(function, of, own), fastmath=fastmath)
+    return compile_cached(_renamed(function, checksum, replacements), fastmath=fastmath)
 
 
-def by_parts(some: Loop, by_arrays: Loop) -> Loop:
-    """A loop over spheres, compiled, whose parts may share the cores; else `by_arrays`.
+def by_parts(part_loop: Loop, by_arrays: Loop) -> Loop:
+    """Return a compiled loop over spheres whose parts may share the cores, or else `by_arrays`.
 
-    `some` takes the first sphere of a part, the one behind its last, the number of the part, and
-    what the loop is given, whose first array has a row for each sphere.
+    `part_loop` takes the first sphere of a part, the one behind its last, the number of the part,
+    and the arguments of the loop, the first of which has a row for each sphere.
     """
     if numba is None:
         return by_arrays
-    of = fingerprint(sys.modules[some.__module__])
-    return compiled(_by_parts, 0, f"{some.__name__}_{of}", {"_some": compiled_part(some, of)})
+    checksum = fingerprint(sys.modules[part_loop.__module__])
+    replacements = {"_part_loop": compiled_part(part_loop, checksum)}
+    return compiled(_by_parts, 0, f"{part_loop.__name__}_{checksum}", replacements)
 
 
-def _some(first, last, part, *given):
-    """What is done with a part: each loop has its own in this place."""
+def _part_loop(first, last, part, *args):
+    """Do nothing: each loop puts its own function in this place."""
 
 
-def _by_parts(*given):
-    count = len(given[0])
+def _by_parts(*args):
+    """Loop over all parts."""
+    count = len(args[0])
     for part in prange(slabs.SLABS):
-        _some(part * count // slabs.SLABS, (part + 1) * count // slabs.SLABS, part, *given)
+        first = part * count // slabs.SLABS
+        last = (part + 1) * count // slabs.SLABS
+        _part_loop(first, last, part, *args)
 
 
 @elementwise
 def dot(a, b):
-    """Scalar product of two vectors (x, y, z)."""
+    """Return the scalar product of two vectors (x, y, z)."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @elementwise
 def cross(a, b):
-    """Vector product."""
+    """Return the vector product of two vectors (x, y, z)."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @elementwise
 def plus(a, factor, b):
-    """a + factor b."""
+    """Return a + factor b of two vectors (x, y, z)."""
     return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]

@@ -1,7 +1,7 @@
-"""How much memory this process may still take: the smallest of all limits that it is under.
+"""The memory that this process may still take: the smallest of all limits that it is under.
 
-The machine's free memory, Slurm's grant, the limits of the process (ulimit), and those of its
-control groups (containers, systemd), of which each is inside of another one.
+These are the machine's free memory, Slurm's grant, the limits of the process (ulimit), and those of
+its control groups (containers, systemd), which are nested.
 """
 
 import os
@@ -19,28 +19,29 @@ except ImportError:  # not on Windows
     resource = None  # type: ignore[assignment]
 
 PROC = Path("/proc")
-"""Where Linux tells of its processes; a folder that is absent elsewhere."""
-KIBIBYTE, MEBIBYTE = 2**10, 2**20
+"""Folder in which Linux describes its processes; it is absent on other systems."""
+KIBIBYTE = 2**10
+MEBIBYTE = 2**20
 SLURM_UNITS = {"": MEBIBYTE, "K": KIBIBYTE, "M": MEBIBYTE, "G": 2**30, "T": 2**40}
 """Bytes of the units behind numbers in Slurm's variables."""
 LIMITS_OF_PROCESS = {"RLIMIT_AS": "VmSize", "RLIMIT_DATA": "VmData"}
-"""Limits of a process on its addresses and on its data, and how Linux calls what it has of them."""
+"""Limits of a process on its addresses and on its data, and the names in Linux of what it uses."""
 CONTROL_GROUPS = {
     "cgroup2": (("memory.max", "memory.high"), "memory.current", "inactive_file"),
     "cgroup": (("memory.limit_in_bytes",), "memory.usage_in_bytes", "total_inactive_file"),
 }
-"""Of both versions of control groups: the files of the limits and of what is used, and the line of
-memory.stat with what is used for files that need not stay in memory."""
+"""For both versions of control groups: the files of the limits and of the use, and the line of
+memory.stat with the use for files that need not stay in memory."""
 
 
 def memory_at_hand() -> float:
-    """Return the memory that this process may still take, bytes; infinite where nothing is told."""
+    """Return the memory that this process may still take, bytes; infinite if no limit is known."""
     limits = [_of_machine(), _of_slurm(), *_of_process(), *_of_control_groups()]
     return max(min(limits), 0.0)
 
 
 def peak_memory() -> int:
-    """Return the peak resident memory of this process so far, bytes; 0 where it is not told.
+    """Return the peak resident memory of this process so far, bytes; 0 if it is not known.
 
     Linux hands a parent's `ru_maxrss` on to the programs that it starts; VmHWM is this program's.
     """
@@ -54,7 +55,7 @@ def peak_memory() -> int:
 
 
 def _of_machine() -> float:
-    """Return the machine's free memory, bytes, or where that is not told all of it."""
+    """Return the machine's free memory, bytes, or all of its memory if that is not known."""
     with suppress(OSError, StopIteration):
         lines = (PROC / "meminfo").read_text().splitlines()
         free = next(line for line in lines if line.startswith("MemAvailable:"))
@@ -65,9 +66,10 @@ def _of_machine() -> float:
 
 
 def _of_slurm() -> float:
-    """Return what Slurm has granted this job on a node, bytes; its 0 a node is all of the node.
+    """Return the memory that Slurm has granted this job on a node, bytes, or infinity.
 
-    What is no number of Slurm's grants nothing: the variables may come from elsewhere.
+    Slurm writes 0 for all of the node. Any other text is ignored: the variables may come from
+    elsewhere.
     """
     of_node = _slurm_bytes("SLURM_MEM_PER_NODE")
     if of_node:
@@ -78,13 +80,13 @@ def _of_slurm() -> float:
 
 
 def _slurm_bytes(variable: str) -> float:
-    """Return an amount of memory as Slurm writes it, 4096 (MB) or 4G, in bytes; 0 where absent."""
+    """Return an amount of memory as Slurm writes it, 4096 (MB) or 4G, in bytes; 0 if absent."""
     written = re.fullmatch(r"(\d+(?:\.\d+)?)([KMGT]?)B?", os.environ.get(variable, "").upper())
     return float(written[1]) * SLURM_UNITS[written[2]] if written else 0.0
 
 
 def _of_process() -> Iterator[float]:
-    """Yield what the limits of the process itself leave, bytes."""
+    """Yield the memory, bytes, that each limit of the process itself leaves."""
     if resource is None:
         return
     status = _status()
@@ -95,7 +97,7 @@ def _of_process() -> Iterator[float]:
 
 
 def _of_control_groups() -> Iterator[float]:
-    """Yield what each control group around the process leaves, bytes."""
+    """Yield the memory, bytes, that each control group around the process leaves."""
     for kind, folder in _control_groups():
         limits, used, files = CONTROL_GROUPS[kind]
         for limit in limits:
@@ -105,7 +107,7 @@ def _of_control_groups() -> Iterator[float]:
 
 
 def _statistic(folder: Path, name: str) -> int:
-    """Return a number of memory.stat of a control group; 0 where it is not told."""
+    """Return a number in memory.stat of a control group; 0 if it is absent."""
     with suppress(OSError):
         for line in (folder / "memory.stat").read_text().splitlines():
             if line.split()[:1] == [name]:
@@ -154,7 +156,7 @@ def _plain(word: str) -> str:
 
 
 def _status() -> dict[str, float]:
-    """Return the sizes that Linux tells of this process by name, bytes; empty elsewhere."""
+    """Return the sizes, bytes, by name that Linux reports for this process; empty elsewhere."""
     with suppress(OSError):
         lines = (PROC / "self/status").read_text(errors="replace").splitlines()
         sizes = (line.split() for line in lines if line.endswith(" kB"))

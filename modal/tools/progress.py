@@ -1,4 +1,4 @@
-"""How far a long loop has come: a bar on a terminal, a line a minute in a log.
+"""Progress of a long loop: a bar on a terminal, a line a minute in a log.
 
 Both go to standard error, so that results can be read from standard output.
 """
@@ -10,64 +10,83 @@ from collections.abc import Generator
 
 from modal.tools.display import duration
 
-WIDTH = 32
-"""Characters of the bar."""
-BAR_INTERVAL, LOG_INTERVAL = 0.2, 60.0
-"""Seconds between two drawings of the bar, and between two lines of a log."""
+BAR_WIDTH = 32
+"""Number of characters of the bar."""
+BAR_INTERVAL = 0.2
+"""Time between two drawings of the bar, s: smooth enough for the eye."""
+LOG_INTERVAL = 60.0
+"""Time between two lines of a log, s."""
+CLEAR_LINE = "\r\033[K"
+"""Return to the beginning of a terminal's line and clear it."""
 
 
 class Minute:
-    """When a loop is to say what it is at: a minute after any loop of this run has said something.
+    """A clock that tells a loop when to report: a minute after any loop of this run has reported.
 
-    Loops that follow each other within a minute are one run, so that many in a row tell as well,
-    but for those that end within a tenth of a minute.
+    Loops that follow each other within a minute are one run, so that many short loops in a row
+    report as well, except for those that end within a tenth of a minute.
     """
 
-    _asked = _said = -math.inf
+    _last_use = -math.inf
+    _last_report = -math.inf
 
     def __init__(self) -> None:
-        self._begun = now = time.monotonic()
-        if now - Minute._asked > LOG_INTERVAL:
-            Minute._said = now
+        now = time.monotonic()
+        self._start = now
+        if now - Minute._last_use > LOG_INTERVAL:
+            Minute._last_report = now
 
     def passed(self, interval: float | None = None) -> bool:
-        """Whether a minute, or the `interval`, s, has gone since something was said last."""
-        now = Minute._asked = time.monotonic()
-        interval = LOG_INTERVAL if interval is None else interval
-        if now - Minute._said <= interval or now - self._begun <= interval / 10:
+        """Return whether a minute, or the `interval`, s, has passed since the last report.
+
+        If so, the next one is counted from now on.
+        """
+        if interval is None:
+            interval = LOG_INTERVAL
+        now = time.monotonic()
+        Minute._last_use = now
+        if now - Minute._last_report <= interval or now - self._start <= interval / 10:
             return False
-        Minute._said = now
+        Minute._last_report = now
         return True
 
     @classmethod
     def begin(cls) -> None:
-        """A new run begins, which has said nothing yet."""
-        cls._asked = -math.inf
+        """Begin a new run, which has not reported yet."""
+        cls._last_use = -math.inf
 
     @staticmethod
     def tell(state: str) -> None:
-        """A line on standard error about where the loop is."""
+        """Print a line on standard error about where the loop is."""
         print(state, file=sys.stderr, flush=True)
 
 
 def progress(count: int, label: str) -> Generator[int, None, None]:
-    """The numbers 0 ... count - 1, while standard error shows how far they have come.
+    """Yield 0 ... count - 1, while standard error shows how far the loop has come.
 
-    A run that ends within a minute leaves nothing in a log.
+    A loop that ends within a minute leaves nothing in a log.
     """
-    terminal = sys.stderr.isatty()
-    before, after = ("\r\033[K", "") if terminal else ("", "\n")
-    interval = BAR_INTERVAL if terminal else LOG_INTERVAL
-    start, minute = time.monotonic(), Minute()
+    on_terminal = sys.stderr.isatty()
+    interval = BAR_INTERVAL if on_terminal else LOG_INTERVAL
+    start = time.monotonic()
+    minute = Minute()
     try:
         for k in range(count):
             yield k
             if minute.passed(interval):
-                part = (k + 1) / count
-                left = duration((time.monotonic() - start) * (1 / part - 1))
-                bar = f" [{'#' * int(WIDTH * part):<{WIDTH}}]"
-                told = bar if terminal else f": step {k + 1} of {count},"
-                told = f"{before}{label}{told} {100 * part:3.0f} %, {left} left"
-                print(told, end=after, file=sys.stderr, flush=True)
+                share = (k + 1) / count
+                left = duration((time.monotonic() - start) * (1 / share - 1))
+                end = f"{100 * share:3.0f} %, {left} left"
+                if on_terminal:
+                    bar = "#" * int(BAR_WIDTH * share)
+                    print(
+                        f"{CLEAR_LINE}{label} [{bar:<{BAR_WIDTH}}] {end}",
+                        end="",
+                        file=sys.stderr,
+                        flush=True,
+                    )
+                else:
+                    Minute.tell(f"{label}: step {k + 1} of {count}, {end}")
     finally:
-        print(before, end="", file=sys.stderr, flush=True)
+        if on_terminal:
+            print(CLEAR_LINE, end="", file=sys.stderr, flush=True)

@@ -1,8 +1,8 @@
-"""Slabs of a packing along z, of which every other one can be worked on at once.
+"""Slabs of a packing along z, of which every other one can be computed at the same time.
 
-A loop over contacts is cut so that every other slab shares no sphere. Where the slabs end depends
-on the packing alone, and the even ones always come before the odd ones: every sum is made in the
-same order by any number of threads.
+A loop over contacts is cut so that slabs with one between them share no sphere. The ends of the
+slabs depend on the packing alone, and even slabs always come before odd ones: every sum is made in
+the same order by any number of threads.
 """
 
 import numpy as np
@@ -10,26 +10,29 @@ import numpy as np
 from modal.tools.arrays import Ints
 
 ENOUGH = 5000
-"""Spheres from which on threads are used."""
+"""Number of spheres from which on threads are used: with fewer their start takes longer."""
 SLABS = 16
-"""At most so many: more share the work more evenly, fewer leave more to do at once."""
+"""Largest number of slabs: more share the work more evenly, fewer leave more to do at a time."""
 
 
 def slabs_of(ends: Ints, n: int) -> Ints:
-    """First contact of each slab, and the number of contacts; `ends` (m, 2) sorted by the first.
+    """Return the first contact of each slab, and the number of contacts at the end.
 
-    With `n` spheres numbered along z a slab reaches its next neighbour at most: no two of the even
-    ones share a sphere, nor of the odd ones. One slab where threads are never used.
+    `ends` (m, 2) are sorted by the first. With `n` spheres numbered along z a slab reaches its next
+    neighbour at most: no two even slabs share a sphere, nor do two odd ones. Packings that are too
+    small for threads have one slab.
     """
     if n < ENOUGH:
         return np.array([0, len(ends)])
     starts = np.append(0, np.bincount(ends[:, 0], minlength=n).cumsum())
-    reach, (rows,) = np.arange(n), np.nonzero(np.diff(starts))
+    reach = np.arange(n)
+    (rows,) = np.nonzero(np.diff(starts))
     reach[rows] = np.maximum(rows, np.maximum.reduceat(ends[:, 1], starts[rows]))
     reach = np.maximum.accumulate(reach)
-    least = -(-n // SLABS)
-    bounds = [0, min(least, n)]
+    min_spheres = -(-n // SLABS)
+    bounds = [0, min(min_spheres, n)]
     while bounds[-1] < n:
-        # What the slab before the last reaches must end where the next one begins.
-        bounds.append(min(max(bounds[-1] + least, int(reach[bounds[-1] - 1]) + 1), n))
+        # The reach of the slab before the last ends where the next one begins.
+        end_of_reach = int(reach[bounds[-1] - 1]) + 1
+        bounds.append(min(max(bounds[-1] + min_spheres, end_of_reach), n))
     return starts[bounds]

@@ -1,4 +1,4 @@
-"""Units in words: whether a text says the unit that numbers must be in, and arrays that have one.
+"""Units of numbers: comparing texts with the expected unit, and arrays that carry a unit.
 
 All numbers are plain SI. A text that says anything else, or nothing that is known, is refused: a
 list of forbidden words would let all others pass.
@@ -16,34 +16,53 @@ from modal.tools.arrays import Array
 from modal.tools.errors import InputError
 
 Dimensions = Counter[str]
-"""Powers of kg, m, s, turn (rad) and cycle (of Hz); those that are zero left out."""
+"""Powers of kg, m, s, turn (rad) and cycle (in Hz) that are not zero."""
 
 NEWTON = {"kg": 1, "m": 1, "s": -2}
 SYMBOLS: dict[str, Mapping[str, int]] = {
-    **{"kg": {"kg": 1}, "Kg": {"kg": 1}, "m": {"m": 1}, "s": {"s": 1}, "rad": {"turn": 1}},
-    **{"N": NEWTON, "J": NEWTON | {"m": 2}, "Pa": NEWTON | {"m": -1}},
-    **{"Hz": {"cycle": 1, "s": -1}, "1": {}, "1.0": {}},
+    "kg": {"kg": 1},
+    "Kg": {"kg": 1},
+    "m": {"m": 1},
+    "s": {"s": 1},
+    "rad": {"turn": 1},
+    "N": NEWTON,
+    "J": NEWTON | {"m": 2},
+    "Pa": NEWTON | {"m": -1},
+    "Hz": {"cycle": 1, "s": -1},
+    "1": {},
+    "1.0": {},
 }
-"""Units without prefix, by their symbols."""
-WORDS = {
-    **{"kilogram": "kg", "kilogramme": "kg", "meter": "m", "metre": "m"},
-    **{"second": "s", "sec": "s", "radian": "rad", "newton": "N", "joule": "J"},
-    **{"pascal": "Pa", "hertz": "Hz"},
+"""Dimensions of units without prefix, by their symbols."""
+UNIT_NAMES = {
+    "kilogram": "kg",
+    "kilogramme": "kg",
+    "meter": "m",
+    "metre": "m",
+    "second": "s",
+    "sec": "s",
+    "radian": "rad",
+    "newton": "N",
+    "joule": "J",
+    "pascal": "Pa",
+    "hertz": "Hz",
 }
-"""Symbols by names, in small letters; with or without an s at the end."""
-NOTHING_SAID = {"", "-", "none", "si", "si units"}
-"""In small letters: the unit is that of SI."""
+"""Symbols by names in small letters, which may have an s at the end."""
+SI_WORDS = {"", "-", "none", "si", "si units"}
+"""Texts in small letters that stand for the unit of SI."""
 DIMENSIONLESS = {"dimensionless", "unitless"}
-"""In small letters: the unit is 1."""
-FREE = ("turn", "cycle")
-"""What a text may leave out: N m for N m/rad, 1/s for Hz. Each is no word for the other."""
+"""Texts in small letters that stand for the unit 1."""
+OPTIONAL_DIMENSIONS = ("turn", "cycle")
+"""Dimensions that a text may leave out: N m for N m/rad, 1/s for Hz. Neither stands for the
+other."""
 SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
+SEPARATORS = " */.·⋅×"
+"""Characters between the factors of a product of units."""
 FACTOR = re.compile(r"([A-Za-z]+|1(?:\.0)?(?![\d.]))(?:\^?\(?([+-]?\d+(?:\.\d+|/\d+)?)\)?)?")
 """A unit and its power: m, m2, m^2, kg^-1/2, kg^(-1/2)."""
 
 
 def says(text: str, unit: str) -> bool:
-    """Return whether a text says this unit, in one of the spellings that are known.
+    """Return whether a text says this unit, in one of the known spellings.
 
     >>> says("N m^-1", "N/m"), says("kg*m**2", "kg m^2"), says("kg/s^2", "N/m"), says("", "m")
     (True, True, True, True)
@@ -51,72 +70,85 @@ def says(text: str, unit: str) -> bool:
     (False, False, False)
     """
     text = " ".join(text.split())
-    if text.lower() in NOTHING_SAID:
+    if text.lower() in SI_WORDS:
         return True
     if text.lower() in DIMENSIONLESS:
         text = "1"
-    wanted = _dimensions(unit)
-    told = _dimensions(text)
-    if wanted is None or told is None:
+    expected = _dimensions(unit)
+    dimensions = _dimensions(text)
+    if expected is None or dimensions is None:
         return False
-    bare = Counter({name: power for name, power in wanted.items() if name not in FREE})
-    return told in (wanted, bare)
+    shortened = Dimensions()
+    for name, power in expected.items():
+        if name not in OPTIONAL_DIMENSIONS:
+            shortened[name] = power
+    return dimensions in (expected, shortened)
 
 
 def _dimensions(text: str) -> Dimensions | None:
-    """Return the powers of a product of units; None where the text is none that is known."""
+    """Return the dimensions of a product of units; None if the text is no such product."""
     text = text.translate(SUPERSCRIPTS).replace("**", "^")
     text = re.sub(r"\bper\b", "/", text)
     text = re.sub(r"\s*\^\s*", "^", text)
-    # Of a denominator in brackets each factor divides.
+    # Each factor of a denominator in brackets divides.
     text = re.sub(r"/\s*\(([^()]*)\)(?!\s*[\^\d])", lambda bracket: _divided(bracket[1]), text)
     powers = Dimensions()
-    sign, place = 1, 0
-    while place < len(text):
-        factor = FACTOR.match(text, place)
+    sign = 1
+    start = 0
+    while start < len(text):
+        factor = FACTOR.match(text, start)
         if factor:
-            own = _factor(factor[1])
-            if own is None:
+            dimensions = _unit_dimensions(factor[1])
+            if dimensions is None:
                 return None
-            for name, power in own.items():
+            for name, power in dimensions.items():
                 powers[name] += sign * power * Fraction(factor[2] or 1)  # type: ignore[assignment]
-            sign, place = 1, factor.end()
-        elif text[place] in " */.·⋅×":
-            sign = -1 if text[place] == "/" else sign
-            place += 1
+            sign = 1
+            start = factor.end()
+        elif text[start] in SEPARATORS:
+            if text[start] == "/":
+                sign = -1
+            start += 1
         else:
             return None
     return Counter({name: power for name, power in powers.items() if power})
 
 
 def _divided(factors: str) -> str:
-    """Return the factors of a denominator, each behind a stroke of its own."""
+    """Return the factors of a denominator, each after its own stroke."""
     return "".join(f"/{factor}" for factor in re.split(r"[\s*.·⋅×]+", factors) if factor)
 
 
-def _factor(word: str) -> Mapping[str, int] | None:
-    """Return the dimensions of one unit without prefix; None where it is not known."""
+def _unit_dimensions(word: str) -> Mapping[str, int] | None:
+    """Return the dimensions of one unit without prefix; None if it is not known."""
     name = word.lower()
-    symbol = WORDS.get(name, WORDS.get(name.removesuffix("s"), word))
+    symbol = UNIT_NAMES.get(name, UNIT_NAMES.get(name.removesuffix("s"), word))
     return SYMBOLS.get(symbol)
 
 
-def plain_numbers(given: Any, name: str, unit: str) -> Any:
-    """Return what is `given` without the unit that it has with it, if that is `unit`.
+def plain_numbers(values: Any, name: str, unit: str) -> Any:
+    """Return `values` without their unit, if they carry this `unit` or none.
 
-    InputError for another unit, and for masked arrays of which a value is masked.
+    Raises InputError for another unit, and for masked arrays with a masked value.
     """
-    _refuse_masked(given, name)
-    told = getattr(given, "units", getattr(given, "unit", None))
-    if told is not None and not callable(told) and type(told) not in (int, float, np.ndarray):
-        if not says(str(told), unit):
+    _refuse_masked(values, name)
+    attached_unit = getattr(values, "units", getattr(values, "unit", None))
+    if attached_unit is not None and _is_unit(attached_unit):
+        if not says(str(attached_unit), unit):
             raise InputError(
-                "unit", f"{name} is in {told}, not in {_named(unit)}", remedy="convert it"
+                "unit",
+                f"{name} is in {attached_unit}, not in {_name_of_unit(unit)}",
+                remedy="convert it",
             )
-        return getattr(given, "magnitude", getattr(given, "value", given))
-    if isinstance(given, list | tuple):
-        return [plain_numbers(each, name, unit) if _is_object(each) else each for each in given]
-    return given
+        return getattr(values, "magnitude", getattr(values, "value", values))
+    if isinstance(values, list | tuple):
+        return [plain_numbers(each, name, unit) if _is_object(each) else each for each in values]
+    return values
+
+
+def _is_unit(attribute: Any) -> bool:
+    """Return whether an attribute called unit or units is one: no method, no number, no array."""
+    return not callable(attribute) and type(attribute) not in (int, float, np.ndarray)
 
 
 def _is_object(value: Any) -> bool:
@@ -124,10 +156,10 @@ def _is_object(value: Any) -> bool:
     return not isinstance(value, int | float | np.generic | str | bytes)
 
 
-def _refuse_masked(given: Any, name: str) -> None:
-    """InputError for a masked value, and for an array that has one."""
-    if isinstance(given, np.ma.MaskedArray):
-        mask: Array = np.ma.getmaskarray(given)
+def _refuse_masked(values: Any, name: str) -> None:
+    """Raise InputError for a masked value, and for an array that has one."""
+    if isinstance(values, np.ma.MaskedArray):
+        mask: Array = np.ma.getmaskarray(values)
         if mask.any():
             row = int(np.argwhere(np.atleast_1d(mask))[0, 0])
             raise InputError(
@@ -137,6 +169,8 @@ def _refuse_masked(given: Any, name: str) -> None:
             )
 
 
-def _named(unit: str) -> str:
-    """Return a unit as a message says it."""
-    return "plain numbers" if unit == "1" else unit
+def _name_of_unit(unit: str) -> str:
+    """Return a unit as a message has it."""
+    if unit == "1":
+        return "plain numbers"
+    return unit

@@ -1,4 +1,4 @@
-"""What a long computation will take, known before it starts; refused where that is too much."""
+"""Estimates of the time and memory of long computations, which are refused if too large."""
 
 import sys
 import time
@@ -10,60 +10,71 @@ from modal.tools.display import duration, quantity
 from modal.tools.errors import InputError, UnavailableError
 from modal.tools.memory import memory_at_hand, peak_memory
 
-LONGEST = 86400.0
-"""Seconds on this machine above which a computation is refused: a day."""
-
-ANNOUNCED = 20.0
-"""Seconds from which on an estimate is said on a terminal before the work starts."""
+MAX_SECONDS = 86400.0
+"""Time on this machine above which a computation is refused: a day is hardly intended."""
+MIN_ANNOUNCED_SECONDS = 20.0
+"""Time from which on an estimate is printed on a terminal before the work starts: nobody waits so
+long without asking."""
 
 
 def refuse_endless(
     task: str, operator: Any, *, products: float, bytes_needed: float, remedy: str
 ) -> None:
-    """InputError where so many products K u would take more than a day, or more than the memory.
+    """Raise UnavailableError if products K u would take more than a day or the free memory.
 
-    `operator` as `modal.system.operator.ContactOperator`, compiled already: one product is
-    timed. The message begins with the `task`, as in "a wave of 10 s", and ends with the `remedy`.
+    The `operator`, a `modal.system.operator.ContactOperator`, is timed in one product. The message
+    begins with the `task`, as in "a wave of 10 s", and ends with the `remedy`.
     """
     motion = np.zeros(operator.shape[0])
     started = time.perf_counter()
     operator.apply(motion)
     seconds = products * (time.perf_counter() - started)
-    if seconds > ANNOUNCED and sys.stderr.isatty():
-        said = f"about {products:.2g} products with K, {duration(seconds)}"
-        print(f"{task}: {said}, {quantity(bytes_needed, 'B', 3)} more", file=sys.stderr, flush=True)
-    task = f"{task} takes about {products:.2g} products with K,"
-    refuse_above(seconds, bytes_needed, task, remedy)
+    if seconds > MIN_ANNOUNCED_SECONDS and sys.stderr.isatty():
+        cost = f"about {products:.2g} products with K, {duration(seconds)}"
+        print(f"{task}: {cost}, {quantity(bytes_needed, 'B', 3)} more", file=sys.stderr, flush=True)
+    refuse_above(
+        seconds, bytes_needed, f"{task} takes about {products:.2g} products with K,", remedy
+    )
 
 
 def refuse_above(
-    seconds: float, bytes_needed: float, task: str, remedy: str, longest: float | None = None
+    seconds: float,
+    bytes_needed: float,
+    task: str,
+    remedy: str,
+    longest: float | None = None,
 ) -> None:
-    """InputError where an estimate is above the `longest` time (a day), or the free memory.
+    """Raise UnavailableError if an estimate is above the `longest` time, s, or the free memory.
 
-    The message begins with the `task`, as in "a wave takes", and ends with the `remedy`; without
-    `seconds` memory alone is told.
+    The default of `longest` is a day. The message begins with the `task`, as in "a wave takes", and
+    ends with the `remedy`; if `seconds` is 0 it has the memory alone.
     """
-    at_hand = memory_at_hand()
-    if not seconds <= (LONGEST if longest is None else longest) or bytes_needed > at_hand:
-        task += f" {duration(seconds)} here, and" if seconds else ""
-        raise UnavailableError(
-            "too_large",
-            f"{task} {quantity(bytes_needed, 'B', 3)} of memory "
-            f"({quantity(at_hand, 'B', 3)} are free)",
-            remedy=f"{remedy}",
-        )
+    if longest is None:
+        longest = MAX_SECONDS
+    free = memory_at_hand()
+    if seconds <= longest and not bytes_needed > free:
+        return
+    if seconds:
+        task += f" {duration(seconds)} here, and"
+    raise UnavailableError(
+        "too_large",
+        f"{task} {quantity(bytes_needed, 'B', 3)} of memory ({quantity(free, 'B', 3)} are free)",
+        remedy=remedy,
+    )
 
 
 def refuse_above_memory(bytes_needed: float, task: str, remedy: str) -> None:
-    """InputError where a computation needs more than the free memory; words as `refuse_above`."""
+    """Raise UnavailableError if a computation needs more than the free memory.
+
+    The message is as in `refuse_above`.
+    """
     refuse_above(0.0, bytes_needed, f"{task} takes", remedy)
 
 
 def out_of_memory(error: MemoryError) -> InputError:
-    """Return the refusal for a task that found too little memory as it ran.
+    """Return the refusal of a task that did not find enough memory while it ran.
 
-    numpy says of an array how large it was to be; what is free is that of now.
+    numpy's error tells how large an array was to be; the free memory is that of now.
     """
     wanted = str(error).replace("\n", " ").rstrip(". ")
     detail = f" ({wanted})" if wanted else ""

@@ -103,7 +103,7 @@ def test_a_log_has_a_line_a_minute_with_step_and_time_to_go(monkeypatch):
     log, now = io.StringIO(), [0.0]
     monkeypatch.setattr(module.sys, "stderr", log)
     monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
-    monkeypatch.setattr(module.Minute, "_asked", -math.inf)
+    monkeypatch.setattr(module.Minute, "_last_use", -math.inf)
     for _ in module.progress(40, "wave"):
         now[0] += 25.0
     lines = log.getvalue().splitlines()

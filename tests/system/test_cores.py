@@ -122,7 +122,7 @@ def in_slabs(ends: np.ndarray, n: int) -> np.ndarray:
 def test_programs_that_keep_a_loop_at_once_keep_each_its_own(tmp_path, monkeypatch):
     """Each takes its time between reading the index and writing it, as programs that wait do."""
     monkeypatch.setattr(pytest.importorskip("numba").config, "CACHE_DIR", str(tmp_path))
-    files = [loops.kept(crystal)._cache._cache_file for _ in range(2)]
+    files = [loops.compile_cached(crystal)._cache._cache_file for _ in range(2)]
     kind, write = type(files[0]), type(files[0])._save_index
     monkeypatch.setattr(kind, "_save_index", lambda *given: time.sleep(0.1) or write(*given))
     with ThreadPoolExecutor() as pool:

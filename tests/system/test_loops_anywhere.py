@@ -47,17 +47,17 @@ def kept_files(folder: Path) -> list[Path]:
 
 def test_loops_are_kept_for_the_user_and_not_in_the_installation(doubled, caches, tmp_path):
     """What pip has not written it would leave behind; the user's setting of numba stays."""
-    loop = loop_cache.kept(doubled)
+    loop = loop_cache.compile_cached(doubled)
     assert loop(21) == 42
     assert kept_files(tmp_path / "installed") == [] and len(kept_files(caches)) == 2
     assert loop_cache.numba.config.CACHE_DIR == ""
-    again = loop_cache.kept(doubled)
+    again = loop_cache.compile_cached(doubled)
     assert again(21) == 42 and sum(again.stats.cache_hits.values()) == 1
 
 
 def test_the_folder_of_numba_is_taken_where_it_is_named(doubled, caches, tmp_path, monkeypatch):
     monkeypatch.setattr(loop_cache.numba.config, "CACHE_DIR", str(tmp_path / "named"))
-    assert loop_cache.kept(doubled)(1.5) == 3
+    assert loop_cache.compile_cached(doubled)(1.5) == 3
     assert len(kept_files(tmp_path / "named")) == 2 and kept_files(caches) == []
 
 
@@ -75,18 +75,18 @@ def test_without_a_folder_nothing_is_kept(name, doubled, caches, tmp_path, monke
         monkeypatch.delenv("XDG_CACHE_HOME")
         monkeypatch.setenv(name, str(blocked))
     assert loop_cache.cache_folder() is None
-    assert loop_cache.kept(doubled)(21) == 42
+    assert loop_cache.compile_cached(doubled)(21) == 42
     assert kept_files(tmp_path) == []
 
 
 def test_a_file_that_cannot_be_read_is_made_anew(doubled, caches):
     """Cut off, or of something else; the next program finds it whole."""
-    loop_cache.kept(doubled)(21)
+    loop_cache.compile_cached(doubled)(21)
     for damage in (lambda data: data[:20], lambda data: b"", lambda data: b"no pickle" + data):
         for path in caches.rglob("*.nbi"):
             path.write_bytes(damage(path.read_bytes()))
-        assert loop_cache.kept(doubled)(21) == 42
-        again = loop_cache.kept(doubled)
+        assert loop_cache.compile_cached(doubled)(21) == 42
+        again = loop_cache.compile_cached(doubled)
         assert again(21) == 42 and sum(again.stats.cache_hits.values()) == 1
 
 
@@ -96,7 +96,7 @@ def test_nothing_is_kept_on_a_full_disk(caches):
     code = (
         "import resource\n"
         "from modal.tools import loop_cache, loops\n"
-        "loop = loop_cache.kept(loops.cross)\n"
+        "loop = loop_cache.compile_cached(loops.cross)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (200, 200))\n"
         "print(loop((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))"
     )
