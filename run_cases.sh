@@ -20,7 +20,14 @@ set -euo pipefail
 cd -P "$(dirname "$0")" # the name by which Slurm knows the folder
 fail() { echo "run_cases.sh: $*" >&2; exit 2; }
 number() { [[ "$2" =~ ^[1-9][0-9]{0,7}$ ]] || fail "$1 needs a number, for example $1 $3"; }
-study=studies/otsubo2017/study.yaml products=products cases=() stage=result jobs='' only='' config=() profile=local
+study=studies/otsubo2017/study.yaml
+products=products
+cases=()        # 2 if none is named
+stage=result
+jobs_at_a_time= # empty: as many as fit
+only=           # dry-run or summary; empty: run
+config=()       # further settings of the Snakefile
+profile=local
 while [ $# -gt 0 ]; do
     case "$1" in
         --case) while [[ "${2:-}" =~ ^[A-Za-z0-9_] ]]; do
@@ -37,7 +44,7 @@ while [ $# -gt 0 ]; do
             fi ;;
         --stage) stage=${2:-none}; shift
             [[ "$stage" =~ ^[a-z]+$ ]] || fail "--stage $stage: give one word; see --help" ;;
-        -j) number -j "${2:-}" 2; jobs=$2; shift ;;
+        -j) number -j "${2:-}" 2; jobs_at_a_time=$2; shift ;;
         --spheres) number --spheres "${2:-}" 1000; products+=/${2}_spheres config+=("spheres=$2"); shift ;;
         --seed) number --seed "${2:-}" 2; config+=("seed=$2"); shift ;;
         --from-scratch) config+=(from_scratch=True) ;;
@@ -56,5 +63,5 @@ done
 extra=workflow
 ! grep -q '^executor: *slurm' "workflow/profiles/$profile/config.yaml" || extra=slurm
 ./setup.sh --extra "$extra" --without-yade
-exec .venv/bin/python workflow/run.py "$profile" "$only" "$jobs" "study=$study" "products=$products" \
+exec .venv/bin/python workflow/run.py "$profile" "$only" "$jobs_at_a_time" "study=$study" "products=$products" \
     "stage=$stage" "cases=[$(IFS=,; echo "${cases[*]:-2}")]" "${config[@]}"

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import pytest
 from in_yade import forked
@@ -81,41 +82,111 @@ def test_a_dry_run_plans(name, study, jobs):
     assert wanted.items() <= planned(study, **settings).items()
 
 
-def test_a_tiny_study_from_cloud_to_page_and_again(study, jobs, monkeypatch):
-    """What changes is made again and nothing else; a page follows its results."""
-    looks: list[object] = []
+TINY_NAMES = ["friction0_stress1e+06", "friction0_stress2e+06"]
+IMPOSSIBLE = f"cases: {{{TINY_NAMES[1]}: {{wave_friction: 0}}}}\n"
+"""A change of the tiny study: at rest with less friction than it was compressed with is refused."""
+
+
+class TinyRun(NamedTuple):
+    """A tiny study, run with a case that cannot be made, then mended and run again.
+
+    `absent` and `page` are the list of absent cases and the page after the first run;
+    `reevaluations` counts how often Snakemake's limit of jobs a second has asked to look at all
+    jobs again; `first_result` is when the possible case was measured, by both runs.
+    """
+
+    folder: Path
+    statuses: list[int]
+    absent: list[str]
+    page: str
+    first_result: list[float]
+    reevaluations: int
+
+
+@pytest.fixture(scope="module")
+def tiny(study) -> TinyRun:
+    """Run the tiny study twice: from cloud to a page that lacks a case, then to the whole page."""
+    reevaluations: list[object] = []
     scheduler = importlib.import_module("snakemake.scheduling.job_scheduler").JobScheduler
     assert hasattr(scheduler, "_schedule_reevalutation")
-    monkeypatch.setattr(scheduler, "_schedule_reevalutation", lambda *given: looks.append(given))
-    own = study / "studies/tiny.yaml"
-    own.write_text(TINY)
-    tiny = {"study": "studies/tiny.yaml", "products": "tiny", "stage": "page"}
-    assert driven(study, "", **tiny)[0] == 0
-    assert not looks  # the Snakefile takes away the limit that looks at all jobs again and again
-    names = [f"friction0_stress{stress}" for stress in ("1e+06", "2e+06")]
-    found = [json.loads((study / f"tiny/results/{name}.json").read_text()) for name in names]
-    e = [one["values"]["void_ratio"]["value"] for one in found]
-    assert e[0] > e[1]  # under more stress denser
-    table = (study / "tiny/study/all.csv").read_text().splitlines()
-    assert [line.split(",")[1] for line in table[1:]] == [f"{value:.4f}" for value in e]
-    assert (study / "tiny/study/workflow.html").exists()
-    before = {path: path.stat().st_mtime for path in (study / "tiny").glob("*.h5")}
-    own.write_text(TINY.replace("friction + 0.1", "friction + 0.2"))
-    assert planned(study, **tiny) == {"sample": 2, "measure": 2, "page": 1, "total": 6}
-    # A seed that is added makes the page stale, as its result is one of the page's inputs.
-    own.write_text(TINY)
-    (study / "tiny/results/seed_2").mkdir()
-    shutil.copy(study / "tiny/results/friction0_stress1e+06.json", study / "tiny/results/seed_2")
-    assert planned(study, **tiny)["total"] == 2
-    assert all(path.stat().st_mtime == made for path, made in before.items())
-    # A case that cannot be made is a row of the page that says why; the others stand as they are.
-    own.write_text(TINY + f"cases: {{{names[1]}: {{wave_friction: 0}}}}\n")
-    (study / f"tiny/results/{names[1]}.json").unlink()
-    for _ in range(2):  # the same command tries it again
-        assert driven(study, "", **tiny)[0] == 3
-    (line,) = (study / "tiny/study/absent.csv").read_text().splitlines()[1:]
-    assert line.startswith(f"{names[1]},") and "friction 0" in line
-    assert "No result of case 2" in (study / "tiny/study/study.html").read_text()
+    folder = study / "tiny"
+    description = study / "studies/tiny.yaml"
+    possible = folder / f"results/{TINY_NAMES[0]}.json"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        patch.setattr(
+            scheduler, "_schedule_reevalutation", lambda *given: reevaluations.append(given)
+        )
+        description.write_text(TINY + IMPOSSIBLE)
+        statuses = [driven(study, "", **TINY_RUN)[0]]
+        first_result = [possible.stat().st_mtime]
+        absent = (folder / "study/absent.csv").read_text().splitlines()
+        page = (folder / "study/study.html").read_text()
+        description.write_text(TINY)
+        statuses.append(driven(study, "", **TINY_RUN)[0])
+        first_result.append(possible.stat().st_mtime)
+    return TinyRun(folder, statuses, absent, page, first_result, len(reevaluations))
+
+
+TINY_RUN = {"study": "studies/tiny.yaml", "products": "tiny", "stage": "page"}
+
+
+def test_a_case_that_cannot_be_made_is_a_row_of_the_page_that_says_why(tiny):
+    assert tiny.statuses[0] == 3
+    header, line = tiny.absent
+    assert line.startswith(f"{TINY_NAMES[1]},")
+    assert "friction 0" in line
+    assert "No result of case 2" in tiny.page
+
+
+def test_the_next_run_makes_the_missing_case_and_nothing_else(tiny):
+    """A page that lacks cases does not keep them from being tried again."""
+    assert tiny.statuses[1] == 0
+    assert tiny.first_result[0] == tiny.first_result[1]
+    assert not (tiny.folder / "study/absent.csv").exists()
+    assert not (tiny.folder / "results/absent.csv").exists()
+    assert "No result of case" not in (tiny.folder / "study/study.html").read_text()
+
+
+def test_a_page_follows_its_results(tiny):
+    void_ratios = []
+    for name in TINY_NAMES:
+        result = json.loads((tiny.folder / f"results/{name}.json").read_text())
+        void_ratios.append(result["values"]["void_ratio"]["value"])
+    assert void_ratios[0] > void_ratios[1]  # denser under more stress
+    table = (tiny.folder / "study/all.csv").read_text().splitlines()
+    assert [line.split(",")[1] for line in table[1:]] == [f"{value:.4f}" for value in void_ratios]
+    assert (tiny.folder / "study/workflow.html").exists()
+
+
+def test_what_changes_is_made_again_and_nothing_else(tiny, study, jobs):
+    description = study / "studies/tiny.yaml"
+    assert planned(study, **TINY_RUN) == {}
+    description.write_text(TINY.replace("friction + 0.1", "friction + 0.2"))
+    again = planned(study, **TINY_RUN)
+    description.write_text(TINY)
+    assert again == {"sample": 2, "measure": 2, "page": 1, "total": 6}
+
+
+def test_a_seed_that_is_added_makes_the_page_stale(tiny, study, jobs):
+    """The result of another seed is one of the page's inputs."""
+    seed = tiny.folder / "results/seed_2"
+    seed.mkdir()
+    shutil.copy(tiny.folder / f"results/{TINY_NAMES[0]}.json", seed)
+    stale = planned(study, **TINY_RUN)
+    shutil.rmtree(seed)
+    assert stale == {"page": 1, "total": 2}
+
+
+def test_snakemakes_limit_of_jobs_a_second_is_taken_away(tiny):
+    """With it Snakemake looks at all jobs once more for each job that has ended."""
+    assert tiny.reevaluations == 0
+
+
+def test_a_scheduler_without_that_limit_is_noticed(jobs):
+    """Another version of Snakemake that calls the limit otherwise must not go unnoticed."""
+    with pytest.raises(AttributeError):
+        importlib.import_module("job_rate").remove_job_rate_limit(SimpleNamespace())
 
 
 def test_jobs_ask_for_what_their_size_takes_and_a_retry_for_more(jobs):
@@ -139,17 +210,19 @@ def test_half_the_step_has_the_times_of_the_whole_and_an_s_wave_is_longer(jobs):
     assert found.line("case03", "wave")["input_frequency"] == 2e5
     assert found.line("case30", "wave", run="shear_yade")["direction"] == "x"
     # YADE takes the cells for Python.
-    assert '"x"' in found.yade("case30", "wave", "signals", "wave", run="shear_yade")
+    assert '"x"' in found.yade_command("case30", "wave", "signals", "wave", run="shear_yade")
 
 
 def test_a_reduced_study_is_as_slender_and_needs_no_yade_for_its_walks(jobs):
     found = jobs.Jobs({"study": PAPER, "products": "products", "spheres": 1000})
     row = found.rows["case30"]
     assert row["width"] == pytest.approx(14.65 * (1000 / 35201) ** (1 / 3), abs=1e-4)
-    assert found.rows["case02"]["layers"] == 40 and found.committed("case30") is None
+    assert found.rows["case02"]["layers"] == 40 and found.committed_sample("case30") is None
     assert "modal pack --friction 0.4" in found.walk_command("mu0.4")
     full = jobs.Jobs({"study": PAPER, "products": "products", "from_scratch": True})
-    assert len(full.walks) == 7 and not any(map(full.committed, full.of_kind("random")))
+    assert len(full.walks) == 7 and not any(
+        map(full.committed_sample, full.cases_of_kind("random"))
+    )
     assert "compress.py" in full.walk_command("mu0.4")
     assert "--spheres 35201" in full.walk_command("mu0")
 
@@ -161,13 +234,13 @@ def test_a_user_without_a_home_gets_one(home, jobs, tmp_path, monkeypatch):
     if home is None:
         monkeypatch.delenv("HOME")
     monkeypatch.chdir(tmp_path)
-    importlib.import_module("run").take_a_home()
+    importlib.import_module("run").provide_home()
     assert Path(os.environ["HOME"]).is_absolute() and os.access(os.environ["HOME"], os.W_OK)
 
 
 def test_the_home_of_a_user_stays(jobs, tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
-    importlib.import_module("run").take_a_home()
+    importlib.import_module("run").provide_home()
     assert os.environ["HOME"] == str(tmp_path)
 
 
@@ -178,13 +251,14 @@ def test_jobs_of_a_killed_driver_are_known_however_many(jobs, tmp_path, monkeypa
     squeue.write_text(f'#!/bin/bash\nfor i in {{1..2000}}; do echo "$i|{ROOT}"; done\n')
     squeue.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
-    assert driver.at_work()
+    assert driver.jobs_in_queue()
     squeue.write_text(f"#!/bin/bash\necho '7|{ROOT}'\necho '8|/elsewhere'\n")
     monkeypatch.setenv("SLURM_JOB_ID", "7")
-    assert not driver.at_work()
+    assert not driver.jobs_in_queue()
     squeue.write_text("#!/bin/bash\necho 'slurm: no controller' >&2\nexit 1\n")
-    with pytest.raises(ValueError, match="no controller"):
-        driver.at_work()
+    with pytest.raises(InputError) as refused:
+        driver.jobs_in_queue()
+    assert refused.value.code == "command_failed"
 
 
 ODD = "odd name; touch made_by_the_shell $(id) 'a' \"b\" *"
@@ -196,9 +270,9 @@ def test_each_word_of_a_command_reaches_its_program_as_it_is(jobs, tmp_path, mon
     found.rows[ODD] = found.rows["case30"]
     commands = importlib.import_module("commands")
     for text in (
-        found.rest(ODD, f"{ODD}.h5"),
-        found.of_network("highest_mode", ODD),
-        found.measure(ODD, [f"{ODD}.h5"])[-1],
+        found.relax_command(ODD, f"{ODD}.h5"),
+        found.network_command("highest_mode", ODD),
+        found.measure_commands(ODD, [f"{ODD}.h5"])[-1],
     ):
         assert any(ODD in word for word in shlex.split(text))
         assert {len(word.split(ODD)) for word in shlex.split(text) if "odd" in word} == {2}
@@ -250,12 +324,12 @@ def test_patterns_of_names_hold_whole_names_and_stay_short(jobs, tmp_path):
     )
     found = jobs.Jobs({"study": str(study), "products": "products"})
     for kind in ("fcc", "random"):
-        pattern = found.pattern(found.of_kind(kind))
+        pattern = found.pattern(found.cases_of_kind(kind))
         assert len(pattern) < 2000
         file = re.compile(rf"(?P<case>{pattern})\.signals\.h5$")
         for name in ("friction0", "friction0.1_seed7", "friction1_seed2000"):
             match = file.match(f"{name}.signals.h5")
-            assert bool(match) == (name in found.of_kind(kind))
+            assert bool(match) == (name in found.cases_of_kind(kind))
             assert match is None or match["case"] == name
             assert not file.match(f"{name}.reverse.signals.h5")
     for name in ("c{}.linear", "c{}Pa"):

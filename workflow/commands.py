@@ -1,4 +1,4 @@
-"""Commands of a study's jobs, from the settings of their cases."""
+"""Compose the commands of a study's jobs from the settings of their cases."""
 
 import json
 import os
@@ -10,172 +10,220 @@ from typing import Any
 
 import yaml
 
+from analysis.study.description import Study
 from modal.cli.options import FALLS_SHORT_STATUS
 from modal.cli.pack import option_of
 from modal.preparation.protocol import FRICTION_PARAMETERS
 from modal.tools.errors import InputError
 
 PYTHON = ".venv/bin/python" if Path(".venv/bin/python").exists() else sys.executable
-"""The project's Python, on every node; by the same name wherever the project lies."""
+"""The project's Python on every node; the relative path holds wherever the project lies."""
 IN_TURN = f"{PYTHON} -m workflow.in_turn"
 RULES = yaml.safe_load(Path(__file__).with_name("rules.yaml").read_text())
-OF_NETWORK, FURTHER, COLUMNS = RULES["of_network"], RULES["further_waves"], RULES["columns"]
+OF_NETWORK = RULES["of_network"]
+FURTHER = RULES["further_waves"]
+COLUMNS = RULES["columns"]
 FULL = 35201
-"""Spheres of the packings that costs.tsv is of."""
-OF_YADE = {"fraction": 0.05, "passage": 1.0}
-"""What yade_scripts/wave.py takes where a line does not say it."""
-
-
+"""Number of spheres of the packings that costs.tsv is about."""
+DEFAULTS_OF_YADE = {"fraction": 0.05, "passage": 1.0}
+"""Values that yade_scripts/wave.py uses for columns that a line does not have."""
 LINEAR_INTERVAL = 1e-6
-"""Between records of a linear wave, s, where a study does not say it; the results are of this."""
+"""Time between records of a linear wave, s, where a study does not say it; committed results have
+been made with it."""
+REFERENCE_STRESS = 1e5
+"""Stress, Pa, of the packings from which the durations of waves are scaled."""
 
 
 class Commands:
-    """Of the cases `rows`, by name, whose products are in `folder`; `Jobs` says which there are.
+    """Commands for the cases `rows`, by name, whose products are in `folder`.
 
-    `walks` are the cases of each compression, which has a state at each of `stresses`, Pa.
+    The subclass `Jobs` sets the attributes. `walks` are the cases of each compression, which has a
+    state at each of `stresses`, Pa.
     """
 
+    study: Study
+    folder: str
+    prepare: str
+    rows: dict[str, dict[str, Any]]
+
     def walk_folder(self, walk: str) -> str:
-        """Folder of a compression's own states."""
+        """Return the folder in which a compression keeps its own states."""
         return f"{self.folder}/walks/compression_{walk}"
 
     def walk_command(self, walk: str) -> str:
-        """Shell's command of a compression, by YADE or its twin."""
-        row, made = self.rows[self.walks[walk][0]], self.walk_folder(walk)
+        """Return the shell's command of a compression, by YADE or by `modal pack`.
+
+        Raises InputError if YADE's compressions lack a setting of the case.
+        """
+        row = self.rows[self.walks[walk][0]]
         if self.prepare != "yade" or row["mu_comp"] == 0:
             # A state that was not reached is kept, and says so.
-            return f"({PYTHON} -m {self.pack(walk)} || [ $? = {FALLS_SHORT_STATUS} ])"
-        if own := [name for name in COLUMNS["pack"] if row.get(name)]:
+            return f"({PYTHON} -m {self.pack_command(walk)} || [ $? = {FALLS_SHORT_STATUS} ])"
+        settings = [name for name in COLUMNS["pack"] if row.get(name)]
+        if settings:
             raise InputError(
-                "input",
-                f"{', '.join(own)}: not in YADE's compressions",
+                "not_in_yade",
+                f"{', '.join(settings)}: not in YADE's compressions",
                 remedy="write prepare: modal",
             )
-        own = f"{self.folder}/walks/{walk}.table"
-        last = f"{made}/{self.stresses[-1]:g}Pa.sample.h5"
+        table = f"{self.folder}/walks/{walk}.table"
         log = f"{self.folder}/log/states/{walk}.yade.log"
-        job = "workflow/yade_job.sh", own, row["mu_comp"], "yade_scripts/compress.py"
-        job = quoted(*job, f"{self.folder}/walks", log, last)
-        return f"{write_line(self.shape_of(row), own)} && {job}"
+        last_state = f"{self.walk_folder(walk)}/{self.stresses[-1]:g}Pa.sample.h5"
+        job = quoted(
+            "workflow/yade_job.sh",
+            table,
+            row["mu_comp"],
+            "yade_scripts/compress.py",
+            f"{self.folder}/walks",
+            log,
+            last_state,
+        )
+        return f"{write_line(self.shape_of(row), table)} && {job}"
 
-    def pack(self, walk: str) -> str:
-        """Command of a compression by the twin."""
-        row, stresses = self.rows[self.walks[walk][0]], self.stresses
-        if row["mu_comp"] == 0:  # from the peak on it is unloaded
+    def pack_command(self, walk: str) -> str:
+        """Return the command of a compression by `modal pack`."""
+        row = self.rows[self.walks[walk][0]]
+        stresses = self.stresses
+        if row["mu_comp"] == 0:  # without friction a packing is unloaded from its highest stress
             stresses = stresses[::-1]
-        shape = self.shape_of(row)
-        given = {"friction": shape.pop("mu_comp")} | shape
-        given |= {name: row[name] for name in COLUMNS["pack"] if row.get(name)}
+        settings = self.shape_of(row)
+        settings = {"friction": settings.pop("mu_comp")} | settings
+        settings |= {name: row[name] for name in COLUMNS["pack"] if row.get(name)}
         words = ["modal", "pack"]
-        for name, value in given.items():
+        for name, value in settings.items():
             words.append(option_of(name))
-            words += [] if value is True else str(value).split()
+            if value is not True:
+                words += str(value).split()
         words += ["--stress", *(f"{stress:g}" for stress in stresses)]
         return quoted(*words, "-o", self.walk_folder(walk))
 
     def shape_of(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        """What of a case shapes its compression."""
+        """Return the settings of a case that shape its compression."""
         unused = FRICTION_PARAMETERS if row["mu_comp"] == 0 else ()
-        line = {name: row.get(name) for name in COLUMNS["walk"] if name not in unused}
-        return {name: cell for name, cell in line.items() if cell is not None}
+        settings = {name: row.get(name) for name in COLUMNS["walk"] if name not in unused}
+        return {name: value for name, value in settings.items() if value is not None}
 
     def line(self, case: str, *parts: str, run: str = "") -> dict[str, Any]:
-        """What a case has of some `COLUMNS`, as one line of a table; of `run`, a further wave."""
-        row, changed = self.rows[case], FURTHER.get(run, {})
+        """Return what a case has of these parts of `COLUMNS`, as one line of a table.
+
+        `run` names a further wave, which changes some of the cells.
+        """
+        row = self.rows[case]
+        changes = FURTHER.get(run, {})
         names = [name for part in parts for name in COLUMNS[part]]
         line = {name: row[name] for name in names if row.get(name) is not None}
-        for name, factor in changed.get("times", {}).items():
-            line[name] = factor * line.get(name, OF_YADE.get(name))
-        return line | changed.get("set", {})
+        for name, factor in changes.get("times", {}).items():
+            line[name] = factor * line.get(name, DEFAULTS_OF_YADE.get(name))
+        return line | changes.get("set", {})
 
-    def yade(self, case: str, script: str, kind: str, *parts: str, run: str = "") -> str:
-        """Shell's command of one of YADE's jobs, on a table of these `parts`; its log is `$log`."""
+    def yade_command(self, case: str, script: str, kind: str, *parts: str, run: str = "") -> str:
+        """Return the shell's command of one of YADE's jobs.
+
+        The job runs `script` on a table of these `parts` of `COLUMNS`, and makes the product
+        `kind`. Its log is the shell's variable `$log`.
+        """
         folder = f"{self.folder}/waves/{run}" if run else self.folder
-        own = f"{folder}/tables/{case}.{parts[-1]}.table"
-        line = write_line(self.line(case, *parts, run=run), own)
-        number, script = self.rows[case]["case"], f"yade_scripts/{script}.py"
-        job = quoted("workflow/yade_job.sh", own, number, script, folder)
-        job += f' "$log" {quoted(f"{folder}/{case}.{kind}.h5")}'
-        return f"mkdir -p {quoted(f'{folder}/tables')}; {line}; {job}"
+        table = f"{folder}/tables/{case}.{parts[-1]}.table"
+        line = write_line(self.line(case, *parts, run=run), table)
+        number = self.rows[case]["case"]
+        job = quoted("workflow/yade_job.sh", table, number, f"yade_scripts/{script}.py", folder)
+        product = quoted(f"{folder}/{case}.{kind}.h5")
+        return f'mkdir -p {quoted(f"{folder}/tables")}; {line}; {job} "$log" {product}'
 
-    def further(self, case: str, run: str) -> str:
-        """The same of a further wave, in a folder where wave.py finds the case under its name."""
-        folder, kinds = f"{self.folder}/waves/{run}", ("network", "highest.modes")
-        wave = self.yade(case, "wave", "signals", "wave", run=run)
-        links = quoted("ln", "-sf", *(f"../../{case}.{kind}.h5" for kind in kinds), folder)
-        made = f"{folder}/{case}.signals.h5"
-        move = quoted("mv", made, self.product(case, f"{run}.signals"))
-        make = quoted("mkdir", "-p", folder)
-        return f"unset ${{!WAVE_@}}; {make}; {links}; {wave} && {move}"
+    def further_wave_command(self, case: str, run: str) -> str:
+        """Return the shell's command of a further wave of a case.
+
+        The wave runs in a folder of its own, in which wave.py finds the case under its name.
+        """
+        folder = f"{self.folder}/waves/{run}"
+        sources = [f"../../{case}.{kind}.h5" for kind in ("network", "highest.modes")]
+        make_folder = quoted("mkdir", "-p", folder)
+        link = quoted("ln", "-sf", *sources, folder)
+        wave = self.yade_command(case, "wave", "signals", "wave", run=run)
+        product = self.product(case, f"{run}.signals")
+        move = quoted("mv", f"{folder}/{case}.signals.h5", product)
+        return f"unset ${{!WAVE_@}}; {make_folder}; {link}; {wave} && {move}"
 
     def product(self, case: str, kind: str) -> str:
-        """File of a case's product."""
+        """Return the file of a case's product."""
         return f"{self.folder}/{case}.{kind}.h5"
 
-    def rest(self, case: str, state: str) -> str:
-        """Command that brings a state to rest with the friction of the case's wave."""
-        friction, sample = self.rows[case]["mu_wave"], self.product(case, "sample")
+    def relax_command(self, case: str, state: str) -> str:
+        """Return the command that brings a state to rest with the friction of the case's wave."""
+        friction = self.rows[case]["mu_wave"]
+        sample = self.product(case, "sample")
         command = quoted("modal", "relax", state, "--friction", friction, "-o", sample)
         return f"{command} --skip-current"
 
-    def of_network(self, rule: str, case: str, packing: str = "network") -> str:
-        """Command of one of the rules `OF_NETWORK`, for a network or a sample."""
-        command, made = OF_NETWORK[rule]["command"], OF_NETWORK[rule]["makes"]
-        options = {
-            "lowest": lambda: self.study.settings["lowest_modes"],
-            "band": lambda: self.band(case),
-            "linear": lambda: self.linear(case, 1),
-            "shear": lambda: self.linear(case, 2, "--direction x"),
-        }
-        given = {name: of() for name, of in options.items() if f"{{{name}}}" in command}
-        given |= {
+    def network_command(self, rule: str, case: str, packing: str = "network") -> str:
+        """Return the command of one of the rules `OF_NETWORK`, for a network or a sample."""
+        command = OF_NETWORK[rule]["command"]
+        parts = {
             "folder": quoted(self.folder),
             "network": quoted(self.product(case, packing)),
-            "product": quoted(self.product(case, made[0])),
+            "product": quoted(self.product(case, OF_NETWORK[rule]["makes"][0])),
         }
-        return command.format(**given)
+        if "{lowest}" in command:
+            parts["lowest"] = self.study.settings["lowest_modes"]
+        if "{band}" in command:
+            parts["band"] = self.band_options(case)
+        if "{linear}" in command:
+            parts["linear"] = self.linear_wave_options(case, 1)
+        if "{shear}" in command:
+            parts["shear"] = self.linear_wave_options(case, 2, "--direction x")
+        return command.format(**parts)
 
     def duration(self, case: str) -> float:
-        """Seconds in which a wave goes from wall to wall, and somewhat more."""
+        """Return the time in which a wave passes from wall to wall, with a margin, s."""
         row = self.rows[case]
         slowest = 1.2e-3 * (row["spheres"] / FULL) ** (1 / 3)
         if row["kind"] == "fcc":
             slowest = 5e-4 * row["layers"] / 200
-        return round(slowest * (1e5 / row["stress"]) ** (1 / 6), 7)
+        return round(slowest * (REFERENCE_STRESS / row["stress"]) ** (1 / 6), 7)
 
-    def linear(self, case: str, times: float, options: str = "") -> str:
-        """Options of a linear wave as the case's, so many times as long as a P-wave needs."""
-        row, direction = self.rows[case], self.rows[case].get("direction", "z")
-        own, slower = (options, times) if direction == "z" else (f"--direction {direction}", 2)
+    def linear_wave_options(self, case: str, durations: float, options: str = "") -> str:
+        """Return the options of a linear wave like the case's, `durations` of a P-wave long."""
+        row = self.rows[case]
+        direction = row.get("direction", "z")
+        if direction != "z":
+            options = f"--direction {direction}"
+            durations = 2
         pulse = f"--amplitude {row['amplitude']} --input-frequency {row['input_frequency']}"
-        # Every step of YADE's, which a line may ask for as 0, is none of the linear wave's.
+        # An interval of 0 asks YADE for every step; the linear wave has no such step.
         interval = float(row.get("interval") or 0) or LINEAR_INTERVAL
-        return f"{own} {pulse} --interval {interval:g} --duration {slower * self.duration(case)}"
+        duration = durations * self.duration(case)
+        return f"{options} {pulse} --interval {interval:g} --duration {duration}"
 
-    def band(self, case: str) -> str:
-        """Options of the modes of a case's band; shapes are kept as far as they fit."""
+    def band_options(self, case: str) -> str:
+        """Return the options of the modes of a case's band; shapes are kept as far as they fit."""
         low, high = self.study.settings["bands"].get(case, self.study.settings["band"])
-        return "--hours 4 " + (f"--between {low} {high}" if low > 0 else f"--below {high}")
+        if low > 0:
+            return f"--hours 4 --between {low} {high}"
+        return f"--hours 4 --below {high}"
 
 
 def quoted(*words: object) -> str:
-    """Return words as the shell, and `in_turn`, read them: each is one, whatever is in it."""
+    """Return words quoted for the shell and for `in_turn`, whatever characters they have."""
     return " ".join(quote(str(word)) for word in words)
 
 
 def write_line(line: Mapping[str, Any], path: str) -> str:
-    """Command that writes a table of one line for yade-batch, which takes cells for Python."""
-    cells = [
-        json.dumps(cell.replace(" ", "_")) if isinstance(cell, str) else f"{cell:.12g}"
-        for cell in line.values()
-    ]
+    """Return the command that writes a table of one line for yade-batch.
+
+    yade-batch evaluates cells as Python; texts are quoted for that.
+    """
+    cells = []
+    for cell in line.values():
+        if isinstance(cell, str):
+            cells.append(json.dumps(cell.replace(" ", "_")))
+        else:
+            cells.append(f"{cell:.12g}")
     write = quoted("printf", "%s\\n", " ".join(line), " ".join(cells))
     return f"{write} > {quote(path)}"
 
 
 def environment() -> str:
-    """Shell's command that sets for YADE's waves what the caller has set."""
+    """Return the shell's command that passes the caller's variables WAVE_* on to YADE's waves."""
     names = sorted(name for name in os.environ if name.startswith("WAVE_") and name.isidentifier())
     settings = [f"{name}={quote(os.environ[name])}" for name in names]
     return f"export {' '.join(settings)}" if settings else ":"

@@ -1,9 +1,10 @@
-"""Commands in one process, one after the other: in_turn.py COMMAND ...
+"""Run commands in one process, one after the other: in_turn.py COMMAND ...
 
-Those of modal and analysis as they are typed behind `python -m`: what several need is loaded once.
-Others are the shell's, and what they write to `$log` is told. The first that fails ends all, with
-its status. Behind a dash a product counts though it falls short of what was asked (status 3): a
-sample says how near to rest it is, spectra are kept that do not give all quantities.
+Commands of modal and analysis are written as behind `python -m`; what several of them need is
+loaded once. Other commands are the shell's, and what they write to `$log` is printed. The first
+command that fails ends the process with its status. A dash before a command accepts a product that
+falls short of the request (status 3): a sample notes how near to rest it is, and spectra are kept
+even if they do not give all quantities.
 """
 
 import os
@@ -13,25 +14,35 @@ import sys
 from importlib import import_module
 from tempfile import NamedTemporaryFile
 
-SHORT = 3
-PROGRAMS = "modal", "analysis"
+FALLS_SHORT_STATUS = 3
+"""Exit status of a program whose product falls short of the request."""
+PROGRAMS = ("modal", "analysis")
+MAY_FALL_SHORT = "- "
+"""Beginning of a command that may end with `FALLS_SHORT_STATUS`."""
 
 
 def main(commands: list[str]) -> int:
-    """Run all; the exit status."""
+    """Run all commands and return the exit status."""
     for command in commands:
-        program, *words = shlex.split(command.removeprefix("- "))
+        program, *words = shlex.split(command.removeprefix(MAY_FALL_SHORT))
         if program in PROGRAMS:
             sys.argv = [program, *words]
             status = import_module(f"{program}.__main__").main()
         else:
-            with NamedTemporaryFile("r") as log:
-                shell = "bash", "-euc", command
-                status = subprocess.run(shell, env=os.environ | {"log": log.name}).returncode
-                print(log.read(), flush=True)
-        if status and not (status == SHORT and command.startswith("- ")):
+            status = _run_in_shell(command)
+        accepted = command.startswith(MAY_FALL_SHORT) and status == FALLS_SHORT_STATUS
+        if status and not accepted:
             return status
     return 0
+
+
+def _run_in_shell(command: str) -> int:
+    """Run a command of the shell, print what it writes to `$log`, and return its status."""
+    with NamedTemporaryFile("r") as log:
+        environment = os.environ | {"log": log.name}
+        status = subprocess.run(["bash", "-euc", command], env=environment).returncode
+        print(log.read(), flush=True)
+    return status
 
 
 if __name__ == "__main__":

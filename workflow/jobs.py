@@ -1,7 +1,7 @@
-"""What the rules need to know of a study: what a case starts from, its files, a job's command.
+"""Find what the rules need to know of a study: starting states, files and commands of cases.
 
-Read by the Snakefile alone. Which cases there are, and their settings, stands in the study's YAML
-(`analysis.study.description`).
+The Snakefile and run.py read this module. Which cases there are, and their settings, stands in the
+study's YAML (`analysis.study.description`).
 """
 
 import re
@@ -18,93 +18,131 @@ from analysis.expressions import short
 from analysis.study.description import Study, part_of_name
 from modal.tools.errors import InputError, refuse_unknown
 
-ACROSS = 16
-"""Spheres of a layer of a crystal."""
-LEAST = 750
-"""Spheres of the smallest packing that is wide enough."""
-LAYERS = 40
-"""Of the crystals of a reduced study."""
-SETTLED = 1e-4
-"""Residual of reduced packings, over contact force: where ten times as much is left, few contacts
-creep so far as they come to rest that a stress can fall by a tenth."""
-SMALL = 3000
-"""Spheres, at most, of packings of which half of a job would be the start of its program."""
+SPHERES_PER_LAYER = 16
+"""Number of spheres in a layer of a crystal."""
+MIN_SPHERES = 750
+"""Number of spheres of the smallest packing that is wide enough: 4 diameters across."""
+REDUCED_LAYERS = 40
+"""Number of layers of the crystals of a reduced study."""
+REDUCED_RESIDUAL = 1e-4
+"""Residual of reduced packings, divided by the contact force. Where ten times as much is left, few
+contacts creep so far as they come to rest that a stress can fall by a tenth."""
+MAX_SPHERES_AT_ONCE = 3000
+"""Largest number of spheres of packings that are made and measured in one process: the start of a
+program would take half of each of their jobs."""
+STUDY_FREQUENCY = 1e5
+"""Frequency of the pulse, Hz, that crystals of other frequencies have as well, for one figure."""
 STAGES = RULES["stages"]
-AS_TYPED = re.compile(r"[\w./+][\w./+-]*", re.ASCII)
-"""Paths that stand in rules and commands, and in Snakemake's patterns."""
-BEHIND = {
+PLAIN_PATH = re.compile(r"[\w./+][\w./+-]*", re.ASCII)
+"""Pattern of the paths that rules, commands and Snakemake's patterns can contain as they are."""
+WORDS_BEHIND_NAMES = {
     *(kind.split(".")[0] for kinds in STAGES.values() for kind in kinds),
     *(kind.split(".")[0] for rule in OF_NETWORK.values() for kind in rule["makes"]),
     *(*FURTHER, "network", "agreement", "json", "log", "tsv"),
 }
-"""Words behind a case's name in the names of its files."""
-NO_NAME = rf"\.({'|'.join(map(re.escape, sorted(BEHIND)))})|\dPa"
-"""Ends of names that belong to files of cases, or to states."""
-ANY = "[^/]+" + "".join(rf"(?<!\.{re.escape(word)})" for word in sorted(BEHIND)) + r"(?<!\dPa)"
-"""Pattern of a case's name."""
+"""Words that follow a case's name in the names of its files."""
+RESERVED_END = rf"\.({'|'.join(map(re.escape, sorted(WORDS_BEHIND_NAMES)))})|\dPa"
+"""Pattern of ends of names that belong to files of cases, or to states."""
+ANY = "[^/]+"
+"""Pattern of the name of any case: no name with a reserved end."""
+ANY += "".join(rf"(?<!\.{re.escape(word)})" for word in sorted(WORDS_BEHIND_NAMES))
+ANY += r"(?<!\dPa)"
 NOTHING = "(?!)"
-"""Pattern that nothing is like."""
-ON_REQUEST = "linear.signals", "shear.signals", "moduli"
+"""Pattern that matches nothing."""
+ON_REQUEST = ("linear.signals", "shear.signals", "moduli")
+"""Products that are made only if their stage is requested."""
 
 
 class Jobs(Commands):
-    """The jobs of a study in one folder of products; `config` is Snakemake's."""
+    """The jobs of a study in one folder of products.
+
+    `config` is that of Snakemake: study, products and, if they are set, stage, cases, spheres, seed
+    and from_scratch. Raises InputError if one of them, or the study, cannot be followed.
+
+    Attributes
+    ----------
+    rows : dict
+        Settings of all cases by name.
+    cases : list of str
+        Names of the requested cases.
+    stage : str
+        How far the requested cases are to be made.
+    reduced : bool
+        Whether random packings have the number of spheres in `config`.
+    from_scratch : bool
+        Whether random cases start from a cloud, not from committed samples.
+    at_once : bool
+        Whether one process makes and measures a case.
+    """
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         for name in ("study", "products"):
             refuse_other_path(f"--{name}", config[name])
         self.study = Study(config["study"])
-        own = self.study.settings
-        self.folder, self.stage = config["products"], config.get("stage", "page")
+        settings = self.study.settings
+        self.folder = config["products"]
+        self.stage = config.get("stage", "page")
         refuse_unknown("--stage", self.stage, (*STAGES, "split", "result", "page"))
-        if int(config.get("spheres", LEAST)) < LEAST:
-            raise InputError(
-                "input", f"--spheres {config['spheres']}", f"at least {LEAST}, 4 diameters across"
-            )
         self.reduced = "spheres" in config
+        spheres = int(config.get("spheres", MIN_SPHERES))
+        if spheres < MIN_SPHERES:
+            raise InputError(
+                "too_few_spheres",
+                f"--spheres {config['spheres']}",
+                f"at least {MIN_SPHERES}, 4 diameters across",
+            )
         self.seed = int(config["seed"]) if "seed" in config else None
-        # All of a case in one process, whose start would be half of each of many jobs.
-        few = self.reduced and int(config["spheres"]) <= SMALL and not own["forget"]
+        few = self.reduced and spheres <= MAX_SPHERES_AT_ONCE and not settings["forget"]
         self.at_once = few and self.stage in ("result", "page")
-        self.scratch = bool(config.get("from_scratch")) or self.reduced or self.seed is not None
-        self.prepare = "modal" if self.reduced else own["prepare"]
+        self.from_scratch = (
+            bool(config.get("from_scratch")) or self.reduced or self.seed is not None
+        )
+        self.prepare = "modal" if self.reduced else settings["prepare"]
         self.rows = self.study.rows
-        for case in self.rows:
-            if re.search(rf"({NO_NAME})$", case):
+        for number, case in enumerate(self.rows, 1):
+            if re.search(rf"({RESERVED_END})$", case):
                 raise InputError("name", f"case {case}", "ends as a file of a case", "rename it")
-        for number, row in enumerate(self.rows.values(), 1):
-            full = row.setdefault("spheres", own["spheres"])
-            row |= {"case": number, "seed": self.seed or row.get("seed", own["seed"])}
-            row.setdefault("amplitude", own["amplitude"])
-            if row["kind"] == "fcc":
-                row["layers"] = LAYERS if self.reduced else row.get("layers", own["layers"])
-                row["spheres"] = ACROSS * row["layers"]
-            elif self.reduced:
-                row["spheres"] = int(config["spheres"])
-                row.setdefault("residual", SETTLED)
-                if row.get("width") is not None:
-                    row["width"] = round(row["width"] * (row["spheres"] / full) ** (1 / 3), 4)
+            self._complete_row(number, self.rows[case], spheres)
         costs = Path(__file__).with_name("costs.tsv")
         self.costs = pd.read_csv(costs, sep="\t", comment="#", index_col="rule")
-        self.cases = _chosen(config.get("cases"), self.rows)
+        self.cases = _choose_cases(config.get("cases"), self.rows)
 
-    def of_kind(self, kind: str) -> list[str]:
-        """Names of all cases of a kind."""
-        return self._by_kind[kind]
+    def _complete_row(self, number: int, row: dict[str, Any], spheres: int) -> None:
+        """Add a case's number, and the study's defaults; a reduced one has `spheres`."""
+        settings = self.study.settings
+        full_spheres = row.setdefault("spheres", settings["spheres"])
+        row["case"] = number
+        row["seed"] = self.seed or row.get("seed", settings["seed"])
+        row.setdefault("amplitude", settings["amplitude"])
+        if row["kind"] == "fcc":
+            row["layers"] = row.get("layers", settings["layers"])
+            if self.reduced:
+                row["layers"] = REDUCED_LAYERS
+            row["spheres"] = SPHERES_PER_LAYER * row["layers"]
+        elif self.reduced:
+            row["spheres"] = spheres
+            row.setdefault("residual", REDUCED_RESIDUAL)
+            if row.get("width") is not None:
+                scale = (row["spheres"] / full_spheres) ** (1 / 3)
+                row["width"] = round(row["width"] * scale, 4)
+
+    def cases_of_kind(self, kind: str) -> list[str]:
+        """Return the names of all cases of a kind, fcc or random."""
+        return self._cases_by_kind[kind]
 
     @cached_property
-    def _by_kind(self) -> dict[str, list[str]]:
-        """Names of all cases of each kind."""
+    def _cases_by_kind(self) -> dict[str, list[str]]:
+        """Return the names of all cases of each kind."""
         return {
             kind: [name for name, row in self.rows.items() if row["kind"] == kind]
             for kind in ("fcc", "random")
         }
 
     def pattern(self, cases: Iterable[str]) -> str:
-        """Regular expression of the names of some cases.
+        """Return a regular expression of the names of some cases.
 
-        Snakemake tries it on each file, so it does not name thousands: of more than half of all
-        cases it names those that are left out.
+        Snakemake tries it on each file, so it does not list thousands of names: if it is about more
+        than half of all cases it lists those that are left out.
         """
         wanted = set(cases)
         others = [case for case in self.rows if case not in wanted]
@@ -114,237 +152,289 @@ class Jobs(Commands):
             return ANY
         if len(wanted) <= len(others):
             return one_of(case for case in self.rows if case in wanted)
-        behind = "|".join(map(re.escape, sorted(BEHIND)))
+        behind = "|".join(map(re.escape, sorted(WORDS_BEHIND_NAMES)))
         return rf"(?!({one_of(others)})\.({behind})\b){ANY}"
 
     def walk_of(self, case: str) -> str:
-        """Name of the compression that a random case's state is of."""
+        """Return the name of the compression that passes through a random case's state."""
         row = self.rows[case]
-        parts = [part_of_name(n, row[n]) for n in self.varied if row.get(n) is not None]
-        return "_".join([f"mu{row['mu_comp']:g}", *parts])
+        parts = [f"mu{row['mu_comp']:g}"]
+        for column in self.varied_columns:
+            if row.get(column) is not None:
+                parts.append(part_of_name(column, row[column]))
+        return "_".join(parts)
 
     @cached_property
-    def varied(self) -> list[str]:
-        """Columns that tell compressions of one friction apart: a study has several values of them.
+    def varied_columns(self) -> list[str]:
+        """Return the columns of which the study has several values, friction apart.
 
-        None where cases have numbers: their compressions differ in friction alone.
+        They distinguish compressions of one friction. Where cases are numbered there are none:
+        compressions differ in friction alone.
         """
-        random = [self.rows[case] for case in self.of_kind("random")]
-        kinds = {
-            n: {str(row.get(n)) for row in random} for n in (*COLUMNS["walk"][1:], *COLUMNS["pack"])
-        }
-        return [n for n in kinds if len(kinds[n]) > 1 and self.study.settings["names"] == ""]
+        if self.study.settings["names"] != "":
+            return []
+        rows = [self.rows[case] for case in self.cases_of_kind("random")]
+        columns = (*COLUMNS["walk"][1:], *COLUMNS["pack"])
+        return [name for name in columns if len({str(row.get(name)) for row in rows}) > 1]
 
     @cached_property
     def walks(self) -> dict[str, list[str]]:
-        """Cases of each compression."""
-        found: dict[str, list[str]] = {}
-        for case in self.of_kind("random"):
-            found.setdefault(self.walk_of(case), []).append(case)
-        return found
+        """Return the cases of each compression."""
+        cases_by_walk: dict[str, list[str]] = {}
+        for case in self.cases_of_kind("random"):
+            cases_by_walk.setdefault(self.walk_of(case), []).append(case)
+        return cases_by_walk
 
     @cached_property
     def stresses(self) -> list[float]:
-        """Stresses, Pa, of the states of every compression."""
-        own = {float(self.rows[case]["stress"]) for case in self.of_kind("random")}
-        return sorted(own | set(map(float, self.study.settings["states"])))
+        """Return the stresses, Pa, of the states of every compression."""
+        of_cases = {float(self.rows[case]["stress"]) for case in self.cases_of_kind("random")}
+        return sorted(of_cases | set(map(float, self.study.settings["states"])))
 
     def state(self, walk: str, stress: float) -> str:
-        """File of a state."""
+        """Return the file of a state."""
         return f"{self.folder}/states/{walk}/{stress:g}Pa.sample.h5"
 
-    def committed(self, case: str) -> str | None:
-        """The finished sample that a case starts from; not where it has a state of its own."""
-        folder, row = self.study.settings["samples"], self.rows[case]
-        path = Path(folder) / f"{case}.sample.h5"
-        own = Path(self.state(self.walk_of(case), row["stress"])).exists()
-        if self.scratch or own or not folder or not path.exists():
-            return None
-        same = all(_noted(path, n) in (None, float(row[n])) for n in ("stress", "mu_comp"))
-        return str(path) if same else None
+    def committed_sample(self, case: str) -> str | None:
+        """Return the finished sample that a case starts from, if there is one.
 
-    def ready(self, case: str) -> bool:
-        """Whether the finished sample is at rest with the friction of the wave."""
-        path, friction = self.committed(case), float(self.rows[case]["mu_wave"])
+        None if the sample is of another stress or friction, and for a case that has a state of its
+        own.
+        """
+        row = self.rows[case]
+        folder = self.study.settings["samples"]
+        path = Path(folder) / f"{case}.sample.h5"
+        has_state = Path(self.state(self.walk_of(case), row["stress"])).exists()
+        if self.from_scratch or has_state or not folder or not path.exists():
+            return None
+        for name in ("stress", "mu_comp"):
+            if _noted(path, name) not in (None, float(row[name])):
+                return None
+        return str(path)
+
+    def is_ready(self, case: str) -> bool:
+        """Tell whether the finished sample is at rest with the friction of the wave."""
+        path = self.committed_sample(case)
+        friction = float(self.rows[case]["mu_wave"])
         return path is not None and _noted(Path(path), "mu_wave") in (None, friction)
 
-    def start(self, case: str) -> str:
-        """What the sample of a random case is made from."""
-        walk = self.walk_of(case)
-        return self.committed(case) or self.state(walk, float(self.rows[case]["stress"]))
+    def starting_state(self, case: str) -> str:
+        """Return the file that the sample of a random case is made from."""
+        state = self.state(self.walk_of(case), float(self.rows[case]["stress"]))
+        return self.committed_sample(case) or state
 
     @cached_property
     def forgotten(self) -> list[str]:
-        """Cases whose packings are removed as soon as they are measured."""
+        """Return the cases whose packings are removed as soon as they are measured.
+
+        Raises InputError if the study has several stresses, or cases without friction.
+        """
         if not self.study.settings["forget"]:
             return []
         if len(self.stresses) > 1 or not all(row["mu_comp"] > 0 for row in self.rows.values()):
             raise InputError(
-                "input", "forget", "is for one stress, and with friction", "leave it out"
+                "forget", "forget", "is for one stress, and with friction", "leave it out"
             )
         return list(self.rows)
 
-    def made(self, case: str) -> list[str]:
-        """Kinds of product that a case's result is measured from."""
-        kinds = list(self.study.settings["make"].get(self.rows[case]["kind"], []))
-        kinds += ["band.modes"] if case in self.study.settings["bands"] else []
-        if self.rows[case].get("input_frequency", 1e5) != 1e5 and "signals" in kinds:
+    def product_kinds(self, case: str) -> list[str]:
+        """Return the kinds of product that a case's result is measured from."""
+        row = self.rows[case]
+        kinds = list(self.study.settings["make"].get(row["kind"], []))
+        if case in self.study.settings["bands"]:
+            kinds.append("band.modes")
+        if row.get("input_frequency", STUDY_FREQUENCY) != STUDY_FREQUENCY and "signals" in kinds:
             kinds.append("100kHz.signals")
         if self.seed is not None:
             kinds = [kind for kind in kinds if kind in ("sample", "network", "highest.modes")]
         return kinds or ["sample"]
 
     def outputs(self, rule: str) -> list[str]:
-        """Files of a rule that needs a network alone, as a pattern of its cases each."""
+        """Return the files of a rule that needs a network alone, each as a pattern of its cases."""
         kinds = OF_NETWORK[rule]["cases"]
         cases = self.pattern(case for case, row in self.rows.items() if row["kind"] in kinds)
         return [self.product(f"{{case,{cases}}}", kind) for kind in OF_NETWORK[rule]["makes"]]
 
-    def on_the_way(self, case: str) -> list[str]:
-        """Commands that make all that a case's result is measured from."""
-        kind, made = self.rows[case]["kind"], self.made(case)
-        random, waves = kind == "random", "signals" in made
-        first = f"- {self.rest(case, self.start(case))}"
-        commands = [first if random else self.yade(case, "sample_fcc", "network", "crystal")]
-        if waves or "highest.modes" in made:
-            found_in = "sample" if random else "network"
-            commands.append(self.of_network("highest_mode", case, found_in))
-        if random and waves:
-            commands.append(self.yade(case, "sample_and_wave", "signals", "export", "wave"))
-        elif random and made != ["sample"]:
-            commands.append(self.yade(case, "export_sample", "network", "export"))
-        elif waves:
-            commands.append(self.yade(case, "wave", "signals", "wave"))
-        commands += [self.further(case, run) for run in FURTHER if f"{run}.signals" in made]
-        for rule, own in OF_NETWORK.items():
-            if rule != "highest_mode" and kind in own["cases"] and own["makes"][0] in made:
-                commands.append(self.of_network(rule, case))
+    def product_commands(self, case: str) -> list[str]:
+        """Return the commands that make all that a case's result is measured from."""
+        kind = self.rows[case]["kind"]
+        kinds = self.product_kinds(case)
+        has_wave = "signals" in kinds
+        if kind == "random":
+            packing = "sample"
+            commands = [f"- {self.relax_command(case, self.starting_state(case))}"]
+        else:
+            packing = "network"
+            commands = [self.yade_command(case, "sample_fcc", "network", "crystal")]
+        if has_wave or "highest.modes" in kinds:
+            commands.append(self.network_command("highest_mode", case, packing))
+        if kind == "random" and has_wave:
+            commands.append(self.yade_command(case, "sample_and_wave", "signals", "export", "wave"))
+        elif kind == "random" and kinds != ["sample"]:
+            commands.append(self.yade_command(case, "export_sample", "network", "export"))
+        elif has_wave:
+            commands.append(self.yade_command(case, "wave", "signals", "wave"))
+        for run in FURTHER:
+            if f"{run}.signals" in kinds:
+                commands.append(self.further_wave_command(case, run))
+        for name, rule in OF_NETWORK.items():
+            if name != "highest_mode" and kind in rule["cases"] and rule["makes"][0] in kinds:
+                commands.append(self.network_command(name, case))
         return commands
 
-    def read(self, case: str) -> list[str]:
-        """Files that a case's result is made of: those of its kind, and on request, if there."""
-        kinds = dict.fromkeys(self.made(case))
-        further = [path for kind in ON_REQUEST if Path(path := self.product(case, kind)).exists()]
-        return [*(self.product(case, kind) for kind in kinds), *further]
+    def result_inputs(self, case: str) -> list[str]:
+        """Return the files that a case's result is made of.
+
+        They are those of its kinds of product, and those on request that exist.
+        """
+        files = [self.product(case, kind) for kind in dict.fromkeys(self.product_kinds(case))]
+        further = [self.product(case, kind) for kind in ON_REQUEST]
+        return files + [path for path in further if Path(path).exists()]
 
     def measured_from(self, case: str) -> list[str]:
-        """Files that have to be there before."""
+        """Return the files that must exist before the job that measures a case."""
         if not self.at_once:
-            return self.read(case)
-        return [self.start(case)] if self.rows[case]["kind"] == "random" else []
+            return self.result_inputs(case)
+        if self.rows[case]["kind"] == "random":
+            return [self.starting_state(case)]
+        return []
 
-    def measure(self, case: str, files: Sequence[str]) -> list[str]:
-        """Commands that measure a case from its files, after what they are made by at once."""
-        scatter = self.seed is not None and not self.study.settings["measure"]
+    def measure_commands(self, case: str, files: Sequence[str]) -> list[str]:
+        """Return the commands that measure a case from its files, and make these, if at once."""
         words = ["analysis", "study", self.study.path, *files, "--measure", case]
         words += ["--products", self.folder, "-o", f"{self.results}/{case}.json"]
-        if scatter:
+        if self.seed is not None and not self.study.settings["measure"]:
             words.append("--scatter")
-        own = quoted(*words)
-        return [*(self.on_the_way(case) if self.at_once else []), own]
+        commands = self.product_commands(case) if self.at_once else []
+        return [*commands, quoted(*words)]
 
-    def from_cloud(self, case: str) -> list[str]:
-        """Commands that make a packing, bring it to rest and measure it."""
+    def commands_from_cloud(self, case: str) -> list[str]:
+        """Return the commands that make a packing, bring it to rest and measure it."""
         walk = self.walk_of(case)
         state = f"{self.walk_folder(walk)}/{self.rows[case]['stress']:g}Pa.sample.h5"
-        own = self.measure(case, [self.product(case, "sample")])
-        return [f"- {self.pack(walk)}", self.rest(case, state), *own]
+        return [
+            f"- {self.pack_command(walk)}",
+            self.relax_command(case, state),
+            *self.measure_commands(case, [self.product(case, "sample")]),
+        ]
 
     @property
     def results(self) -> str:
-        """Folder of the results; other seeds' stand in one of theirs, among the study's own."""
-        folder, seed = Path(self.folder), self.seed
-        return str(folder / "results" if seed is None else folder.parent / f"results/seed_{seed}")
+        """Return the folder of results; that of another seed lies in the study's own."""
+        folder = Path(self.folder)
+        if self.seed is None:
+            return str(folder / "results")
+        return str(folder.parent / f"results/seed_{self.seed}")
 
-    def of_page(self) -> list[str]:
-        """Results that the page is made of: of all cases and states, and what else is there."""
-        found = [f"{self.results}/{case}.json" for case in self.cases]
-        random = [case for case in self.cases if self.rows[case]["kind"] == "random"]
-        walks = set(map(self.walk_of, random))
-        extra = set(map(float, self.study.settings["states"])) if self.seed is None else ()
-        # Of a case that starts from a finished sample no compression is made for a state alone.
-        found += [
-            f"{self.results}/{walk}_{stress:g}Pa.json"
-            for walk in sorted(walks)
-            for stress in sorted(extra)
-            if self.finished(walk, stress) or not all(map(self.committed, self.walks[walk]))
-        ]
-        there = ("seed_*/*.json", "*.agreement.csv")
-        return found + sorted(str(p) for text in there for p in Path(self.results).glob(text))
+    def page_inputs(self) -> list[str]:
+        """Return the results that the page is made of.
 
-    def finished(self, walk: str, stress: float) -> str | None:
-        """A finished sample of a state that is no case."""
+        They are those of all cases and states, and those of other seeds and of agreements that
+        exist.
+        """
+        files = [f"{self.results}/{case}.json" for case in self.cases]
+        files += [f"{self.results}/{state}.json" for state in self._states_of_page()]
+        for pattern in ("seed_*/*.json", "*.agreement.csv"):
+            files += sorted(map(str, Path(self.results).glob(pattern)))
+        return files
+
+    def _states_of_page(self) -> list[str]:
+        """Return the names of states that are no cases but stand on the page.
+
+        No compression is made for such a state alone: where all cases of a compression start from
+        finished samples, the state counts only if it has one, too.
+        """
+        if self.seed is not None:
+            return []
+        cases = [case for case in self.cases if self.rows[case]["kind"] == "random"]
+        names = []
+        for walk in sorted({self.walk_of(case) for case in cases}):
+            has_finished_samples = all(map(self.committed_sample, self.walks[walk]))
+            for stress in sorted(set(map(float, self.study.settings["states"]))):
+                if self.finished_state(walk, stress) or not has_finished_samples:
+                    names.append(f"{walk}_{stress:g}Pa")
+        return names
+
+    def finished_state(self, walk: str, stress: float) -> str | None:
+        """Return the finished sample of a state that is no case; None if there is none."""
         path = Path(self.study.settings["samples"]) / f"{walk}_{stress / 1e3:g}kPa.sample.h5"
-        return str(path) if path.exists() and not self.scratch else None
+        if path.exists() and not self.from_scratch:
+            return str(path)
+        return None
 
     def targets(self) -> list[str]:
-        """What is asked for, by the cases and the stage."""
+        """Return the requested files, according to the cases and the stage."""
         if self.stage == "page":
             return [f"{self.folder}/study/study.html"]
-        if end := {"result": "json", "split": "agreement.csv"}.get(self.stage):
-            return [f"{self.results}/{case}.{end}" for case in self.cases]
-        return [
-            self.product(case, kind)
-            for case in self.cases
-            for kind in STAGES[self.stage]
-            if kind in {*self.made(case), *ON_REQUEST}
-        ]
+        if self.stage == "result":
+            return [f"{self.results}/{case}.json" for case in self.cases]
+        if self.stage == "split":
+            return [f"{self.results}/{case}.agreement.csv" for case in self.cases]
+        files = []
+        for case in self.cases:
+            possible = {*self.product_kinds(case), *ON_REQUEST}
+            files += [self.product(case, kind) for kind in STAGES[self.stage] if kind in possible]
+        return files
 
     def needs(self, rule: str) -> dict[str, Callable[..., int]]:
-        """What a rule's jobs ask for, by their size: memory, MB, and minutes, times the try."""
+        """Return the resources of a rule's jobs, by their size: memory, MB, and time, minutes.
 
-        row = self.costs.loc[rule]
+        Each is a function of the wildcards and of the attempt; a later attempt gets more.
+        """
+        cost = self.costs.loc[rule]
 
-        def size(w: Any) -> float:
-            case = getattr(w, "case", None) or self.walks.get(getattr(w, "walk", ""), [None])[0]
+        def size(wildcards: Any) -> float:
+            case = getattr(wildcards, "case", None)
+            if case is None and hasattr(wildcards, "walk"):
+                case = self.walks.get(wildcards.walk, [None])[0]
             return self.rows[case or self.cases[0]]["spheres"] / FULL
 
         def mem_mb(wildcards: Any, attempt: int) -> int:
-            return int(attempt * 1.5 * (row["m"] + row["n"] * size(wildcards)))
+            return int(attempt * 1.5 * (cost["m"] + cost["n"] * size(wildcards)))
 
         def runtime(wildcards: Any, attempt: int) -> int:
-            seconds = row["s"] + row["b"] * size(wildcards) ** row["p"]
+            seconds = cost["s"] + cost["b"] * size(wildcards) ** cost["p"]
             return int(attempt * (10 + seconds / 30))
 
         return {"mem_mb": mem_mb, "runtime": runtime}
 
 
 def one_of(names: Iterable[str]) -> str:
-    """Pattern of a wildcard that is one of these; of none, one that nothing is like."""
+    """Return the pattern of a wildcard that is one of these names."""
     return "|".join(map(re.escape, names)) or NOTHING
 
 
 def refuse_other_path(name: str, path: object) -> None:
-    """InputError for a path that rules and commands cannot have in them as it stands."""
-    if not (isinstance(path, str) and AS_TYPED.fullmatch(path)):
+    """Raise InputError for a path that rules and commands cannot contain as it is."""
+    if not (isinstance(path, str) and PLAIN_PATH.fullmatch(path)):
         raise InputError(
             "path", f"{name} {short(path)}", remedy="give a path of letters, digits and _ . - + /"
         )
 
 
-def _chosen(wanted: Any, rows: Mapping[str, Any]) -> list[str]:
-    """Cases by name, number or kind; all where none is asked for."""
-    called = {name: (name, str(row["case"]), row["kind"], "all") for name, row in rows.items()}
-    found: dict[str, None] = {}
-    by_word: dict[str, list[str]] = {}
-    for name, words in called.items():
-        for word in dict.fromkeys(words):
-            by_word.setdefault(word, []).append(name)
-    for one in wanted or ["all"]:
-        some = by_word.get(str(one)) or by_word.get(str(one).lstrip("0"))
-        if not some:
+def _choose_cases(words: Any, rows: Mapping[str, Any]) -> list[str]:
+    """Return cases by name, number or kind; all without a word. InputError for an unknown word."""
+    cases_by_word: dict[str, list[str]] = {"all": list(rows)}
+    for name, row in rows.items():
+        for word in dict.fromkeys((name, str(row["case"]), row["kind"])):
+            cases_by_word.setdefault(word, []).append(name)
+    chosen: dict[str, None] = {}
+    for word in words or ["all"]:
+        cases = cases_by_word.get(str(word)) or cases_by_word.get(str(word).lstrip("0"))
+        if not cases:
+            names = list(rows)
             raise InputError(
                 "unknown_case",
-                f"case {short(one)}",
-                f"none of the study's: {[*rows][0]} to {[*rows][-1]}",
+                f"case {short(word)}",
+                f"none of the study's: {names[0]} to {names[-1]}",
             )
-        found |= dict.fromkeys(some)
-    return list(found)
+        chosen |= dict.fromkeys(cases)
+    return list(chosen)
 
 
 @cache
 def _noted(path: Path, name: str) -> float | None:
-    """What a sample notes of itself in its study; None where that cannot be read."""
+    """Return what a sample notes of itself in its study; None if that cannot be read."""
     try:
         with h5py.File(path) as file:
             return float(file["study"].attrs[name])
