@@ -67,22 +67,23 @@ def study_of(power: dict[int, float], edge: float = 1.3) -> list[CaseResult]:
     ]
 
 
-def findings_of(study: Study, rows: list[CaseResult]) -> dict[str, Finding]:
-    """Return the finding of each target of a study with these results."""
-    answers = answer_targets(study, frame_of(rows, study.cases))
-    return {answer.spec["id"]: answer.finding for answer in answers}
+def find(study: Study, rows: list[CaseResult], target: str) -> Finding:
+    """Return the finding of one target of a study with these results."""
+    rules = Rules(frame_of(rows, study.cases), study.stated())
+    (spec,) = (spec for spec in study.part("targets") if spec["id"] == target)
+    return rules.find(spec)
 
 
 def test_exponents_that_grow_with_void_ratio_meet_the_target_and_others_do_not(paper):
     grows = {k: 0.17 + 0.01 * k for k in range(7)}
-    findings = findings_of(paper, study_of(grows))
-    assert findings["rnd_b"].met
-    assert findings["rnd_b"].value == pytest.approx(0.17)
-    assert findings["rnd_slope"].value == pytest.approx(1.3)
-    findings = findings_of(paper, study_of({k: 0.24 - 0.01 * k for k in range(7)}))
-    assert findings["rnd_b"].failures == ("no_growth",)
-    findings = findings_of(paper, study_of({k: grows[k] for k in (0, 1)}))
-    assert "incomplete" in findings["rnd_b"].failures
+    finding = find(paper, study_of(grows), "rnd_b")
+    assert finding.met
+    assert finding.value == pytest.approx(0.17)
+    assert find(paper, study_of(grows), "rnd_slope").value == pytest.approx(1.3)
+    shrinking = study_of({k: 0.24 - 0.01 * k for k in range(7)})
+    assert find(paper, shrinking, "rnd_b").failures == ("no_growth",)
+    two_groups = study_of({k: grows[k] for k in (0, 1)})
+    assert "incomplete" in find(paper, two_groups, "rnd_b").failures
 
 
 def test_growth_counts_beyond_twice_the_error_of_the_slope(paper):
@@ -102,7 +103,7 @@ def test_powers_over_stress_are_of_one_producer(paper):
     for row in rows[:4]:
         row.record = "yade"
         row.values["v_p_first_peaks_yade_m_per_s"] = estimate(500 * (row.stress / 1e4) ** 0.3)
-    finding = findings_of(paper, rows)["rnd_b"]
+    finding = find(paper, rows, "rnd_b")
     assert finding.value == pytest.approx(0.2)
     producer, _ = of_one_producer([row.record for row in rows], "v_p_first_peaks_{record}_m_per_s")
     assert producer == "linear"
@@ -110,9 +111,9 @@ def test_powers_over_stress_are_of_one_producer(paper):
 
 def test_one_case_outside_fails_a_target_of_all(paper):
     inside = [made_up(n, 0.0, 1e5, length_over_d=143.0) for n in range(5, 33)]
-    assert findings_of(paper, inside)["rnd_length"].met
+    assert find(paper, inside, "rnd_length").met
     inside[3].values["length_over_d"] = estimate(147.0)
-    finding = findings_of(paper, inside)["rnd_length"]
+    finding = find(paper, inside, "rnd_length")
     assert finding.failures == ("outside",)
     assert finding.outside == ("case08",)
     assert finding.value == 147.0
@@ -122,9 +123,9 @@ def test_nothing_is_met_with_a_number_that_is_missing(paper):
     """A case without a number, or away, fails every target that is of several cases."""
     name = "v_p_first_peaks_yade_m_per_s"
     speed = [made_up(n, 0, 10.0 ** (3 + n), "yade", **{name: 10 ** (n / 6)}) for n in range(1, 5)]
-    assert findings_of(paper, speed)["fcc_b"].met
+    assert find(paper, speed, "fcc_b").met
     speed[3].values[name] = estimate(np.nan)
-    finding = findings_of(paper, speed)["fcc_b"]
+    finding = find(paper, speed, "fcc_b")
     assert finding.value == pytest.approx(1 / 6)
     assert finding.failures == ("incomplete",)
     gains = [made_up(n, 0, 1e5, gain_maximum=3.0) for n in (2, 3, 4, 6, 7, 8)]
@@ -133,12 +134,12 @@ def test_nothing_is_met_with_a_number_that_is_missing(paper):
         (gains, gains[4], "gain_peak", "gain_maximum"),
         (tops, tops[29], "fmax_spread", "f_max_khz"),
     ):
-        assert findings_of(paper, rows)[target].met
+        assert find(paper, rows, target).met
         lacking.values[name] = estimate(np.nan)
-        assert not findings_of(paper, rows)[target].met
-        assert not findings_of(paper, rows[:4])[target].met
+        assert not find(paper, rows, target).met
+        assert not find(paper, rows[:4], target).met
     tops[29].values["f_max_khz"] = estimate(190.0)
-    finding = findings_of(paper, tops)["fmax_spread"]
+    finding = find(paper, tops, "fmax_spread")
     assert finding.value == pytest.approx(100 * (200.06 / 190 - 1))
     assert not finding.met
 
@@ -146,25 +147,23 @@ def test_nothing_is_met_with_a_number_that_is_missing(paper):
 def test_a_state_that_has_not_settled_or_a_threshold_on_no_plateau_meets_nothing(paper):
     row = made_up(6, 0.0, 1e5, void_ratio=0.544, f_low_pass_2_khz=21.9)
     row.flat["2"] = True
-    findings = findings_of(paper, [row])
-    assert findings["rnd_e_6"].met
-    assert findings["rnd_flow_6"].met
+    assert find(paper, [row], "rnd_e_6").met
+    assert find(paper, [row], "rnd_flow_6").met
     row.flat["2"] = False
     row.unsettled = "residual 2e-2"
-    findings = findings_of(paper, [row])
-    assert findings["rnd_e_6"].failures == ("unsettled",)
-    assert "no_plateau" in findings["rnd_flow_6"].failures
+    assert find(paper, [row], "rnd_e_6").failures == ("unsettled",)
+    assert "no_plateau" in find(paper, [row], "rnd_flow_6").failures
 
 
 def test_states_that_are_no_cases_stand_beside_those_of_their_friction(paper):
     state = CaseResult(None, "mu0.4_1000Pa", "", False, 1e3, 0.4, "", "residual 1e-2", state=True)
     state.values["coordination_number"] = estimate(3.8)
-    finding = findings_of(paper, [state, made_up(29, 0.4, 1e4)])["rnd_cn_loose"]
+    finding = find(paper, [state, made_up(29, 0.4, 1e4)], "rnd_cn_loose")
     assert finding.value == 3.8
     assert finding.failures == ("unsettled",)
     state.unsettled = ""
-    assert findings_of(paper, [state, made_up(29, 0.4, 1e4)])["rnd_cn_loose"].met
-    finding = findings_of(paper, [made_up(29, 0.4, 1e4)])["rnd_cn_dense"]
+    assert find(paper, [state, made_up(29, 0.4, 1e4)], "rnd_cn_loose").met
+    finding = find(paper, [made_up(29, 0.4, 1e4)], "rnd_cn_dense")
     assert finding.failures == ("not_measured",)
 
 
