@@ -80,7 +80,7 @@ def write_recording(
     """Write a recording, torsion in its own units; empty columns are left out."""
     present = dict(values)
     for name in product.columns:
-        if np.size(values.get(name)) == 0:
+        if name in values and np.size(values[name]) == 0:
             present[name] = None
     _with_units_along(product, values["direction"]).write(path, present, made)
 
