@@ -113,13 +113,15 @@ class Case:
         Files by kind; None for all files in the folder that begin with the name.
     notes : list of str
         What a reader should know about files that have been read.
+    contents : dict
+        Contents of the files that have been read, by kind.
     """
 
     name: str
     folder: Path
     files: dict[str, Path] | None = None
     notes: list[str] = field(default_factory=list)
-    _contents: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
+    contents: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @property
     def number(self) -> int | None:
@@ -190,14 +192,15 @@ class Case:
 
     def read(self, kind: str) -> Any:
         """Return the contents of the file of a kind, modes without shapes; None without it."""
+        if kind in self.contents:
+            return self.contents[kind]
         if not self.has(kind):
             return None
-        if kind not in self._contents:
-            name = kind
-            if kind not in FORMATS:
-                name = kind.split(".")[-1]
-            self._contents[kind] = FORMATS[name].read(self.product(kind))
-        return self._contents[kind]
+        name = kind
+        if kind not in FORMATS:
+            name = kind.split(".")[-1]
+        self.contents[kind] = FORMATS[name].read(self.product(kind))
+        return self.contents[kind]
 
     def needed(self, kind: str) -> Any:
         """Return the contents of a file that must exist; AbsentError without it."""

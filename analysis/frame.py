@@ -1,11 +1,11 @@
-"""The cases of a study, or of a call, one line each: numbers by name, and expressions of them.
+"""Hold the cases of a study, or of a call, as one line each; evaluate expressions of their numbers.
 
-And a power law for each group over its stresses, and how the powers change with void ratio.
+Also fit a power law within each group over its stresses, and how the powers change with void ratio.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,55 +18,91 @@ from analysis.value import COMMON, Value
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
+NO_COLUMN = "unknown"
+"""A name that no column has."""
+
 
 def frame_of(rows: Iterable[CaseResult], cases: pd.DataFrame | None = None) -> pd.DataFrame:
-    """The study's cases, one line each, with all numbers; NaN where a case has no result.
+    """Return the study's cases, one line each, with all numbers; NaN if a case has no result.
 
-    Columns besides those of `cases` (what a study says of each; without one what the rows say):
-    `there`; the words of its result (`record`, `group`, `unsettled`, ...) and the `row` itself;
-    each quantity, `QUANTITY_error`, the part of it that is `QUANTITY_common` to all packings,
-    `QUANTITY_spread`, which is the scatter of samples where that is larger, and
-    `QUANTITY_sample_error`; `plateau_NAME`. The numbers of states that are no cases
-    stand beside all cases of their compression, their stress in the name: `void_ratio_at_1_kpa`; of
-    the lowest also as `void_ratio_of_state`, `state_kpa`, ...
+    Besides the columns of `cases`, which say what a study states of each case, there are: `there`,
+    whether the case has a result; words of the result (`record`, `group`, `unsettled`, ...) and the
+    `row` itself; each quantity, `QUANTITY_error`, the part of the error that all packings share,
+    `QUANTITY_common`, the larger of error and scatter of samples, `QUANTITY_spread`, and
+    `QUANTITY_sample_error`; `plateau_NAME`.
+
+    States that are no cases have their numbers beside all cases of their compression, with their
+    stress in the name: `void_ratio_at_1_kpa`; those of the lowest stress also as
+    `void_ratio_of_state`, `state_kpa`, ...
     """
     rows = list(rows)
     if cases is None:
-        own = {r.name: (("random", "fcc")[r.crystal], r.mu_comp, r.stress) for r in rows}
-        cases = pd.DataFrame.from_dict(own, "index", columns=["kind", "mu_comp", "stress"])
+        cases = _cases_of(rows)
     lines = {row.name: _line(row) for row in rows if not row.state}
-    found = pd.DataFrame.from_dict(lines, orient="index").reindex(cases.index)
-    found["there"] = cases.index.isin(list(lines))
-    # A quantity that is called as a setting, `particles`, is what was measured.
-    frame = cases.drop(columns=cases.columns.intersection(found.columns)).join(found).copy()
-    for state in sorted((row for row in rows if row.state), key=lambda row: -row.stress):
-        same = (frame["mu_comp"] == state.mu_comp) & (frame["kind"] == "random")
-        numbers: dict[str, Any] = {name: cell.value for name, cell in state.columns.items()}
-        for name, value in (numbers | {"unsettled": state.unsettled}).items():
-            columns = [f"{name}_at_{state.stress / 1e3:g}_kpa", f"{name}_of_state"]
-            frame.loc[same, columns] = value
-        frame.loc[same, "state_kpa"] = state.stress / 1e3
+    results = pd.DataFrame.from_dict(lines, orient="index").reindex(cases.index)
+    results["there"] = cases.index.isin(list(lines))
+    # A quantity with the name of a setting, `particles`, is the measured one.
+    settings = cases.drop(columns=cases.columns.intersection(results.columns))
+    frame = settings.join(results).copy()
+    states = [row for row in rows if row.state]
+    for state in sorted(states, key=lambda row: -row.stress):
+        _add_state(frame, state)
     return frame
 
 
+def _cases_of(rows: Iterable[CaseResult]) -> pd.DataFrame:
+    """Return what results say of their cases: kind, friction, stress."""
+    lines = {}
+    for row in rows:
+        kind = "random"
+        if row.crystal:
+            kind = "fcc"
+        lines[row.name] = kind, row.mu_comp, row.stress
+    return pd.DataFrame.from_dict(lines, "index", columns=["kind", "mu_comp", "stress"])
+
+
+def _add_state(frame: pd.DataFrame, state: CaseResult) -> None:
+    """Add the numbers of a state to all cases of its compression."""
+    same = (frame["mu_comp"] == state.mu_comp) & (frame["kind"] == "random")
+    stress = state.stress / 1e3
+    values: dict[str, Any] = {name: cell.value for name, cell in state.columns.items()}
+    values["unsettled"] = state.unsettled
+    for name, value in values.items():
+        frame.loc[same, [f"{name}_at_{stress:g}_kpa", f"{name}_of_state"]] = value
+    frame.loc[same, "state_kpa"] = stress
+
+
 def _line(row: CaseResult) -> dict[str, Any]:
-    """A result as one line of the frame."""
-    words = "label", "record", "unsettled", "group", "packings"
-    line: dict[str, Any] = {name: getattr(row, name) for name in words}
-    line |= {"absent": " ".join(row.absent), "row": row}
-    line |= {f"{name}_text": text for name, text in row.texts.items()}
+    """Return a result as one line of the frame."""
+    line: dict[str, Any] = {
+        "label": row.label,
+        "record": row.record,
+        "unsettled": row.unsettled,
+        "group": row.group,
+        "packings": row.packings,
+        "absent": " ".join(row.absent),
+        "row": row,
+    }
+    for name, text in row.texts.items():
+        line[f"{name}_text"] = text
     for name, cell in row.columns.items():
         line[name] = cell.value
         line[f"{name}_error"] = cell.error
         line[f"{name}_spread"] = float(np.fmax(cell.error, row.samples.get(name, np.nan)))
         if cell.common:
             line[f"{name}_common"] = cell.common
-    line |= {f"{name}_sample_error": value for name, value in row.samples.items()}
-    return line | {f"plateau_{name}": flat for name, flat in row.flat.items()}
+    for name, scatter in row.samples.items():
+        line[f"{name}_sample_error"] = scatter
+    for name, flat in row.flat.items():
+        line[f"plateau_{name}"] = flat
+    return line
 
 
 def select(frame: pd.DataFrame, text: str) -> pd.DataFrame:
-    """Return the cases that an expression of their columns is true of; all for an empty one."""
+    """Return the cases for which an expression of columns is true; all for an empty text.
+
+    Raises InputError for an expression that is not true or false of each case.
+    """
     if text == "":
         return frame
     chosen = evaluate(text, frame)
@@ -81,7 +117,10 @@ def select(frame: pd.DataFrame, text: str) -> pd.DataFrame:
 
 
 def numbers(frame: pd.DataFrame, text: str) -> pd.Series:
-    """Return a quantity of each case, or an expression of quantities; NaN where not known."""
+    """Return a quantity of each case, or an expression of quantities; NaN if it is not known.
+
+    Raises InputError for an expression that is no number.
+    """
     unknown = pd.Series(np.nan, frame.index)
     if isinstance(text, str) and text in frame.columns:
         return pd.to_numeric(frame[text], errors="coerce")
@@ -101,79 +140,126 @@ def numbers(frame: pd.DataFrame, text: str) -> pd.Series:
 
 
 def spreads(frame: pd.DataFrame, text: str) -> pd.Series:
-    """Uncertainty of a quantity of each case; NaN where it is not known, as of an expression."""
-    return numbers(frame, f"{text}_spread" if text.isidentifier() else "unknown")
+    """Return the uncertainty of a quantity of each case; NaN if unknown, and for an expression."""
+    if text.isidentifier():
+        return numbers(frame, f"{text}_spread")
+    return numbers(frame, NO_COLUMN)
 
 
 def mean_with_error(cases: pd.DataFrame, text: str) -> tuple[float, float]:
-    """Return the mean of a quantity, or an expression, over cases and its error.
+    """Return the mean of a quantity, or of an expression, over cases, and its error.
 
-    By the rule of `measure` over packings. NaN where no case has it; an error that is not known
-    counts as none of the case's own.
+    The rule is that of `measure` over packings. NaN if no case has the quantity; an unknown error
+    of a case counts as zero.
     """
     value = numbers(cases, text)
-    cases, value = cases[np.isfinite(value)], value[np.isfinite(value)]
+    known = np.isfinite(value)
+    cases = cases[known]
+    value = value[known]
     if cases.empty:
         return np.nan, np.nan
-    own, common = _errors(cases, text, value)
-    each = [
-        Value(number, "", {"fit": fit, COMMON: part})
-        for number, fit, part in zip(value, own, common, strict=True)
-    ]
-    mean = mean_of_values(each)
+    errors = _errors(cases, text, value)
+    values = []
+    for number, independent, common in zip(value, *errors, strict=True):
+        values.append(Value(number, "", {"fit": independent, COMMON: common}))
+    mean = mean_of_values(values)
     return float(mean.value), mean.error or np.nan
 
 
-def _errors(cases: pd.DataFrame, text: str, value: pd.Series) -> tuple[Floats, Floats]:
-    """Errors (k,) of an expression's `value` (k,): of its quantities' own, and of what is common.
+class Errors(NamedTuple):
+    """Errors (k,) of an expression: of its quantities' independent parts, and of common parts."""
 
-    By how much it changes with them: own errors one quantity after the other, common ones at once.
+    independent: Floats
+    common: Floats
+
+
+def _errors(cases: pd.DataFrame, text: str, value: pd.Series) -> Errors:
+    """Return the errors of an expression with the `value` (k,), by how much it changes with them.
+
+    Quantities change by their independent errors one after the other, by common ones all at once.
     """
+    names = {text}
+    if text not in cases:
+        names = names_in(text)
     squares = np.zeros(len(cases))
-    common: dict[str, pd.Series] = {}
-    for name in {text} if text in cases else names_in(text):
+    moved_by_common: dict[str, pd.Series] = {}
+    for name in names:
         if f"{name}_error" not in cases:
             continue
         error = cases[f"{name}_error"].fillna(0.0)
         if f"{name}_common" in cases:
-            part = cases[f"{name}_common"].fillna(0.0)
-            common[name] = cases[name] + part
-            error = np.sqrt(np.maximum(error**2 - part**2, 0.0))
+            common = cases[f"{name}_common"].fillna(0.0)
+            moved_by_common[name] = cases[name] + common
+            error = np.sqrt(np.maximum(error**2 - common**2, 0.0))
         change = numbers(cases.assign(**{name: cases[name] + error}), text) - value
         squares += np.nan_to_num(change.to_numpy(float)) ** 2
-    change = numbers(cases.assign(**common), text) - value
-    return np.sqrt(squares), abs(np.nan_to_num(change.to_numpy(float)))
+    change = numbers(cases.assign(**moved_by_common), text) - value
+    return Errors(np.sqrt(squares), abs(np.nan_to_num(change.to_numpy(float))))
 
 
 def runs(cases: Iterable[int]) -> str:
-    """Numbers of cases as 1-4, 7."""
-    each = np.sort(list(cases))
-    found = np.split(each, np.flatnonzero(np.diff(each) > 1) + 1)
-    parts = (f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in found if len(run))
-    return ", ".join(parts)
+    """Return numbers of cases as text.
+
+    >>> runs([1, 2, 3, 4, 7])
+    '1-4, 7'
+    """
+    ordered = np.sort(list(cases))
+    gaps = np.flatnonzero(np.diff(ordered) > 1) + 1
+    texts = []
+    for run in np.split(ordered, gaps):
+        if len(run) == 1:
+            texts.append(str(run[0]))
+        elif len(run):
+            texts.append(f"{run[0]}-{run[-1]}")
+    return ", ".join(texts)
 
 
 def missing(frame: pd.DataFrame, text: str) -> str:
-    """What is not there for a quantity of these cases."""
-    away = frame[~frame["there"]]
-    blank = frame[frame["there"] & ~np.isfinite(numbers(frame, text))]
-    parts = [f"no packing of case {runs(away['case'])}"] if len(away) else []
-    if len(blank):
-        absent = sorted({kind for kinds in blank["absent"] for kind in kinds.split()})
-        why = f" (absent: {', '.join(absent)})" if absent else ""
-        parts.append(f"case {runs(blank['case'])} does not give it{why}")
-    return "; ".join(parts) or "nothing to measure it on"
+    """Say what is not there for a quantity of these cases."""
+    texts = []
+    without_result = frame[~frame["there"]]
+    if len(without_result):
+        texts.append(f"no packing of case {runs(without_result['case'])}")
+    without_number = frame[frame["there"] & ~np.isfinite(numbers(frame, text))]
+    if len(without_number):
+        absent: set[str] = set()
+        for kinds in without_number["absent"]:
+            absent.update(kinds.split())
+        lacking = f"case {runs(without_number['case'])} does not give it"
+        if absent:
+            lacking += f" (absent: {', '.join(sorted(absent))})"
+        texts.append(lacking)
+    return "; ".join(texts) or "nothing to measure it on"
 
 
-OF_POWERS = "e", "power", "error", "cases", "moving", "whole"
+class GroupPower(NamedTuple):
+    """The power law of one group.
+
+    e: void ratio. power, error: exponent and its standard error. cases: number of its cases with a
+    value. moving: whether the state of the void ratio has not settled. whole: whether every case of
+    the group has a value.
+    """
+
+    e: float
+    power: float
+    error: float
+    cases: int
+    moving: bool
+    whole: bool
 
 
 @dataclass(frozen=True)
 class Powers:
-    """A line a group in `table`, by void ratio `e`: `power`, its standard `error`, its `cases`.
+    """The powers of all groups.
 
-    `which_e` says of which states the void ratios are, `whole` whether no group and no case of any
-    is missing.
+    Attributes
+    ----------
+    table : DataFrame
+        A line for each group, sorted by void ratio, with the columns of `GroupPower`.
+    which_e : str
+        Of which states the void ratios are.
+    whole : bool
+        Whether no group and no case of any is missing.
     """
 
     table: pd.DataFrame
@@ -182,42 +268,72 @@ class Powers:
 
     @property
     def trend(self) -> tuple[float, float]:
-        """Slope of the power over e by least squares, and its standard error; NaN if unknown."""
+        """Return the slope of the power over e by least squares, and its error; NaN if unknown."""
         line = straight_line(self.table["e"], self.table["power"])
         return float(line.slope), line.error
 
-    def __str__(self) -> str:
-        each = self.table[["power", "error", "e"]].itertuples(index=False)
-        text = "power " + ", ".join(f"{p:.3f} ± {s:.1g} (e {e:.3f})" for p, s, e in each)
+    @property
+    def grows(self) -> bool:
+        """Tell whether the power grows with e by more than twice the error of the slope."""
         slope, error = self.trend
+        return slope > 2 * error
+
+    def __str__(self) -> str:
+        groups = []
+        for power, error, e in self.table[["power", "error", "e"]].itertuples(index=False):
+            groups.append(f"{power:.3f} ± {error:.1g} (e {e:.3f})")
+        text = "power " + ", ".join(groups)
         if len(self.table) > 1:
+            slope, error = self.trend
             text += f"; {self.which_e}; slope over e {slope:+.2f} ± {error:.1g}: "
-            grows = slope > 2 * error
-            text += "grows with e" if grows else "does not grow with e beyond twice the error"
-        return text if self.whole else f"{text}; not all groups are whole"
+            if self.grows:
+                text += "grows with e"
+            else:
+                text += "does not grow with e beyond twice the error"
+        if not self.whole:
+            text += "; not all groups are whole"
+        return text
 
 
 def powers(frame: pd.DataFrame, x: str, y: str) -> Powers:
-    """Quantity y as a power of quantity x within each group that has one."""
-    names = {"x": x, "y": y, "rest": "void_ratio_of_state", "own": "void_ratio"}
-    frame = frame.assign(**{name: numbers(frame, text) for name, text in names.items()})
-    by_rest = bool(frame.loc[frame["y"].notna(), "rest"].notna().all())
-    groups, lines = frame.sort_values("stress").groupby(["kind", "mu_comp"]), {}
-    for (kind, mu), members in groups:
-        law, known = power_law(members["x"], members["y"]), members[members["y"].notna()]
-        if np.isfinite(law.exponent):
-            first = known.iloc[0]
-            e, moving = first["own"], False
-            if by_rest:
-                e, moving = first["rest"], bool(first["unsettled_of_state"])
-            whole = len(known) == len(members)
-            lines[f"{kind} {mu:g}"] = e, law.exponent, law.error, len(known), moving, whole
-    table = pd.DataFrame.from_dict(lines, orient="index", columns=OF_POWERS).sort_values("e")
+    """Fit quantity y as a power of quantity x within each group that has a power law."""
+    frame = frame.assign(
+        x=numbers(frame, x),
+        y=numbers(frame, y),
+        e_of_state=numbers(frame, "void_ratio_of_state"),
+        e_of_case=numbers(frame, "void_ratio"),
+    )
+    by_state = bool(frame.loc[frame["y"].notna(), "e_of_state"].notna().all())
+    groups = frame.sort_values("stress").groupby(["kind", "mu_comp"])
+    lines = {}
+    for (kind, friction), members in groups:
+        line = _power_of_group(members, by_state)
+        if np.isfinite(line.power):
+            lines[f"{kind} {friction:g}"] = line
+    columns = list(GroupPower._fields)
+    table = pd.DataFrame.from_dict(lines, orient="index", columns=columns).sort_values("e")
     table = table.astype({"e": float, "power": float, "error": float, "whole": bool})
     which = "e at the lowest stress"
-    if by_rest and lines:
+    if by_state and lines:
         which = f"e at {frame['state_kpa'].iloc[0]:g} kPa"
         moving = table["moving"].sum()
-        which += f", {moving} of {len(table)} states not settled" if moving else ""
+        if moving:
+            which += f", {moving} of {len(table)} states not settled"
     whole = len(table) == len(groups) and bool(table["whole"].all())
     return Powers(table, which, whole)
+
+
+def _power_of_group(members: pd.DataFrame, by_state: bool) -> GroupPower:
+    """Fit the power law of a group, with the void ratio of its state or of its first case."""
+    law = power_law(members["x"], members["y"])
+    known = members[members["y"].notna()]
+    if not np.isfinite(law.exponent):
+        return GroupPower(np.nan, np.nan, np.nan, len(known), False, False)
+    first = known.iloc[0]
+    whole = len(known) == len(members)
+    e = first["e_of_case"]
+    moving = False
+    if by_state:
+        e = first["e_of_state"]
+        moving = bool(first["unsettled_of_state"])
+    return GroupPower(e, law.exponent, law.error, len(known), moving, whole)

@@ -1,4 +1,4 @@
-"""A table: cells of text under a header, as Markdown, CSV and aligned for a terminal."""
+"""Hold tables of text, and write them as Markdown, CSV and aligned for a terminal."""
 
 import csv
 import io
@@ -11,10 +11,23 @@ import numpy as np
 
 from modal.formats.whole_file import write_text
 
+MIN_SHOWN_RELATIVE_ERROR = 1e-6
+"""A smaller uncertainty is not shown, as that of a natural frequency."""
+
 
 @dataclass
 class Table:
-    """A title, a header and rows of text, each row as long as the header; name of its file."""
+    """Cells of text under a header.
+
+    Attributes
+    ----------
+    title : str
+    header : sequence of str
+    rows : sequence of sequences of str
+        Each as long as the header.
+    name : str
+        Name of its file.
+    """
 
     title: str
     header: Sequence[str]
@@ -22,13 +35,14 @@ class Table:
     name: str = ""
 
     def markdown(self) -> str:
-        """As Markdown, without the title."""
-        head, *rows = (f"| {' | '.join(line)} |\n" for line in (self.header, *self.rows))
-        return head + "|" + "---|" * len(self.header) + "\n" + "".join(rows)
+        """Return the table as Markdown, without the title."""
+        rule = "|" + "---|" * len(self.header)
+        lines = [_markdown_line(self.header), rule, *map(_markdown_line, self.rows)]
+        return "".join(f"{line}\n" for line in lines)
 
     def text(self) -> str:
-        """Aligned for a terminal, without the title; lines are told apart by their first cell."""
-        from pandas import DataFrame  # which other tables do without
+        """Return the table aligned for a terminal, without the title; first cells name the rows."""
+        from pandas import DataFrame  # other tables do not need it
 
         return DataFrame(self.rows, columns=self.header).set_index(self.header[0]).to_string()
 
@@ -39,37 +53,46 @@ class Table:
         write_text(path, text.getvalue())
 
 
+def _markdown_line(cells: Sequence[str]) -> str:
+    """Return a row of a Markdown table."""
+    return f"| {' | '.join(cells)} |"
+
+
 def cell(value: Any, form: str = "g") -> str:
-    """A value as text, by Python's format and what stands behind it; empty where it is not known.
+    """Return a value as text; empty if it is not known.
+
+    `form` is Python's format of a number, followed by a unit if there is one.
 
     >>> cell(0.25, ".1f %"), cell(True), cell(np.nan)
     ('0.2 %', 'yes', '')
     """
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
-    if isinstance(value, str) or value is None:
-        return value or ""
-    form, *unit = form.split()
-    return " ".join([f"{value:{form}}", *unit]) if np.isfinite(value) else ""
-
-
-NONE = 1e-6
-"""In parts of a value: an uncertainty that no reader is shown."""
+    if value is None:
+        return ""
+    if isinstance(value, str):
+        return value
+    if not np.isfinite(value):
+        return ""
+    digits, *unit = form.split()
+    return " ".join([f"{value:{digits}}", *unit])
 
 
 def number(value: float, error: float = np.nan, digits: int = 4) -> str:
-    """A value, to the first digit of its uncertainty where there is one, else to `digits`.
+    """Return a value to the first digit of its uncertainty, or to `digits` without uncertainty.
 
-    Counts are whole; empty where there is no value. An uncertainty below `NONE` of the value, as of
-    a natural frequency, is none for a reader.
+    Whole numbers without uncertainty have no decimals. Empty if the value is not known.
 
     >>> number(21.897, 0.93)
     '21.9 ± 0.9'
     """
     if not np.isfinite(value):
         return ""
-    if not (np.isfinite(error) and error > NONE * abs(value)):
-        return f"{value:.0f}" if value == round(value) else f"{value:.{digits}g}"
+    if not (np.isfinite(error) and error > MIN_SHOWN_RELATIVE_ERROR * abs(value)):
+        if value == round(value):
+            return f"{value:.0f}"
+        return f"{value:.{digits}g}"
     error = float(f"{error:.0e}")  # one digit, which may carry: 0.96 is 1
     places = -int(np.floor(np.log10(error)))
-    return f"{round(value, places):.{max(places, 0)}f} ± {error:.{max(places, 0)}f}"
+    decimals = max(places, 0)
+    return f"{round(value, places):.{decimals}f} ± {error:.{decimals}f}"

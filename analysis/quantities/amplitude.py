@@ -1,13 +1,14 @@
-"""When is linear right? What changes with the amplitude of a pulse (`measure(amplitudes=...)`).
+"""Measure what changes with the amplitude of a pulse (`measure(amplitudes=...)`).
 
-Of the displacements u+ and u- of two waves whose source moves by +d(t) and by -d(t), the odd part
-(u+ - u-) / 2 is that of a linear wave but for terms of the third order of the amplitude, and the
-even part (u+ + u-) / 2, of the second order, has the harmonics, the drift, and what a packing not
-quite at rest does by itself. Slip and opening are of no order: they come where contacts are near.
+Two waves whose source moves by +d(t) and by -d(t) have the displacements u+ and u-. Their odd part,
+(u+ - u-) / 2, is that of a linear wave except for terms of third order in the amplitude. Their even
+part, (u+ + u-) / 2, is of second order: it has the harmonics, the drift, and the motion of a
+packing that is not quite at rest. Slip and opening have no order: they begin at contacts that are
+near their limit.
 """
 
 from functools import partial
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,70 +32,102 @@ AMPLITUDE = {
     "slip_loss": "share of the source's work that slip dissipates",
     "slip_sharing": "number of contacts that share what slip dissipates",
 }
-"""Names, and what they are.
+"""Quantities by name, with their definitions.
 
-Where nothing slides the odd part grows as the square of the amplitude, the even one and the second
-harmonic, root mean squares over the chain, as the amplitude. Shares are of both waves together, the
-loss their mean; contacts share it as many would that all dissipate alike, (sum e)^2 over sum e^2.
+If nothing slides, the odd part grows with the square of the amplitude, and the even part and the
+second harmonic, root mean squares over the chain, grow with the amplitude. Shares are those of both
+waves together, the loss is their mean. The number of contacts that share a loss is (sum e)^2
+divided by sum e^2, with e the energy that each dissipates.
 """
 COUNTED = "slipping_share", "opening_share", "slip_sharing"
-"""What has no error but the choice of the packing."""
+"""Quantities without an error: exact for their packing."""
+INTERVALS_PER_LINEAR_INTERVAL = 2
+"""Records per interval of the linear wave: the second harmonic has eight records a period."""
+
+
+class Responses(NamedTuple):
+    """What waves that are pushed both ways do, each over the amplitudes (na,).
+
+    The fields are the quantities of `AMPLITUDE`. error: of the time steps, and of what the packing
+    does without a wave.
+    """
+
+    odd_part: Floats
+    even_part: Floats
+    second_harmonic: Floats
+    slipping_share: Floats
+    opening_share: Floats
+    slip_loss: Floats
+    slip_sharing: Floats
+    error: Floats
 
 
 @cached_on_packing
-def finite(m: PackingData) -> dict[str, Floats]:
-    """Over amplitudes (na,) what waves of the sample do that are pushed both ways by each.
+def responses(packing: PackingData) -> Responses:
+    """Send pulses u = A (1 - cos 2 pi f t) with +A and with -A through the sample.
 
-    Pulses u = A (1 - cos 2 pi f t) with +A and with -A; and `error` (na,): of the time steps, and
-    of what the packing does without a wave.
+    Raises UnavailableError without amplitudes.
     """
-    if len(m.amplitudes) == 0:
+    if len(packing.amplitudes) == 0:
         raise UnavailableError(
             "no_amplitudes", "it is measured of a sample over amplitudes, which were not given"
         )
-    frequency, rows = (m.source or m.pulse).frequency, []
-    duration = PASSAGES / (m.affine_frequency * m.diameter / m.network.length)
-    # In times of the packing's own: the second harmonic has eight records a period.
-    interval = RECORD_INTERVAL_IN_D_PER_V / 2 / m.affine_frequency
-    wave = partial(modal.propagate, m.sample, duration, interval=interval)
-    for size in m.amplitudes:
-        ahead = wave(nonlinear=True, motion=Pulse(size, frequency))
-        # All three in the same steps: their common error is none of the amplitude's.
-        step = ahead.signals.time_step
-        same: dict[str, Any] = {"motion": Pulse(-size, frequency), "time_step": step}
-        back = wave(nonlinear=True, **same)
-        linear = -wave(pre_stress="full", **same).signals.chain_displacement
-        u, v = ahead.signals.chain_displacement, back.signals.chain_displacement
-        odd, even = (u - v) / 2, (u + v) / 2
-        phase = np.exp(-2j * np.pi * frequency * ahead.signals.time)
-        rows.append(
-            (
-                abs(odd - linear).max() / abs(linear).max(),
-                abs(even).max() / abs(odd).max(),
-                np.linalg.norm(phase**2 @ even) / np.linalg.norm(phase @ odd),
-                np.mean((ahead.dissipated > 0) | (back.dissipated > 0)),
-                np.mean(ahead.opened | back.opened),
-                np.mean([one.energy[-1, 3] / abs(one.energy[-1, 0]) for one in (ahead, back)]),
-                np.mean([_sharing(one.signals.slip_energy) for one in (ahead, back)]),
-                np.hypot(ahead.error, ahead.noise),
-            )
-        )
-    return dict(zip((*AMPLITUDE, "error"), np.array(rows, float).T, strict=True))
+    rows = [_respond(packing, amplitude) for amplitude in packing.amplitudes]
+    return Responses(*np.array(rows, float).T)
 
 
-def _sharing(energy: Floats | None) -> float:
-    """How many contacts share what slip dissipated; none where nothing slid."""
+def _respond(packing: PackingData, amplitude: float) -> tuple[float, ...]:
+    """Return the fields of `Responses` at one amplitude, m."""
+    frequency = (packing.source or packing.pulse).frequency
+    duration = PASSAGES / (packing.affine_frequency * packing.diameter / packing.network.length)
+    interval = RECORD_INTERVAL_IN_D_PER_V / INTERVALS_PER_LINEAR_INTERVAL / packing.affine_frequency
+    send = partial(modal.propagate, packing.sample, duration, interval=interval)
+    forward = send(nonlinear=True, motion=Pulse(amplitude, frequency))
+    # All three waves take the same steps: their common error is no effect of the amplitude.
+    step = forward.signals.time_step
+    reverse_pulse = Pulse(-amplitude, frequency)
+    reverse = send(nonlinear=True, motion=reverse_pulse, time_step=step)
+    linear_wave = send(pre_stress="full", motion=reverse_pulse, time_step=step)
+    linear = -linear_wave.signals.chain_displacement
+    u_forward = forward.signals.chain_displacement
+    u_reverse = reverse.signals.chain_displacement
+    odd = (u_forward - u_reverse) / 2
+    even = (u_forward + u_reverse) / 2
+    phase = np.exp(-2j * np.pi * frequency * forward.signals.time)
+    slid = (forward.dissipated > 0) | (reverse.dissipated > 0)
+    losses = [wave.energy[-1, 3] / abs(wave.energy[-1, 0]) for wave in (forward, reverse)]
+    sharing = [_count_sharing(wave.signals.slip_energy) for wave in (forward, reverse)]
+    return (
+        abs(odd - linear).max() / abs(linear).max(),
+        abs(even).max() / abs(odd).max(),
+        np.linalg.norm(phase**2 @ even) / np.linalg.norm(phase @ odd),
+        np.mean(slid),
+        np.mean(forward.opened | reverse.opened),
+        np.mean(losses),
+        np.mean(sharing),
+        np.hypot(forward.error, forward.noise),
+    )
+
+
+def _count_sharing(energy: Floats | None) -> float:
+    """Return how many contacts share the energy that slip dissipates; 0 if nothing slides."""
     if energy is None or not energy.any():
         return 0.0
     return float(energy.sum() ** 2 / (energy**2).sum())
 
 
-def _over_amplitudes(name: str, m: PackingData) -> Value:
-    values = finite(m)[name]
-    sizes = ", ".join(f"{size:.3g}" for size in m.amplitudes)
-    error = 0 * values if name in COUNTED else finite(m)["error"]
+def _measure_over_amplitudes(packing: PackingData, name: str) -> Value:
+    """Measure a quantity of `AMPLITUDE` over the amplitudes."""
+    result = responses(packing)
+    values = getattr(result, name)
+    error = result.error
+    if name in COUNTED:
+        error = 0 * values
+    sizes = ", ".join(f"{size:.3g}" for size in packing.amplitudes)
     return Value(values, "1", {"fit": error}, (Caveat("amplitudes", {"sizes": sizes}),))
 
 
 for _name, _definition in AMPLITUDE.items():
-    on_request("1", name=_name, definition=_definition)(partial(_over_amplitudes, _name))
+    on_request("1", name=_name, definition=_definition)(
+        partial(_measure_over_amplitudes, name=_name)
+    )

@@ -1,8 +1,8 @@
-"""Modes below the first wave of a periodic cell: how many spheres move in each, and how.
+"""Measure modes below the first wave of a periodic cell: how many spheres move in each, and how.
 
-The longest wave that fits into a cell has the frequency V_S over the cell's side; what lies below
-it is no wave, but soft by the disorder of the packing alone. E. Lerner, G. During and E.
-Bouchbinder, Phys. Rev. Lett. 117, 035501 (2016) took small cells for that reason.
+The longest wave that fits into a cell has the frequency V_S divided by the cell's side. Modes below
+it are no waves, but soft because of the packing's disorder alone. E. Lerner, G. During and E.
+Bouchbinder, Phys. Rev. Lett. 117, 035501 (2016) took small cells for this reason.
 """
 
 import numpy as np
@@ -19,22 +19,30 @@ from modal.tools.errors import UnavailableError
 
 
 @cached_on_packing
-def lowest_wave(m: PackingData) -> float:
-    """Hz: of the longest shear wave of a cell without walls, V_S over the cell's side."""
-    if not m.network.cell_periodic.all():
+def lowest_wave(packing: PackingData) -> float:
+    """Return the frequency, Hz, of the longest shear wave of a cell without walls.
+
+    Raises UnavailableError for a cell that is not periodic along all three axes.
+    """
+    if not packing.network.cell_periodic.all():
         raise UnavailableError(
             "not_periodic",
             "between walls waves have other frequencies",
             remedy="take a periodic cell",
         )
-    axes = zip(np.eye(3), m.network.cell_size, strict=True)
-    return float(min(m.moduli.velocities(axis)[-1] / side for axis, side in axes))
+    frequencies = []
+    for axis, side in zip(np.eye(3), packing.network.cell_size, strict=True):
+        frequencies.append(packing.moduli.velocities(axis)[-1] / side)
+    return float(min(frequencies))
 
 
 @cached_on_packing
-def soft_modes(m: PackingData) -> ModeSet:
-    """All modes below the first wave, certified; zero modes are not among them."""
-    modes = eigenmodes(taken_as_exact(m.network), below=lowest_wave(m))
+def soft_modes(packing: PackingData) -> ModeSet:
+    """Compute all modes below the first wave but zero modes, certified to be complete.
+
+    Raises UnavailableError if there is none, or if modes are missing.
+    """
+    modes = eigenmodes(taken_as_exact(packing.network), below=lowest_wave(packing))
     if modes.missing or not len(modes.frequency):
         raise UnavailableError(
             "not_converged", f"below the first wave {modes.missing} modes are missing of some"
@@ -44,23 +52,20 @@ def soft_modes(m: PackingData) -> ModeSet:
 
 @on_request("Hz", definition="slowest V_S along an axis over the side of a periodic cell")
 def first_wave(packing: PackingData) -> Value:
-    """Slowest V_S along an axis over the side of a periodic cell.
-
-    By the moduli.
-    """
+    """Measure the frequency of the longest shear wave by the moduli."""
     return Value(lowest_wave(packing), "Hz")
 
 
-def _over_modes(packing: PackingData, value: Floats) -> Value:
-    """A number of each mode below the first wave, over their frequencies."""
-    return Value(value, "1", {}, packing.of_one_sample, soft_modes(packing).frequency)
+def _over_modes(packing: PackingData, numbers: Floats) -> Value:
+    """Return a number (k,) of each mode below the first wave, over their frequencies."""
+    return Value(numbers, "1", {}, packing.of_one_sample, soft_modes(packing).frequency)
 
 
 @on_request("1", definition="spheres that take part in each mode below the first wave")
 def soft_participation(packing: PackingData) -> Value:
-    """Spheres that take part in each mode below the first wave.
+    """Measure the participation number of each soft mode.
 
-    (sum e)^2 / sum e^2, e the kinetic energy of each, rotations included.
+    It is (sum e)^2 / sum e^2, with e the kinetic energy of each sphere, rotations included.
     """
     share = soft_modes(packing).participation(packing.network)
     return _over_modes(packing, share * packing.network.n_particles)
@@ -68,18 +73,15 @@ def soft_participation(packing: PackingData) -> Value:
 
 @on_request("1", definition="part of the kinetic energy in rotations, of the same modes")
 def soft_rotation(packing: PackingData) -> Value:
-    """Part of the kinetic energy in rotations, of the same modes.
-
-    Of all spheres.
-    """
+    """Measure the share of the kinetic energy of each soft mode that is in rotations."""
     return _over_modes(packing, soft_modes(packing).rotation_share)
 
 
 @on_request("1", definition="contacts of the sphere that moves most, of the same modes")
 def soft_contacts(packing: PackingData) -> Value:
-    """Contacts of the sphere that moves most, of the same modes.
+    """Count the contacts of the sphere that moves most in each soft mode.
 
-    One with two or three is held loosely, whatever its surroundings.
+    A sphere with two or three contacts is held loosely, whatever its surroundings.
     """
     square = (soft_modes(packing).shapes()[:, :, :3] ** 2).sum(axis=2)
     contacts = contacts_per_particle(packing.network)

@@ -150,7 +150,7 @@ def test_modes_are_pure_up_to_a_frequency_that_the_list_must_pass(two_producers)
     network, lattice = two_producers[1].network, two_producers[1].lattice
     modes = some([1e3, 2e3, 4e4, 9e5], [1.9, 1.84, 1.7, 0.6]), some([1e3, 9e5], [1.9, 1.9])
     found, ends = (
-        PackingData(network, case=Case("case06", None, {}, held={"modes": list_}))
+        PackingData(network, case=Case("case06", None, {}, contents={"modes": list_}))
         for list_ in modes
     )
     last, apart = spectrum.last_pure(found), lattice.velocity / 2 / network.length
@@ -165,8 +165,8 @@ def some(frequency, chi):
 
 
 def with_modes(modes, band):
-    held = {"modes": modes, "band.modes": band}
-    return PackingData(frictionless(), case=Case("case06", None, {}, held=held))
+    contents = {"modes": modes, "band.modes": band}
+    return PackingData(frictionless(), case=Case("case06", None, {}, contents=contents))
 
 
 def test_modes_that_two_lists_share_count_once():
