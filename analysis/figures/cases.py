@@ -1,6 +1,4 @@
-"""Figures over all cases, from their numbers: 6, 8, 16 to 19, and two beyond the paper."""
-
-from typing import Any
+"""Draw figures over all cases, from their numbers: 6, 8, 16 to 19, and two beyond the paper."""
 
 import numpy as np
 import pandas as pd
@@ -12,109 +10,136 @@ from analysis.figures.picture import BLUE, ORANGE, Panel, Picture
 from analysis.frame import numbers
 from analysis.rows import CaseResult, of_one_producer
 
+COMMON_STRESS = 1e5
+"""Stress, Pa, of which curves are drawn if cases of several stresses have them."""
+FIRST_RESONANCES = 10
+"""Range of the gain factor of one case, in its first resonances."""
+
 
 def velocity_cases(cases: pd.DataFrame) -> Picture:
-    """Fig. 6: V_P by first peaks against void ratio, with its trend to FCC, and against stress."""
+    """Draw Fig. 6: V_P by first peaks against void ratio, with its trend to FCC, and stress."""
     producer, name = of_one_producer(cases["record"], "v_p_first_peaks_{record}_m_per_s")
     label = f"$V_P$, first peaks, {producer} (m/s)"
     left = Panel("void ratio", label, "(a)", yscale="log", legend="outside")
     right = Panel("stress (kPa)", label, "(b)", legend="outside", **LOG)
     legend(left, cases, frictions=False)
     for _, members in cases.groupby("stress"):
-        _trend(left, members, name)
+        _draw_trend(left, members, name)
     scatter(left, cases, name)
-    for text, members, style in styles(cases):
-        at, law = members["stress"], power_law(members["stress"], numbers(members, name))
-        right.line(at / 1e3, law.factor * at**law.exponent, color="0.5", **THIN)
+    for group, members, style in styles(cases):
+        stress = members["stress"]
+        law = power_law(stress, numbers(members, name))
+        right.line(stress / 1e3, law.factor * stress**law.exponent, color="0.5", **THIN)
         points(right, members, style, name)
-        text += f": {law}" if np.isfinite(law.exponent) else ""
-        right.line([np.nan], [np.nan], text, marker="o", **style)
-    start, slope = numbers(cases, name).min(), np.array([1e4, 1e7])
-    if np.isfinite(start):
-        sixth = 0.93 * start * (slope / slope[0]) ** (1 / 6)
-        right.line(slope / 1e3, sixth, "b = 1/6", color="k", ls="--")
+        if np.isfinite(law.exponent):
+            group += f": {law}"
+        right.line([np.nan], [np.nan], group, marker="o", **style)
+    lowest = numbers(cases, name).min()
+    if np.isfinite(lowest):
+        stress = np.array([1e4, 1e7])
+        sixth = 0.93 * lowest * (stress / stress[0]) ** (1 / 6)
+        right.line(stress / 1e3, sixth, "b = 1/6", color="k", ls="--")
     return Picture([left, right], columns=2, shape=(13, 4.4))
 
 
-def _trend(panel: Panel, cases: pd.DataFrame, name: str) -> None:
-    """The straight line through a quantity of random packings over e, to that of the crystal."""
-    random, crystal = random_of(cases), cases[cases["kind"] == "fcc"]
+def _draw_trend(panel: Panel, cases: pd.DataFrame, name: str) -> None:
+    """Draw the line through a quantity of random packings over e, up to e of the crystal."""
+    random = random_of(cases)
+    crystal = cases[cases["kind"] == "fcc"]
     if crystal.empty or len(random) < 2:
         return
-    x, y = numbers(random, "void_ratio"), numbers(random, name)
-    at, of_crystal = (numbers(crystal, text).iloc[0] for text in ("void_ratio", name))
-    line = straight_line(x, y)
-    there, error = line.at(at)
-    along = np.linspace(at, x.max(), 30)  # no straight line on a logarithmic axis
-    text = rf"line at FCC's e: {there:.0f} $\pm$ {error:.0f}; FCC {of_crystal:.0f} m/s"
+    e = numbers(random, "void_ratio")
+    e_of_crystal = numbers(crystal, "void_ratio").iloc[0]
+    value_of_crystal = numbers(crystal, name).iloc[0]
+    line = straight_line(e, numbers(random, name))
+    value, error = line.at(e_of_crystal)
+    along = np.linspace(e_of_crystal, e.max(), 30)  # the line is curved on a logarithmic axis
+    text = rf"line at FCC's e: {value:.0f} $\pm$ {error:.0f}; FCC {value_of_crystal:.0f} m/s"
     panel.line(along, line.slope * along + line.offset, text, color="0.4", **THIN | {"ls": "--"})
-    panel.add("error", [at], [there], [error], color="0.4", lw=0.8, capsize=3)
+    panel.add("error", [e_of_crystal], [value], [error], color="0.4", lw=0.8, capsize=3)
 
 
 def highest_frequency(cases: pd.DataFrame) -> Picture:
-    """Fig. 8: highest natural frequency over that of FCC at the same stress."""
+    """Draw Fig. 8: highest natural frequency over that of FCC at the same stress."""
     crystal = cases[cases["kind"] == "fcc"]
     panel = Panel("stress (kPa)", "$f_{max}$ over that of FCC", xscale="log", legend="outside")
-    how: dict[str, Any] = {"side_by_side": True, "stated": "f_max_khz"}
+    over = ""
     if crystal.empty:
-        panel.ylabel, panel.yscale = "$f_{max}$ (kHz)", "log"
+        panel.ylabel = "$f_{max}$ (kHz)"
+        panel.yscale = "log"
     else:
-        of_crystal = cases["stress"].map(numbers(crystal.set_index("stress"), "f_max_khz"))
-        cases, how["over"] = cases.assign(of_crystal=of_crystal), "of_crystal"
-    scatter(panel, cases, "f_max_khz", **how)
+        frequency_by_stress = numbers(crystal.set_index("stress"), "f_max_khz")
+        over = "of_crystal"
+        cases = cases.assign(of_crystal=cases["stress"].map(frequency_by_stress))
+    scatter(panel, cases, "f_max_khz", over=over, stated="f_max_khz", side_by_side=True)
     legend(panel, cases, stresses=False)
     return Picture([panel], shape=(8.6, 4))
 
 
 def low_pass_cases(cases: pd.DataFrame) -> Picture:
-    """Fig. 16: f_low-pass, 2 % of the whole map, against void ratio and stress."""
+    """Draw Fig. 16: f_low-pass, 2 % of the whole map, against void ratio and stress."""
     producer, name = of_one_producer(cases["record"], "f_low_pass_2_{record}_khz")
     label = f"$f_{{low-pass}}$, 2 %, {producer} (kHz)"
     left = Panel("void ratio", label, "(a)", yscale="log", legend="lower left")
     right = Panel("stress (kPa)", label, "(b)", legend="outside", **LOG)
-    for panel in (left, right):
-        beside = panel is right
-        scatter(panel, cases, name, side_by_side=beside, stated="f_low_pass_2_khz")
-        legend(panel, cases, frictions=beside, stresses=not beside)
+    stated = "f_low_pass_2_khz"
+    scatter(left, cases, name, stated=stated)
+    legend(left, cases, frictions=False)
+    scatter(right, cases, name, stated=stated, side_by_side=True)
+    legend(right, cases, stresses=False)
     return Picture([left, right], columns=2, shape=(12, 4.2))
 
 
 def velocity_low_pass(cases: pd.DataFrame) -> Picture:
-    """Fig. 17: f_low-pass, 2 %, against V_P by first peaks; slope through each group."""
-    columns = "v_p_first_peaks_{record}_m_per_s", "f_low_pass_2_{record}_khz"
-    producer, velocity, name = of_one_producer(cases["record"], *columns)
-    random = random_of(cases)
-    axes = f"$V_P$, first peaks, {producer} (m/s)", f"$f_{{low-pass}}$, 2 %, {producer} (kHz)"
-    panel = Panel(*axes, legend="outside", **LOG)
-    v, f = np.log(numbers(random, velocity)), np.log(numbers(random, name))
-    known = np.isfinite(v) & np.isfinite(f)
-    slopes = groups.stated_ends(random, "low_pass_power_of_v_p")
-    for slope, ls in zip(slopes, ("--", ":"), strict=False):
-        if known.any():  # through the middle of the points, over their range
-            ends = np.array([v[known].min(), v[known].max()])
-            line = f[known].mean() + slope * (ends - v[known].mean())
-            panel.line(np.exp(ends), np.exp(line), f"stated: {slope}", color="k", ls=ls, lw=0.9)
-    for text, members, style in styles(cases):
-        law = power_law(numbers(members, velocity), numbers(members, name))
-        text += f": slope {law.exponent:.2f}" if np.isfinite(law.exponent) else ""
-        text += rf" $\pm$ {law.error:.1g}" if np.isfinite(law.error) else ""
-        points(panel, members, style, name, velocity)
-        panel.line([np.nan], [np.nan], text, marker="o", **style)
+    """Draw Fig. 17: f_low-pass, 2 %, against V_P by first peaks; slope through each group."""
+    producer, velocity, frequency = of_one_producer(
+        cases["record"], "v_p_first_peaks_{record}_m_per_s", "f_low_pass_2_{record}_khz"
+    )
+    xlabel = f"$V_P$, first peaks, {producer} (m/s)"
+    ylabel = f"$f_{{low-pass}}$, 2 %, {producer} (kHz)"
+    panel = Panel(xlabel, ylabel, legend="outside", **LOG)
+    _draw_stated_slopes(panel, random_of(cases), velocity, frequency)
+    for group, members, style in styles(cases):
+        law = power_law(numbers(members, velocity), numbers(members, frequency))
+        if np.isfinite(law.exponent):
+            group += f": slope {law.exponent:.2f}"
+        if np.isfinite(law.error):
+            group += rf" $\pm$ {law.error:.1g}"
+        points(panel, members, style, frequency, x=velocity)
+        panel.line([np.nan], [np.nan], group, marker="o", **style)
     legend(panel, cases, frictions=False)
     return Picture([panel], shape=(8.6, 4.8))
 
 
+def _draw_stated_slopes(panel: Panel, random: pd.DataFrame, velocity: str, frequency: str) -> None:
+    """Draw lines of the stated powers through the middle of the points, over their range."""
+    log_velocity = np.log(numbers(random, velocity))
+    log_frequency = np.log(numbers(random, frequency))
+    known = np.isfinite(log_velocity) & np.isfinite(log_frequency)
+    if not known.any():
+        return
+    slopes = groups.stated_ends(random, "low_pass_power_of_v_p")
+    for slope, ls in zip(slopes, ("--", ":"), strict=False):
+        ends = np.array([log_velocity[known].min(), log_velocity[known].max()])
+        line = log_frequency[known].mean() + slope * (ends - log_velocity[known].mean())
+        panel.line(np.exp(ends), np.exp(line), f"stated: {slope}", color="k", ls=ls, lw=0.9)
+
+
 def wavelength_cases(cases: pd.DataFrame) -> Picture:
-    """Fig. 18: lambda_low-pass / D of random packings against void ratio, 2 % and 1 %."""
-    panels, random = [], random_of(cases)
-    seen, width = [*numbers(random, "void_ratio"), 0.6], numbers(random, "width_over_d").median()
-    span = np.nanmin(seen) - 0.01, np.nanmax(seen) + 0.01
+    """Draw Fig. 18: lambda_low-pass / D of random packings against void ratio, 2 % and 1 %."""
+    random = random_of(cases)
+    width = numbers(random, "width_over_d").median()
+    void_ratios = [*numbers(random, "void_ratio"), 0.6]
+    span = (np.nanmin(void_ratios) - 0.01, np.nanmax(void_ratios) + 0.01)
+    panels = []
     for percent, letter in (("2", "(a)"), ("1", "(b)")):
-        key = f"lambda_{percent}_over_d"
         producer, name = of_one_producer(cases["record"], f"lambda_{percent}_{{record}}_over_d")
         panel = Panel("void ratio", rf"$\lambda_{{low-pass}}/D$, {percent} %, {producer}", letter)
-        panel.yscale, panel.xlim, panel.legend = "log", span, "outside"
-        if ends := groups.stated_ends(cases, key):
+        panel.yscale = "log"
+        panel.xlim = span
+        panel.legend = "outside"
+        ends = groups.stated_ends(cases, f"lambda_{percent}_over_d")
+        if ends:
             low, high = ends
             panel.band(span, low, high, f"stated: {low:g} to {high:g}", color="0.88", zorder=0)
         panel.hline(2**0.5, r"FCC, $\sqrt{2}$", color="0.5", ls=":")
@@ -128,83 +153,109 @@ def wavelength_cases(cases: pd.DataFrame) -> Picture:
 
 
 def gain_cases(cases: pd.DataFrame) -> Picture:
-    """Fig. 19: gain factor of FCC and the lowest friction over stress; below, the resonances."""
-    own = styles(groups.with_curve(cases, "gain", "gain factor"))
-    two, panels, below = [members for _, members, _ in own][:2], [], []
-    for letter, other, members in zip(("(a)", "(b)"), ("(c)", "(d)"), two, strict=False):
-        title = f"{letter} {members['group'].iloc[0]}"
-        title += ", each stress a decade lower" if len(members) > 1 else ""
-        panel = Panel("frequency over $f_1$", "gain factor", title, yscale="log", ylim=(1e-6, 10))
-        for k, row in enumerate(members["row"]):  # the curves of all stresses are nearly one
-            f, height = row.curves["gain"]
-            width = row.value("gain_resolution_hz")
-            text = f"{row.stress / 1e3:g} kPa, resolution {width:.0f} Hz"
-            # Of a random packing as far as more than its noise is received.
-            edge = np.inf if row.crystal else 2 * 1e3 * row.value("f_low_pass_2_linear_khz")
-            f, height = (values[~(f > edge)] for values in (f, height))
-            look = {"color": ("k", "0.5")[k % 2], "ls": "-", "lw": 0.9}
-            panel.line(f / row.curves["first"][0], height / 10**k, text, **look)
-            panel.hline(10.0**-k, color="0.6", lw=0.6)
-        panels.append(panel)
-        below.append(_gain(members["row"].iloc[min(1, len(members) - 1)], other))
-    panels += below
-    return Picture(panels, columns=2, shape=(10, 0.3 + 3.1 * -(-len(panels) // 2)))
+    """Draw Fig. 19: gain factor of FCC and the lowest friction over stress; the resonances."""
+    groups_with_gain = styles(groups.with_curve(cases, "gain", "gain factor"))
+    two_groups = [members for _, members, _ in groups_with_gain[:2]]
+    upper = []
+    lower = []
+    letters = (("(a)", "(c)"), ("(b)", "(d)"))
+    for (upper_letter, lower_letter), members in zip(letters, two_groups, strict=False):
+        upper.append(_draw_gains(members["row"].to_list(), upper_letter))
+        row = members["row"].iloc[min(1, len(members) - 1)]
+        lower.append(_draw_gain(row, lower_letter))
+    panels = upper + lower
+    rows = -(-len(panels) // 2)
+    return Picture(panels, columns=2, shape=(10, 0.3 + 3.1 * rows))
 
 
-def _gain(row: CaseResult, letter: str) -> Panel:
-    """Gain factor (receiver over source stress) of the springs, and the resonances.
+def _draw_gains(rows: list[CaseResult], letter: str) -> Panel:
+    """Draw the gain factors of a group over the first resonance, each stress a decade lower.
+
+    The curves of all stresses are nearly one. Those of random packings end where no more than
+    noise is received.
+    """
+    title = f"{letter} {rows[0].group}"
+    if len(rows) > 1:
+        title += ", each stress a decade lower"
+    panel = Panel("frequency over $f_1$", "gain factor", title, yscale="log", ylim=(1e-6, 10))
+    for k, row in enumerate(rows):
+        frequency, gain = row.curves["gain"]
+        edge = np.inf
+        if not row.crystal:
+            edge = 2 * 1e3 * row.value("f_low_pass_2_linear_khz")
+        above = frequency > edge
+        frequency = frequency[~above]
+        gain = gain[~above]
+        width = row.value("gain_resolution_hz")
+        text = f"{row.stress / 1e3:g} kPa, resolution {width:.0f} Hz"
+        colour = ("k", "0.5")[k % 2]
+        first = row.curves["first"][0]
+        panel.line(frequency / first, gain / 10**k, text, color=colour, ls="-", lw=0.9)
+        panel.hline(10.0**-k, color="0.6", lw=0.6)
+    return panel
+
+
+def _draw_gain(row: CaseResult, letter: str) -> Panel:
+    """Draw the gain factor (receiver over source stress) of the springs, and the resonances.
 
     Between rigid walls the stress ratio of a rod is 1 / |cos kappa L|: its maxima lie midway
     between the resonances sin kappa L = 0, not on them.
     """
-    f, height = row.curves["gain"]
-    f_r, top = row.curves["resonances"][0], 10 * row.curves["first"][0][0]
-    keep = f < top
+    frequency, gain = row.curves["gain"]
+    resonances = row.curves["resonances"][0]
+    top = FIRST_RESONANCES * row.curves["first"][0][0]
+    shown = frequency < top
     title = f"{letter} {row.label}"
     panel = Panel("frequency (kHz)", "gain factor", title, legend="upper right")
-    panel.xlim, panel.ylim = (0, top / 1e3), (0, 1.4 * float(height[keep].max()))
-    panel.line(f[keep] / 1e3, height[keep], "gain", color="k")
-    f_r = f_r[f_r < top] / 1e3
-    if len(f_r):
-        panel.vlines(f_r, "resonances $f_r$, both walls held", color=BLUE, ls=":", lw=1)
-        middle = 0.5 * (np.append(0, f_r[:-1]) + f_r)
+    panel.xlim = (0, top / 1e3)
+    panel.ylim = (0, 1.4 * float(gain[shown].max()))
+    panel.line(frequency[shown] / 1e3, gain[shown], "gain", color="k")
+    resonances = resonances[resonances < top] / 1e3
+    if len(resonances):
+        panel.vlines(resonances, "resonances $f_r$, both walls held", color=BLUE, ls=":", lw=1)
+        middle = 0.5 * (np.append(0, resonances[:-1]) + resonances)
         panel.vlines(middle, "half way, source free of stress", color=ORANGE, ls="--", lw=0.8)
     return panel
 
 
 def isostaticity(cases: pd.DataFrame) -> Picture:
-    """Beyond the paper: three frequencies over the highest against contacts beyond isostaticity."""
-    random, panels = random_of(cases), list[Panel]()
-    z, top = (numbers(random, name) for name in (groups.AXES[groups.BEYOND], "f_max_khz"))
-    along = np.array([0.0, np.nanmax([0.0, *z])])
+    """Draw three frequencies over the highest against contacts beyond isostaticity (no figure)."""
+    random = random_of(cases)
+    contacts = numbers(random, groups.AXES[groups.BEYOND])
+    highest = numbers(random, "f_max_khz")
+    along = np.array([0.0, np.nanmax([0.0, *contacts])])
+    panels: list[Panel] = []
     for name, title in (
         ("f_low_pass_2_linear_khz", "low-pass frequency, 2 %"),
         ("excess_peak_khz", "peak of $D(f) / f^2$"),
         ("ioffe_regel_khz", "Ioffe-Regel limit"),
     ):
-        y = numbers(random, name) / top
+        ratio = numbers(random, name) / highest
         panel = Panel(groups.BEYOND, "", title, legend="upper left")
-        if (np.isfinite(y) & np.isfinite(z)).sum() > 2:
-            line = straight_line(z, y)
-            text = f"{line.slope:.3f} (z - {groups.ISOSTATIC - line.offset / line.slope:.2f})"
+        if (np.isfinite(ratio) & np.isfinite(contacts)).sum() > 2:
+            line = straight_line(contacts, ratio)
+            zero = groups.ISOSTATIC - line.offset / line.slope
+            text = f"{line.slope:.3f} (z - {zero:.2f})"
             panel.line(along, line.slope * along + line.offset, text, color="k", lw=0.8)
         scatter(panel, random, name, over="f_max_khz")
         panels.append(panel)
-    panels[0].ylabel, panels[2].legend = "frequency over the highest", "outside"
+    panels[0].ylabel = "frequency over the highest"
+    panels[2].legend = "outside"
     legend(panels[2], random)
     return Picture(panels, columns=3, shape=(13, 3.8))
 
 
 def scattering(cases: pd.DataFrame) -> Picture:
-    """Beyond the paper: width of the ridge, mean free path, and the Ioffe-Regel limit.
+    """Draw width of the ridge, mean free path, and the Ioffe-Regel limit (no figure of the paper).
 
     Frequencies are in units of V_P / D. Curves are of one stress, and end at the limit: beyond it
-    the ridge's width is that of no wave.
+    the width of the ridge is not that of a wave.
     """
     members = groups.with_curve(cases, "ridge", "structure factor")
-    # Most cases are under it; of several that nearest to 100 kPa.
-    common = min(members["stress"].mode(), key=lambda stress: abs(np.log(stress / 1e5)))
-    axis, title = "frequency, $f D / V_P$", f"{common / 1e3:g} kPa"
+    # Most cases have this stress; of several such stresses it is the nearest to the common one.
+    stress = min(members["stress"].mode(), key=_decades_from_common_stress)
+    axis = "frequency, $f D / V_P$"
+    title = f"{stress / 1e3:g} kPa"
     width = Panel(axis, "full width of the ridge over $f$", f"(a) {title}", **LOG)
     path = Panel(axis, "mean free path / D", f"(b) {title}", legend="outside", **LOG)
     limit = Panel("void ratio", "Ioffe-Regel frequency (kHz)", "(c)", yscale="log")
@@ -212,14 +263,19 @@ def scattering(cases: pd.DataFrame) -> Picture:
         groups.ON_CONTACTS, "Ioffe-Regel over $f_{low-pass}$, 2 %", "(d)", legend="outside"
     )
     width.hline(1 / np.pi, r"$l = \lambda / 2$ (Ioffe-Regel)", color="k")
-    for _, some, look in styles(members):
-        look |= {"marker": mark(common), "ms": 3, "lw": 0.8, "ls": "-"}
-        for row in some["row"][some["stress"] == common]:
-            f, w, free = row.curves["ridge"]
-            width.line(f, w, **look)
-            path.line(f, free, **look)
+    for _, group, style in styles(members):
+        style |= {"marker": mark(stress), "ms": 3, "lw": 0.8, "ls": "-"}
+        for row in group["row"][group["stress"] == stress]:
+            frequency, relative_width, free_path = row.curves["ridge"]
+            width.line(frequency, relative_width, **style)
+            path.line(frequency, free_path, **style)
     scatter(limit, members, "ioffe_regel_khz")
     scatter(ratio, members, "ioffe_regel_khz", over="f_low_pass_2_linear_khz")
     legend(path, members, stresses=False)
     legend(ratio, members, frictions=False)
     return Picture([width, path, limit, ratio], columns=2, shape=(12, 7))
+
+
+def _decades_from_common_stress(stress: float) -> float:
+    """Return how far a stress, Pa, is from the common one on a logarithmic axis."""
+    return abs(np.log(stress / COMMON_STRESS))
