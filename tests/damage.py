@@ -17,30 +17,30 @@ MEMORY = 6_000_000_000
 
 
 def mangled(data: bytes, random: np.random.Generator) -> tuple[str, bytes]:
-    """One damage of the bytes of a file, as storage and transfer cause them: kind, bytes."""
+    """Return the kind of one damage, as storage and transfer cause them, and the damaged bytes."""
     size = len(data)
-    at = int(random.integers(size))
+    offset = int(random.integers(size))
     length = int(random.integers(1, 65))
     kind = ("bit", "bit", "bit", "bits", "random", "zeros", "ones", "cut", "removed", "inserted",
             "moved", "end")[int(random.integers(12))]  # fmt: skip
     raw = bytearray(data)
     if kind == "bit":
-        raw[at] ^= 1 << int(random.integers(8))
+        raw[offset] ^= 1 << int(random.integers(8))
     elif kind == "bits":
         for place in random.integers(size, size=length):
             raw[place] ^= 1 << int(random.integers(8))
     elif kind in ("random", "zeros", "ones"):
-        length = min(length, size - at)
+        length = min(length, size - offset)
         fill = {"zeros": b"\0", "ones": b"\xff"}.get(kind)
-        raw[at : at + length] = fill * length if fill else random.bytes(length)
+        raw[offset : offset + length] = fill * length if fill else random.bytes(length)
     elif kind == "cut":
-        del raw[at:]
+        del raw[offset:]
     elif kind == "removed":
-        del raw[at : at + length]
+        del raw[offset : offset + length]
     elif kind == "inserted":
-        raw[at:at] = random.bytes(length)
+        raw[offset:offset] = random.bytes(length)
     elif kind == "moved":
-        block = raw[at : at + length]
+        block = raw[offset : offset + length]
         to = int(random.integers(size))
         raw[to : to + len(block)] = block
     else:
@@ -49,7 +49,7 @@ def mangled(data: bytes, random: np.random.Generator) -> tuple[str, bytes]:
 
 
 def in_child(work: Callable[[int], str], numbers: list[int], log: Path) -> Iterator[tuple]:
-    """(number, verdict) of work(number), done in a forked child that may crash or hang.
+    """Yield (number, verdict) of work(number), done in a forked child that may crash or hang.
 
     A crash of the HDF5 library or a hang ends the child: verdict "crash" or "hang", and another
     child goes on behind it. A Python exception is the verdict "traceback".
@@ -73,7 +73,7 @@ def in_child(work: Callable[[int], str], numbers: list[int], log: Path) -> Itera
 
 
 def _work_through(work: Callable[[int], str], todo: list[int], log: Path) -> None:
-    """The child: never returns."""
+    """Do the work of the child process; never return."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGALRM, signal.SIG_DFL)

@@ -28,12 +28,12 @@ ODD = (
 
 
 def odd(random: np.random.Generator) -> Any:
-    """One of the odd values."""
+    """Return one of the odd values."""
     return ODD[int(random.integers(len(ODD)))]
 
 
 def mangled_tree(tree: Any, random: np.random.Generator) -> Any:
-    """A copy of what JSON says, with one value replaced, removed, repeated or renamed."""
+    """Return a copy of a JSON tree with one value replaced, removed, repeated or renamed."""
     tree = json.loads(json.dumps(tree))
     node: Any = tree
     while True:
@@ -45,12 +45,12 @@ def mangled_tree(tree: Any, random: np.random.Generator) -> Any:
         if not (isinstance(inner, dict | list) and len(inner) and random.random() < 0.7):
             break
         node = inner
-    how = int(random.integers(4))
-    if how == 0:
+    change = int(random.integers(4))
+    if change == 0:
         node.pop(key)
-    elif how == 1 and isinstance(node, dict):
+    elif change == 1 and isinstance(node, dict):
         node[str(odd(random))] = node.pop(key)
-    elif how == 1:
+    elif change == 1:
         node.insert(key, node[key])
     else:
         node[key] = odd(random)
@@ -58,45 +58,48 @@ def mangled_tree(tree: Any, random: np.random.Generator) -> Any:
 
 
 def mangled_text(text: str, random: np.random.Generator) -> str:
-    """A copy of a text with a line removed, repeated, moved, cut, or a few letters replaced."""
+    """Return a copy of a text with a line removed, repeated, cut, or a few letters replaced."""
     lines = text.splitlines(keepends=True)
-    at = int(random.integers(len(lines)))
-    line, how = lines[at], int(random.integers(5))
-    if how == 0:
-        lines.pop(at)
-    elif how == 1:
+    index = int(random.integers(len(lines)))
+    line = lines[index]
+    change = int(random.integers(5))
+    if change == 0:
+        lines.pop(index)
+    elif change == 1:
         lines.insert(int(random.integers(len(lines))), line)
-    elif how == 2:
-        lines[at] = line[: int(random.integers(len(line)))] + "\n"
+    elif change == 2:
+        lines[index] = line[: int(random.integers(len(line)))] + "\n"
     else:
         place = int(random.integers(len(line)))
         word = ("-", "9", ",", '"', "{", "\0", "nan", "inf", "1e400", "$", "\x1b", "\ufeff")
-        lines[at] = line[:place] + word[int(random.integers(len(word)))] + line[place + how - 3 :]
+        lines[index] = (
+            line[:place] + word[int(random.integers(len(word)))] + line[place + change - 3 :]
+        )
     return "".join(lines)
 
 
 def mangled_figure(text: str, random: np.random.Generator) -> str:
-    """A figure's CSV, in half of the cases with one of its heads of JSON mangled as such."""
+    """Return a copy of a figure's CSV, in half of the cases with a mangled head of JSON."""
     lines = text.splitlines(keepends=True)
     heads = [k for k, line in enumerate(lines) if line.startswith("# ")]
     if random.random() < 0.5 or not heads:
         return mangled_text(text, random)
-    at = heads[int(random.integers(len(heads)))]
-    lines[at] = f"# {json.dumps(mangled_tree(json.loads(lines[at][2:]), random))}\n"
+    index = heads[int(random.integers(len(heads)))]
+    lines[index] = f"# {json.dumps(mangled_tree(json.loads(lines[index][2:]), random))}\n"
     return "".join(lines)
 
 
 def mangle_h5(path: Path, random: np.random.Generator) -> None:
-    """One change of the structure of an HDF5 file: an attribute, a dataset, a link."""
+    """Change the structure of an HDF5 file once: an attribute, a dataset, a link."""
     with h5py.File(path, "r+", libver="latest") as file:
         names: list[str] = []
         file.visit(names.append)
         name = names[int(random.integers(len(names)))]
         nodes = [file, file[name]]
-        how = int(random.integers(6))
-        if how < 3:
+        change = int(random.integers(6))
+        if change < 3:
             _mangle_attribute(nodes[int(random.integers(2))], random)
-        elif how == 3:
+        elif change == 3:
             del file[name]
         else:
             old = file[name]
@@ -106,7 +109,7 @@ def mangle_h5(path: Path, random: np.random.Generator) -> None:
 
 
 def _mangle_attribute(node: Any, random: np.random.Generator) -> None:
-    """Another value of an attribute that is there, or a new one, or one less."""
+    """Change, add or remove an attribute."""
     names = [*node.attrs, "units", "UNIT", "stress", "seed", "scale_factor", "_FillValue"]
     name = names[int(random.integers(len(names)))]
     values = [
@@ -121,7 +124,7 @@ def _mangle_attribute(node: Any, random: np.random.Generator) -> None:
 
 
 def _put_odd(file: h5py.File, name: str, data: np.ndarray, random: np.random.Generator) -> None:
-    """Something else in the place of a dataset."""
+    """Put something else in the place of a dataset."""
     makers: list[Callable[[], Any]] = [
         lambda: data[:-1] if data.ndim else data,
         lambda: np.concatenate([data, data]) if data.ndim else data,
@@ -153,7 +156,7 @@ def _put_odd(file: h5py.File, name: str, data: np.ndarray, random: np.random.Gen
 
 
 def ended(work: Callable[[], object]) -> str:
-    """How a piece of work ended: "read", "refused", or the last line of a traceback."""
+    """Return how work ended: "read", "refused", or the last line of a traceback."""
     try:
         work()
     except InputError as error:
@@ -166,10 +169,12 @@ def ended(work: Callable[[], object]) -> str:
 
 
 def run_by_hand() -> None:
-    """Print how so many mutants of a kind ended."""
+    """Print how this many mutants of a kind ended."""
     from test_fuzzed_files import KINDS
 
-    kind, count, seed = sys.argv[1], int(sys.argv[2]), int((*sys.argv[3:], 1)[0])
+    kind = sys.argv[1]
+    count = int(sys.argv[2])
+    seed = int((*sys.argv[3:], 1)[0])
     with tempfile.TemporaryDirectory() as folder:
         work = KINDS[kind](Path(folder))
         endings = Counter(work(np.random.default_rng([seed, k])) for k in range(count))

@@ -26,17 +26,18 @@ PAIR = "granular hertz/material 6e10 0 0.2 tangential mindlin/force NULL 0 0.3"
 
 
 def lines(rows: Iterable[Iterable[float]], digits: int = 17, by: str = " ") -> str:
-    """A line of each row, numbers with so many digits."""
+    """Return a line of each row, with numbers of this many digits."""
     return "".join(by.join(f"{number:.{digits}g}" for number in row) + "\n" for row in rows)
 
 
 def lammps(network: Network, folder: Path, digits: int = 17) -> tuple[Path, Path, Path]:
-    """Dump custom, dump local and log of a packing, numbers with so many digits.
+    """Write dump custom, dump local and log of a packing, with numbers of this many digits.
 
     Ids begin at 1, in falling order, so that a reader who takes rows for numbers is found out.
     """
     atoms, contacts, log = (folder / name for name in ("x.atoms", "x.contacts", "log.lammps"))
-    n, wall = network.n_particles, network.with_wall
+    n = network.n_particles
+    wall = network.with_wall
     walled = bool(wall.any())
     low = np.where(network.cell_periodic, 0.0, [0, 0, network.wall_position[0]])
     flags = " ".join("pp" if axis else "ff" for axis in network.cell_periodic)
@@ -108,7 +109,7 @@ def column(
 
 
 def of_law() -> Network:
-    """60 spheres of radii 1:3 between walls, shear forces, law mindlin of LAMMPS."""
+    """Import 60 spheres of radii 1:3 between walls, with shear forces and LAMMPS' law mindlin."""
     with tempfile.TemporaryDirectory() as folder:
         atoms, contacts, log = lammps(packings.polydisperse(False), Path(folder))
         log.write_text(log.read_text().replace("mindlin/force", "mindlin"))
@@ -116,8 +117,9 @@ def of_law() -> Network:
 
 
 def tables(network: Network, folder: Path) -> tuple[Path, Path]:
-    """The same as two tables with named columns, contacts with their stiffnesses."""
-    spheres, contacts = folder / "spheres.csv", folder / "contacts.csv"
+    """Write a packing as two tables with named columns, and contacts with their stiffnesses."""
+    spheres = folder / "spheres.csv"
+    contacts = folder / "contacts.csv"
     low = [0, 0, network.wall_position[0]]
     bounds = np.column_stack([low, low + network.cell_size]).ravel()
     axes = " ".join(axis for axis, on in zip("xyz", network.cell_periodic, strict=True) if on)
@@ -136,7 +138,7 @@ def tables(network: Network, folder: Path) -> tuple[Path, Path]:
 
 
 def sorted_ends(network: Network) -> np.ndarray:
-    """Order of contacts by their ends, so that two networks can be compared row by row."""
+    """Return the order of contacts by their ends, to compare two networks row by row."""
     return np.lexsort((network.particle_j, network.particle_i))
 
 
@@ -150,7 +152,7 @@ class Given:
 
     @property
     def out(self) -> Path:
-        """The network that `import` writes."""
+        """Return the path of the network that `import` writes."""
         return self.spheres.parent / "out.network.h5"
 
     def __getattr__(self, name: str) -> Path:
@@ -166,7 +168,7 @@ class Given:
         return status, *self.capsys.readouterr()
 
     def imported(self, **more: object) -> dict:
-        """What `import` prints as JSON; an option that is None is left out."""
+        """Run `import` and return its JSON; an option that is None is left out."""
         status, out, err = self._import(more)
         assert status == 0, err
         return json.loads(out)
@@ -194,7 +196,7 @@ class Given:
         assert not self.out.exists()
 
     def network(self, **more: object) -> Network:
-        """What `import` writes."""
+        """Run `import` and return the network that it writes."""
         self.imported(**more)
         return read_network(self.out)
 
@@ -204,8 +206,8 @@ class Given:
     def spoil(self, name: str, old: str, new: str, count: int = 1) -> None:
         """Replace a pattern in a file, where it must be."""
         path = self._path(name)
-        text, found = re.subn(old, new, path.read_text(), count=count)
-        assert found, (path.name, old)
+        text, count_replaced = re.subn(old, new, path.read_text(), count=count)
+        assert count_replaced, (path.name, old)
         path.write_text(text)
 
     def rewrite(
@@ -216,10 +218,11 @@ class Given:
         end: int | None = None,
     ) -> None:
         """Change the words of each row below the `first` lines, down to the line `end`."""
-        path, rows = self._path(name), slice(first, end)
-        by = "," if ".csv" in path.name else " "
+        path = self._path(name)
+        rows = slice(first, end)
+        separator = "," if ".csv" in path.name else " "
         text = path.read_text().splitlines()
-        text[rows] = [by.join(change(line.split(by))) for line in text[rows]]
+        text[rows] = [separator.join(change(line.split(separator))) for line in text[rows]]
         path.write_text("\n".join(text) + "\n")
 
     def respell(self, name: str, line: int, column: int | slice, words: object) -> None:
@@ -241,17 +244,17 @@ WRITERS = {
 def written(
     capsys, folder: Path, program: str, made: Network | bool = True, *more: object
 ) -> Given:
-    """The files of a packing, or of radii 1:3 periodic along z or not, as a program writes them."""
+    """Write the files of a packing as a program does; True and False stand for radii 1:3."""
     write, names = WRITERS[program]
     network = packings.polydisperse(made) if isinstance(made, bool) else made
-    spheres, *others = write(network, folder, *more)
-    return Given(capsys, spheres, dict(zip(names, others, strict=True)))
+    spheres, *other_paths = write(network, folder, *more)
+    return Given(capsys, spheres, dict(zip(names, other_paths, strict=True)))
 
 
 def misfit(
     network: Network, wanted: np.ndarray, columns: np.ndarray, terms: tuple[str, ...] = ()
 ) -> float:
-    """Of these columns of K, with these terms of the law: relative, rotations as arcs of 1 mm."""
+    """Return the relative error of columns of K by these terms; rotations count as arcs of 1 mm."""
     arc = np.tile([1.0] * 3 + [1e3] * 3, network.n_particles)
     have = assembled(network, contact_tangent(network, terms))[:, columns].toarray()
     off, size = (arc[:, None] * each * arc[columns] for each in (have - wanted, wanted))
@@ -259,9 +262,11 @@ def misfit(
 
 
 def same(found: Network, wanted: Network, names: str, rtol: float = 0.0) -> None:
-    """Columns of contacts are equal, in whatever order; vectors to `rtol` of their mean size."""
-    a, b = sorted_ends(wanted), sorted_ends(found)
+    """Compare columns of contacts in any order; vectors to `rtol` of their mean size."""
+    a = sorted_ends(wanted)
+    b = sorted_ends(found)
     for name in names.split():
-        have, want = getattr(found, name)[b], getattr(wanted, name)[a]
+        have = getattr(found, name)[b]
+        want = getattr(wanted, name)[a]
         size = abs(want).mean() if want.ndim > 1 else 0.0
         np.testing.assert_allclose(have, want, rtol=rtol, atol=rtol * size, err_msg=name)

@@ -44,21 +44,24 @@ FIGURES = ("case02/case02.dispersion.csv", "study/fig16_low_pass.csv", "study/fi
 
 
 def of_hdf5(kind: str) -> Callable[[Path], Work]:
-    """Of a product of this kind, with its provenance."""
+    """Return work on a product of this kind, with its provenance."""
 
     def begin(folder: Path) -> Work:
-        crystal, network = fcc(cells=(1, 1, 10)), folder / "a.network.h5"
-        sound, path = folder / f"sound.{kind}.h5", folder / f"b.{kind}.h5"
+        crystal = fcc(cells=(1, 1, 10))
+        network = folder / "a.network.h5"
+        sound = folder / f"sound.{kind}.h5"
+        path = folder / f"b.{kind}.h5"
         write_network(network, crystal)
-        made = Provenance("pack", {"seed": 1}, packing_of(network))
+        provenance = Provenance("pack", {"seed": 1}, packing_of(network))
         if kind == "network":
             write_network(sound, crystal)
         elif kind == "modes":
-            write_modes(sound, eigenmodes(crystal, lowest=3, shapes=True), made)
+            write_modes(sound, eigenmodes(crystal, lowest=3, shapes=True), provenance)
         elif kind == "signals":
-            write_signals(sound, propagate(crystal, 2e-5).signals, made)
+            write_signals(sound, propagate(crystal, 2e-5).signals, provenance)
         else:
-            sphere, walls = np.array([[1e-3, 1e-3, 1e-3]]), np.array([0.0, 2e-3])
+            sphere = np.array([[1e-3, 1e-3, 1e-3]])
+            walls = np.array([0.0, 2e-3])
             write_sample(sound, Sample(sphere, np.full(2, 4e-3), walls, 0.1, radius=1.0001e-3))
 
         def read() -> None:
@@ -82,8 +85,9 @@ def of_hdf5(kind: str) -> Callable[[Path], Work]:
 
 
 def of_results(folder: Path) -> Work:
-    """Of the result of a case: its line of numbers, and the figures of cases."""
-    sound, path = json.loads(RESULT.read_text()), folder / "case02.json"
+    """Return work on the result of a case: its line of numbers, and the figures of cases."""
+    sound = json.loads(RESULT.read_text())
+    path = folder / "case02.json"
 
     def read() -> None:
         frame = frame_of([read_result(path)])
@@ -107,7 +111,7 @@ def of_results(folder: Path) -> Work:
 
 
 def of_figures(folder: Path) -> Work:
-    """Of the CSV of a figure: drawn again."""
+    """Return work that draws the CSV of a figure again."""
     path = folder / "figure.csv"
     texts = [(ROOT / "results" / name).read_text() for name in FIGURES]
 

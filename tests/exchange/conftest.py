@@ -22,33 +22,33 @@ def copied(tmp_path, capsys):
     def make(spheres: str, **options: str) -> Given:
         for name in (spheres, *options.values()):
             (tmp_path / name).write_bytes((next(PACKINGS.rglob(name))).read_bytes())
-        others = {option: tmp_path / name for option, name in options.items()}
-        return Given(capsys, tmp_path / spheres, others)
+        other_paths = {option: tmp_path / name for option, name in options.items()}
+        return Given(capsys, tmp_path / spheres, other_paths)
 
     return make
 
 
 @pytest.fixture
 def cubic(copied):
-    """MercuryDPM's CubicPackingSelfTest."""
+    """Return the files of MercuryDPM's CubicPackingSelfTest."""
     return copied("mercury_CubicPacking.restart")
 
 
 @pytest.fixture
 def liggghts(copied):
-    """A packing that LIGGGHTS has made."""
+    """Return the files of a packing that LIGGGHTS has computed."""
     return copied("x.atoms", contacts="x.contacts", log="log.liggghts")
 
 
 @pytest.fixture
 def walled(given):
-    """Spheres between walls, contacts and log, as LAMMPS writes them."""
+    """Write spheres between walls, contacts and log, as LAMMPS does."""
     return given("lammps", False)
 
 
 @pytest.fixture
 def paired(given):
-    """Spheres of a periodic packing, two of which have the number 1 in mol; a log."""
+    """Write a periodic packing and its log; two of the spheres have the number 1 in mol."""
     files = given("lammps")
     files.options["contacts"] = None
     files.respell("spheres", 9, slice(99, 99), ["mol"])
@@ -60,13 +60,13 @@ def paired(given):
 
 @pytest.fixture(scope="session")
 def mixture():
-    """200 spheres of two sizes at 100 kPa, overlaps some 4e-4 of a radius."""
+    """Return 200 spheres of two sizes at 100 kPa; overlaps are some 4e-4 of a radius."""
     return modal.random_packing(200, 1e5, seed=17, aspect=1.5, sizes=("two", 2, 0.5))
 
 
 @pytest.fixture
 def tables(given):
-    """Two tables of a committed packing, of contacts five columns, with normal forces."""
+    """Write two tables of a committed packing; contacts have five columns, with normal forces."""
     files = given("tables", packings.sheared())
     files.rewrite("contacts", lambda words: words[:5], 0)
     return files

@@ -37,7 +37,7 @@ ROUND = {
 
 @pytest.mark.parametrize("bounds", ROUND)
 def test_bounds_are_no_sign_of_how_positions_were_written(tmp_path, bounds):
-    """Motions along z of a chain of three masses between walls, f = sqrt(k/m) sin(...) / pi.
+    """Compare motions along z with those of a chain of three masses between walls.
 
     A chain of n masses with both ends held by the same springs: 2 sqrt(k/m) sin(j pi / (2n + 2)).
     """
@@ -46,9 +46,9 @@ def test_bounds_are_no_sign_of_how_positions_were_written(tmp_path, bounds):
     frequency = modal.eigenmodes(network, all=True).frequency
     angle = np.arange(1, 4) * np.pi / 8
     chain = np.sqrt(network.stiffness_normal[0] / MASS) * np.sin(angle) / np.pi
-    for each in chain:
+    for expected in chain:
         # Digits of eigenvalues that differ by a factor of 12 among 18.
-        assert abs(frequency / each - 1).min() < 1e-12
+        assert abs(frequency / expected - 1).min() < 1e-12
 
 
 @pytest.mark.parametrize(("layout", "digits"), [(".5g", 5), (".9g", 9)])
@@ -59,17 +59,19 @@ def test_positions_count_by_their_own_digits(tmp_path, layout, digits):
             imported(path)
         assert refused.value.code == "few_digits"
     else:
-        told = import_packing(path, pair=COLUMN_PAIR, wall=COLUMN_WALL).told
+        figures = import_packing(path, pair=COLUMN_PAIR, wall=COLUMN_WALL).told
         # The median overlap, 1.5e-5 m of 1e-5 and 2e-5, over steps of 1e-8 m, divided by sqrt(6).
-        assert told["overlap_over_error_of_digits"] == pytest.approx(1.5e3 * np.sqrt(6), rel=1e-6)
+        assert figures["overlap_over_error_of_digits"] == pytest.approx(
+            1.5e3 * np.sqrt(6), rel=1e-6
+        )
 
 
 def test_bounds_in_six_digits_blur_contacts_through_their_period(tmp_path):
-    """LIGGGHTS writes them so: a period of 2.12345 m is known to 1e-5 m, as are overlaps there."""
+    """Check a period of 2.12345 m, as LIGGGHTS writes it: overlaps there are known to 1e-5 m."""
     path = column(tmp_path, bounds=("0 2.12345", "0 8", "0 16"), x=0.25)
-    more = path.read_text().replace("OF ATOMS\n3", "OF ATOMS\n4")
+    text = path.read_text().replace("OF ATOMS\n3", "OF ATOMS\n4")
     crossing = " ".join(f"{number:.16e}" for number in (0.25 - 0.99999 + 2.12345, 4.123, 0.49999))
-    path.write_text(f"{more}4 1 {crossing} 5.0000000000000000e-01 {MASS}\n")
+    path.write_text(f"{text}4 1 {crossing} 5.0000000000000000e-01 {MASS}\n")
     with pytest.raises(InputError) as refused:
         imported(path)
     assert refused.value.code == "few_digits"
@@ -88,6 +90,6 @@ def test_bounds_in_six_digits_blur_contacts_through_their_period(tmp_path):
     ],
 )
 def test_single_precision_is_told_from_numbers_that_are_exact_in_it(values, digits):
-    """Numbers rounded to single precision, then written with 17 digits."""
+    """Round numbers to single precision, and write them with 17 digits."""
     texts = [f"{float(np.float32(value)):.16e}" for value in values]
     assert count_significant_digits(texts) == digits

@@ -22,7 +22,7 @@ from modal.waves.signals import read_signals
 
 @pytest.fixture(scope="module")
 def packing(tmp_path_factory):
-    """A packing of radii 1:3 between walls, its modes, and where they lie."""
+    """Write a packing of radii 1:3 between walls, and its modes; return it and the folder."""
     folder = tmp_path_factory.mktemp("pictures")
     network = packings.polydisperse(False)
     write_network(folder / "p.network.h5", network)
@@ -36,14 +36,15 @@ def exported(folder, *arguments) -> None:
 
 
 def read_frames(path) -> list[tuple[float, dict[str, np.ndarray]]]:
-    """The frames of a file of extended XYZ: times, s, and columns (n,) or (n, k) by their names."""
-    lines, frames = path.read_text().splitlines(), []
+    """Return the frames of extended XYZ: times, s, and columns (n,) or (n, k) by their names."""
+    lines = path.read_text().splitlines()
+    frames = []
     count = int(lines[0])
-    for at in range(0, len(lines), count + 2):
-        words = lines[at + 1].rsplit("Properties=", 1)[1].split(":")
-        time = float(lines[at + 1].split("Time=")[1].split()[0])
+    for start in range(0, len(lines), count + 2):
+        words = lines[start + 1].rsplit("Properties=", 1)[1].split(":")
+        time = float(lines[start + 1].split("Time=")[1].split()[0])
         ends = 1 + np.cumsum([int(width) for width in words[5::3]])
-        rows = np.array([row.split() for row in lines[at + 2 : at + 2 + count]])
+        rows = np.array([row.split() for row in lines[start + 2 : start + 2 + count]])
         table = np.split(rows[:, 1 : ends[-1]].astype(float), ends[:-1] - 1, axis=1)
         columns = (part[:, 0] if part.shape[1] == 1 else part for part in table)
         frames.append((time, dict(zip(words[3::3], columns, strict=True))))
@@ -51,13 +52,13 @@ def read_frames(path) -> list[tuple[float, dict[str, np.ndarray]]]:
 
 
 def named(path, name: str) -> np.ndarray:
-    """The numbers of a key of the first frame's second line."""
-    said = re.search(rf'{name}="([^"]*)"', path.read_text().splitlines()[1])[1]
-    return np.array([float(word) for word in said.split()])
+    """Return the numbers of a key in the second line of the first frame."""
+    numbers = re.search(rf'{name}="([^"]*)"', path.read_text().splitlines()[1])[1]
+    return np.array([float(word) for word in numbers.split()])
 
 
 def read_vtk(path) -> tuple[np.ndarray, dict, np.ndarray, dict]:
-    """Points, their fields, cells and theirs."""
+    """Return the points, their fields, the cells and their fields."""
     meshio = pytest.importorskip("meshio")
     mesh = meshio.read(path)
     cells = {name: data[0] for name, data in mesh.cell_data.items()}
@@ -65,7 +66,7 @@ def read_vtk(path) -> tuple[np.ndarray, dict, np.ndarray, dict]:
 
 
 def test_packing_and_modes_in_vtk_read_back_equal(packing):
-    """Every float64 to its last bit: VTK's files hold them in binary."""
+    """Compare every float64 to its last bit: VTK's files are binary."""
     pytest.importorskip("meshio")
     network, folder = packing
     exported(folder, folder / "p.modes.h5", "-o", folder / "m.vtu")
@@ -89,7 +90,7 @@ def test_packing_and_modes_in_vtk_read_back_equal(packing):
 
 
 def test_packing_in_extended_xyz_reads_back_equal(packing, tmp_path):
-    """17 digits are a float64. The cell holds all centres.
+    """Compare every float64, which 17 digits hold. The cell contains all centres.
 
     From 0 as this program has it; from the least centre where another one began elsewhere.
     """
@@ -105,19 +106,19 @@ def test_packing_in_extended_xyz_reads_back_equal(packing, tmp_path):
     np.testing.assert_array_equal(named(folder / "p.xyz", "Origin"), corner)
     lattice = np.diag(network.cell_size)
     np.testing.assert_array_equal(named(folder / "p.xyz", "Lattice").reshape(3, 3), lattice)
-    away = replace(network, position=network.position - [0.1, 0.2, 0])
+    shifted = replace(network, position=network.position - [0.1, 0.2, 0])
     bare = network.unchecked(cell_size=np.zeros(3), cell_periodic=np.zeros(3, bool))
-    for name, moved in (("away", away), ("bare", bare)):
-        frames = [(0.0, moved.position, {})]
-        write_xyz(tmp_path / f"{name}.xyz", moved, frames, series=False)
+    for name, written in (("away", shifted), ("bare", bare)):
+        frames = [(0.0, written.position, {})]
+        write_xyz(tmp_path / f"{name}.xyz", written, frames, series=False)
         low = named(tmp_path / f"{name}.xyz", "Origin")
         high = low + named(tmp_path / f"{name}.xyz", "Lattice").reshape(3, 3).diagonal()
-        assert (low <= moved.position).all() and (moved.position <= high).all()
+        assert (low <= written.position).all() and (written.position <= high).all()
 
 
 @pytest.mark.parametrize("axis", ["y", "z"])
 def test_wave_becomes_frames_at_its_times(packing, axis, capsys):
-    """Frames hold the displacements themselves; spheres are drawn displaced by --scale times."""
+    """Compare displacements in frames with the record; positions have --scale times of them."""
     network, folder = packing
     product = folder / f"{axis}.signals.h5"
     wave = ["wave", str(folder / "p.network.h5"), "--duration", "2e-5", "--particles"]
@@ -129,10 +130,14 @@ def test_wave_becomes_frames_at_its_times(packing, axis, capsys):
     assert 4 <= len(frames) <= 5
     for time, columns in frames:
         (k,) = np.flatnonzero(signals.time == time)
-        moved = columns["displacement"]
-        np.testing.assert_array_equal(moved[:, "xyz".index(axis)], signals.particle_displacement[k])
-        assert np.count_nonzero(moved.any(axis=0)) == (time > 0)
-        np.testing.assert_allclose(columns["pos"] - network.position, 1e4 * moved, atol=1e-17)
+        displacement = columns["displacement"]
+        np.testing.assert_array_equal(
+            displacement[:, "xyz".index(axis)], signals.particle_displacement[k]
+        )
+        assert np.count_nonzero(displacement.any(axis=0)) == (time > 0)
+        np.testing.assert_allclose(
+            columns["pos"] - network.position, 1e4 * displacement, atol=1e-17
+        )
     pytest.importorskip("meshio")
     capsys.readouterr()
     exported(folder, *arguments, "--json", "-o", folder / "w.vtu")
@@ -147,7 +152,7 @@ def test_wave_becomes_frames_at_its_times(packing, axis, capsys):
 
 
 def test_frames_of_a_mode_are_one_period(packing):
-    """Half a period later every displacement is the opposite; the largest is half a radius."""
+    """Check that displacements change sign in half a period; the largest is half a radius."""
     network, folder = packing
     arguments = (folder / "p.modes.h5", "--modes", 2, "--frames", 4)
     exported(folder, *arguments, "-o", folder / "a.xyz")
@@ -161,14 +166,14 @@ def test_frames_of_a_mode_are_one_period(packing):
 
 
 def test_stresses_of_spheres_add_up_to_that_of_the_packing():
-    """Levers to one point split each branch between its two spheres."""
+    """Compare the sum with the packing's stress: two levers to one point make a branch."""
     network = packings.polydisperse(True)
     volume = 4 / 3 * np.pi * network.radius**3
-    whole = (volume[:, None] * sphere_stress(network)).sum(axis=0) / network.cell_size.prod()
+    total = (volume[:, None] * sphere_stress(network)).sum(axis=0) / network.cell_size.prod()
     mean = stress_tensor(network)
     mean = (mean + mean.T) / 2
-    wanted = mean[(0, 1, 2, 1, 2, 0), (0, 1, 2, 2, 0, 1)]
-    np.testing.assert_allclose(whole, wanted, atol=1e-12 * np.trace(mean))
+    expected = mean[(0, 1, 2, 1, 2, 0), (0, 1, 2, 2, 0, 1)]
+    np.testing.assert_allclose(total, expected, atol=1e-12 * np.trace(mean))
 
 
 @pytest.mark.parametrize(

@@ -24,20 +24,20 @@ LINEAR = "granular hooke 1e5 0 tangential linear_history 8e4 0 0.5"
 
 @cache
 def packed() -> modal.Network:
-    """150 spheres of glass at 100 kPa, periodic in all directions: overlaps of 5e-4 R."""
+    """Return 150 spheres of glass at 100 kPa, periodic in all directions: overlaps of 5e-4 R."""
     return modal.random_packing(150, 1e5, friction=0.1, seed=3, periodic=True)
 
 
 def dump(folder: Path, digits: int, draw: int = 0) -> Path:
-    """The packing, moved through its periods at random, as a dump with so many digits."""
+    """Write the packing, moved through its periods at random, as a dump with so many digits."""
     network = packed()
     random = np.random.default_rng(draw)
-    place = (network.position + random.random(3) * network.cell_size) % network.cell_size
+    position = (network.position + random.random(3) * network.cell_size) % network.cell_size
     n = network.n_particles
     bounds = lines([[0.0, side] for side in network.cell_size])
     ends = (np.arange(1, n + 1), np.ones(n), network.radius, network.mass)
     rows = lines(np.column_stack(ends)).splitlines()
-    places = lines(place, digits).splitlines()
+    places = lines(position, digits).splitlines()
     text = f"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS pp pp pp\n{bounds}"
     text += "ITEM: ATOMS id type radius mass x y z\n"
     text += "".join(f"{row} {xyz}\n" for row, xyz in zip(rows, places, strict=True))
@@ -51,36 +51,41 @@ def imported(folder: Path, digits: int, draw: int = 0) -> modal.Network:
 
 
 def velocities_and_moduli(moduli: ElasticModuli) -> np.ndarray:
-    """K, G, V_P, V_S."""
+    """Return K, G, V_P, V_S."""
     return np.array([moduli.bulk_modulus, moduli.shear_modulus, moduli.v_p, moduli.v_s])
 
 
 @pytest.mark.parametrize("digits", [7, 6])
 def test_the_stated_error_contains_what_rounding_has_changed(tmp_path, digits):
-    """In nine of ten draws, each of another shift through the periods, of all four numbers."""
-    wanted = velocities_and_moduli(modal.elastic_moduli(imported(tmp_path, 17)))
+    """Check nine of ten draws, each with another shift through the periods, of all four numbers."""
+    exact = velocities_and_moduli(modal.elastic_moduli(imported(tmp_path, 17)))
     contained = np.zeros(4)
     for draw in range(DRAWS):
         moduli = modal.elastic_moduli(imported(tmp_path, digits, draw))
-        off = abs(velocities_and_moduli(moduli) / wanted - 1)
+        off = abs(velocities_and_moduli(moduli) / exact - 1)
         contained += off <= moduli.error * np.array([1, 1, 0.5, 0.5])
     assert (contained >= 0.9 * DRAWS).all(), contained
 
 
 def test_the_error_of_overlaps_is_that_of_rounded_places(tmp_path):
-    """Root mean square of what rounding did to the overlaps, over their median, and not more."""
-    exact, blurred = imported(tmp_path, 17), imported(tmp_path, 6)
+    """Compare it with the root mean square change of overlaps, divided by their median."""
+    exact = imported(tmp_path, 17)
+    blurred = imported(tmp_path, 6)
     assert overlap_error(exact) == 0
 
     def by_ends(network: modal.Network) -> dict[tuple[int, ...], float]:
         keys = np.column_stack([network.particle_i, network.particle_j]).tolist()
         return dict(zip(map(tuple, keys), network.overlap.tolist(), strict=True))
 
-    one, other = by_ends(exact), by_ends(blurred)
-    off = [one[key] - other[key] for key in one.keys() & other.keys()]
-    seen = float(np.sqrt(np.mean(np.square(off))) / np.median(exact.overlap))
+    exact_overlaps = by_ends(exact)
+    blurred_overlaps = by_ends(blurred)
+    off = [
+        exact_overlaps[key] - blurred_overlaps[key]
+        for key in exact_overlaps.keys() & blurred_overlaps.keys()
+    ]
+    error = float(np.sqrt(np.mean(np.square(off))) / np.median(exact.overlap))
     # Digits of the largest place: those of smaller ones have smaller steps.
-    assert 0.4 * overlap_error(blurred) < seen < 1.1 * overlap_error(blurred)
+    assert 0.4 * overlap_error(blurred) < error < 1.1 * overlap_error(blurred)
 
 
 def test_single_modes_are_refused_and_all_else_is_not(tmp_path, capsys):
@@ -88,18 +93,18 @@ def test_single_modes_are_refused_and_all_else_is_not(tmp_path, capsys):
     path = str(tmp_path / "a.network.h5")
     write_network(path, network)
     assert overlap_error(read_network(path)) == overlap_error(network) > 1e-3
-    for asked in ({"lowest": 3}, {"highest": 1}, {"below": 1e4}, {"all": True}):
+    for options in ({"lowest": 3}, {"highest": 1}, {"below": 1e4}, {"all": True}):
         with pytest.raises(InputError) as refused:
-            modal.eigenmodes(network, **asked)
+            modal.eigenmodes(network, **options)
         assert refused.value.code == "too_few_digits"
     assert main(["modes", path, "--lowest", "3"]) == 2
     for command in (["moduli", path], ["count", path, "--at", "1000"], ["info", path]):
         assert main(command) == 0
     assert main(["density", path]) == 0
-    found = measure(network, quantities=["bulk_modulus", "coordination", "void_ratio"])
-    assert found["bulk_modulus"].error > 0
-    assert found["coordination"].error > 0
-    assert found["void_ratio"].error == 0
+    values = measure(network, quantities=["bulk_modulus", "coordination", "void_ratio"])
+    assert values["bulk_modulus"].error > 0
+    assert values["coordination"].error > 0
+    assert values["void_ratio"].error == 0
 
 
 def test_digits_that_suffice_change_nothing(tmp_path):
@@ -109,7 +114,7 @@ def test_digits_that_suffice_change_nothing(tmp_path):
 
 
 def test_springs_of_one_stiffness_need_contacts_alone(tmp_path):
-    """A column: overlaps of 1e-3 m are far from touching in steps of 1e-6 m, one of 1e-6 m is not.
+    """Import columns with overlaps of 1e-3 m and of 1e-6 m, in steps of 1e-6 m.
 
     With springs of one stiffness only the list of contacts depends on digits.
     """

@@ -72,13 +72,13 @@ def test_each_is_named(tmp_path, code):
 
 
 def test_options_in_advice_are_those_of_a_command():
-    """Every --option in a text of modal/exchange is one of import, or of the command it names."""
+    """Compare every --option in a text of modal/exchange with those of the commands."""
     commands = [command_of(name) for name in ("import", "export", "wave")]
-    known = {option.name for command in commands for option in flat(command.OPTIONS)}
+    names = {option.name for command in commands for option in flat(command.OPTIONS)}
     for path in (ROOT / "modal" / "exchange").rglob("*.py"):
         for text in strings_of(path):
             for option in re.findall(r"(?<!\w)--[a-z][a-z-]*", text):
-                assert option in known, (path.name, option, text)
+                assert option in names, (path.name, option, text)
 
 
 def flat(options: tuple) -> list:
@@ -113,15 +113,17 @@ def test_of_several_times_the_command_that_is_advised_works(tmp_path, capsys, co
 
 @pytest.mark.skipif(LAMMPS is None, reason="LAMMPS (lmp) is not installed")
 def test_what_is_advised_for_a_data_file_works(tmp_path):
-    """LAMMPS reads the file that its write_data wrote, dumps as advised, and `import` takes it."""
+    """Let LAMMPS read the file of its write_data and dump as advised, and import the dump."""
     head = "units si\natom_style sphere\nboundary p p f\nnewton off\ncomm_modify vel yes\n"
     style, law = COLUMN_PAIR.split(" ", 1)
     law = f"pair_style {style}\npair_coeff * * {law}\nfix w all wall/gran {COLUMN_WALL}\n"
     places = "".join(f"create_atoms 1 single 4 4 {0.49999 + 0.99998 * k}\n" for k in range(3))
-    made = f"region box block 0 8 0 8 0 16\ncreate_box 1 box\n{places}set group all diameter 1.0\n"
+    creation = (
+        f"region box block 0 8 0 8 0 16\ncreate_box 1 box\n{places}set group all diameter 1.0\n"
+    )
     advice = next(kind for kind in FOREIGN if kind.code == "lammps_data").remedy
     dump = "\n".join(re.findall(r"`([^`]*)`", advice)) + "\n"
-    (tmp_path / "in.make").write_text(f"{head}{made}{law}run 0\nwrite_data a.data\n")
+    (tmp_path / "in.make").write_text(f"{head}{creation}{law}run 0\nwrite_data a.data\n")
     (tmp_path / "in.dump").write_text(f"{head}read_data a.data\n{law}{dump}")
     for script in ("in.make", "in.dump"):
         command = [LAMMPS, "-in", script, "-screen", "none"]
@@ -157,8 +159,9 @@ def test_some_are_named_by_their_names(tmp_path, name, content, code):
 
 
 def test_pictures_that_export_writes_are_known(tmp_path):
-    """All programs write frames alike; ours say what each column is."""
-    crystal, picture = tmp_path / "a.network.h5", tmp_path / "a.xyz"
+    """Recognise our own frames, which name their columns."""
+    crystal = tmp_path / "a.network.h5"
+    picture = tmp_path / "a.xyz"
     write_network(crystal, modal.fcc(cells=(1, 1, 4)))
     assert main(["export", str(crystal), "-o", str(picture)]) == 0
     with pytest.raises(InputError) as refused:

@@ -130,7 +130,7 @@ def test_spheres_that_move_freely_are_taken(tmp_path, script):
 
 
 def test_without_friction_rotations_do_not_matter(tmp_path):
-    """No contact resists that a sphere turns, so that fix nve moves all that moves."""
+    """Accept fix nve if no contact resists that a sphere turns."""
     log = tmp_path / "log.lammps"
     smooth = "granular hooke 1e5 0 tangential linear_nohistory 0 0"
     script = log_of(f"fix n all nve\n{RUN}", smooth)
@@ -154,7 +154,7 @@ def over(steps: int) -> str:
     ("step", "code"), [(50, "held_bodies"), (100, "held_bodies"), (150, ""), (200, "")]
 )
 def test_the_run_that_wrote_the_dump_counts(tmp_path, step, code):
-    """Ends are frozen for 100 steps, then let go; step 100 was dumped at the end of the first."""
+    """Freeze the ends for 100 steps, then release them; the first run has dumped step 100."""
     script = f"{ENDS}{SPHERE}\nfix f ends freeze\ndump d all custom 50 x.dump id\nrun 100\n"
     script += rows(0, 100) + over(100) + "unfix f\nrun 100\n" + rows(100, 200) + over(100)
     dump = column(tmp_path, step=step, types=(1, 2, 1))
@@ -176,7 +176,7 @@ def test_the_run_that_wrote_the_dump_counts(tmp_path, step, code):
     ],
 )
 def test_a_dump_that_comes_after_the_hold_counts_as_it_is(tmp_path, write, code):
-    """Frozen until step 100, let go, then dumped at step 100; and frozen again later."""
+    """Freeze until step 100, release, dump step 100, and freeze again."""
     script = f"{ENDS}{SPHERE}\nfix f ends freeze\nrun 100\n" + rows(0, 100) + over(100)
     script += f"unfix f\n{write}undump d\nfix f ends freeze\nrun 100\n" + rows(100, 200) + over(100)
     dump = column(tmp_path, step=100, types=(1, 2, 1))
@@ -211,7 +211,7 @@ def test_atoms_that_are_inserted_are_in_the_group_of_their_fix(tmp_path, script,
 
 
 def test_bodies_that_are_held_are_refused(tmp_path):
-    """Rigid bodies move freely but where their forces or torques are off."""
+    """Refuse rigid bodies whose forces or torques are off."""
     path = column(tmp_path)
     text = path.read_text().replace("mass\n", "mass mol\n")
     numbers = iter("110")
@@ -223,15 +223,15 @@ def test_bodies_that_are_held_are_refused(tmp_path):
     rest = "group rest subtract all clumps\nfix n rest nve/sphere\n"
     log.write_text(log_of(f"{rigid}\n{rest}{RUN}"))
     assert import_packing(path, log=log).network.n_particles == 2
-    for more in (f"{rigid} torque * off off off\n{rest}", f"{rigid}\nrun 9\n"):
-        log.write_text(log_of(f"{more}{RUN}"))
+    for commands in (f"{rigid} torque * off off off\n{rest}", f"{rigid}\nrun 9\n"):
+        log.write_text(log_of(f"{commands}{RUN}"))
         with pytest.raises(InputError) as refused:
             import_packing(path, log=log)
         assert refused.value.code == "held_bodies"
 
 
 def test_groups_are_those_of_sets():
-    """A random history of unions, differences and intersections, against sets of numbers."""
+    """Compare a random history of unions, differences and intersections with sets of numbers."""
     random = np.random.default_rng(3)
     n = 8
     columns = {"id": np.arange(1, n + 1), "type": random.integers(1, 4, n)}
@@ -259,7 +259,7 @@ def test_groups_are_those_of_sets():
 @pytest.mark.parametrize("case", ["a part is integrated", "setforce", "move", "freeze", "all",
                                   "halves", "no rotation", "a line"])  # fmt: skip
 def test_lammps_moves_whom_we_say(tmp_path, case):
-    """Spheres beside the balance push and turn each other: who keeps still is held."""
+    """Let spheres out of balance push and turn each other: those that keep still are held."""
     commands = (HELD | FREE)[case].replace(RUN, "")
     lines = "\n".join(line for line in commands.splitlines() if not line[0].isdigit())
     style, coefficients = COLUMN_PAIR.split(" ", 1)
@@ -278,6 +278,6 @@ def test_lammps_moves_whom_we_say(tmp_path, case):
     assert done.returncode == 0, (tmp_path / "log.lammps").read_text()[-500:]
     frames = re.split(r"omegaz ?\n", (tmp_path / "x.out").read_text())[1:]
     first, last = (np.loadtxt(frame.split("ITEM")[0].splitlines())[:, 1:] for frame in frames)
-    moved = abs(last - first) > 0
-    free = moved[:, :3].all() and moved[:, 3:].any(axis=1).all()
+    has_moved = abs(last - first) > 0
+    free = has_moved[:, :3].all() and has_moved[:, 3:].any(axis=1).all()
     assert free == (case in FREE)

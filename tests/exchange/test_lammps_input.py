@@ -21,13 +21,13 @@ from modal.tools.errors import InputError
 
 @pytest.fixture
 def types(given):
-    """Spheres of three types in turn, and a log with these lines of pair_coeff."""
+    """Write spheres of three types in turn, and a log with these lines of pair_coeff."""
 
     def make(*lines: str) -> Given:
         files = given("lammps")
         files.rewrite("spheres", lambda row: [row[0], str(int(row[0]) % 3 + 1), *row[2:]], 9)
-        said = "".join(f"pair_coeff {line}\n" for line in lines)
-        files.log.write_text(f"units si\npair_style granular\n{said}")
+        text = "".join(f"pair_coeff {line}\n" for line in lines)
+        files.log.write_text(f"units si\npair_style granular\n{text}")
         files.options = {"log": files.log}
         return files
 
@@ -49,21 +49,21 @@ A, B = (f"hertz {modulus} 0 tangential linear_nohistory 0 0.3" for modulus in (4
     ],
 )
 def test_last_pair_coeff_of_a_pair_holds(types, lines, wanted):
-    """The pairs 11, 12, 13, 22, 23, 33.
+    """Check the pairs 11, 12, 13, 22, 23, 33.
 
     The expected laws are what forces of LAMMPS (29 Sep 2021) show, but for `3 1`, which that one
     refuses, as its manual wants the lower type first: it is taken for `1 3` here.
     """
     files = types(*(line.replace("A", A).replace("B", B) for line in lines))
-    found = import_packing(files.spheres, log=files.log)
-    network = found.network
+    result = import_packing(files.spheres, log=files.log)
+    network = result.network
     kind = (np.arange(network.n_particles) + 1) % 3 + 1
     ends = np.sort([kind[network.particle_i], kind[network.particle_j]], axis=0)
     modulus = {"A": 4e10, "B": 9e10}
     for pair, letter in zip(("11", "12", "13", "22", "23", "33"), wanted, strict=True):
-        of = (ends == np.array([[int(pair[0])], [int(pair[1])]])).all(axis=0)
-        assert of.any()
-        normal = np.array([law.normal for law in found.laws])[found.law[of]]
+        is_pair = (ends == np.array([[int(pair[0])], [int(pair[1])]])).all(axis=0)
+        assert is_pair.any()
+        normal = np.array([law.normal for law in result.laws])[result.law[is_pair]]
         np.testing.assert_allclose(normal, modulus[letter], rtol=1e-12, err_msg=pair)
 
 
@@ -85,25 +85,31 @@ def test_types_that_are_none_and_pairs_without_a_law_are_refused(types, lines, c
 
 @pytest.mark.parametrize("history", TANGENTIAL)
 def test_tangential_models_have_their_coefficients(types, history):
-    """Of the manual: k_t, x_gammat and mu; the one without a history has no k_t, nor a spring."""
-    own = "" if history == "linear_nohistory" else "5e6 "
-    files = types(f"* * hertz 4e10 0 tangential {history} {own}0 0.3 twisting marshall")
-    (law,), network = files.imported()["law"], read_network(files.out)
+    """Read k_t, x_gammat and mu, as in the manual; a model without history has no k_t."""
+    stiffness_word = "" if history == "linear_nohistory" else "5e6 "
+    files = types(f"* * hertz 4e10 0 tangential {history} {stiffness_word}0 0.3 twisting marshall")
+    (law,) = files.imported()["law"]
+    network = read_network(files.out)
     stiffness, rest = law.partition("tangential ")[2].split(" ", 1)
-    assert float(stiffness) == (5e6 if own else 0.0) and "friction 0.3;" in rest
+    assert float(stiffness) == (5e6 if stiffness_word else 0.0) and "friction 0.3;" in rest
     assert ("radius; friction" in rest) == ("mindlin" in history)
-    one, other = network.radius[[network.particle_i, network.particle_j]]
-    twisting = 0.5 * float(stiffness) * one * other / (one + other) * network.overlap
-    np.testing.assert_allclose(network.stiffness_twisting if own else 0 * one, twisting, rtol=1e-9)
+    radius_i, radius_j = network.radius[[network.particle_i, network.particle_j]]
+    twisting = (
+        0.5 * float(stiffness) * radius_i * radius_j / (radius_i + radius_j) * network.overlap
+    )
+    np.testing.assert_allclose(
+        network.stiffness_twisting if stiffness_word else 0 * radius_i, twisting, rtol=1e-9
+    )
 
 
 WALL = "wall/gran granular hertz 41666666666.66667 0 tangential linear_nohistory 0 0 zplane"
-LOW, HIGH = "0.0", "0.01889427084603357"
+LOW = "0.0"
+HIGH = "0.01889427084603357"
 CONTACTS = PACKINGS / "mine.contacts"
 
 
 def split(capsys, folder: Path, top: str = "41666666666.66667") -> Given:
-    """The example with a fix for each wall, that of the upper one of this modulus, N/m^2."""
+    """Write the example with a fix for each wall, the upper one of this modulus, N/m^2."""
     options = {"contacts": CONTACTS, "log": folder / "log.lammps"}
     files = Given(capsys, folder / "x.atoms", options)
     rows = []
@@ -124,22 +130,24 @@ def split(capsys, folder: Path, top: str = "41666666666.66667") -> Given:
 
 
 def test_two_fixes_are_the_walls_of_one(tmp_path, capsys):
-    """The same contacts, forces and stiffnesses, with the log's IDs and with typed walls."""
+    """Compare contacts, forces and stiffnesses, with the log's IDs and with typed walls."""
     files = split(capsys, tmp_path)
-    whole = {"contacts": CONTACTS, "log": PACKINGS / "log.lammps"}
-    wanted = modal.read(PACKINGS / "mine.atoms", **whole)
-    assert [(wanted.particle_j == code).sum() for code in (-1, -2)] == [9, 13]
+    options = {"contacts": CONTACTS, "log": PACKINGS / "log.lammps"}
+    expected = modal.read(PACKINGS / "mine.atoms", **options)
+    assert [(expected.particle_j == code).sum() for code in (-1, -2)] == [9, 13]
     for wall in (None, f"{WALL.removeprefix('wall/gran ')} {LOW} {HIGH}"):
-        found = files.network(wall=wall)
-        same(found, wanted, "particle_j force_normal force_tangential stiffness_normal")
+        network = files.network(wall=wall)
+        same(network, expected, "particle_j force_normal force_tangential stiffness_normal")
 
 
 def test_each_wall_has_the_law_of_its_fix(tmp_path, capsys):
-    """The upper one 4.8 times as stiff, contacts from positions: kn is proportional to that."""
-    wanted = modal.read(PACKINGS / "mine.atoms", log=PACKINGS / "log.lammps")
-    found = split(capsys, tmp_path, "2e11").network(contacts=None)
+    """Make the upper wall 4.8 times as stiff: kn of contacts from positions follows."""
+    example = modal.read(PACKINGS / "mine.atoms", log=PACKINGS / "log.lammps")
+    stiffened = split(capsys, tmp_path, "2e11").network(contacts=None)
     for code, factor in ((-1, 1.0), (-2, 4.8)):
-        stiffness = [each.stiffness_normal[each.particle_j == code] for each in (found, wanted)]
+        stiffness = [
+            network.stiffness_normal[network.particle_j == code] for network in (stiffened, example)
+        ]
         np.testing.assert_allclose(stiffness[0], factor * stiffness[1], rtol=1e-12)
 
 
@@ -162,7 +170,7 @@ PRINTED = f'print "pair_coeff * * ${{B}}"\npair_coeff * * {B}'
 
 @pytest.mark.parametrize("more", ["pair_style granular", PRINTED])
 def test_lines_that_change_no_law(types, more):
-    """The same pair_style once more keeps its coefficients; what a log prints is no command.
+    """Repeat pair_style, which keeps its coefficients; print a line that looks like a command.
 
     As LAMMPS does (29 Sep 2021): its forces are the same with that line and without.
     """
@@ -173,15 +181,15 @@ def test_lines_that_change_no_law(types, more):
 
 
 def test_a_law_that_changes_after_the_dump_is_told(types):
-    """Of step 7, in a log whose law is another one after step 9; not where it is after step 5."""
+    """Import step 7 with a law that changes after step 9 (a remark), or after step 5 (none)."""
     files = types(f"* * {A}")
     log = files.log.read_text()
-    for step, told in ((5, False), (9, True)):
+    for step, is_remarked in ((5, False), (9, True)):
         files.log.write_text(
             f"{log}Step N\n0 6\n{step} 6\nLoop\n99\npair_coeff * * {B}\nStep\n20\n"
         )
         remarks = " ".join(files.imported()["remarks"])
-        assert (f"changes the law or the walls after step {step}" in remarks) == told
+        assert (f"changes the law or the walls after step {step}" in remarks) == is_remarked
 
 
 def test_types_that_the_law_asks_for_and_the_dump_lacks_are_refused(types):
@@ -197,7 +205,7 @@ def test_a_wall_for_a_group_needs_the_contacts(walled):
 
 
 def test_radii_of_few_digits_blur_overlaps_as_positions_do(given):
-    """Positions of 17 digits beside radii of 6, as `%g` writes them: 1e-9 m of the overlaps."""
+    """Import positions of 17 digits with radii of 6, as `%g` writes them."""
     files = given("lammps")
     files.options["contacts"] = None
     assert files.imported()["overlap_over_error_of_digits"] > 1e6
@@ -206,7 +214,7 @@ def test_radii_of_few_digits_blur_overlaps_as_positions_do(given):
 
 
 def test_contacts_that_are_not_listed_are_counted(walled):
-    """Three rows less, as of a compute for a group: the spheres still overlap there."""
+    """Remove three rows, as a compute for a group does; the spheres still overlap there."""
 
     def missing() -> list[str]:
         return [text for text in walled.imported()["remarks"] if "contacts missing" in text]
@@ -219,40 +227,43 @@ def test_contacts_that_are_not_listed_are_counted(walled):
 
 
 def test_masses_of_rigid_bodies_may_be_told(paired):
-    """In the format of `fix rigid ... infile`, in place of those of the members."""
+    """Read masses in the format of `fix rigid ... infile` in place of those of the members."""
     plain = paired.network()
     assert plain.n_particles == 59
-    told = paired.spheres.with_name("r.rigid")
-    place = " ".join(map(repr, plain.position[0].tolist()))
-    told.write_text(f"# bodies\n1\n1 2e-5 {place} 1e-11 2e-11 2.5e-11 1e-12 2e-12 3e-12 0 0 0\n")
-    assert paired.imported(bodies=told)["spheres"] == 59
-    found = read_network(paired.out)
-    assert found.mass[0] == 2e-5 != plain.mass[0]
-    wanted = [[1e-11, 1e-12, 2e-12], [1e-12, 2e-11, 3e-12], [2e-12, 3e-12, 2.5e-11]]
-    np.testing.assert_array_equal(found.inertia_tensor[0], wanted)
-    np.testing.assert_array_equal(found.mass[1:], plain.mass[1:])
-    told.write_text(told.read_text().replace("1 2e-5", "2 2e-5"))
-    paired.refused("incomplete_bodies", "x.atoms:", bodies=told)
+    bodies_file = paired.spheres.with_name("r.rigid")
+    centre = " ".join(map(repr, plain.position[0].tolist()))
+    bodies_file.write_text(
+        f"# bodies\n1\n1 2e-5 {centre} 1e-11 2e-11 2.5e-11 1e-12 2e-12 3e-12 0 0 0\n"
+    )
+    assert paired.imported(bodies=bodies_file)["spheres"] == 59
+    network = read_network(paired.out)
+    assert network.mass[0] == 2e-5 != plain.mass[0]
+    expected = [[1e-11, 1e-12, 2e-12], [1e-12, 2e-11, 3e-12], [2e-12, 3e-12, 2.5e-11]]
+    np.testing.assert_array_equal(network.inertia_tensor[0], expected)
+    np.testing.assert_array_equal(network.mass[1:], plain.mass[1:])
+    bodies_file.write_text(bodies_file.read_text().replace("1 2e-5", "2 2e-5"))
+    paired.refused("incomplete_bodies", "x.atoms:", bodies=bodies_file)
     with pytest.raises(InputError):
-        stiffness_matrix(found, pre_stress="normal")
+        stiffness_matrix(network, pre_stress="normal")
 
 
 def test_members_of_a_body_may_overlap_as_they_like(paired):
-    """Two spheres of one size nearly in one place, whose contacts are sought and not listed."""
+    """Join two spheres that are nearly in one place, with contacts from positions."""
     lines = paired.spheres.read_text().splitlines()
-    one, two = (next(k for k in range(9, 69) if lines[k].startswith(f"{n} ")) for n in (1, 2))
-    words = lines[one].split()
+    first, second = (next(k for k in range(9, 69) if lines[k].startswith(f"{n} ")) for n in (1, 2))
+    words = lines[first].split()
     beside = ["2", words[1], repr(float(words[2]) + 0.02 * float(words[5])), *words[3:]]
-    paired.respell("spheres", two + 1, slice(0, 99), beside)
-    found = paired.network()
-    assert found.n_particles == 59
-    assert found.mass[0] == pytest.approx(2 * float(words[6]), rel=1e-15, abs=0)
+    paired.respell("spheres", second + 1, slice(0, 99), beside)
+    network = paired.network()
+    assert network.n_particles == 59
+    assert network.mass[0] == pytest.approx(2 * float(words[6]), rel=1e-15, abs=0)
     paired.spoil("log", r"\Z", "unfix r\n")
     assert paired.code(contacts=None)
 
 
 def test_numbers_of_bodies_need_a_log(paired):
-    files, law = paired, {"log": None, "pair": program_files.PAIR}
+    files = paired
+    law = {"log": None, "pair": program_files.PAIR}
     files.refused("unknown_bodies", "x.atoms:", **law)
     files.spoil("spheres", "mol", "vx")
     files.refused("no_bodies", "--bodies:", **law, bodies=files.log)

@@ -55,17 +55,17 @@ def inserted(style: str, atoms: int, loop: str, *, column_of_atoms: bool = True)
 @pytest.mark.parametrize("counted", [True, False])
 @pytest.mark.parametrize("finish", [FINISH, ""])
 def test_liggghts_that_inserts_is_the_log_of_its_dump(tmp_path, style, counted, finish):
-    """Hertz between diameters of 1 m, R* = 1/4 m: k_n = 2 E* sqrt(R* overlap)."""
+    """Compare with Hertz between diameters of 1 m, R* = 1/4 m: k_n = 2 E* sqrt(R* overlap)."""
     loop = LOOP.format(100, 3, finish)
     log = LIGGGHTS + inserted(style, 3, loop, column_of_atoms=counted)
     network = network_of(tmp_path, log, 100)
     assert network.n_particles == 3
     assert network.n_contacts == 4
     modulus = 5e6 / (2 * (1 - 0.45**2))
-    wanted = 2 * modulus * np.sqrt(0.25 * 2e-5)
+    expected = 2 * modulus * np.sqrt(0.25 * 2e-5)
     # Overlaps of 2e-5 m are differences of numbers near 1: 1e-16 / 2e-5.
     between = network.stiffness_normal[~network.with_wall]
-    np.testing.assert_allclose(between, wanted, rtol=1e-10)
+    np.testing.assert_allclose(between, expected, rtol=1e-10)
 
 
 KILLED = {
@@ -85,13 +85,13 @@ KILLED = {
 
 @pytest.mark.parametrize("lines", KILLED.values(), ids=KILLED)
 def test_a_run_that_was_killed_may_have_gone_on(tmp_path, lines):
-    """The chain between walls: frequencies along z sqrt(k/m) sin(j pi / 8) / pi."""
+    """Compare with the chain between walls: frequencies along z sqrt(k/m) sin(j pi / 8) / pi."""
     network = network_of(tmp_path, LAMMPS + lines, 100)
     assert network.n_contacts == 4
     frequency = modal.eigenmodes(network, all=True).frequency
     chain = np.sqrt(1e5 / MASS) * np.sin(np.arange(1, 4) * np.pi / 8) / np.pi
-    for each in chain:
-        assert abs(frequency / each - 1).min() < 1e-9
+    for expected in chain:
+        assert abs(frequency / expected - 1).min() < 1e-9
 
 
 OTHER = {
@@ -111,7 +111,7 @@ def test_the_log_of_another_run_is_still_refused(tmp_path, lines):
 
 
 def test_a_killed_job_and_the_one_that_went_on_are_one_log(tmp_path):
-    """What the second prints before its table is no row of the first one's."""
+    """Read lines before the table of the second job, which are no rows of the first table."""
     first = LAMMPS + "  3 atoms\nrun 100\nStep Temp Press Volume Lx Ly Lz\n0 0 0 0 0 0 0\n"
     second = "  1 by 1 by 1 MPI processor grid\n3 atoms\nrun 9\nStep Temp\n50 0\n100 0\n"
     log = first + LAMMPS.replace("units", "  1 by 1 by 1 processor grid\nunits") + second
@@ -150,7 +150,7 @@ def test_laws_of_several_types_need_the_column(tmp_path, more):
 
 @pytest.mark.parametrize("value", ["", COLUMN_PAIR.removeprefix("granular ")])
 def test_a_variable_may_be_empty(tmp_path, value):
-    """`pair_coeff * * ${COEFF}` is written again with nothing in its place."""
+    """Replace the variable of `pair_coeff * * ${COEFF}` by nothing."""
     style = "gran/hooke/history 1e5 8e4 0 0 0.5 0" if not value else "granular"
     text = f"pair_style {style}\npair_coeff * * ${{COEFF}}\npair_coeff * * {value}\n"
     log = tmp_path / "log.lammps"

@@ -20,14 +20,16 @@ from modal.tools.errors import InputError
 
 
 def test_mercury_gives_the_frequencies_of_its_chains(cubic):
-    """CubicPackingSelfTest: 25 columns of five spheres on a floor, springs of one stiffness.
+    """Compare 25 columns of five spheres on a floor, with springs of one stiffness.
 
     A chain of n masses, fixed at one end: 2 sqrt(k / m) sin((2 j - 1) pi / (4 n + 2)) / (2 pi).
     """
-    told = cubic.imported()
-    assert (told["spheres"], told["contacts"], told["wall_contacts"]) == (125, 125, 25)
+    summary = cubic.imported()
+    assert (summary["spheres"], summary["contacts"], summary["wall_contacts"]) == (125, 125, 25)
     frequency = modal.eigenmodes(read_network(cubic.out), all=True).frequency
-    k, m, n = 75857.5125578386, 1 / 1.00000000895498, 5
+    k = 75857.5125578386
+    m = 1 / 1.00000000895498
+    n = 5
     exact = np.sqrt(k / m) / np.pi * np.sin((2 * np.arange(1, n + 1) - 1) * np.pi / (4 * n + 2))
     np.testing.assert_allclose(exact[[0, -1]], [12.4766965, 84.1184433], rtol=1e-8)
     np.testing.assert_allclose(frequency[-125:], np.repeat(exact, 25), rtol=1e-8)
@@ -39,16 +41,17 @@ WALL_SPECIES = 1
 
 
 def words(numbers) -> str:
-    """Numbers in full precision."""
+    """Return numbers in full precision."""
     return " ".join(map(repr, np.ravel(numbers).tolist()))
 
 
 def mindlin(network: Network, folder: Path) -> tuple[Path, np.ndarray]:
-    """A restart file of Hertz-Mindlin between two walls, and its sliding springs (m, 3), m.
+    """Write a restart file of Hertz-Mindlin between walls; return its sliding springs (m, 3), m.
 
     As MercuryDPM 0.14 writes it: even spheres of species 0, odd ones of species 1, its walls, too.
     """
-    random, (low, high) = np.random.default_rng(3), network.wall_position.tolist()
+    random = np.random.default_rng(3)
+    (low, high) = network.wall_position.tolist()
     spring = np.cross(network.normal, random.standard_normal((network.n_contacts, 3)))
     spring *= 0.2 * network.overlap[:, None]
     force, _ = mercury(network, spring, np.zeros((network.n_particles, 6)))
@@ -74,8 +77,8 @@ def mindlin(network: Network, folder: Path) -> tuple[Path, np.ndarray]:
         text += f"PeriodicBoundary id {axis} normal {along} scaleFactor 1 distanceLeft 0 "
         text += f"distanceRight {shift[axis]!r} shift {words(shift)}\n"
     text += f"Particles {network.n_particles}\n"
-    for k, (place, radius) in enumerate(zip(network.position, network.radius, strict=True)):
-        text += f"BaseParticle id {k} indSpecies {k % 2} position {words(place)} "
+    for k, (position, radius) in enumerate(zip(network.position, network.radius, strict=True)):
+        text += f"BaseParticle id {k} indSpecies {k % 2} position {words(position)} "
         text += f"radius {words(radius)} invMass {words(1 / network.mass[k])}\n"
     text += f"Interactions {network.n_contacts}\n"
     for c, (i, j) in enumerate(zip(network.particle_i, network.particle_j, strict=True)):
@@ -90,35 +93,42 @@ def mindlin(network: Network, folder: Path) -> tuple[Path, np.ndarray]:
 def mercury(
     network: Network, spring: np.ndarray, moved: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Force (m, 3) on the first of each contact, and on all spheres force and torque (n, 6).
+    """Return forces (m, 3) on the first sphere of contacts, and forces and torques (n, 6) on all.
 
     After one step in which they have moved and turned by `moved` (n, 6). From MercuryDPM's account
     of its law: normal n from the second to the first, contact point in the middle of the overlap,
     N = 4/3 E a overlap with a = sqrt(R* overlap), sliding spring s that grows by the motion of the
     contact point across n and is turned into the new plane (not at a wall), Ft = -2/3 (8 G a) s.
     """
-    i, j, pair = network.particle_i, network.partner, ~network.with_wall
-    position, motion, turn = network.position + moved[:, :3], moved[:, :3], moved[:, 3:]
+    i = network.particle_i
+    j = network.partner
+    pair = ~network.with_wall
+    position = network.position + moved[:, :3]
+    motion = moved[:, :3]
+    turn = moved[:, 3:]
     image = position[j] + network.cell_shift * network.cell_size
     plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
     image[~pair] = np.column_stack([position[i, :2], plane])[~pair]
     distance = np.linalg.norm(position[i] - image, axis=1)
     normal = (position[i] - image) / distance[:, None]
-    one, other = network.radius[i], network.radius[j]
-    overlap = np.where(pair, one + other, one) - distance
-    circle = np.sqrt(np.where(pair, one * other / (one + other), one) * overlap)
+    radius_i = network.radius[i]
+    radius_j = network.radius[j]
+    overlap = np.where(pair, radius_i + radius_j, radius_i) - distance
+    circle = np.sqrt(
+        np.where(pair, radius_i * radius_j / (radius_i + radius_j), radius_i) * overlap
+    )
     kinds = np.sort([i % 2, np.where(pair, j % 2, WALL_SPECIES)], axis=0)
     elastic, shear, _ = np.array([SPECIES[a, b] for a, b in kinds.T.tolist()]).T
 
     def along(vectors: np.ndarray) -> np.ndarray:
         return (vectors * normal).sum(axis=1)[:, None] * normal
 
-    arm = (overlap / 2 - one)[:, None] * normal
+    arm = (overlap / 2 - radius_i)[:, None] * normal
     back = position[i] + arm - image
-    apart = np.where(pair[:, None], motion[i] - motion[j], 0)
+    separation = np.where(pair[:, None], motion[i] - motion[j], 0)
     slip = motion[i] + np.cross(turn[i], arm)
     slip -= np.where(pair[:, None], motion[j] + np.cross(turn[j], back), 0)
-    turned = (spring * apart).sum(axis=1) / distance
+    turned = (spring * separation).sum(axis=1) / distance
     stretched = spring - turned[:, None] * normal + slip - along(slip)
     force = (4 / 3 * elastic * circle * overlap)[:, None] * normal
     force -= (2 / 3 * 8 * shear * circle)[:, None] * stretched
@@ -129,27 +139,27 @@ def mercury(
 
 
 def test_stiffness_of_mindlin_is_that_of_mercurys_forces(tmp_path):
-    """Central differences over 1e-10 m against overlaps of 1e-5 m: an error of 1e-10 and less.
+    """Compare with central differences over 1e-10 m, whose error is 1e-10 and less.
 
     Round-off of forces, 1e-16 of 1e3 N over 1e-10 m, is 1e-9 of stiffnesses of 1e6 N/m.
     """
-    made = packings.polydisperse(False, 40)
-    file, spring = mindlin(made, tmp_path)
-    found = import_packing(file)
-    arc = np.tile([1.0] * 3 + [1e3] * 3, made.n_particles)  # of rotations, a step is one of 1 mm
-    spheres = [*range(0, 40, 10), *made.particle_i[made.with_wall][[0, -1]]]
-    own = np.concatenate([6 * k + np.arange(6) for k in spheres])
-    wanted = np.empty((arc.size, own.size))
-    for column, k in zip(wanted.T, own, strict=True):
-        moved = np.zeros((2, arc.size))
-        moved[:, k] = 1e-10 * arc[k], -1e-10 * arc[k]
-        ahead, behind = (mercury(made, spring, way.reshape(-1, 6))[1] for way in moved)
+    packing = packings.polydisperse(False, 40)
+    file, spring = mindlin(packing, tmp_path)
+    result = import_packing(file)
+    arc = np.tile([1.0] * 3 + [1e3] * 3, packing.n_particles)  # of rotations, a step is one of 1 mm
+    spheres = [*range(0, 40, 10), *packing.particle_i[packing.with_wall][[0, -1]]]
+    columns = np.concatenate([6 * k + np.arange(6) for k in spheres])
+    expected = np.empty((arc.size, columns.size))
+    for column, k in zip(expected.T, columns, strict=True):
+        motions = np.zeros((2, arc.size))
+        motions[:, k] = 1e-10 * arc[k], -1e-10 * arc[k]
+        ahead, behind = (mercury(packing, spring, motion.reshape(-1, 6))[1] for motion in motions)
         column[:] = (behind - ahead).ravel() / (2e-10 * arc[k])
-    assert misfit(found.network, wanted, own, TANGENTS["law"]) < 1e-6
+    assert misfit(result.network, expected, columns, TANGENTS["law"]) < 1e-6
 
 
 def test_spring_of_mindlin_is_that_of_a_file_of_mercury():
-    """One sphere on a floor, of MercuryDPM 0.14: its sliding spring bears its force, 15 digits."""
+    """Compare with one sphere on a floor, of MercuryDPM 0.14, whose spring bears its force."""
     network = modal.read(ROOT / "tests/data/mercury_mindlin.restart")
     # The overlap of 2.3e-8 m is known to half of 1e-18 m over 1 mm: 1e-9 of its root and less.
     force = network.stiffness_tangential * 5.13696996565198e-09
@@ -160,7 +170,7 @@ def test_spring_of_mindlin_is_that_of_a_file_of_mercury():
     ("friction", "static", "slides"), [(0.2, 0.5, 0), (0.2, 0.3, 1), (0, 0.5, 0)]
 )
 def test_mercury_sticks_up_to_its_static_friction(cubic, friction, static, slides):
-    """A shear of 1.5 N under 4.63 N, 0.32 of it; friction 0 has no shear force, so no spring."""
+    """Shear by 0.32 of the normal force; friction 0 has no shear force, so no spring."""
     cubic.spoil("spheres", "force 0 0 -4.62918369484511", "force 1.5 0 -4.62918369484511")
     law = "LinearViscoelasticSlidingFrictionSpecies slidingStiffness 2e4 slidingDissipation 0 "
     law += f"slidingFrictionCoefficient {friction} slidingFrictionCoefficientStatic {static}"
@@ -172,18 +182,18 @@ def test_mercury_sticks_up_to_its_static_friction(cubic, friction, static, slide
 
 
 def box(capsys, tmp_path: Path, walls: str, z: str = "0.499 1.497") -> Given:
-    """Two spheres of radius 0.5 on each other at x = 0.5 between these walls, none listed."""
+    """Write two spheres of radius 0.5 on each other at x = 0.5 between walls, without contacts."""
     file = tmp_path / "box.restart"
     rows = [(k, *line.split(" position ")) for k, line in enumerate(walls.splitlines())]
     text = ""
     for k, normal, place in rows:
         vector = np.array(normal.split(), float)
-        at = float(place) * vector / max(np.linalg.norm(vector), 1e-300)
-        text += f"InfiniteWall id {k} indSpecies 0 position {words(at)} "
+        position = float(place) * vector / max(np.linalg.norm(vector), 1e-300)
+        text += f"InfiniteWall id {k} indSpecies 0 position {words(position)} "
         text += f"normal {normal}\n"
     particles = "".join(
-        f"BaseParticle id {k} indSpecies 0 position 0.5 2.5000001 {each} radius 0.5 invMass 1\n"
-        for k, each in enumerate(z.split())
+        f"BaseParticle id {k} indSpecies 0 position 0.5 2.5000001 {height} radius 0.5 invMass 1\n"
+        for k, height in enumerate(z.split())
     )
     file.write_text(
         "MercuryDPM 0.14 name two\nxMin 0 xMax 1 yMin 0 yMax 5 zMin 0 zMax 2\n"
@@ -210,37 +220,40 @@ ENDS = "0 0 -1 position 0\n0 0 1 position 1.996\n"
 def test_walls_that_a_network_has_not_are_refused_where_they_are_touched(
     tmp_path, capsys, wall, code, names
 ):
-    """Contacts follow from the positions there; overlaps with the floor and ceiling of 0.001."""
+    """Refuse walls by positions; overlaps with the floor and the ceiling are 0.001."""
     box(capsys, tmp_path, f"{ENDS}{wall}\n").refused(code, *names)
 
 
 def test_walls_that_no_sphere_touches_are_left_out(tmp_path, capsys):
-    """Lateral ones just at the spheres' surfaces, a second floor below, and the floor last."""
+    """Put walls just at the spheres' surfaces, a second floor below, and the floor last."""
     aside = "-1 0 0 position 0\n1 0 0 position 1\n0 0 -1 position 0.3\n0 0 1 position 2.1\n"
-    found = box(capsys, tmp_path, aside + ENDS).network()
-    assert sorted(found.particle_j.tolist()) == [-2, -1, 1]
-    assert found.wall_position.tolist() == [0.0, 1.996]
-    np.testing.assert_allclose(found.force_normal, [2, 4, 2], rtol=1e-9)
+    network = box(capsys, tmp_path, aside + ENDS).network()
+    assert sorted(network.particle_j.tolist()) == [-2, -1, 1]
+    assert network.wall_position.tolist() == [0.0, 1.996]
+    np.testing.assert_allclose(network.force_normal, [2, 4, 2], rtol=1e-9)
 
 
 def test_a_walls_normal_may_have_any_length(cubic):
-    """Of today's format: the same walls, turned by quaternions that are ten times as long."""
-    wanted = cubic.network()
+    """Turn the walls by quaternions that are ten times as long."""
+    expected = cubic.network()
     turned = r"(?m)^(InfiniteWall .*? orientation) (\S+) (\S+) (\S+) (\S+)"
     cubic.spoil("spheres", turned, r"\1 \g<2>e1 \g<3>e1 \g<4>e1 \g<5>e1", 0)
-    found = cubic.network()
-    assert found.wall_position == pytest.approx(wanted.wall_position, rel=1e-12)
-    assert np.array_equal(found.particle_j, wanted.particle_j)
+    network = cubic.network()
+    assert network.wall_position == pytest.approx(expected.wall_position, rel=1e-12)
+    assert np.array_equal(network.particle_j, expected.particle_j)
 
 
 def test_finite_walls_without_listed_contacts_are_refused(cubic):
-    """Nothing tells whether a sphere touches them."""
+    """Refuse them, as nothing shows whether a sphere touches them."""
     cubic.spoil("spheres", "InfiniteWall", "TriangleWall")
     cubic.spoil("spheres", "(?s)Interactions.*", "")
     cubic.refused("other_wall", "wall 0, TriangleWall")
 
 
-RADIUS, ROLLING, TORSION, SHEAR_MODULUS = 0.5, 3e3, 7e2, 3e4
+RADIUS = 0.5
+ROLLING = 3e3
+TORSION = 7e2
+SHEAR_MODULUS = 3e4
 LINEAR = (
     "LinearViscoelasticFrictionSpecies id 0 density 1.9 stiffness 2000 dissipation 0 "
     "slidingStiffness 500 slidingDissipation 0 slidingFrictionCoefficient 0.3 "
@@ -261,40 +274,42 @@ MINDLIN = (
 def test_rolling_and_torsion_store_the_energy_of_mercurys_springs(
     tmp_path, capsys, species, mindlin
 ):
-    """k |D n x t|^2 / 2 of a difference of turns t, with D = 2 R*; torsion k' (D n . t)^2 / 2.
+    """Compare with k |D n x t|^2 / 2 + k' (D n . t)^2 / 2 for turns t, with D = 2 R*.
 
     Mindlin's k is 8 G a with the circle's radius a. The same without both has the rest.
     """
     energies = []
     random = np.random.default_rng(1)
-    moved = random.standard_normal((2, 6))
+    motion = random.standard_normal((2, 6))
     without = re.sub(r"((rolling|torsion)FrictionCoefficient\S*) \S+", r"\1 0", species)
     for line in (without, species):
         file = box(capsys, tmp_path, ENDS)
         file.spoil("spheres", "LinearViscoelasticSpecies.*", line)
         network = file.network()
-        energies.append(moved.ravel() @ stiffness_matrix(network) @ moved.ravel() / 2)
-    wanted = 0.0
+        energies.append(motion.ravel() @ stiffness_matrix(network) @ motion.ravel() / 2)
+    expected = 0.0
     for first, second, effective in ((0, 1, RADIUS / 2), (0, None, RADIUS), (1, None, RADIUS)):
-        turn = moved[first, 3:] - (0 if second is None else moved[second, 3:])
+        turn = motion[first, 3:] - (0 if second is None else motion[second, 3:])
         overlap = 0.002 if second == 1 else 0.001
-        rolling, torsion = ROLLING, TORSION
+        rolling = ROLLING
+        torsion = TORSION
         if mindlin:
-            rolling, torsion = 8 * SHEAR_MODULUS * np.sqrt(effective * overlap), 0.0
+            rolling = 8 * SHEAR_MODULUS * np.sqrt(effective * overlap)
+            torsion = 0.0
         arcs = 2 * effective * turn
-        wanted += rolling * (arcs[:2] ** 2).sum() / 2 + torsion * arcs[2] ** 2 / 2
+        expected += rolling * (arcs[:2] ** 2).sum() / 2 + torsion * arcs[2] ** 2 / 2
     # Overlaps of 1e-3 are known to 1e-16: to 1e-13 of themselves.
-    assert energies[1] - energies[0] == pytest.approx(wanted, rel=1e-10)
+    assert energies[1] - energies[0] == pytest.approx(expected, rel=1e-10)
 
 
 def test_spheres_may_lie_outside_of_the_domain(tmp_path, capsys):
-    """A domain lower and narrower than two spheres on a floor; their chain, fixed at one end."""
+    """Import a domain that is smaller than two spheres on a floor; compare with their chain."""
     file = box(capsys, tmp_path, "0 0 -1 position 0\n")
-    wanted = file.network()
+    expected = file.network()
     file.spoil("spheres", "xMin 0 xMax 1 yMin 0 yMax 5 zMin 0 zMax 2", DOMAIN)
     network = file.network()
     assert network.n_contacts == 2
-    np.testing.assert_array_equal(network.force_normal, wanted.force_normal)
+    np.testing.assert_array_equal(network.force_normal, expected.force_normal)
     low, high = network.wall_position
     assert low == 0
     assert high == pytest.approx(1.497 + RADIUS, rel=1e-15)

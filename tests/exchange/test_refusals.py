@@ -217,7 +217,7 @@ CASES = {
     ],
 )
 def test_spoilt_file_is_refused(fixture, change, code, names, request):
-    """The refusal comes before any warning of numpy."""
+    """Refuse before any warning of numpy."""
     files = request.getfixturevalue(fixture)
     change.apply(files)
     with warnings.catch_warnings():
@@ -243,7 +243,7 @@ def test_contact_that_is_listed_twice_is_refused_by_its_line(walled):
 
 
 def test_lines_without_a_part_in_the_law_may_stand_in_a_log(walled):
-    """Variables without a value, and a fix that is removed again."""
+    """Accept variables without a value, and a fix that is removed again."""
     walled.spoil("log", END, "fix t all langevin $T 1 ${seed}\nrun $n\nfix f all freeze\nunfix f\n")
     walled.imported()
 
@@ -252,7 +252,7 @@ EXCLUDED = "neigh_modify delay 0 exclude type 1 1\n"
 
 
 def test_excluded_contacts_are_refused_unless_they_are_listed(walled):
-    """Positions show contacts that LAMMPS does not compute; a dump of contacts lacks them."""
+    """Refuse contacts from positions that LAMMPS does not compute; a dump lacks them."""
     walled.spoil("log", END, EXCLUDED)
     walled.imported()
     walled.refused("excluded_pairs", "log.lammps, line 10:", "exclude type", contacts=None)
@@ -269,7 +269,7 @@ def test_other_neighbour_settings_change_nothing(walled, line):
 
 
 def test_contacts_inside_rigid_bodies_may_be_excluded(paired):
-    """They are none in a network either."""
-    wanted = paired.network()
+    """Accept this exclusion: contacts inside bodies are none in a network either."""
+    expected = paired.network()
     paired.spoil("log", END, "neigh_modify exclude molecule/intra all\n")
-    assert paired.network().n_contacts == wanted.n_contacts
+    assert paired.network().n_contacts == expected.n_contacts

@@ -42,31 +42,32 @@ def test_a_program_is_one_file(tmp_path, monkeypatch, capsys):
     # The command asks for the programs when it is loaded.
     monkeypatch.delitem(sys.modules, "modal.cli.importing", raising=False)
     (tmp_path / "x.txt").write_text("own format\n")
-    found = import_packing(tmp_path / "x.txt")
-    assert found.network.n_particles == 30
-    assert not any(map(len, (found.laws, found.law, found.told, found.remarks)))
+    result = import_packing(tmp_path / "x.txt")
+    assert result.network.n_particles == 30
+    assert not any(map(len, (result.laws, result.law, result.told, result.remarks)))
     assert modal.read(tmp_path / "x.txt", spheres=20).n_particles == 20
     files = program_files.Given(capsys, tmp_path / "x.txt", {"spheres": 20})
     assert files.imported()["spheres"] == read_network(files.out).n_particles == 20
 
 
 def test_commands_take_a_file_that_needs_no_options(tmp_path, printed, one_line):
-    """And know their products again: modes of the restart file belong to it, and to no other."""
-    modes, picture = tmp_path / "x.modes.h5", tmp_path / "x.xyz"
-    told = {}
+    """Recognise products, too: modes of the restart file belong to it, and to no other packing."""
+    modes = tmp_path / "x.modes.h5"
+    picture = tmp_path / "x.xyz"
+    answers = {}
     for command in (
         ["info", RESTART],
         ["count", RESTART, "--at", "13"],
         ["modes", RESTART, "--highest", "3", "-o", modes],
         ["export", RESTART, modes, "--modes", "1", "-o", picture],
     ):
-        told[command[0]] = printed(*command)
-    assert told["info"]["particles"] == told["export"]["spheres"] == 125
+        answers[command[0]] = printed(*command)
+    assert answers["info"]["particles"] == answers["export"]["spheres"] == 125
     # 625 motions without energy, and below 13 Hz one of the five modes of each chain.
-    assert told["count"]["count_below"]["13"] == 625 + 25
+    assert answers["count"]["count_below"]["13"] == 625 + 25
     write_network(tmp_path / "y.network.h5", modal.fcc(cells=(2, 2, 4)))
-    other = ["export", tmp_path / "y.network.h5", modes, "--modes", "1", "-o", picture]
-    one_line(main, other, "mercury_CubicPacking.restart", code="other_packing")
+    export_of_other = ["export", tmp_path / "y.network.h5", modes, "--modes", "1", "-o", picture]
+    one_line(main, export_of_other, "mercury_CubicPacking.restart", code="other_packing")
 
 
 @pytest.mark.parametrize(

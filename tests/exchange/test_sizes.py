@@ -85,14 +85,15 @@ def test_rows_that_do_not_fit_into_the_memory_are_refused(tmp_path, name):
     head, row = column(tmp_path).read_bytes().split(b"mass\n")
     head = head.replace(b"OF ATOMS\n3", b"OF ATOMS\n1000000000000") + b"mass\n"
     if name == "x.csv.gz":
-        head, row = TABLE, b"1,0.5,0.5,0.5,0.1,1\n"
+        head = TABLE
+        row = b"1,0.5,0.5,0.5,0.1,1\n"
     path = packed(tmp_path / name, [head, row.split(b"\n")[0] + b"\n"], 900_000)
     options = {"contacts": path} if name == "x.csv.gz" else {}
     assert code_of(path, **options) == "too_large"
 
 
 def test_rows_end_where_the_next_header_begins(tmp_path):
-    """A count that is too large does not swallow the next time of the dump."""
+    """Stop reading rows at the next header if the count is too large."""
     path = column(tmp_path)
     text = path.read_text()
     path.write_text(text.replace("OF ATOMS\n3", "OF ATOMS\n4") + text)

@@ -16,7 +16,7 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, read_network
 
 @pytest.fixture
 def tables(given, mixture):
-    """Two tables, of contacts so many columns: 4 without forces, 5 with normal ones."""
+    """Write two tables; 4 columns of contacts have no forces, 5 have normal ones."""
 
     def make(columns=4, digits=17) -> Given:
         files = given("tables", mixture)
@@ -29,7 +29,7 @@ def tables(given, mixture):
 
 
 def rounded(words: list[str], digits: int) -> list[str]:
-    """A row of spheres whose places, of centimetres, have so many digits, smaller ones fewer."""
+    """Return a row of spheres whose places, some centimetres, have this many digits."""
     return [words[0], *(f"{float(word):.{digits + 1}f}" for word in words[1:4]), *words[4:]]
 
 
@@ -37,38 +37,41 @@ def rounded(words: list[str], digits: int) -> list[str]:
     ("columns", "digits", "error"), [(4, 7, 1e-5), (5, 7, 1e-5), (4, 5, 1e-3), (5, 4, 1e-2)]
 )
 def test_rounded_positions_lose_no_contact(tables, mixture, columns, digits, error):
-    """An angle of normals is the error of positions over a branch; frequencies follow it.
+    """Compare frequencies within the angles by which rounding turns normals.
 
     Steps of 10^(-1 - digits) m over branches of 2.5e-3 m turn normals by 2e-6, 2e-4 and 2e-3 rad.
     """
     files = tables(columns, digits)
-    told = files.imported()
-    assert told["contacts"] == mixture.n_contacts
+    summary = files.imported()
+    assert summary["contacts"] == mixture.n_contacts
     read = read_network(files.out)
     off = (read.overlap[sorted_ends(read)] - mixture.overlap[sorted_ends(mixture)]).std()
     # Of some hundred distances, of which those to walls have one end.
-    over = np.median(read.overlap) / off
-    assert told["overlap_over_error_of_digits"] == pytest.approx(over, rel=0.2)
-    found = modal.eigenmodes(read, all=True).frequency
-    want = modal.eigenmodes(mixture, all=True).frequency
-    firm = want > 1.0
-    assert (firm == (found > 1.0)).all()
-    np.testing.assert_allclose(found[firm], want[firm], rtol=error)
+    overlap_in_errors = np.median(read.overlap) / off
+    assert summary["overlap_over_error_of_digits"] == pytest.approx(overlap_in_errors, rel=0.2)
+    frequency = modal.eigenmodes(read, all=True).frequency
+    expected = modal.eigenmodes(mixture, all=True).frequency
+    firm = expected > 1.0
+    assert (firm == (frequency > 1.0)).all()
+    np.testing.assert_allclose(frequency[firm], expected[firm], rtol=error)
 
 
 def test_few_digits_are_refused_and_all_not_remarked_on(tables):
-    """Steps of 0.1 mm turn normals by 0.02 rad, frequencies by 2 %."""
+    """Refuse steps of 0.1 mm, which turn normals by 0.02 rad and change frequencies by 2 %."""
     tables(digits=3).refused("few_digits", "3 digits", "4 digits")
     (shape,) = tables().imported()["remarks"]
     assert "diameters wide" in shape
 
 
 def test_column_whose_spheres_just_touch(tmp_path, capsys):
-    """Without overlap and force, positions of two digits: a chain of masses between fixed ends.
+    """Compare with a chain of masses between fixed ends, without overlap and force.
 
     omega = 2 sqrt(k/m) sin(pi r / (2 (n + 1))), exact.
     """
-    n, R, kn, mass = 9, 1e-3, 1e6, 1e-5
+    n = 9
+    R = 1e-3
+    kn = 1e6
+    mass = 1e-5
     files = Given(capsys, tmp_path / "s.csv", {"contacts": tmp_path / "c.csv"})
     rows = [f"{k},0,0,{(2 * k + 1) / 1000},{R},{mass}" for k in range(n)]
     head = f"# cell -.001 .001 -.001 .001 0 {2 * n / 1000}\nid,x,y,z,radius,mass\n"
@@ -78,15 +81,15 @@ def test_column_whose_spheres_just_touch(tmp_path, capsys):
     files.contacts.write_text("i,j,kn,kt,fn,ftx,fty,ftz\n" + "\n".join(rows) + "\n")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        told = files.imported()
-    assert told["contacts"] == n + 1
-    found = modal.eigenmodes(read_network(files.out), all=True).frequency
+        summary = files.imported()
+    assert summary["contacts"] == n + 1
+    frequency = modal.eigenmodes(read_network(files.out), all=True).frequency
     chain = np.sqrt(kn / mass) / np.pi * np.sin(np.pi * np.arange(1, n + 1) / (2 * (n + 1)))
-    assert all(np.isclose(found, f, rtol=1e-9).any() for f in chain)
+    assert all(np.isclose(frequency, f, rtol=1e-9).any() for f in chain)
 
 
 def test_units_and_contacts_without_a_force(tables, mixture):
-    """Such a contact keeps its stiffness; N/mm beside N, and g beside m, are told apart."""
+    """Keep the stiffness of a contact without force; notice N/mm beside N, and g beside m."""
     files = tables(5)
     files.respell("contacts", 7, 4, "0")
     same(files.network(), mixture, "stiffness_normal")
@@ -107,13 +110,13 @@ def test_periods_are_understood(tables, line):
 
 @pytest.mark.parametrize(("code", "wall"), [(SOURCE_WALL, "lower"), (RECEIVER_WALL, "upper")])
 def test_wall_contacts_of_a_packing_without_walls(given, code, wall):
-    """Periodic along z, with a sphere within reach of the period's end; and walls that are NULL."""
-    made = packings.polydisperse(True)
-    files = given("tables", made)
-    end = made.wall_position[0 if code == SOURCE_WALL else 1]
-    at = int(np.argmin(abs(abs(made.position[:, 2] - end) - made.radius)))
-    files.spoil("contacts", r"\Z", f"{at + 10},{code},1e6,1e6,1,0,0,0\n")
-    line = made.n_contacts + 2
+    """Refuse wall contacts of a packing that is periodic along z, or whose walls are NULL."""
+    packing = packings.polydisperse(True)
+    files = given("tables", packing)
+    end = packing.wall_position[0 if code == SOURCE_WALL else 1]
+    sphere = int(np.argmin(abs(abs(packing.position[:, 2] - end) - packing.radius)))
+    files.spoil("contacts", r"\Z", f"{sphere + 10},{code},1e6,1e6,1,0,0,0\n")
+    line = packing.n_contacts + 2
     place = f"contacts.csv, line {line}, column j:"
     files.refused("no_wall", place, wall)
     files.respell("spheres", 2, slice(99, 99), ["\n# walls 0 1"])
@@ -139,7 +142,7 @@ def test_packed_tables_are_read_and_damaged_archives_refused(tables, mixture):
 
 
 def test_byte_order_marks_are_no_part_of_a_name(tables, mixture):
-    """As Excel writes CSV of UTF-8: before the lines of the cell, and before the names."""
+    """Skip byte order marks, which Excel writes before the first line."""
     files = tables()
     for path in (files.spheres, files.contacts):
         path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
@@ -147,9 +150,10 @@ def test_byte_order_marks_are_no_part_of_a_name(tables, mixture):
 
 
 def test_tables_may_tell_stiffnesses_against_rolling_and_twisting(tables, mixture):
-    """In N m/rad."""
-    files, rows = tables(), np.random.default_rng(1).uniform(1e-3, 1e-2, (mixture.n_contacts, 2))
+    """Read columns in N m/rad."""
+    files = tables()
+    rows = np.random.default_rng(1).uniform(1e-3, 1e-2, (mixture.n_contacts, 2))
     texts = [["kr", "kw"], *([repr(float(x)) for x in row] for row in rows)]
     files.rewrite("contacts", lambda words: [*words, *texts.pop(0)], 0)
-    wanted = mixture.unchecked(stiffness_rolling=rows[:, 0], stiffness_twisting=rows[:, 1])
-    same(files.network(), wanted, "stiffness_rolling stiffness_twisting")
+    expected = mixture.unchecked(stiffness_rolling=rows[:, 0], stiffness_twisting=rows[:, 1])
+    same(files.network(), expected, "stiffness_rolling stiffness_twisting")

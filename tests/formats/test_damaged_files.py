@@ -45,13 +45,13 @@ COSMETIC = {"case", "producer", "study", "provenance", "creator", "run_time"}
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory) -> Path:
-    """Folder with one sound file of each format; the network's crystal is 12 layers long."""
+    """Return a folder with one sound file of each format; the crystal has 12 layers."""
     folder = tmp_path_factory.mktemp("sound")
     network = gallery.fcc(cells=(2, 2, 12))
     write_network(folder / FILES["network"], network)
     write_sample(folder / FILES["sample"], read_sample(SHEARED))
-    made = Provenance(sources=packing_of(folder / FILES["network"]))
-    write_signals(folder / FILES["signals"], propagate(network, 6e-5).signals, made)
+    provenance = Provenance(sources=packing_of(folder / FILES["network"]))
+    write_signals(folder / FILES["signals"], propagate(network, 6e-5).signals, provenance)
     write_modes(folder / FILES["modes"], modes_of(LinearSystem.of(network), all=True))
     return folder
 
@@ -73,7 +73,7 @@ COMMANDS = {
 
 
 def answer(command: str, folder: Path) -> tuple[int, str]:
-    """Status, and what stands on standard error."""
+    """Run a command; return its status and its standard error."""
     files = {kind: folder / name for kind, name in FILES.items()}
     program, *words = command.format(folder=folder, **files).split()
     error = io.StringIO()
@@ -83,21 +83,23 @@ def answer(command: str, folder: Path) -> tuple[int, str]:
 
 
 def same(first, second) -> bool:
-    """Whether two readings agree in everything that a number depends on."""
+    """Tell whether two readings agree in everything that a number depends on."""
     for name, value in vars(first).items():
-        other = getattr(second, name)
+        second_value = getattr(second, name)
         if name in COSMETIC or name == "attributes":
             continue
         if isinstance(value, np.ndarray):
-            if value.dtype != other.dtype or not np.array_equal(value, other, equal_nan=True):
+            if value.dtype != second_value.dtype or not np.array_equal(
+                value, second_value, equal_nan=True
+            ):
                 return False
-        elif value != other:
+        elif value != second_value:
             return False
     return True
 
 
 def verdict(kind: str, folder: Path, reading, number: int) -> str:
-    """What the reader and one of the commands make of the damaged file in `folder`."""
+    """Return how the reader and one of the commands take the damaged file in `folder`."""
     try:
         read = "same" if same(READERS[kind](folder / FILES[kind]), reading) else "SILENT"
     except InputError as error:
@@ -112,7 +114,7 @@ def verdict(kind: str, folder: Path, reading, number: int) -> str:
 
 
 def _set(name: str, row: object, value: object):
-    """Another value, or what a function makes of the whole column."""
+    """Return a change of a column: another value, or a function of the whole column."""
 
     def change(file: h5py.File) -> None:
         file[name][row] = value(file[name][()])[row] if callable(value) else value
@@ -170,20 +172,21 @@ WRONG = {
 
 
 def spoiled(kind: str, sound: Path, folder: Path, seed: int, count: int) -> tuple[Counter, list]:
-    """Verdicts over `count` damages of the bytes of one file, and which of them went wrong."""
+    """Count the verdicts over `count` damages of one file, and return the wrong ones."""
     for file in sound.glob("*.h5"):
         shutil.copy(file, folder)
-    path, whole = folder / FILES[kind], (sound / FILES[kind]).read_bytes()
+    path = folder / FILES[kind]
+    sound_bytes = (sound / FILES[kind]).read_bytes()
     reading = READERS[kind](path)
     assert all(answer(command, folder)[0] == 0 for command in COMMANDS[kind])
 
     def work(number: int) -> str:
-        path.write_bytes(damage.mangled(whole, np.random.default_rng([seed, number]))[1])
+        path.write_bytes(damage.mangled(sound_bytes, np.random.default_rng([seed, number]))[1])
         return verdict(kind, folder, reading, number)
 
     results = list(damage.in_child(work, list(range(count)), folder / "log"))
     faults = [result for result in results if result[1] not in ("refused", "same")]
-    return Counter(found for _, found in results), faults
+    return Counter(verdict_text for _, verdict_text in results), faults
 
 
 @pytest.mark.parametrize("error", [MemoryError, KeyError, OSError, RuntimeError, ValueError])
@@ -195,7 +198,7 @@ def test_what_is_raised_while_a_file_is_open_is_no_damage_of_it(error, sound):
 
 
 def test_dataset_that_is_missing_is_a_fault_of_the_file(sound):
-    """HDF5 raises there."""
+    """Turn an exception of HDF5 into a refusal."""
     with pytest.raises(InputError) as refused, open_h5(sound / FILES["network"]) as file:
         file["particles/charge"]
     assert refused.value.code == "unreadable"
@@ -204,13 +207,13 @@ def test_dataset_that_is_missing_is_a_fault_of_the_file(sound):
 @pytest.mark.parametrize("count", [30, pytest.param(500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", READERS)
 def test_damaged_bytes_are_refused_or_change_nothing(kind, count, sound, tmp_path):
-    found, faults = spoiled(kind, sound, tmp_path, 1, count)
-    assert not faults and found["refused"] > count / 3
+    verdicts, faults = spoiled(kind, sound, tmp_path, 1, count)
+    assert not faults and verdicts["refused"] > count / 3
 
 
 @pytest.mark.parametrize(("kind", "how"), [(kind, how) for kind in WRONG for how in WRONG[kind]])
 def test_wrong_contents_are_refused_in_one_line(kind, how, sound, tmp_path):
-    """By each command that reads it."""
+    """Refuse a file in each command that reads it."""
     for file in sound.glob("*.h5"):
         shutil.copy(file, tmp_path)
     with h5py.File(tmp_path / FILES[kind], "r+") as file:
@@ -222,11 +225,16 @@ def test_wrong_contents_are_refused_in_one_line(kind, how, sound, tmp_path):
 
 @pytest.mark.parametrize("kind", ["signals", "modes"])
 def test_zeros_that_became_ones_are_noticed(kind, sound, tmp_path):
-    """A sum of 16-bit words modulo 65535, as HDF5's own checksum, takes 0xFFFF for zero."""
-    path, whole = tmp_path / FILES[kind], (sound / FILES[kind]).read_bytes()
+    """Notice 0xFFFF in place of zero, which HDF5's own checksum does not."""
+    path = tmp_path / FILES[kind]
+    sound_bytes = (sound / FILES[kind]).read_bytes()
     reading = READERS[kind](sound / FILES[kind])
-    zeros = [at for at in range(0, len(whole) - 4, 2) if whole[at : at + 4] == bytes(4)]
-    for at in np.random.default_rng(5).permutation(zeros)[:100]:
-        path.write_bytes(whole[:at] + b"\xff" * 4 + whole[at + 4 :])
+    zeros = [
+        offset
+        for offset in range(0, len(sound_bytes) - 4, 2)
+        if sound_bytes[offset : offset + 4] == bytes(4)
+    ]
+    for offset in np.random.default_rng(5).permutation(zeros)[:100]:
+        path.write_bytes(sound_bytes[:offset] + b"\xff" * 4 + sound_bytes[offset + 4 :])
         with contextlib.suppress(InputError):
-            assert same(READERS[kind](path), reading), at
+            assert same(READERS[kind](path), reading), offset

@@ -26,7 +26,7 @@ SIZE = CRYSTAL.n_contacts
 
 
 def _new(file: h5py.File, **how: object) -> h5py.Dataset:
-    """The column made anew."""
+    """Create the column anew."""
     del file[COLUMN]
     return file.create_dataset(COLUMN, **how)
 
@@ -43,7 +43,7 @@ def _part_written(file: h5py.File) -> None:
 
 
 def _linked(name: str, link: object, version: int = 1):
-    """A link in place of what has the name."""
+    """Return a change that puts a link in the place of a node."""
 
     def change(file: h5py.File) -> None:
         file.pop(name, None)
@@ -125,7 +125,7 @@ CHANGES = {
 
 @pytest.fixture
 def file(tmp_path, monkeypatch):
-    """A network, and another file beside it with numbers that would do."""
+    """Write a network, and another file with suitable numbers beside it."""
     monkeypatch.chdir(tmp_path)
     write_network("a.network.h5", CRYSTAL)
     with h5py.File("other.h5", "w") as other:
@@ -162,7 +162,7 @@ def test_what_changes_no_number_is_read(edit, file):
 
 
 def test_shapes_are_compared_before_anything_is_read(file, monkeypatch):
-    """Positions of a million spheres, radii of twelve: nothing is read of either."""
+    """Refuse positions of a million spheres with twelve radii; read neither."""
     with h5py.File(file, "r+") as raw:
         del raw["particles/position"]
         raw.create_dataset("particles/position", data=np.zeros((2**17, 3)), compression=9)

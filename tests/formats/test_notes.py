@@ -55,7 +55,7 @@ def test_none_says_nothing(tmp_path):
 
 
 def test_attributes_of_other_programs_are_read(tmp_path):
-    """Bytes as texts; what is no note, as references and lists of lists, is left alone."""
+    """Read bytes as texts; ignore references and lists of lists, which are no notes."""
     lists = np.array([np.arange(2.0), np.arange(3.0)], dtype=object)
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.attrs.update(text=np.bytes_(b"SI"), both=np.array([b"a", b"b"]), none=h5py.Empty("f"))
@@ -76,7 +76,7 @@ def test_a_number_is_noted_or_none(note, number):
 
 
 def test_a_sample_of_a_network_takes_no_text_for_a_modulus():
-    """Glass, of which the crystal is, where the note is no number."""
+    """Take the glass of the crystal if the note is no number."""
     noted = replace(CRYSTAL, study=CRYSTAL.study | {"young": "much", "wall_young": "more"})
     glass = replace(CRYSTAL, study={})
     first, second = (sample_of_network(one, 0.1).material for one in (noted, glass))

@@ -27,7 +27,7 @@ from modal.waves.signals import read_signals, write_signals
 
 @pytest.fixture(scope="module")
 def made_once(tmp_path_factory) -> Path:
-    """A folder with case 2 at 100 kPa and case 3 at 1 MPa: networks, modes and linear waves."""
+    """Write networks, modes and linear waves of case 2 at 100 kPa and case 3 at 1 MPa."""
     folder = tmp_path_factory.mktemp("study")
     for case, stress in (("case02", 1e5), ("case03", 1e6)):
         network = folder / f"{case}.network.h5"
@@ -40,13 +40,13 @@ def made_once(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def folder(made_once, tmp_path) -> Path:
-    """A copy of it to spoil."""
+    """Return a copy of the folder that a test may change."""
     return Path(shutil.copytree(made_once, tmp_path / "products"))
 
 
 @pytest.mark.parametrize("kind", ["modes", "signals", "reverse"])
 def test_products_of_another_stress_are_refused_with_both_names(kind, folder, one_line):
-    """A product of case 02 stands in for one of case 03, or is another run of an agreement."""
+    """Refuse a product of case 02 as one of case 03, or as another run of an agreement."""
     case = folder / "case03"
     if kind == "reverse":
         product = folder / "case02.signals.h5"
@@ -88,7 +88,7 @@ def test_result_names_command_and_sources_of_every_file(folder):
 
 
 def books(**changed: float) -> EnergyBalance:
-    """A run whose energy drifts by 1e-3 within a limit of 1e-2, and whose books close to 2e-4."""
+    """Return the balance of a run whose energy drifts by 1e-3, within a limit of 1e-2."""
     sound = {"energy": 2e-10, "drift": 1e-3, "friction": 0.0, "limit": 1e-2}
     sound |= {"work": 2.1e-10, "gap": 2e-4, "contacts": 1200, "opened": 17, "slid": 0}
     return EnergyBalance(**sound | changed)
@@ -104,22 +104,23 @@ BOOKS = [
 
 
 def test_energy_balance_survives_the_file_and_is_shown(folder):
-    """Files of before the wall's work: what they do not say is unknown, the rest is kept."""
+    """Read files without the wall's work, too: what they lack is unknown."""
     path = folder / "case02.signals.h5"
-    made, signals = read_provenance(path), read_signals(path)
+    provenance = read_provenance(path)
+    signals = read_signals(path)
     assert signals.balance is None
     for balance, note in BOOKS:
-        write_signals(path, replace(signals, producer="yade", balance=balance), made)
+        write_signals(path, replace(signals, producer="yade", balance=balance), provenance)
         again = read_signals(path).balance
         assert np.array_equal([*vars(again).values()], [*vars(balance).values()], equal_nan=True)
         case = Case("case02", folder)
         m = PackingData.of(case)
         assert QUANTITIES["contacts_opened"].measure(m) == 17
         for name in ("drift", "gap"):
-            found = QUANTITIES[f"energy_{name}"].measured(m).value
-            assert found == pytest.approx(getattr(balance, name), rel=1e-6, abs=0, nan_ok=True)
+            value = QUANTITIES[f"energy_{name}"].measured(m).value
+            assert value == pytest.approx(getattr(balance, name), rel=1e-6, abs=0, nan_ok=True)
         assert sum("do not trust this run" in text for text in case.notes) == note
-    write_signals(path, replace(signals, balance=books()), made)
+    write_signals(path, replace(signals, balance=books()), provenance)
     with h5py.File(path, "a") as file:
         for name in ("work", "gap"):
             del file["balance"].attrs[name]

@@ -41,21 +41,21 @@ of them, and what the help says of options that are not given."""
 
 @pytest.fixture
 def network(tmp_path) -> Path:
-    """A column of 12 spheres."""
+    """Write a column of 12 spheres."""
     path = tmp_path / "case02.network.h5"
     write_network(path, gallery.fcc(1e5, (1, 1, 12)))
     return path
 
 
 def made(command: str, network: Path, *options: str) -> Path:
-    """The product of a command beside the network; later options replace earlier ones."""
+    """Make the product of a command beside the network; later options replace earlier ones."""
     output = network.with_name(f"case02.{command}.h5")
     assert main([command, str(network), *COMMANDS[command][0], *options, "-o", str(output)]) == 0
     return output
 
 
 def test_the_command_is_what_was_typed(tmp_path):
-    """A shell reads the same words from it; of files, a new one and one with blanks, the names."""
+    """Let a shell split the command; files, also with blanks, have no folders in it."""
     (tmp_path / "my packings").mkdir()
     atoms = tmp_path / "my packings" / "mine.atoms"
     shutil.copy(ROOT / "examples" / "packings" / "mine.atoms", atoms)
@@ -71,34 +71,35 @@ def test_the_command_is_what_was_typed(tmp_path):
 def test_a_product_says_what_it_was_made_from_and_is_kept_until_that_changes(
     command, network, capsys, one_line
 ):
-    """The digest is that of the bytes on the disk; the text of the settings is canonical."""
-    path, digest = made(command, network), hashlib.sha256(network.read_bytes()).hexdigest()
+    """Check the digest of the bytes on the disk and the canonical text of the settings."""
+    path = made(command, network)
+    digest = hashlib.sha256(network.read_bytes()).hexdigest()
     with h5py.File(path) as file:
-        said = dict(file["provenance"].attrs)
+        attributes = dict(file["provenance"].attrs)
     source = {"role": "packing", "name": "case02.network.h5", "sha256": digest}
-    assert json.loads(said["sources"]) == [source]
-    kept = json.loads(said["settings"])
-    assert said["settings"] == json.dumps(kept, sort_keys=True, separators=(",", ":"))
-    (option, old, *_), other, defaults = COMMANDS[command]
-    assert kept[option[2:]] == float(old)
-    assert said["command"].startswith(f"python -m modal {command} case02.network.h5 --")
-    assert str(network.parent) not in "".join(said.values())
-    assert f"numpy {np.__version__}" in said["versions"]
+    assert json.loads(attributes["sources"]) == [source]
+    settings = json.loads(attributes["settings"])
+    assert attributes["settings"] == json.dumps(settings, sort_keys=True, separators=(",", ":"))
+    (option, old_text, *_), new_text, defaults = COMMANDS[command]
+    assert settings[option[2:]] == float(old_text)
+    assert attributes["command"].startswith(f"python -m modal {command} case02.network.h5 --")
+    assert str(network.parent) not in "".join(attributes.values())
+    assert f"numpy {np.__version__}" in attributes["versions"]
     # A default that is typed is no other setting: it is recorded as it is in force.
-    assert defaults.items() <= kept.items()
+    assert defaults.items() <= settings.items()
     before = path.stat().st_mtime_ns
     for name, value in {"skip-current": "", **defaults}.items():
         typed = [f"--{name}", str(value)] if value else []
         made(command, network, "--skip-current", *typed)
     assert path.stat().st_mtime_ns == before
     capsys.readouterr()
-    new = json.loads(other)
-    made(command, network, "--skip-current", option, other)
+    new_value = json.loads(new_text)
+    made(command, network, "--skip-current", option, new_text)
     reported = capsys.readouterr().err
-    for name in (option[2:], str(json.loads(old)), str(new)):
+    for name in (option[2:], str(json.loads(old_text)), str(new_value)):
         assert name in reported
     assert path.stat().st_mtime_ns != before
-    assert read_provenance(path).settings[option[2:]] == new
+    assert read_provenance(path).settings[option[2:]] == new_value
     # Without a file there is nothing to keep.
     one_line(main, [command, network, "--skip-current"])
 
@@ -106,27 +107,32 @@ def test_a_product_says_what_it_was_made_from_and_is_kept_until_that_changes(
 def test_a_file_takes_the_place_of_the_setting_that_it_gives(network, tmp_path):
     motion = tmp_path / "motion.txt"
     motion.write_text("0 0\n1e-5 1e-9\n")
-    said = read_provenance(made("wave", network, "--motion-file", str(motion)))
-    assert "motion" not in said.settings
-    assert [(s.role, s.name) for s in said.sources[1:]] == [("motion", "motion.txt")]
+    provenance = read_provenance(made("wave", network, "--motion-file", str(motion)))
+    assert "motion" not in provenance.settings
+    assert [(s.role, s.name) for s in provenance.sources[1:]] == [("motion", "motion.txt")]
 
 
 def test_changed_source_makes_a_product_stale(network, capsys):
-    path, old = made("wave", network), sha256(network)
+    path = made("wave", network)
+    old_digest = sha256(network)
     write_network(network, gallery.fcc(2e5, (1, 1, 12)))
-    new = sha256(network)
+    new_digest = sha256(network)
     wanted = Provenance(read_provenance(path).command, {"seed": 1}, packing_of(network))
     (change,) = [each for each in changes(path, wanted) if each.kind == "source"]
-    assert (change.name, change.old.sha256, change.new.sha256) == ("packing", old, new)
+    assert (change.name, change.old.sha256, change.new.sha256) == (
+        "packing",
+        old_digest,
+        new_digest,
+    )
     made("wave", network, "--skip-current")
     reported = capsys.readouterr().err
-    assert f"case02.network.h5 ({old[:8]})" in reported
-    assert f"case02.network.h5 ({new[:8]})" in reported
-    assert read_provenance(path).packing[0].sha256 == new
+    assert f"case02.network.h5 ({old_digest[:8]})" in reported
+    assert f"case02.network.h5 ({new_digest[:8]})" in reported
+    assert read_provenance(path).packing[0].sha256 == new_digest
 
 
 def test_a_kept_list_that_lacks_modes_keeps_its_status(network):
-    """3, as the first time."""
+    """Return 3 again."""
     modes = made("modes", network)
     with h5py.File(modes, "r+") as file:
         file.attrs["missing"] = 2
@@ -135,9 +141,10 @@ def test_a_kept_list_that_lacks_modes_keeps_its_status(network):
 
 
 def test_files_of_an_earlier_version(network):
-    """Read as of unknown origin, but for those that have always named their network at the root."""
+    """Read files of unknown origin, and files that name their network at the root."""
     packing = packing_of(network)
-    modes, wave = made("modes", network), made("wave", network)
+    modes = made("modes", network)
+    wave = made("wave", network)
     for path in (modes, wave):
         with h5py.File(path, "r+") as file:
             del file["provenance"]
@@ -164,7 +171,7 @@ def test_a_network_that_is_not_among_the_sources_is_refused(network):
 
 
 def test_product_of_a_sample_belongs_to_the_network_exported_from_it(tmp_path):
-    """Both ways round; not to another export, nor to the network of another sample."""
+    """Accept it both ways round; refuse another export, and the network of another sample."""
     names = "a.sample.h5", "a.network.h5", "b.network.h5"
     files = sample, network, other = [tmp_path / name for name in names]
     packing = gallery.fcc(1e5, (3, 3, 4))

@@ -16,7 +16,7 @@ CLEAR = "\x1b[2J\x1b[1;31mfine\x07\u202e\x9b1A"
 
 
 def safe(text: str) -> bool:
-    """Whether a terminal shows the text and does nothing else."""
+    """Tell whether a terminal shows the text and does nothing else."""
     return all(line.isprintable() for line in text.split("\n"))
 
 
@@ -26,8 +26,8 @@ def test_notes_are_shown_as_they_are_written(options, tmp_path, capsys):
     study = {"case": CLEAR, f"name{CLEAR}": "note"}
     write_network(path, replace(fcc(cells=(1, 1, 6)), study=study))
     assert main(["info", str(path), *options]) == 0
-    said = capsys.readouterr()
-    assert safe(said.out) and safe(said.err) and "fine" in said.out
+    printed = capsys.readouterr()
+    assert safe(printed.out) and safe(printed.err) and "fine" in printed.out
 
 
 def test_names_and_units_in_refusals(tmp_path, capsys):
@@ -36,8 +36,8 @@ def test_names_and_units_in_refusals(tmp_path, capsys):
     with h5py.File(path, "r+") as file:
         file["particles/mass"].attrs["units"] = CLEAR
     assert main(["info", str(path)]) == 2
-    said = capsys.readouterr()
-    assert safe(said.err) and said.err.count("\n") == 1
+    printed = capsys.readouterr()
+    assert safe(printed.err) and printed.err.count("\n") == 1
     assert safe(str(InputError("input", CLEAR)))
 
 

@@ -53,10 +53,10 @@ def test_other_units_are_none_of_its_spellings(unit):
 def test_a_file_that_says_another_unit_is_refused(attribute, where, tmp_path):
     path = tmp_path / "a.network.h5"
     write_network(path, CRYSTAL)
-    for text, said in (("SI", "SI"), (np.bytes_(b"si"), "SI"), ("dyn/cm", None), (1e3, None)):
+    for text, accepted in (("SI", "SI"), (np.bytes_(b"si"), "SI"), ("dyn/cm", None), (1e3, None)):
         with h5py.File(path, "r+") as file:
             file[where].attrs[attribute] = text
-        if said:
+        if accepted:
             assert read_network(path).n_contacts == CRYSTAL.n_contacts
             continue
         with pytest.raises(InputError) as refused:
@@ -86,21 +86,21 @@ def test_an_array_in_another_unit_is_refused(given):
 
 
 def test_an_array_in_the_unit_of_the_column_is_taken():
-    given = SimpleNamespace(units="newton / meter", magnitude=CRYSTAL.stiffness_normal)
-    taken = replace(CRYSTAL, stiffness_normal=given)
+    column = SimpleNamespace(units="newton / meter", magnitude=CRYSTAL.stiffness_normal)
+    taken = replace(CRYSTAL, stiffness_normal=column)
     np.testing.assert_array_equal(taken.stiffness_normal, CRYSTAL.stiffness_normal)
 
 
 def test_a_masked_number_is_refused():
-    """What lies under a mask is no number; a mask that hides nothing may stay."""
+    """Refuse an array with a masked number; accept a mask that hides nothing."""
     data = np.ma.masked_array(CRYSTAL.stiffness_tangential.copy())
     assert replace(CRYSTAL, stiffness_tangential=data).n_contacts == CRYSTAL.n_contacts
     data[3] = np.ma.masked
     rows = [np.ma.masked_array(row) for row in CRYSTAL.normal]
     rows[2][1] = np.ma.masked
-    for column, given in (("stiffness_tangential", data), ("normal", rows)):
+    for column, masked in (("stiffness_tangential", data), ("normal", rows)):
         with pytest.raises(InputError) as refused:
-            replace(CRYSTAL, **{column: given})
+            replace(CRYSTAL, **{column: masked})
         assert refused.value.code == "masked"
 
 
