@@ -11,6 +11,7 @@ import pytest
 from changes import OPTIONAL, slippery, stiffer
 from oracles import kinematics
 from places import SHEARED
+from refusals import refusal
 from scipy.linalg import qr
 
 from analysis.estimators.layer_lattice import LayerLattice
@@ -25,7 +26,6 @@ from modal.packing.sample import Sample, read_sample
 from modal.solvers.factor import factorise
 from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
-from modal.tools.errors import InputError
 from modal.waves.motions import Pulse
 from modal.waves.propagate import propagate
 
@@ -107,7 +107,7 @@ def test_contrast(of, decades):
 def test_more_contrast_than_double_precision_holds_is_refused():
     """Masses over nine decades: omega^2 over fourteen; no shift separates the lowest ones."""
     network = contrasted(gallery.fcc(cells=(2, 2, 40)), "mass", 9, 1)
-    with pytest.raises(InputError, match="no mode converged"):
+    with refusal(None):
         modes_of(LinearSystem.of(network), lowest=6)
 
 

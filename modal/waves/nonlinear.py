@@ -186,7 +186,7 @@ class NonlinearRuns:
             wave = self.run(math.ceil(self.interval / time_step * (1 - 1e-9)))
         else:
             raise InputError(
-                "unstable_time_step",
+                "time_step",
                 f"time step {time_step:g} s",
                 f"the scheme is stable up to 2 / omega_max = {self.max_time_step:.4g} s",
                 "take a smaller one",

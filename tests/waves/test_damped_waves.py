@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from changes import stiffer
+from refusals import refusal
 from scipy.linalg import eig
 
 import modal
@@ -13,7 +14,6 @@ from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.theory.fcc import FccLattice
-from modal.tools.errors import InputError
 
 CRYSTAL = FccLattice(1e5)
 DAMPING = ContactDamping(0.05, 0.03)
@@ -75,13 +75,13 @@ def test_ratios_are_those_of_the_critical_damping(network, effective, beta):
 
 def test_only_what_oscillates_is_a_mode():
     """Neither the other one of a conjugate pair, nor what creeps back, nor rigid motion."""
-    with pytest.raises(InputError, match="2 modes asked, but only 1 oscillate"):
+    with refusal(None):
         damped_modes(PAIR, ContactDamping(0.1, 0), near=1e3, count=2)
-    with pytest.raises(InputError, match="only 0 oscillate"):
+    with refusal(None):
         damped_modes(PAIR, ContactDamping(1.5, 0), near=1e3, count=1)
-    with pytest.raises(InputError, match="-5 Hz is no frequency"):
+    with refusal("frequency", "-5"):
         damped_modes(PAIR, DAMPING, near=-5.0)
-    with pytest.raises(InputError, match="count is 1.5"):
+    with refusal("argument", "1.5"):
         damped_modes(PAIR, ContactDamping(0.1, 0), near=1e3, count=1.5)
 
 
@@ -89,9 +89,8 @@ def test_modes_that_do_not_converge_are_said_in_one_line(monkeypatch):
     """Arnoldi's iteration is given one restart for forty of thousands of nearly equal rates."""
     crystal, own = modal.fcc(cells=(2, 2, 12)), arnoldi.eigs
     monkeypatch.setattr(arnoldi, "eigs", lambda *a, **k: own(*a, **k | {"maxiter": 1, "ncv": 43}))
-    with pytest.raises(InputError, match=r"of 40 modes near 150000 Hz converged; ask") as found:
+    with refusal(None, "150000"):
         damped_modes(crystal, DAMPING, near=1.5e5, count=40)
-    assert "\n" not in str(found.value)
 
 
 def test_modes_of_the_endless_crystal_decay_as_its_chain_does():

@@ -7,6 +7,7 @@ import pytest
 from changes import scaled, stiffer
 from oracles import stepped, wall_pattern
 from places import SHEARED
+from refusals import refusal
 
 from modal.packing import crystal as gallery
 from modal.packing.network import SOURCE_WALL, Network
@@ -16,7 +17,6 @@ from modal.system import linear_system
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
-from modal.tools.errors import InputError
 from modal.waves.motions import Pulse, SampledMotion
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response
@@ -63,7 +63,7 @@ def test_step_limit_is_that_of_the_tangent_in_use():
     assert limits[1] < 0.9 * limits[0]
     step = (limits[0] + limits[1]) / 2
     stepped(network, 1e-4, step)
-    with pytest.raises(InputError, match="stable up to"):
+    with refusal("time_step"):
         stepped(network, 1e-4, step, pre_stress="normal")
 
 
@@ -76,7 +76,7 @@ def test_unstable_network_is_refused_by_both(pre_stress):
     # It grows by more than exp(10) in the time asked for.
     assert np.sqrt(-lowest) * 3e-4 > 10
     for simulate in (propagate, partial(stepped, step=1e-7)):
-        with pytest.raises(InputError, match="unstable"):
+        with pytest.raises(GrowthError):
             simulate(network, 3e-4, pre_stress=pre_stress)
 
 
@@ -119,12 +119,12 @@ def test_long_wave_is_refused_before_it_starts():
     At once, too: no search among 1e11 numbers for one with a fast transform.
     """
     for times in ({"duration": 4e5}, {"duration": 1e308, "interval": 1e308}):
-        with pytest.raises(InputError, match="products with K, .* days here"):
+        with refusal("too_large", "days"):
             propagate(gallery.fcc(cells=(1, 1, 2)), **times)
     network = gallery.fcc(cells=(4, 4, 125))
     assert network.n_particles == 2000
     for simulate in (propagate, partial(stepped, step=1e-7, every=10)):
-        with pytest.raises(InputError, match="products with K, .* (days|h|min) here, and .* [TG]B"):
+        with refusal("too_large", "B"):
             simulate(network, 1e3)
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from places import SHEARED
+from refusals import refusal
 from scipy.integrate import solve_ivp
 
 import modal
@@ -22,7 +23,6 @@ from modal.packing.state import net_forces
 from modal.preparation.relax import relax
 from modal.system.contacts import terms_of
 from modal.system.imposed import TURN, WallMoves, put_on
-from modal.tools.errors import InputError
 from modal.waves.motions import Pulse, step
 from modal.waves.signals import read_signals
 from modal.waves.sources import Plane, Point, Wall
@@ -266,29 +266,55 @@ def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, printed, o
     assert said["contacts_slid"] == said["dissipated_share"] == 0 < said_slip[0]
     energy = signals.balance.work
     assert said_slip[1] == pytest.approx(signals.slip_energy.sum() / energy, rel=1e-9)
-    one_line(main, ["wave", sample, "--nonlinear", "--friction", 0], "must be positive")
+    one_line(main, ["wave", sample, "--nonlinear", "--friction", 0], code="friction")
 
 
-def test_what_is_no_sample_at_rest_is_refused(rested, column, endless):
+def refuse_wave(code, sample, **options):
+    with refusal(code):
+        modal.propagate(sample, 1e-5, **options)
+
+
+def test_sample_in_motion_is_refused(rested):
     moving = replace(rested, velocity=np.ones_like(rested.position))
-    for sample, options, reason in (
-        (moving, {}, "on its way"),
-        (column, {}, "give friction"),
-        (rested, {"friction": 0.0}, "must be positive"),
-        (rested, {"time_step": 1e-5}, "stable up to"),
-        (rested, {"pre_stress": "full"}, "of the linear wave"),
-        (rested, {"direction": "torsion"}, "cannot be twisted"),
-        (
-            replace(endless, periodic_sides=(False, False), shear=None),
-            {"direction": "torsion", "source": Plane(endless.walls.mean())},
-            "does not turn",
-        ),
-        (endless, {}, "no wall sends a wave"),
-    ):
-        with pytest.raises(InputError, match=reason):
-            modal.propagate(sample, 1e-5, nonlinear=True, **options)
-    with pytest.raises(InputError, match="of the non-linear wave"):
-        modal.propagate(column, 1e-5, friction=0.3)
+    refuse_wave("in_motion", moving, nonlinear=True)
+
+
+def test_network_without_friction_is_refused(column):
+    refuse_wave("no_friction", column, nonlinear=True)
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        ({"friction": 0.0}, "friction"),
+        ({"time_step": 1e-5}, "time_step"),
+        ({"pre_stress": "full"}, "option_of_other_wave"),
+        ({"direction": "torsion"}, "torsion_of_periods"),
+    ],
+    ids=["friction", "time step", "pre-stress", "torsion"],
+)
+def test_option_that_a_nonlinear_wave_cannot_have_is_refused(rested, options, code):
+    refuse_wave(code, rested, nonlinear=True, **options)
+
+
+def test_period_along_z_is_not_turned(endless):
+    pillar_without_walls = replace(endless, periodic_sides=(False, False), shear=None)
+    plane = Plane(endless.walls.mean())
+    refuse_wave(
+        "torsion_of_periods",
+        pillar_without_walls,
+        nonlinear=True,
+        direction="torsion",
+        source=plane,
+    )
+
+
+def test_cell_without_walls_has_no_source_wall(endless):
+    refuse_wave("no_source_wall", endless, nonlinear=True)
+
+
+def test_linear_wave_takes_no_friction(column):
+    refuse_wave("option_of_other_wave", column, friction=0.3)
 
 
 def test_loop_and_arrays_turn_alike(pillar, monkeypatch):
