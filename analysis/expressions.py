@@ -7,9 +7,10 @@
     value('case06', 'void_ratio')                      a number in a caption
 
 A study may come from someone else, so its expressions are data: the text is parsed, each part is
-held against the short list of what may stand there, and only numbers, texts and truth values are
+compared with the short list of parts that are allowed, and only numbers, texts and truth values are
 computed. Every number is a float, so that no power grows beyond the largest float, and an
-expression has a largest length and depth. Names have numbers, or columns of numbers, one a case.
+expression has a largest length and depth. Names have numbers, or columns of numbers with one for
+each case.
 """
 
 import ast
@@ -53,11 +54,11 @@ FUNCTIONS: dict[str, Callable[..., Value]] = {
 }
 """Of one number or column; `log` is the natural logarithm."""
 WORDS_FOR = {"dict": "lines NAME: VALUE", "list": "a list"}
-"""What stands in an error for a value of several parts."""
+"""Texts that stand in an error for a value of several parts."""
 
 
 class UnknownNameError(InputError):
-    """An expression has a name in it that nothing is called."""
+    """Refuse an expression with a name that no number has."""
 
 
 def evaluate(
@@ -67,9 +68,9 @@ def evaluate(
 ) -> Value:
     """Return the value of an expression of `names`, which may call `functions`.
 
-    InputError where the text is no expression, or what it asks for cannot be computed;
-    UnknownNameError where it names what is not in `names`. Without `functions` those of
-    `FUNCTIONS` may be called.
+    Without `functions` those of `FUNCTIONS` may be called. Raises InputError if the text is no
+    expression, or if its value cannot be computed, and UnknownNameError for a name that is not in
+    `names`.
 
     >>> evaluate("friction + 0.1", {"friction": 0.4})
     0.5
@@ -77,23 +78,22 @@ def evaluate(
     True
     """
     node = parse(text)
-    evaluation = _Evaluation(str(text), names, FUNCTIONS if functions is None else functions)
+    if functions is None:
+        functions = FUNCTIONS
+    evaluation = _Evaluation(str(text), names, functions)
     try:
         with np.errstate(all="ignore"):
             return evaluation.value(node)
     except InputError:
         raise
     except (TypeError, ValueError, ArithmeticError) as error:
-        reason = _first_line(error)
-        raise InputError(
-            "expression_value",
-            f"{short(text)}: cannot be computed ({reason})",
-            remedy="write sums of known numbers",
-        ) from None
+        problem = f"{short(text)}: cannot be computed ({_first_line(error)})"
+        remedy = "write sums of known numbers"
+        raise InputError("expression_value", problem, remedy=remedy) from None
 
 
 def parse(text: object) -> ast.expr:
-    """Return the tree of an expression; InputError where it is too long, too deep, or none."""
+    """Return the tree of an expression; InputError if it is too long or deep, or no expression."""
     if not isinstance(text, str):
         raise InputError("expression", f"{short(text)}: is no text", remedy="write an expression")
     if len(text) > MAX_LENGTH:
@@ -122,7 +122,7 @@ def parse(text: object) -> ast.expr:
 
 
 def names_in(text: str) -> set[str]:
-    """Return the names that an expression asks for."""
+    """Return the names in an expression."""
     return {node.id for node in ast.walk(parse(text)) if isinstance(node, ast.Name)}
 
 
@@ -139,11 +139,13 @@ def short(value: object, length: int = 60) -> str:
     else:
         start = WORDS_FOR.get(type(value).__name__, type(value).__name__)
     line = "".join(char if char.isprintable() else " " for char in start)
-    return line if len(line) <= length else f"{line[: length - 1]}..."
+    if len(line) <= length:
+        return line
+    return f"{line[: length - 1]}..."
 
 
 class _Evaluation:
-    """One expression as it is computed."""
+    """The evaluation of one expression."""
 
     def __init__(
         self,
@@ -173,8 +175,10 @@ class _Evaluation:
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
                 return self._number(operand)
             case ast.BoolOp(op=op, values=parts):
-                join = operator.and_ if isinstance(op, ast.And) else operator.or_
-                return self._joined(join, [self._truth(part) for part in parts])
+                truths = [self._truth(part) for part in parts]
+                if isinstance(op, ast.And):
+                    return self._joined(operator.and_, truths)
+                return self._joined(operator.or_, truths)
             case ast.Compare():
                 return self._comparison(node)
             case ast.Call():
@@ -182,7 +186,7 @@ class _Evaluation:
         raise self._refusal(node)
 
     def _named(self, name: str) -> Value:
-        """Return what a name has."""
+        """Return the value of a name."""
         if name not in self.names:
             raise UnknownNameError(
                 "unknown_name",
@@ -241,7 +245,9 @@ class _Evaluation:
         if type(op) not in COMPARISONS:
             raise self._refusal(right, "compared by a word that is not known")
         value = COMPARISONS[type(op)](self.value(left), self.value(right))
-        return value if isinstance(value, pd.Series) else bool(value)
+        if isinstance(value, pd.Series):
+            return value
+        return bool(value)
 
     def _contained(self, left: ast.expr, right: ast.expr) -> Value:
         """Return whether a value is one of a list, or a text is part of another."""
@@ -250,7 +256,9 @@ class _Evaluation:
             members = [self.value(member) for member in right.elts]
             if any(isinstance(member, pd.Series) for member in members):
                 raise self._refusal(right, "no list of numbers or texts")
-            return value.isin(members) if isinstance(value, pd.Series) else value in members
+            if isinstance(value, pd.Series):
+                return value.isin(members)
+            return value in members
         return self._has_text(self.value(right), value, right)
 
     def _has_text(self, whole: Value, part: Value, node: ast.expr) -> Value:
@@ -262,7 +270,7 @@ class _Evaluation:
         return whole.astype(str).str.contains(part, regex=False)
 
     def _call(self, node: ast.Call) -> Value:
-        """Return what a function gives; NAME.str.contains(TEXT) is `TEXT in NAME`."""
+        """Return the value of a call; NAME.str.contains(TEXT) is `TEXT in NAME`."""
         match node:
             case ast.Call(
                 func=ast.Attribute(value=ast.Attribute(value=whole, attr="str"), attr="contains"),
@@ -275,35 +283,42 @@ class _Evaluation:
         raise self._refusal(node)
 
     def _called(self, name: str, node: ast.Call) -> Value:
-        """Return what a known function gives of numbers, or of the constants of a caption."""
+        """Return the value of a known function of numbers, or of the constants of a caption."""
         function = self.functions[name]
         if self.functions is FUNCTIONS:
             if len(node.args) != 1 or node.keywords:
                 raise self._refusal(node, f"{name} of one number")
             value = function(self._number(node.args[0]))
-            return value if isinstance(value, pd.Series) else float(value)
+            if isinstance(value, pd.Series):
+                return value
+            return float(value)
         if any(word.arg is None for word in node.keywords):
             raise self._refusal(node)
         words = {str(word.arg): self.value(word.value) for word in node.keywords}
         return function(*map(self.value, node.args), **words)
 
-    def _refusal(self, node: ast.expr, why: str = "") -> InputError:
-        """The error of a part that may not stand in an expression."""
+    def _refusal(
+        self, node: ast.expr, reason: str = "may not stand in an expression"
+    ) -> InputError:
+        """Return the error of a part that may not stand in an expression."""
         part = short(ast.get_source_segment(self.text.strip(), node) or type(node).__name__)
-        said = why or "may not stand in an expression"
         return InputError(
             "expression",
             f"{short(self.text)}: {part}",
-            f"{said}",
+            reason,
             "write sums, comparisons, and, or, not, in",
         )
 
 
 def _opposite(value: Value) -> Value:
-    return not value if isinstance(value, bool) else ~value
+    """Return the opposite of a truth value, or of each in a column."""
+    if isinstance(value, bool):
+        return not value
+    return ~value
 
 
 def _too_deep(text: str) -> InputError:
+    """Return the error of an expression with too many levels."""
     return InputError(
         "expression_size",
         f"{short(text)}: too many levels",
@@ -312,5 +327,5 @@ def _too_deep(text: str) -> InputError:
 
 
 def _first_line(error: BaseException) -> str:
-    """What went wrong, in one line."""
+    """Return the first line of an error's text, or its class."""
     return short(str(error).partition("\n")[0]) or type(error).__name__

@@ -1,6 +1,6 @@
-"""JSON of a file against the types of a class: one schema, which says where a file differs.
+"""Check the JSON of a file against the types of a class, and say where it differs.
 
-Numbers are finite or null, which is NaN; a name stands once. Errors name the place, as in
+Numbers are finite, or null, which stands for NaN; no name comes twice. Errors name the place, as in
 `values.v_p.error`.
 """
 
@@ -16,17 +16,19 @@ import numpy as np
 from modal.tools.errors import InputError
 
 KINDS = {str: "a text", bool: "true or false", int: "a whole number"}
-"""What is said of a kind that stands for itself."""
-LARGEST_WHOLE = 1 << 53
-"""Up to which doubles hold every whole number."""
+"""Names of kinds in errors."""
+MAX_WHOLE_NUMBER_OF_DOUBLES = 1 << 53
+"""Doubles hold every whole number up to this one."""
+MAX_SHOWN_LENGTH = 30
+"""Length at which a value in an error is cut."""
 
 
 class MismatchError(ValueError):
-    """A value of another kind than its place has."""
+    """Refuse a value of another kind than that of its place."""
 
 
 def parsed(text: str) -> Any:
-    """Return what a JSON text says; `MismatchError` for none, and for what JSON does not know."""
+    """Return the contents of a JSON text; `MismatchError` if it is no JSON."""
     try:
         return json.loads(text, object_pairs_hook=_named_once, parse_constant=_refuse_constant)
     except MismatchError:
@@ -36,7 +38,7 @@ def parsed(text: str) -> Any:
 
 
 def read_text(path: str | Path) -> str:
-    """Return the text of a file; InputError where it cannot be read, or is no text."""
+    """Return the text of a file; InputError if it cannot be read, or is no text."""
     try:
         return Path(path).read_text("utf-8")
     except OSError as error:
@@ -49,21 +51,22 @@ def read_text(path: str | Path) -> str:
 
 
 def _named_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return what is said by name; `MismatchError` where a name comes twice."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise MismatchError(f"{twice} stands twice")
-    return found
+    """Return values by name; `MismatchError` if a name comes twice."""
+    values: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in values:
+            raise MismatchError(f"{name} stands twice")
+        values[name] = value
+    return values
 
 
 def _refuse_constant(word: str) -> None:
+    """Refuse NaN and infinities, which JSON does not know."""
     raise MismatchError(f"{word} is no number of JSON; write null")
 
 
 def checked(value: Any, kind: Any, place: str) -> Any:
-    """Return a value of JSON as a value of this kind; `MismatchError` where it is none.
+    """Return a value of JSON as a value of this kind; `MismatchError` if it is of another kind.
 
     Kinds are those of a class's fields: str, bool, int, float, arrays, lists, dictionaries of
     texts, tuples, and several of them, as in `int | None`.
@@ -74,19 +77,21 @@ def checked(value: Any, kind: Any, place: str) -> Any:
     if outer in (Union, types.UnionType):
         return _any_of(value, inner, place)
     if outer in (list, Sequence):
-        return [
-            checked(each, inner[0], f"{place}[{k}]") for k, each in enumerate(_list(value, place))
-        ]
+        return _checked_members(_list(value, place), inner[0], place)
     if outer is dict:
         return by_name(value, inner[1], place)
     if outer is tuple:
         return _tuple(value, inner, place)
     if kind is np.ndarray or outer is np.ndarray:
-        numbers = [_number(each, f"{place}[{k}]") for k, each in enumerate(_list(value, place))]
-        return np.array(numbers, float)
+        return np.array(_checked_members(_list(value, place), float, place), float)
     if kind is float:
         return _number(value, place)
     return _itself(value, kind, place)
+
+
+def _checked_members(members: list[Any], kind: Any, place: str) -> list[Any]:
+    """Return the members of a list, all of one kind."""
+    return [checked(member, kind, f"{place}[{row}]") for row, member in enumerate(members)]
 
 
 def by_name(value: Any, kind: Any, place: str) -> dict[str, Any]:
@@ -97,19 +102,24 @@ def by_name(value: Any, kind: Any, place: str) -> dict[str, Any]:
 
 
 def fields_of(value: Any, kinds: dict[str, Any], needed: set[str], place: str) -> dict[str, Any]:
-    """Return what a JSON object says of these fields; those that are `needed` must be there."""
+    """Return the fields of a JSON object by their kinds.
+
+    Raises `MismatchError` if a `needed` field is missing, and for a field of no kind.
+    """
     if not isinstance(value, dict):
         raise MismatchError(f"{place or 'it'} is no set of names and values")
+    prefix = ""
+    if place:
+        prefix = f"{place}."
     for name in sorted(needed - value.keys()):
-        raise MismatchError(f"{place}{'.' * bool(place)}{name} is missing")
+        raise MismatchError(f"{prefix}{name} is missing")
     for name in value.keys() - kinds.keys():
-        raise MismatchError(f"{place}{'.' * bool(place)}{name} is unknown")
-    front = f"{place}." if place else ""
-    return {name: checked(each, kinds[name], front + name) for name, each in value.items()}
+        raise MismatchError(f"{prefix}{name} is unknown")
+    return {name: checked(each, kinds[name], prefix + name) for name, each in value.items()}
 
 
 def _any_of(value: Any, kinds: Sequence[Any], place: str) -> Any:
-    """Return the value as the first kind that it is."""
+    """Return the value as one of the first kind that fits."""
     for kind in kinds:
         if kind is type(None):
             if value is None:
@@ -123,13 +133,14 @@ def _any_of(value: Any, kinds: Sequence[Any], place: str) -> Any:
 
 
 def _list(value: Any, place: str) -> list[Any]:
+    """Return a list; `MismatchError` for any other value."""
     if not isinstance(value, list):
         raise MismatchError(f"{place} is no list")
     return value
 
 
 def _tuple(value: Any, kinds: Sequence[Any], place: str) -> tuple[Any, ...]:
-    """Return a list of so many, or of any number where the kinds end in three dots."""
+    """Return a tuple with one member of each kind, or of any length if the kinds end in `...`."""
     members = _list(value, place)
     wanted = list(kinds)
     if wanted[-1] is ...:
@@ -141,7 +152,7 @@ def _tuple(value: Any, kinds: Sequence[Any], place: str) -> tuple[Any, ...]:
 
 
 def _number(value: Any, place: str) -> float:
-    """Return a number, whole ones that doubles hold as they are; NaN for null."""
+    """Return a number, NaN for null; a whole number that doubles hold stays whole."""
     if value is None:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -152,7 +163,7 @@ def _number(value: Any, place: str) -> float:
         number = math.inf
     if not math.isfinite(number):
         raise MismatchError(f"{place} is {_shown(value)}, larger than numbers are")
-    return value if abs(value) < LARGEST_WHOLE else number
+    return value if abs(value) < MAX_WHOLE_NUMBER_OF_DOUBLES else number
 
 
 def _itself(value: Any, kind: Any, place: str) -> Any:
@@ -168,6 +179,8 @@ def _itself(value: Any, kind: Any, place: str) -> Any:
 
 
 def _shown(value: Any) -> str:
-    """Return a value as a message says it, cut where it is long."""
+    """Return a value as an error shows it, cut if it is long."""
     text = str(value)
-    return text if len(text) <= 30 else f"{text[:30]}..."
+    if len(text) <= MAX_SHOWN_LENGTH:
+        return text
+    return f"{text[:MAX_SHOWN_LENGTH]}..."

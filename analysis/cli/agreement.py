@@ -1,4 +1,4 @@
-"""A YADE run or a non-linear wave against the linear one, the difference split by cause."""
+"""Compare a YADE run or a non-linear wave with the linear one: the difference split by cause."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from analysis.agreement import OTHER_RUNS, Agreement, report
 from modal.cli.options import Option, Options, output, say, typed
 from modal.cli.terminal import put
 from modal.exchange.registry import read
-from modal.formats.provenance import packing_of, require_same_packing
+from modal.formats.provenance import Source, packing_of, require_same_packing
 from modal.formats.whole_file import write_text
 from modal.waves.signals import read_signals
 
@@ -14,22 +14,32 @@ EXAMPLE = "agreement case02.network.h5 case02.signals.h5 -o agreement.md"
 OPTIONS = [
     Option("network", "NETWORK", "*.network.h5 or *.sample.h5 of the run", kind=str),
     Option("signals", "SIGNALS", "*.signals.h5 of the run", kind=str),
-    *(Option(typed(name), "FILE", what, kind=str) for name, what in OTHER_RUNS.items()),
+    *(Option(typed(name), "FILE", text, kind=str) for name, text in OTHER_RUNS.items()),
     output("write the table, *.md", (".md",)),
 ]
 
 
 def run(options: Options) -> None:
-    """Print the table, and write it where --output says."""
-    network, first = read(options.network), read_signals(options.signals)
-    paths = {name: path for name in OTHER_RUNS if (path := getattr(options, name))}
+    """Print the table, and write it into the file of --output, beside it as CSV."""
+    network = read(options.network)
+    run_of_case = read_signals(options.signals)
     packing = packing_of(options.network)
-    for path in (options.signals, *paths.values()):
-        if note := require_same_packing(path, packing):
-            say(f"note: {note}")
-    others = {name: read_signals(path) for name, path in paths.items()}
-    found = report(Agreement(network, first), **others)
-    put(found.markdown(), end="")
+    _note_unknown_packing(options.signals, packing)
+    other_runs = {}
+    for name in OTHER_RUNS:
+        path = getattr(options, name)
+        if path:
+            _note_unknown_packing(path, packing)
+            other_runs[name] = read_signals(path)
+    table = report(Agreement(network, run_of_case), **other_runs)
+    put(table.markdown(), end="")
     if options.output:
-        write_text(options.output, found.markdown())
-        found.write_csv(Path(options.output).with_suffix(".csv"))
+        write_text(options.output, table.markdown())
+        table.write_csv(Path(options.output).with_suffix(".csv"))
+
+
+def _note_unknown_packing(path: str, packing: tuple[Source, ...]) -> None:
+    """Say if a run does not tell its packing; InputError if it was made from another one."""
+    note = require_same_packing(path, packing)
+    if note:
+        say(f"note: {note}")

@@ -1,9 +1,10 @@
-"""The error of quantities by overlaps that are known to few digits.
+"""Estimate the error of quantities if overlaps are known to few digits.
 
-Measured on packings of 300, 400 and 500 spheres whose positions were rounded: by an error e of the
-overlaps (root mean square over the median) the bulk and shear modulus were off by at most 1.2 e^2 +
-0.1 e, velocities by half of it, the highest frequency by e/8, the coordination number by 0.15 e,
-attenuation and quality by e. Moduli have an error of their own (`modal.elasticity.few_digits`).
+The errors were measured on packings of 300, 400 and 500 spheres whose positions were rounded. If e
+is the error of the overlaps (root mean square divided by the median), the bulk and the shear
+modulus were off by at most 1.2 e^2 + 0.1 e, velocities by half of this, the highest frequency by
+e / 8, the coordination number by 0.15 e, attenuation and quality by e. Moduli have a further error
+(`modal.elasticity.few_digits`).
 """
 
 from dataclasses import replace
@@ -15,35 +16,37 @@ from analysis.value import Value
 from modal.packing.network import Network
 from modal.packing.precision import overlap_error
 
-OF_MODULI = (1.2, 0.1)
-"""Relative error of moduli: these times e^2 and e."""
-OF_HIGHEST = 1 / 8
-"""Relative error of the highest frequency, over e."""
-OF_COORDINATION = 0.15
-"""Relative error of the coordination number, over e."""
-UNMOVED = ("void_ratio", "crystalline_share")
-"""Quantities that follow from radii and places, not from overlaps."""
+MODULI_ERROR_PER_SQUARED_ERROR = 1.2
+"""Quadratic term of the relative error of moduli, divided by e^2."""
+MODULI_ERROR_PER_ERROR = 0.1
+"""Linear term of the relative error of moduli, divided by e."""
+FREQUENCY_ERROR_PER_ERROR = 1 / 8
+"""Relative error of the highest frequency, divided by e."""
+COORDINATION_ERROR_PER_ERROR = 0.15
+"""Relative error of the coordination number, divided by e."""
+WITHOUT_OVERLAPS = ("void_ratio", "crystalline_share")
+"""Quantities that follow from radii and positions, not from overlaps."""
 
 
 def relative_error_by_digits(network: Network, name: str, unit: str) -> float:
-    """Return the relative error of a quantity in this unit; 0 where digits move nothing."""
+    """Return the relative error of a quantity in this unit; 0 if all digits are known."""
     error = overlap_error(network)
-    if name in UNMOVED or not error:
+    if name in WITHOUT_OVERLAPS or not error:
         return 0.0
-    moduli = OF_MODULI[0] * error**2 + OF_MODULI[1] * error
+    moduli = MODULI_ERROR_PER_SQUARED_ERROR * error**2 + MODULI_ERROR_PER_ERROR * error
     if name == "coordination":
-        return OF_COORDINATION * error
+        return COORDINATION_ERROR_PER_ERROR * error
     if unit == "Pa":
         return moduli
     if unit == "m/s":
         return moduli / 2
     if unit == "Hz":
-        return max(moduli / 2, OF_HIGHEST * error)
+        return max(moduli / 2, FREQUENCY_ERROR_PER_ERROR * error)
     return error
 
 
 def with_digits(value: Value, network: Network, name: str, unit: str) -> Value:
-    """Return the value with its error by the digits of overlaps, and a caveat that says so."""
+    """Return the value with the error by the digits of overlaps, and a caveat."""
     relative = relative_error_by_digits(network, name, unit)
     if not relative or not value.known:
         return value

