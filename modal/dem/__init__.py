@@ -1,1 +1,1 @@
-"""Spheres in motion: contact forces with history, their contacts, the steps of their motion."""
+"""Move spheres: contact forces with history, lists of contacts, time steps."""

@@ -1,64 +1,112 @@
-"""Contacts of spheres that move: which pairs are near, and the history of those that touch.
+"""Keep the contacts of spheres that move: the list of near pairs, and the history of contacts.
 
-The list of nearby pairs holds while no sphere has gone far; a new one takes over the normals and
-shear forces of the contacts that go on. The law itself is `modal.dem.forces`.
+The list of nearby pairs holds while no sphere has gone far; a new list takes over the normals and
+shear forces of the contacts that go on. The forces are computed in `modal.dem.forces`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from modal.dem.forces import TOTALS, UPRIGHT, forces_by_loop
-from modal.dem.near_contacts import contacts_in_reach, longest_ways
+from modal.dem.contact_step import UPRIGHT, Geometry, ShearStep
+from modal.dem.forces import forces_by_loop
+from modal.dem.near_contacts import contacts_in_reach, longest_paths
 from modal.packing.sample import Sample
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
 from modal.tools.slabs import SLABS, slabs_of
 
-SKIN, WIDEST = 0.03, 0.24
-"""First and largest reach of the list of pairs beyond touch, diameters of the largest sphere. A
-list that has lasted fewer than `LIFE` steps is followed by one of twice the reach: long ones cost
-time in every step."""
-LIFE = 50
-STILL = np.zeros((4, 3))
-"""Change of a cell whose periods and walls rest."""
+SKIN = 0.03
+"""First reach of the list of pairs beyond touch, in diameters of the largest sphere."""
+MAX_SKIN = 0.24
+"""Largest reach: long lists cost time in every step."""
+MIN_LIST_STEPS = 50
+"""A list that has lasted fewer steps is followed by one of twice the reach."""
+UNCHANGED_CELL = np.zeros((4, 3))
+"""Change of a cell whose periods and walls rest, see `modal.dem.contact_step.ShearStep`."""
 
 
-def _numbers(i: Ints, j: Ints, shift: Ints) -> Ints:
-    """One number for each contact by its ends and periods."""
-    number = i.astype(np.int64)
+class _Slips(NamedTuple):
+    """Contacts that have slid: keys (k,), ends (k, 2), and the energies dissipated (k,), J."""
+
+    key: Ints
+    ends: Ints
+    energy: Floats
+
+
+def _contact_keys(i: Ints, j: Ints, shift: Ints) -> Ints:
+    """Return a number for each contact, unique by its ends and periods."""
+    key = i.astype(np.int64)
     # Walls are -1 and -2; periods are small, a sphere reaches few images of another.
-    number = (number << 22) + j + 2
+    key = (key << 22) + j + 2
     for axis in range(3):
-        number = (number << 6) + shift[:, axis].astype(np.int64) + 32
-    return number
+        key = (key << 6) + shift[:, axis].astype(np.int64) + 32
+    return key
 
 
-def _matching(old: Ints, new: Ints) -> tuple[Ints, Ints]:
-    """Rows of the contacts that are in both, in `old` and in `new`."""
-    _, before, after = np.intersect1d(old, new, assume_unique=True, return_indices=True)
-    return before, after
+def _match_rows(old: Ints, new: Ints) -> tuple[Ints, Ints]:
+    """Return the rows, in `old` and in `new`, of the keys that are in both."""
+    _, rows_old, rows_new = np.intersect1d(old, new, assume_unique=True, return_indices=True)
+    return rows_old, rows_new
 
 
 class MovingContacts:
-    """The contacts of a sample, kept through its motions.
+    """The contacts of a sample while its spheres move.
 
-    After each `touch`: load (n, 6), N and N m, the net force and torque on each sphere; stiffness
-    (n,), N/m, the sum of its kn; mean_force, N, and mean_stiffness, N/m; the numbers touching and
-    sliding; virial (3,), N m, the principal stresses times the volume; mean_contact, N, of normal
-    and shear force together; on_walls (2, 6), N and N m, the forces on source and receiver wall and
-    their torques about z; elastic_energy, J, of the normal forces. `work` (m, 2), J, is what shear
-    forces have stored and slip has dissipated so far, see `modal.dem.forces`; nothing of that is
-    noted unless `books` are kept. Without `history` contacts have normal forces alone, which
-    follow from the positions: load is (n, 3) then.
-    position (n, 3), m, is not brought back into the cell; side (2,) and walls (2,), m, may be
-    strained in place; `whole` cells are periodic along z too, between the `walls`, with a period
-    that leans by `lean` (2,), m, along x and y; radius (n,), m, the largest, the smallest.
-    `friction` limits the shear forces, the sample's own by default; `skin` is the reach of the
-    list, diameters; `most`, m, is how far a sphere may go at once.
+    Position, side and walls may be changed in place between two calls of `touch`, which computes
+    the attributes from `load` on.
+
+    Parameters
+    ----------
+    sample : Sample
+        The packing at the start.
+    friction : float, optional
+        Coefficient that limits the shear forces; the sample's own by default.
+    skin : float, default `SKIN`
+        Reach of the list of pairs beyond touch, in diameters of the largest sphere.
+    history : bool, default True
+        Whether contacts have shear forces, which follow from the motion. Normal forces follow from
+        the positions alone.
+    stiffness : bool, default True
+        Whether to sum the stiffnesses of each sphere.
+    track_energy : bool, default False
+        Whether to record `work`.
+
+    Attributes
+    ----------
+    position : ndarray (n, 3)
+        m; spheres that leave the cell are not brought back.
+    side, walls : ndarray (2,)
+        m: the lateral periods, and z of source and receiver wall.
+    periodic_z : bool
+        Whether there is a period along z in place of the walls.
+    lean : ndarray (2,)
+        How far the period along z leans along x and y, m.
+    radius : ndarray (n,)
+        m; `largest` and `smallest` are its extremes.
+    max_step : float
+        Largest displacement of a sphere in one step, m; infinite by default.
+    load : ndarray (n, 6) or (n, 3)
+        Net force, N, and with history the torque, N m, on each sphere.
+    stiffness : ndarray (n,) or (0,)
+        Sum of the normal stiffnesses of each sphere, N/m.
+    mean_force, mean_contact, mean_stiffness : float
+        Means over contacts: of the normal force, of the whole force, N, and of kn, N/m.
+    touching, sliding : int
+        Numbers of contacts.
+    virial : ndarray (3,)
+        Principal stresses times the volume, N m.
+    on_walls : ndarray (2, 6)
+        Forces on source and receiver wall, N, and their torques about z, N m.
+    elastic_energy : float
+        Energy of the normal forces, J.
+    work : ndarray (m, 2)
+        What the shear force of each listed contact has stored and what slip has dissipated, J, as
+        in `modal.dem.contact_step.ShearStep`; (0, 2) unless `track_energy`.
     """
 
     def __init__(
@@ -69,89 +117,108 @@ class MovingContacts:
         skin: float = SKIN,
         history: bool = True,
         stiffness: bool = True,
-        books: bool = False,
+        track_energy: bool = False,
     ) -> None:
         n = len(sample.position)
-        self._sample, self.friction = sample, sample.friction if friction is None else friction
+        self._sample = sample
+        self.friction = sample.friction if friction is None else friction
         self.side = sample.periods
-        self.walls, self.whole = np.array(sample.walls, float), sample.periodic_z
+        self.walls = np.array(sample.walls, float)
+        self.periodic_z = sample.periodic_z
         self.lean = UPRIGHT
-        self.skin, self.most = skin, math.inf
+        self.skin = skin
+        self.max_step = math.inf
         self._laws = sample.laws
         self.radius = np.full(n, sample.sizes)
-        self.largest, self.smallest = float(self.radius.max()), float(self.radius.min())
+        self.largest = float(self.radius.max())
+        self.smallest = float(self.radius.min())
         self.position = sample.position.copy()
         self.load = np.zeros((n, 6 if history else 3))
         self.stiffness = np.zeros(n if stiffness else 0)
-        self._history, self.work = history, np.zeros((0, 2))
+        self._history = history
+        self.work = np.zeros((0, 2))
         if history:
-            self._begin(books)
-        self._age, self.moved, self._ways = LIFE, 0.0, np.empty(SLABS)
-        self.seek()
+            self._read_history(track_energy)
+        self._list_steps = MIN_LIST_STEPS
+        self._moved = 0.0
+        self._paths = np.empty(SLABS)
+        self._list_pairs()
         self.touch()
 
-    def _begin(self, books: bool) -> None:
-        """The history that the sample has."""
+    def _read_history(self, track_energy: bool) -> None:
+        """Take the contacts and shear forces from the sample."""
         network = self._sample.network()
         self._ends = np.column_stack([network.particle_i, network.particle_j])
         self._shift = network.require("cell_shift", "list of contacts").astype(int)
         self._normal = network.normal.copy()
         self._shear = network.require("force_tangential", "history of contacts").copy()
-        self._first = _numbers(self._ends[:, 0], self._ends[:, 1], self._shift)
-        self._left = [(self._first[:0], self._ends[:0], np.zeros(0))]
-        if books:
+        self._key_at_start = _contact_keys(self._ends[:, 0], self._ends[:, 1], self._shift)
+        self._slips_of_open = [_Slips(self._key_at_start[:0], self._ends[:0], np.zeros(0))]
+        if track_energy:
             self.work = np.zeros((network.n_contacts, 2))
             self.work[:, 0] = (self._shear**2).sum(axis=1) / (2 * network.stiffness_tangential)
 
-    def seek(self) -> None:
+    def _list_pairs(self) -> None:
         """List the pairs in reach, with the history of those that touch."""
-        if self._age < LIFE:
-            self.skin = max(self.skin, min(2 * self.skin, WIDEST))
-        inside, turns = self._wrapped()
+        if self._list_steps < MIN_LIST_STEPS:
+            self.skin = max(self.skin, min(2 * self.skin, MAX_SKIN))
+        inside, periods = self._wrap_positions()
         inside[:, 2] -= self.walls[0]
         skin = self.largest * self.skin
-        ends, shift = contacts_in_reach(inside, self.lengths, self.radius, skin, self.whole)
-        # Periods between the places as they are, which are not brought back into the cell.
-        (i, j), gone = ends.T, np.asarray(turns.any(axis=1))
+        ends, shift = contacts_in_reach(inside, self.lengths, self.radius, skin, self.periodic_z)
+        # Periods between the actual positions, which are not brought back into the cell.
+        i, j = ends.T
+        outside = np.asarray(periods.any(axis=1))
         partner = np.maximum(j, 0)  # a wall has no place among the spheres
-        rows = np.flatnonzero((j >= 0) & (gone[i] | gone[partner]))
-        shift[rows] += (turns[i[rows]] - turns[j[rows]]).astype(np.int8)
+        rows = np.flatnonzero((j >= 0) & (outside[i] | outside[partner]))
+        shift[rows] += (periods[i[rows]] - periods[j[rows]]).astype(np.int8)
         if self._history:
-            self._take_over(ends, shift)
-        self._ends, self._shift = ends, shift
+            self._transfer_history(ends, shift)
+        self._ends = ends
+        self._shift = shift
         self._slabs = slabs_of(ends, len(self.position))
-        self._sought_at, self._sought_in = self.position.copy(), (self.lengths, self.walls.copy())
-        self._age, self.moved = 0, math.hypot(*self.lean)
+        self._listed_position = self.position.copy()
+        self._listed_lengths = self.lengths
+        self._listed_walls = self.walls.copy()
+        self._list_steps = 0
+        self._moved = math.hypot(*self.lean)
 
-    def _take_over(self, ends: Ints, shift: Ints) -> None:
+    def _transfer_history(self, ends: Ints, shift: Ints) -> None:
         """Give a new list the history of the contacts that go on."""
         touched = self._normal.any(axis=1)
-        old = _numbers(self._ends[:, 0], self._ends[:, 1], self._shift)
-        before, after = _matching(old[touched], _numbers(ends[:, 0], ends[:, 1], shift))
-        normal, shear = self._normal[touched], self._shear[touched]
-        self._normal, self._shear = np.zeros((2, len(ends), 3))
-        self._normal[after], self._shear[after] = normal[before], shear[before]
+        old_keys = _contact_keys(self._ends[:, 0], self._ends[:, 1], self._shift)
+        new_keys = _contact_keys(ends[:, 0], ends[:, 1], shift)
+        before, after = _match_rows(old_keys[touched], new_keys)
+        normal = self._normal[touched]
+        shear = self._shear[touched]
+        self._normal = np.zeros((len(ends), 3))
+        self._shear = np.zeros((len(ends), 3))
+        self._normal[after] = normal[before]
+        self._shear[after] = shear[before]
         if len(self.work):
-            work, self.work = self.work, np.zeros((len(ends), 2))
+            work = self.work
+            self.work = np.zeros((len(ends), 2))
             self.work[after] = work[touched][before]
-            # A contact that is open has nothing stored; what it has dissipated stays in the books.
-            gone = ~touched & (work[:, 1] != 0)
-            self._left.append((old[gone], self._ends[gone], work[gone, 1]))
+            # An open contact stores nothing, but what it has dissipated is still counted.
+            open_slid = ~touched & (work[:, 1] != 0)
+            slips = _Slips(old_keys[open_slid], self._ends[open_slid], work[open_slid, 1])
+            self._slips_of_open.append(slips)
 
     @property
     def lengths(self) -> Floats:
-        """Shape (3,), m: of the lateral cell, and from wall to wall or of the period along z."""
+        """Return (3,), m: the lateral periods, and the distance of the walls or the period in z."""
         return np.array([*self.side, self.walls[1] - self.walls[0]])
 
-    def _wrapped(self) -> tuple[Floats, Ints]:
-        """Positions (n, 3) inside the cell, m, and the periods (n, 3) that were taken off."""
-        position, turns = self.position.copy(), np.zeros(self.position.shape, int)
-        turns[:, :2] = np.floor(position[:, :2] / self.side)
-        if self.whole:
-            turns[:, 2] = np.floor((position[:, 2] - self.walls[0]) / self.lengths[2])
-            position[:, 2] -= turns[:, 2] * self.lengths[2]
-        position[:, :2] -= turns[:, :2] * self.side
-        return position, turns
+    def _wrap_positions(self) -> tuple[Floats, Ints]:
+        """Return the positions (n, 3) inside the cell, m, and the periods (n, 3) subtracted."""
+        position = self.position.copy()
+        periods = np.zeros(self.position.shape, int)
+        periods[:, :2] = np.floor(position[:, :2] / self.side)
+        if self.periodic_z:
+            periods[:, 2] = np.floor((position[:, 2] - self.walls[0]) / self.lengths[2])
+            position[:, 2] -= periods[:, 2] * self.lengths[2]
+        position[:, :2] -= periods[:, :2] * self.side
+        return position, periods
 
     def move(self, motion: Floats) -> None:
         """Move the spheres by `motion` (n, 6), m and rad, at once."""
@@ -159,115 +226,130 @@ class MovingContacts:
         self.touch(motion, 1.0)
 
     def touch(
-        self, velocity: Floats | None = None, dt: float = 0.0, change: Floats = STILL
+        self, velocity: Floats | None = None, dt: float = 0.0, change: Floats = UNCHANGED_CELL
     ) -> None:
-        """Forces at the present positions, where `velocity` (n, 6) has led in `dt`, s.
+        """Compute the forces at the present positions, which `velocity` (n, 6) led to in `dt`, s.
 
-        `change` (4, 3) is what the periods have gained by the same step, m, the way that the source
-        wall has gone, what the lean of the period along z has gained, and how the wall turns: see
-        `modal.dem.forces`. InputError where a sphere has gone further than `most`.
+        `change` (4, 3) is how the cell has changed in the step, see
+        `modal.dem.contact_step.ShearStep`. InputError if a sphere has moved by more than
+        `max_step`.
         """
-        self._keep_complete(dt)
-        if velocity is None:
-            velocity = np.zeros(self.load.shape)
-        law = velocity, dt, change, self.friction
-        totals = forces_by_loop(
-            self._slabs,
+        self._update_list(dt)
+        geometry = Geometry(
             self.position,
             self._ends,
             self._shift,
             np.append(self.lengths, self.lean),
             self.walls,
             self.radius,
-            self._laws,
-            # All that slip asks for is None where there is none.
-            *((*law, self._normal, self._shear, self.work) if self._history else [None] * 7),
-            self.load,
-            self.stiffness,
         )
-        of = dict(zip(TOTALS, totals.tolist(), strict=True))
-        self.touching, self.sliding = int(of["touching"]), int(of["sliding"])
+        step = None
+        if self._history:
+            if velocity is None:
+                velocity = np.zeros(self.load.shape)
+            step = ShearStep(
+                velocity, dt, change, self.friction, self._normal, self._shear, self.work
+            )
+        totals = forces_by_loop(self._slabs, geometry, self._laws, step, self.load, self.stiffness)
+        self.touching = int(totals.touching)
+        self.sliding = int(totals.sliding)
         count = max(self.touching, 1)
-        self.mean_force, self.mean_stiffness = of["normal force"] / count, of["stiffness"] / count
-        self.mean_contact = of["contact force"] / count if self._history else self.mean_force
-        self.virial, self.on_walls = totals[4:7], np.zeros((2, 6))
-        self.on_walls[:, :3], self.on_walls[:, 5] = totals[9:15].reshape(2, 3), totals[15:]
-        self.elastic_energy = of["energy"]
+        self.mean_force = totals.normal_force / count
+        self.mean_stiffness = totals.stiffness / count
+        self.mean_contact = self.mean_force
+        if self._history:
+            self.mean_contact = totals.contact_force / count
+        self.virial = np.array([totals.virial_x, totals.virial_y, totals.virial_z])
+        self.on_walls = np.zeros((2, 6))
+        self.on_walls[0, :3] = totals.source_x, totals.source_y, totals.source_z
+        self.on_walls[1, :3] = totals.receiver_x, totals.receiver_y, totals.receiver_z
+        self.on_walls[:, 5] = totals.source_torque, totals.receiver_torque
+        self.elastic_energy = totals.elastic_energy
 
-    def _keep_complete(self, dt: float) -> None:
-        """Seek the pairs anew where others may touch by now."""
-        lengths, walls = self._sought_in
-        stretch = self.lengths / lengths
-        longest_ways(self.position, self._sought_at, stretch, self._ways)
-        moved = float(self._ways.max())
-        # A list is sought with a period that stands upright; walls have their own ways.
-        moved += math.hypot(*self.lean) + float(abs(self.walls - stretch[2] * walls).max())
-        # Both are ways since the list was made: by their difference the farthest one has grown.
-        if not moved - self.moved < self.most:
+    def _update_list(self, dt: float) -> None:
+        """List the pairs anew if others may touch by now; `dt` is the last time step, s."""
+        stretch = self.lengths / self._listed_lengths
+        longest_paths(self.position, self._listed_position, stretch, self._paths)
+        moved = float(self._paths.max())
+        # A list is made with an upright period along z; walls move by themselves.
+        wall_paths = abs(self.walls - stretch[2] * self._listed_walls)
+        moved += math.hypot(*self.lean) + float(wall_paths.max())
+        # Both are paths since the list was made: the longest one has grown by their difference.
+        if not moved - self._moved < self.max_step:
             raise InputError(
-                "input",
+                "unstable_step",
                 f"a sphere moves by more than its radius in one step of {dt:.3g} s",
                 "the motion is unstable",
                 "take a smaller fraction",
             )
-        self.moved = moved
-        self._age += 1
-        # Of spheres of several sizes the list goes the skin of the largest beyond each pair's own
-        # touch, which holds longer than of two of the largest. Two spheres beyond the reach are
-        # (D + skin D) s - 2 u apart or more by now, a sphere and a wall half as far.
+        self._moved = moved
+        self._list_steps += 1
+        # Of spheres of several sizes the list reaches the skin of the largest beyond the touch of
+        # each pair, which holds longer than for two of the largest. Two spheres beyond the reach
+        # are at least (D + skin D) s - 2 u apart by now, a sphere and a wall half as far.
         if not (1 + self.skin) * min(1.0, stretch.min()) - moved / self.largest >= 1:
-            self.seek()
+            self._list_pairs()
 
     def stress(self) -> Floats:
-        """Principal stresses (3,), Pa, compression positive, of the forces found last."""
+        """Return the principal stresses (3,), Pa, compression positive, at the last `touch`."""
         stress: Floats = self.virial / self.lengths.prod()
         return stress
 
     def unbalanced(self) -> float:
-        """Mean net force on a sphere over the mean contact force; infinite without contacts."""
+        """Return the mean net force on a sphere over the mean contact force; inf if none touch."""
         if self.touching == 0:
             return math.inf
         return float(np.sqrt((self.load[:, :3] ** 2).sum(axis=1)).mean() / self.mean_contact)
 
     def level_shear(self) -> None:
-        """Take the part along the contact off every shear force, as a sample does.
+        """Subtract from every shear force its part along the contact normal.
 
-        Turning keeps a force across its contact to first order; over many steps a part along it of
-        second order gathers.
+        Turning keeps a force perpendicular to its contact to first order; over many steps a part
+        along the normal of second order gathers. A sample's shear forces have none.
         """
         along = (self._shear * self._normal).sum(axis=1)
         self._shear -= along[:, None] * self._normal
 
-    def opened(self) -> Bools:
-        """Shape (m,) bool: which contacts of the start are open, in the sample's order."""
+    def opened_contacts(self) -> Bools:
+        """Return which contacts (m,) of the start are open, in the sample's order."""
         touching = self._normal.any(axis=1)
-        ends, shift = self._ends[touching], self._shift[touching]
-        return ~np.isin(self._first, _numbers(ends[:, 0], ends[:, 1], shift))
+        ends = self._ends[touching]
+        shift = self._shift[touching]
+        return ~np.isin(self._key_at_start, _contact_keys(ends[:, 0], ends[:, 1], shift))
 
     def slips(self) -> tuple[Ints, Floats, Ints]:
-        """All contacts that have slid: ends (k, 2), J (k,) that slip has dissipated, and rows (k,).
+        """Return ends (k, 2), dissipated energy (k,), J, and row (k,) of contacts that have slid.
 
-        In no order; those that have come and gone since the start are among them. The rows are
-        those in the sample's order, -1 of contacts that it did not have.
+        Contacts that have opened, or come and gone, since the start are included; they have no
+        order. The rows are those in the sample, -1 for contacts that it did not have.
         """
         slid = self.work[:, 1] != 0
-        ends, shift = self._ends[slid], self._shift[slid]
-        here = _numbers(ends[:, 0], ends[:, 1], shift), ends, self.work[slid, 1]
-        numbers, ends, energy = map(np.concatenate, zip(*self._left, here, strict=True))
-        number, first, which = np.unique(numbers, return_index=True, return_inverse=True)
-        rows = np.full(len(number), -1)
-        of_start, at = _matching(self._first, number)
-        rows[at] = of_start
-        return ends[first], np.asarray(np.bincount(which, energy, len(number)), float), rows
+        ends = self._ends[slid]
+        shift = self._shift[slid]
+        listed = _Slips(_contact_keys(ends[:, 0], ends[:, 1], shift), ends, self.work[slid, 1])
+        all_slips = [*self._slips_of_open, listed]
+        key, first, which = np.unique(
+            np.concatenate([slips.key for slips in all_slips]),
+            return_index=True,
+            return_inverse=True,
+        )
+        ends = np.concatenate([slips.ends for slips in all_slips])[first]
+        energies = np.concatenate([slips.energy for slips in all_slips])
+        energy = np.asarray(np.bincount(which, energies, len(key)), float)
+        rows = np.full(len(key), -1)
+        rows_at_start, matched = _match_rows(self._key_at_start, key)
+        rows[matched] = rows_at_start
+        return ends, energy, rows
 
     @property
     def slipped(self) -> float:
-        """What slip has dissipated so far, J, if `books` are kept."""
-        return float(self.work[:, 1].sum() + sum(energy.sum() for _, _, energy in self._left))
+        """Return the energy that slip has dissipated so far, J; 0 unless `track_energy`."""
+        of_open = sum(slips.energy.sum() for slips in self._slips_of_open)
+        return float(self.work[:, 1].sum() + of_open)
 
     def sample(self) -> Sample:
-        """The sample as it is now, at rest."""
-        position, turns = self._wrapped()
+        """Return the sample as it is now, at rest."""
+        position, periods = self._wrap_positions()
         bare = replace(
             self._sample,
             position=position,
@@ -282,10 +364,11 @@ class MovingContacts:
             return bare
         contact = bare.contacts()
         i, j = self._ends.T.astype(int)
-        shift, pair = self._shift.astype(int), j >= 0
-        shift[pair] += turns[j[pair]] - turns[i[pair]]
-        here = _numbers(contact.particle_i, contact.particle_j, contact.cell_shift)
-        before, after = _matching(_numbers(i, j, shift), here)
-        force = np.zeros((len(here), 3))
+        shift = self._shift.astype(int)
+        pair = j >= 0
+        shift[pair] += periods[j[pair]] - periods[i[pair]]
+        keys = _contact_keys(contact.particle_i, contact.particle_j, contact.cell_shift)
+        before, after = _match_rows(_contact_keys(i, j, shift), keys)
+        force = np.zeros((len(keys), 3))
         force[after] = self._shear[before]
         return replace(bare, shear=contact.along(force))

@@ -1,6 +1,6 @@
-"""Contacts that touch or may soon touch: pairs of spheres in reach, and those near a wall.
+"""List contacts that touch or may soon touch: pairs of spheres in reach, and spheres near a wall.
 
-Pairs are sought by cells, compiled by numba where it is installed, else by a tree.
+Pairs are found by a grid of cells, compiled by numba where it is installed, else by a tree.
 """
 
 from __future__ import annotations
@@ -13,51 +13,70 @@ from modal.tools.arrays import Floats, Ints
 from modal.tools.loops import by_parts, compiled, compiled_part, fingerprint, numba, prange
 from modal.tools.slabs import SLABS
 
-EMPTY = 100
-"""Cells per point above which pairs are not sought by cells."""
-_ROWS = np.array([(0, 0), (1, 0), (-1, 1), (0, 1), (1, 1)])
-"""Rows of cells along x around one, its own first, by their steps along y and z."""
+MAX_CELLS_PER_SPHERE = 100
+"""With more cells for each sphere a tree is used: the cells would take more memory than spheres."""
+_NEIGHBOUR_ROWS = np.array([(0, 0), (1, 0), (-1, 1), (0, 1), (1, 1)])
+"""Steps along y and z from a row of cells along x to itself and to half of those around it: the
+others have this one among theirs."""
+MAX_RUNS = 15
+"""Largest number of runs near a cell: five rows, in each at most three periods."""
 
 
 def contacts_in_reach(
-    position: Floats, lengths: Floats, radius: Floats, skin: float, whole: bool = False
+    position: Floats, lengths: Floats, radius: Floats, skin: float, periodic_z: bool = False
 ) -> tuple[Ints, Ints]:
-    """Ends (k, 2) and periods (k, 3) of the contacts in reach, sorted by the first, lower end.
+    """Return the ends (k, 2) and periods (k, 3) of contacts in reach, sorted by the first end.
 
-    Pairs no further apart than their radii (n,) and twice the `skin`, m, and spheres near a wall,
-    whose code is the second end, within the largest radius and the skin. `position` (n, 3) in a
-    cell of `lengths` (3,), x and y periodic, walls at both ends of z, the lower one at 0; where
-    `whole` z is periodic as well, without walls.
+    The first end is the lower sphere, the second one a sphere or the code of a wall.
+
+    Parameters
+    ----------
+    position : ndarray (n, 3)
+        m, inside a cell with periods along x and y, and walls at z = 0 and at its upper end.
+    lengths : ndarray (3,)
+        Of the cell, m.
+    radius : ndarray (n,)
+        m.
+    skin : float
+        m. Pairs are in reach up to the sum of their radii and twice the skin, spheres and walls up
+        to the largest radius and the skin.
+    periodic_z : bool, default False
+        Whether z is periodic as well, without walls.
     """
     reach = 2 * (float(radius.max()) + skin)
-    # With fewer than three cells across, a cell would be its neighbour on both sides; a few points
-    # in a wide space would have more cells than memory.
-    crowded = lengths.prod() < EMPTY * len(position) * reach**3
-    wide = lengths[: 3 if whole else 2].min() >= 3 * reach
+    # With fewer than three cells across, a cell would be its neighbour on both sides.
+    periodic_axes = 3 if periodic_z else 2
+    wide = lengths[:periodic_axes].min() >= 3 * reach
+    crowded = lengths.prod() < MAX_CELLS_PER_SPHERE * len(position) * reach**3
     if numba is not None and crowded and wide:
-        ends, shift = _pairs_by_cells(position, lengths, reach, whole)
+        ends, shift = _pairs_by_cells(position, lengths, reach, periodic_z)
     else:
-        i, j, shift = periodic_pairs(position, lengths if whole else lengths[:2], reach)
+        i, j, shift = periodic_pairs(position, lengths[:periodic_axes], reach)
         order = np.argsort(j, kind="stable")
-        ends, shift = np.column_stack([i, j])[order].astype(np.int32), shift[order].astype(np.int8)
+        ends = np.column_stack([i, j])[order].astype(np.int32)
+        shift = shift[order].astype(np.int8)
     if radius.min() < radius.max():
         i, j = ends.T
         branch = position[j] - position[i] + shift * lengths
         near = (branch**2).sum(axis=1) <= (radius[i] + radius[j] + 2 * skin) ** 2
-        ends, shift = ends[near], shift[near]
-    if not whole:
+        ends = ends[near]
+        shift = shift[near]
+    if not periodic_z:
         low = np.flatnonzero(position[:, 2] < reach / 2)
         high = np.flatnonzero(lengths[2] - position[:, 2] < reach / 2)
         code = np.repeat((SOURCE_WALL, RECEIVER_WALL), (len(low), len(high)))
-        walls = np.column_stack([np.concatenate([low, high]), code]).astype(ends.dtype)
-        ends = np.concatenate([walls, ends])
-        shift = np.concatenate([np.zeros((len(walls), 3), shift.dtype), shift])
-    order, _ = _sorted_by(ends[:, 0], len(position))
+        at_walls = np.column_stack([np.concatenate([low, high]), code]).astype(ends.dtype)
+        ends = np.concatenate([at_walls, ends])
+        shift = np.concatenate([np.zeros((len(at_walls), 3), shift.dtype), shift])
+    order, _ = _sort_by_key(ends[:, 0], len(position))
     return ends.take(order, axis=0), shift.take(order, axis=0)
 
 
-def _sorted_by(key, count):
-    """Rows in the order of their keys (n,), 0 to count - 1; the first of each, the end as well."""
+def _sort_by_key(key, count):
+    """Return the rows (n,) in the order of their keys (n,), and where each key begins.
+
+    Keys are 0 to `count` - 1; the second array ends with n.
+    """
     first = np.zeros(count + 2, np.int64)
     for k in key:
         first[k + 2] += 1
@@ -69,121 +88,157 @@ def _sorted_by(key, count):
     return order, first[:-1]
 
 
-def _runs_near(here, count, first, whole, runs):
-    """Fill `runs` with those of points near a cell, its own first; how many they are.
+def _list_runs(cell, count, first, periodic_z, runs):
+    """Fill `runs` (15, 5) with those of the points near a cell, its own first; return their number.
 
-    First and end of each, and the periods (x, y, z) that its cells lie off; half of the cells
-    around, as the others have this one among theirs. Cells in a row along x hold one run.
+    A run is the points of a cell and its neighbours in one row along x, which follow each other in
+    memory: the first point, the end, and the periods (x, y, z) by which its cells are displaced.
+    `count` (3,) are the cells along each axis, `first` the first point of each cell. Half of the
+    cells around are listed, as the others have this one among theirs.
     """
-    x, y, z = here % count[0], here // count[0] % count[1], here // (count[0] * count[1])
-    found = 0
+    x = cell % count[0]
+    y = cell // count[0] % count[1]
+    z = cell // (count[0] * count[1])
+    n_runs = 0
     for row in range(5):
-        v, w = y + _ROWS[row, 0], z + _ROWS[row, 1]
-        b, up = (v >= count[1]) - (v < 0), 1 * (w == count[2])
-        if up and not whole:
+        row_y = y + _NEIGHBOUR_ROWS[row, 0]
+        row_z = z + _NEIGHBOUR_ROWS[row, 1]
+        period_y = (row_y >= count[1]) - (row_y < 0)
+        period_z = 1 * (row_z == count[2])
+        if period_z and not periodic_z:
             continue
-        begin = ((w - up * count[2]) * count[1] + v - b * count[1]) * count[0]
+        row_index = (row_z - period_z * count[2]) * count[1] + row_y - period_y * count[1]
+        first_cell = row_index * count[0]
+        # In the row of the cell itself only the cell to the right counts.
         back = 1 * (row > 0)
-        for a in range(-1 * (x < back), 1 + (x + 1 == count[0])):
-            low = max(x - back - a * count[0], 0)
-            high = min(x + 1 - a * count[0], count[0] - 1)
-            runs[found, 0], runs[found, 1] = first[begin + low], first[begin + high + 1]
-            runs[found, 2], runs[found, 3], runs[found, 4] = a, b, up
-            found += 1
-    return found
+        for period_x in range(-1 * (x < back), 1 + (x + 1 == count[0])):
+            low = max(x - back - period_x * count[0], 0)
+            high = min(x + 1 - period_x * count[0], count[0] - 1)
+            runs[n_runs, 0] = first[first_cell + low]
+            runs[n_runs, 1] = first[first_cell + high + 1]
+            runs[n_runs, 2] = period_x
+            runs[n_runs, 3] = period_y
+            runs[n_runs, 4] = period_z
+            n_runs += 1
+    return n_runs
 
 
-def _pairs_of_some(
-    begin, end, points, cell, order, first, count, lengths, reach, whole, ends, shift
+def _list_pairs_of_part(
+    begin, end, points, cell, order, first, count, lengths, reach, periodic_z, ends, shift
 ):  # fmt: skip
-    """Pairs of the points from `begin` to `end` into `ends`; without room for any, the most."""
-    runs, near, here = np.empty((15, 5), np.int64), 0, -1
-    square, found = reach * reach, np.uint64(0)
+    """Write the pairs of points `begin` to `end` - 1 into `ends` and `shift`; return their number.
+
+    If `ends` has no rows, return an upper bound of the number instead. The points (n, 3), m, are
+    sorted by their cells (n,); `order` (n,) is the sphere of each.
+    """
+    runs = np.empty((MAX_RUNS, 5), np.int64)
+    n_runs = 0
+    runs_of_cell = -1
+    square = reach * reach
+    n_pairs = np.uint64(0)
     for k in range(begin, end):
-        if cell[k] != here:
-            here = cell[k]
-            near = _runs_near(here, count, first, whole, runs)
-        for run in range(near):
-            start, stop = runs[run, 0] if run else k + 1, runs[run, 1]
+        if cell[k] != runs_of_cell:
+            runs_of_cell = cell[k]
+            n_runs = _list_runs(runs_of_cell, count, first, periodic_z, runs)
+        for run in range(n_runs):
+            start = runs[run, 0] if run else k + 1
+            stop = runs[run, 1]
             if len(ends) == 0:
-                found += np.uint64(max(stop - start, 0))
+                n_pairs += np.uint64(max(stop - start, 0))
                 continue
-            a, b, up, before = runs[run, 2], runs[run, 3], runs[run, 4], found
-            px = points[k, 0] - a * lengths[0]
-            py = points[k, 1] - b * lengths[1]
-            pz = points[k, 2] - up * lengths[2]
+            period_x = runs[run, 2]
+            period_y = runs[run, 3]
+            period_z = runs[run, 4]
+            pairs_before = n_pairs
+            px = points[k, 0] - period_x * lengths[0]
+            py = points[k, 1] - period_y * lengths[1]
+            pz = points[k, 2] - period_z * lengths[2]
             # Numbers without sign: for others numba looks whether they count from the end.
             for m in range(np.uint64(start), np.uint64(stop)):
-                dx, dy, dz = points[m, 0] - px, points[m, 1] - py, points[m, 2] - pz
-                # Written and kept or written over: without a branch nothing waits for a guess.
-                ends[found, 1] = m
-                found += np.uint64(dx * dx + dy * dy + dz * dz <= square)
-            for pair in range(before, found):
-                i, j = order[k], order[ends[pair, 1]]
-                way = 1 - 2 * (i > j)
-                ends[pair, 0], ends[pair, 1] = min(i, j), max(i, j)
-                shift[pair, 0], shift[pair, 1], shift[pair, 2] = way * a, way * b, way * up
-    return found
+                dx = points[m, 0] - px
+                dy = points[m, 1] - py
+                dz = points[m, 2] - pz
+                # Written and kept or written over: no branch that a processor guesses wrongly.
+                ends[n_pairs, 1] = m
+                n_pairs += np.uint64(dx * dx + dy * dy + dz * dz <= square)
+            for pair in range(pairs_before, n_pairs):
+                i = order[k]
+                j = order[ends[pair, 1]]
+                sign = 1 - 2 * (i > j)
+                ends[pair, 0] = min(i, j)
+                ends[pair, 1] = max(i, j)
+                shift[pair, 0] = sign * period_x
+                shift[pair, 1] = sign * period_y
+                shift[pair, 2] = sign * period_z
+    return n_pairs
 
 
-def _pairs_by_cells(position, lengths, reach, whole):
-    """Pairs at most `reach`, m, apart, as in `contacts_in_reach`, by cells at least as wide."""
+def _pairs_by_cells(position, lengths, reach, periodic_z):
+    """Return ends and periods of pairs at most `reach`, m, apart, by cells at least as wide."""
     n = len(position)
     count = np.maximum(1, (lengths / reach).astype(np.int64))
     cell = np.zeros(n, np.int64)
     for i in range(n):
         for axis in range(2, -1, -1):
-            at = int(position[i, axis] / lengths[axis] * count[axis])
-            cell[i] = cell[i] * count[axis] + min(max(at, 0), count[axis] - 1)
-    order, first = _sorted_by(cell, count.prod())
-    near = position[order], cell[order], order, first, count, lengths, reach, whole
+            along = int(position[i, axis] / lengths[axis] * count[axis])
+            cell[i] = cell[i] * count[axis] + min(max(along, 0), count[axis] - 1)
+    order, first = _sort_by_key(cell, count.prod())
+    grid = position[order], cell[order], order, first, count, lengths, reach, periodic_z
     bounds = np.arange(SLABS + 1) * n // SLABS
-    most, found = np.zeros(SLABS + 1, np.int64), np.zeros(SLABS, np.int64)
-    none, still = np.empty((0, 2), np.int32), np.empty((0, 3), np.int8)
+    max_pairs = np.zeros(SLABS + 1, np.int64)
+    n_pairs = np.zeros(SLABS, np.int64)
+    no_ends = np.empty((0, 2), np.int32)
+    no_shift = np.empty((0, 3), np.int8)
     for part in prange(SLABS):
-        most[part + 1] = _pairs_of_some(bounds[part], bounds[part + 1], *near, none, still)
-    room = most.cumsum()
-    ends, shift = np.empty((room[-1], 2), np.int32), np.empty((room[-1], 3), np.int8)
+        max_pairs[part + 1] = _list_pairs_of_part(
+            bounds[part], bounds[part + 1], *grid, no_ends, no_shift
+        )
+    room = max_pairs.cumsum()
+    ends = np.empty((room[-1], 2), np.int32)
+    shift = np.empty((room[-1], 3), np.int8)
     for part in prange(SLABS):
         rows = slice(room[part], room[part + 1])
-        found[part] = _pairs_of_some(bounds[part], bounds[part + 1], *near, ends[rows], shift[rows])
-    kept = 0
+        n_pairs[part] = _list_pairs_of_part(
+            bounds[part], bounds[part + 1], *grid, ends[rows], shift[rows]
+        )
+    total = 0
     for part in range(SLABS):
-        rows = slice(room[part], room[part] + found[part])
-        ends[kept : kept + found[part]] = ends[rows]
-        shift[kept : kept + found[part]] = shift[rows]
-        kept += found[part]
-    return ends[:kept], shift[:kept]
+        rows = slice(room[part], room[part] + n_pairs[part])
+        ends[total : total + n_pairs[part]] = ends[rows]
+        shift[total : total + n_pairs[part]] = shift[rows]
+        total += n_pairs[part]
+    return ends[:total], shift[:total]
 
 
-def _way_of_some(first, last, part, position, start, stretch, longest):
-    most = 0.0
+def _longest_path_of_part(first, last, part, position, start, stretch, longest):
+    """Write the longest path of spheres `first` to `last` - 1 into `longest[part]`."""
+    longest_square = 0.0
     for i in range(first, last):
-        way = 0.0
+        square = 0.0
         for axis in range(3):
-            way += (position[i, axis] - stretch[axis] * start[i, axis]) ** 2
-        # What is no number stays in sight.
-        if most == most and not way <= most:
-            most = way
-    longest[part] = np.sqrt(most)
+            square += (position[i, axis] - stretch[axis] * start[i, axis]) ** 2
+        # NaN stays in sight.
+        if longest_square == longest_square and not square <= longest_square:
+            longest_square = square
+    longest[part] = np.sqrt(longest_square)
 
 
-def longest_ways_by_arrays(
+def longest_paths_by_arrays(
     position: Floats, start: Floats, stretch: Floats, longest: Floats
 ) -> None:
-    """How far the spheres have gone from `start` (n, 3), stretched (3,), m: into `longest` (k,).
+    """Fill `longest` (k,), m, with how far spheres have moved from `start` (n, 3), m.
 
-    The compiled loop gives the longest way of each part. The largest of them is for numpy, which
-    unlike threads' loops does not pass over what is no number.
+    `stretch` (3,) multiplies the start. The compiled loop writes the longest path of each part; the
+    largest of them is for numpy, which unlike the loops of threads does not pass over NaN.
     """
     longest[:] = np.sqrt(((position - stretch * start) ** 2).sum(axis=1)).max(initial=0.0)
 
 
-longest_ways = by_parts(_way_of_some, longest_ways_by_arrays)
+longest_paths = by_parts(_longest_path_of_part, longest_paths_by_arrays)
 if numba is not None:
     from modal.tools.loop_cache import compile_cached
 
-    _sorted_by = compile_cached(_sorted_by)
-    _runs_near = compiled_part(_runs_near, fingerprint())
-    _pairs_of_some = compiled_part(_pairs_of_some, fingerprint())
+    _sort_by_key = compile_cached(_sort_by_key)
+    _list_runs = compiled_part(_list_runs, fingerprint())
+    _list_pairs_of_part = compiled_part(_list_pairs_of_part, fingerprint())
     _pairs_by_cells = compiled(_pairs_by_cells, 0, fingerprint())

@@ -258,7 +258,7 @@ class NonlinearRuns:
             energy[record] = dynamics.energy(velocity_behind)
             forces[record] = dynamics.wall_forces()
             if record % max(1, n_records // OPENING_CHECKS) == 0 or k == steps:
-                opened |= dynamics.contacts.opened()
+                opened |= dynamics.contacts.opened_contacts()
         if not np.isfinite(motion).all():
             raise UnavailableError(
                 "not_converged", "the wave is not finite", remedy="take a smaller amplitude"
@@ -352,7 +352,7 @@ class _DrivenDynamics:
         self.runs = runs
         self.time_step = time_step
         self.source_motion = source_motion
-        self.dynamics = Dynamics(runs.sample, books=True)
+        self.dynamics = Dynamics(runs.sample, track_energy=True)
         self.dynamics.axis = runs.network.cell_size[:2] / 2
         self.dynamics.carried = runs.source.carried(runs.sample.position)
         self.contacts = self.dynamics.contacts
@@ -394,7 +394,7 @@ class _DrivenDynamics:
         component = self.runs.component
         self.dynamics.place_source(self.source_motion[k] * np.eye(6)[component])
         self.dynamics.step(self.time_step)
-        force = float(self.dynamics.held()[component])
+        force = float(self.dynamics.holding_load()[component])
         if k:
             path = self.source_motion[k] - self.source_motion[k - 1]
             self.work += 0.5 * (self.source_force + force) * path

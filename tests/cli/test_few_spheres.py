@@ -9,7 +9,8 @@ import pytest
 import modal
 from analysis.cli.main import main as analyse
 from modal.cli.main import main
-from modal.dem.forces import forces_by_arrays
+from modal.dem.contact_step import Geometry
+from modal.dem.forces_by_arrays import forces_by_arrays
 from modal.packing.network import Network, write_network
 from modal.packing.sample import Sample, write_sample
 
@@ -99,11 +100,15 @@ def test_forces_on_one_sphere_between_walls_by_arrays():
     """Both walls push it equally; the way without numba."""
     packing = sample("both")
     network = packing.network()
-    count = np.zeros((1, 6)), np.zeros(0)
-    sums = forces_by_arrays(
-        *(None, network.position, np.array([[0, -1], [0, -2]]), np.zeros((2, 3), np.int8)),
-        *(np.array([*packing.lengths, 0.0, 0.0]), packing.walls, network.radius, packing.laws),
-        *(None, 0.0, None, 0.1, None, None, np.zeros((0, 2)), *count),
+    load = np.zeros((1, 6))
+    geometry = Geometry(
+        position=network.position,
+        ends=np.array([[0, -1], [0, -2]]),
+        shift=np.zeros((2, 3), np.int8),
+        cell=np.array([*packing.lengths, 0.0, 0.0]),
+        walls=packing.walls,
+        radius=network.radius,
     )
-    assert sums[0] == pytest.approx(network.force_normal.sum(), rel=1e-9)
-    assert abs(count[0]).max() < 1e-9 * sums[0]
+    sums = forces_by_arrays(None, geometry, packing.laws, None, load, np.zeros(0))
+    assert sums.normal_force == pytest.approx(network.force_normal.sum(), rel=1e-9)
+    assert abs(load).max() < 1e-9 * sums.normal_force

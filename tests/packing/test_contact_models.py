@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 import modal
 from modal.__main__ import main
 from modal.dem import contacts as moving_contacts
-from modal.dem.forces import forces_by_arrays
+from modal.dem.forces_by_arrays import forces_by_arrays
 from modal.dem.motion import Dynamics
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.contact_models import MODELS, laws_of

@@ -12,9 +12,9 @@ from places import ROOT
 from scipy.spatial.transform import Rotation
 
 from modal.dem import contacts as moving_contacts
-from modal.dem import forces as contact_forces
 from modal.dem import motion as dynamics
-from modal.dem.contacts import WIDEST, MovingContacts
+from modal.dem.contacts import MAX_SKIN, MovingContacts
+from modal.dem.forces_by_arrays import forces_by_arrays
 from modal.dem.motion import Dynamics
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.sample import Sample, read_sample, write_sample
@@ -189,7 +189,7 @@ def test_small_sphere_flies_far_between_two_lists_of_a_mixture():
     start = np.array([[10.0, 10, 20], [30, 30, 20]]) * RADIUS
     size, flight = 40 * RADIUS, np.array([[0.0, 0, 0], [0, 0, 1]])
     sample = Sample(start, np.full(2, size), np.array([0.0, size]), 0.3, radii=radii)
-    motion = Dynamics(in_flight(sample, flight), skin=WIDEST)
+    motion = Dynamics(in_flight(sample, flight), skin=MAX_SKIN)
     for _ in range(200):
         motion.step(0.01 * RADIUS)
     # Rounding of 200 sums.
@@ -222,7 +222,7 @@ def test_compiled_steps_are_those_of_numpy(hot, mixture, monkeypatch):
     """To round-off: a hundred steps in which contacts slide, open and close."""
     sample = agitated(**mixture) if mixture else hot
     compiled = run(sample, 100)
-    monkeypatch.setattr(moving_contacts, "forces_by_loop", contact_forces.forces_by_arrays)
+    monkeypatch.setattr(moving_contacts, "forces_by_loop", forces_by_arrays)
     monkeypatch.setattr(dynamics, "advance_by_loop", dynamics.advance_by_arrays)
     arrays = run(sample, 100)
     assert compiled.contacts.touching == arrays.contacts.touching

@@ -87,9 +87,9 @@ def test_largest_displacement_is_that_of_numpy(n):
     position, start = np.random.default_rng(n).standard_normal((2, n, 3))
     stretch = np.array([0.99, 1.0, 1.02])
     distances, expected = np.empty((2, SLABS))
-    near_contacts.longest_ways(position, start, stretch, distances)
-    near_contacts.longest_ways_by_arrays(position, start, stretch, expected)
+    near_contacts.longest_paths(position, start, stretch, distances)
+    near_contacts.longest_paths_by_arrays(position, start, stretch, expected)
     assert distances.max() == pytest.approx(expected.max(), rel=10 * EPS)
     position[n // 2, 1] = np.nan
-    near_contacts.longest_ways(position, start, stretch, distances)
+    near_contacts.longest_paths(position, start, stretch, distances)
     assert np.isnan(distances.max())

@@ -7,7 +7,8 @@ from packings import random_sample
 from modal.__main__ import main
 from modal.dem import contacts
 from modal.dem.contacts import MovingContacts
-from modal.dem.forces import forces_by_arrays, forces_by_loop
+from modal.dem.forces import forces_by_loop
+from modal.dem.forces_by_arrays import forces_by_arrays
 from modal.packing.sample import read_sample
 from modal.packing.state import net_forces, stress_tensor, void_ratio
 from modal.packing.summary import summary

@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 import modal
 from modal.__main__ import main
 from modal.dem import contacts
-from modal.dem import forces as contact_forces
+from modal.dem.forces import forces_by_loop
+from modal.dem.forces_by_arrays import forces_by_arrays
 from modal.dem.motion import Dynamics
 from modal.packing import crystal as gallery
 from modal.packing.contact_law import RADIUS
@@ -322,7 +323,7 @@ def test_loop_and_arrays_turn_alike(pillar, monkeypatch):
     for source in (Wall(), Plane(pillar.walls.mean() + 1e-4)):
         options = {"motion": Pulse(1e-4, 1e5), "direction": "torsion", "time_step": 5e-8}
         waves = []
-        for compute in (contact_forces.forces_by_loop, contact_forces.forces_by_arrays):
+        for compute in (forces_by_loop, forces_by_arrays):
             monkeypatch.setattr(contacts, "forces_by_loop", compute)
             waves.append(modal.propagate(pillar, 2e-5, nonlinear=True, source=source, **options))
         loop, arrays = (wave.signals for wave in waves)
@@ -350,7 +351,7 @@ def test_a_turning_wall_with_shear_feels_differences_of_the_law(rested):
         moving.contacts.position += size * u[:, :3]
         moving.place_source(angle * np.eye(6)[TURN])
         moving.find_forces(1.0)
-        return np.append(moving.contacts.load, moving.held()[TURN])
+        return np.append(moving.contacts.load, moving.holding_load()[TURN])
 
     wall = put_on(network, terms_of("full"), WallMoves(SOURCE_WALL, TURN))
     turned = (forces(1e-7, 0) - forces(-1e-7, 0)) / 2e-7

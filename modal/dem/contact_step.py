@@ -1,0 +1,152 @@
+"""What the forces of moving contacts follow from, and the law of their shear forces.
+
+A contact with history has a shear force. A step turns it with its contact and with the spin of its
+two spheres, adds kt times the shear displacement, the first step of a contact included, and cuts
+it at the friction limit. With Hertz and Mindlin this is the law of YADE term by term (its
+`ScGeom`, without the variant against ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), and that
+of `modal.system.contacts` with finite increments.
+
+The law is written once, for numbers and for arrays: the compiled loop over contacts
+(`modal.dem.forces`) and numpy (`modal.dem.forces_by_arrays`) both call it. A vector is a tuple or
+an array (x, y, z), whose components are numbers or have the shape (m,).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal.tools.arrays import Floats, Ints
+from modal.tools.loops import cross, dot, elementwise, plus
+
+UPRIGHT = np.zeros(2)
+"""Lean of a period along z that stands upright, m."""
+PERIODS, SOURCE, LEAN, TURN = range(4)
+"""Rows of the change of a cell in a step, see `ShearStep`."""
+
+
+class Geometry(NamedTuple):
+    """Where spheres and walls are, and the list of their contacts.
+
+    position (n, 3), m. ends (m, 2): the two spheres i and j of a contact, or a sphere and the code
+    of a wall. shift (m, 3): the periods by which j is displaced, 0 for walls. cell (5,), m: the
+    three periods, and how far the one along z leans along x and y. walls (2,), m: z of source and
+    receiver wall. radius (n,), m.
+    """
+
+    position: Floats
+    ends: Ints
+    shift: Ints
+    cell: Floats
+    walls: Floats
+    radius: Floats
+
+
+class ShearStep(NamedTuple):
+    """The motion in a time step, and the history of contacts, which the step updates.
+
+    velocity (n, 6), m/s and rad/s. time_step, s. change (4, 3): the row `PERIODS` is what the
+    periods have gained in the step, m, `SOURCE` the displacement of the source wall, m, `LEAN` what
+    the lean of the period along z has gained, m, `TURN` the spin of the wall, rad/s, and the x and
+    y, m, of the line along z about which it turns. friction: coefficient mu. normal (m, 3): unit
+    vectors from i to j, 0 for open contacts. shear (m, 3), N: forces on i.
+
+    work (m, 2), J: what the shear force of each contact has stored and what its slip has
+    dissipated, by the trapezoidal rule; (0, 2) if energies are not recorded. The law keeps the
+    force as the overlap, and with it the stiffness, changes: what is stored is the sum of the work,
+    no function of the force.
+    """
+
+    velocity: Floats
+    time_step: float
+    change: Floats
+    friction: float
+    normal: Floats
+    shear: Floats
+    work: Floats
+
+
+class Totals(NamedTuple):
+    """Sums over all contacts.
+
+    normal_force, contact_force, N: sizes, the latter with shear, 0 without history. touching,
+    sliding: numbers of contacts. virial, N m: principal stresses times the volume. elastic_energy,
+    J, of normal forces. stiffness, N/m, of normal forces. source, receiver, N: forces on the walls;
+    in a cell without walls `source` is the force across its period along z. source_torque,
+    receiver_torque, N m: about the line of `ShearStep.change`.
+    """
+
+    normal_force: float
+    contact_force: float
+    touching: float
+    sliding: float
+    virial_x: float
+    virial_y: float
+    virial_z: float
+    elastic_energy: float
+    stiffness: float
+    source_x: float
+    source_y: float
+    source_z: float
+    receiver_x: float
+    receiver_y: float
+    receiver_z: float
+    source_torque: float
+    receiver_torque: float
+
+
+class RelativeMotion(NamedTuple):
+    """How the two ends of a contact move; all four are vectors.
+
+    approach: velocity of j minus velocity of i, m/s. spin_sum: of both ends, rad/s. spin_j, rad/s.
+    gained, m: what the periods between i and j have gained in the step.
+    """
+
+    approach: Any
+    spin_sum: Any
+    spin_j: Any
+    gained: Any
+
+
+@elementwise
+def shear_increment(normal, lever, longer, motion, time_step):
+    """Return the shear displacement of a contact in a step, a vector, m.
+
+    `lever`, m, is the distance of sphere i from the middle of the overlap; that of j is by `longer`
+    larger: 0 for equal spheres.
+    """
+    moved = plus(motion.approach, lever, cross(normal, motion.spin_sum))
+    moved = plus(moved, longer, cross(normal, motion.spin_j))
+    moved = plus(motion.gained, time_step, moved)
+    return plus(moved, -dot(moved, normal), normal)
+
+
+@elementwise
+def turn_shear(shear, normal_before, normal, spin_sum, time_step):
+    """Return the shear force, N, turned with its contact, then with the mean spin of the ends.
+
+    s + (before x normal) x s, then + (spin before) x s; zero for a contact that has just closed.
+    """
+    shear = plus(plus(shear, dot(shear, normal_before), normal), -dot(shear, normal), normal_before)
+    angle = 0.5 * time_step * dot(normal_before, spin_sum)
+    return plus(shear, angle, cross(normal_before, shear))
+
+
+@elementwise
+def friction_share(shear, limit):
+    """Return the share of a shear force that friction carries: below 1 if the contact slides."""
+    size = np.sqrt(dot(shear, shear))
+    return np.minimum(1.0, limit / np.maximum(size, 1e-300))
+
+
+@elementwise
+def shear_work(before, trial, after, stiffness):
+    """Return the energy that a step stores in a contact's shear force, and that slip dissipates, J.
+
+    `before` and `after` are the forces, N, `trial` is the force without slip.
+    """
+    mean = plus((0.5 * before[0], 0.5 * before[1], 0.5 * before[2]), 0.5, after)
+    stored = dot(mean, plus(after, -1.0, before)) / stiffness
+    dissipated = dot(mean, plus(trial, -1.0, after)) / stiffness
+    return stored, dissipated
