@@ -1,11 +1,14 @@
-"""What the examples that read committed results share: the results, the look, the files."""
+"""Shared parts of the examples that read committed results: results, means, style, files."""
 
 import json
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
 
+from analysis.mean import mean_of_values
 from analysis.table import Table
+from analysis.value import Value
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
 PEAK_SLOPE = 0.058  # f* = PEAK_SLOPE (z - 4) f_max: the peak of D(f) / f² of the study's packings
@@ -14,26 +17,50 @@ plt.rcParams.update({"xtick.direction": "in", "ytick.direction": "in"})
 
 
 def results(pattern, folder=RESULTS):
-    """Each result of a measured packing: its file's stem, its numbers by name, all that it has."""
+    """Yield the file's stem, the numbers by name, and all contents of each measured packing."""
     for path in sorted(folder.glob(pattern)):
-        found = json.loads(path.read_text())
-        numbers = found.get("values", found)
-        yield path.stem, {name: each["value"] for name, each in numbers.items()}, found
+        contents = json.loads(path.read_text())
+        values = contents.get("values", contents)
+        yield path.stem, {name: value["value"] for name, value in values.items()}, contents
 
 
-def write(folder, figures, tables, **as_csv):
-    """Figures as PNG and PDF, tables as CSV, each under its name, into a folder."""
+def mean_with_error(numbers, errors=None):
+    """Return the mean of known numbers and its standard error, by the rule of `analysis.mean`.
+
+    It is the error from their scatter, or from their own errors if this is larger. Both are NaN
+    without numbers; the error of a single number without its own is NaN.
+    """
+    numbers = np.asarray(numbers, float)
+    known = np.isfinite(numbers)
+    if not known.any():
+        return np.nan, np.nan
+    if errors is None:
+        values = [Value(number, "1") for number in numbers[known]]
+        if len(values) == 1:
+            return values[0].value, np.nan
+    else:
+        known_errors = np.nan_to_num(np.asarray(errors, float)[known])
+        pairs = zip(numbers[known], known_errors, strict=True)
+        values = [Value(number, "1", {"fit": error}) for number, error in pairs]
+    mean = mean_of_values(values)
+    return float(mean.value), mean.error
+
+
+def write(folder, figures, tables, **csv_options):
+    """Write figures as PNG and PDF and tables as CSV, each under its name, into a folder."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for name, figure in figures.items():
         figure.savefig(folder / f"{name}.png", dpi=200)
         figure.savefig(folder / f"{name}.pdf", metadata={"CreationDate": None})
     for name, table in tables.items():
-        table.to_csv(folder / f"{name}.csv", index=False, **as_csv)
+        table.to_csv(folder / f"{name}.csv", index=False, **csv_options)
 
 
 def write_page(path, table, columns, unknown=""):
-    """A table as Markdown, as pages include it: its columns' headers, and how a row is written."""
-    lines = [[form.format(**row) for form in columns.values()] for row in table.to_dict("records")]
-    lines = [[unknown if "nan" in cell else cell for cell in line] for line in lines]
+    """Write a table as Markdown; `columns` has the format of a row's cell by the header."""
+    lines = []
+    for row in table.to_dict("records"):
+        cells = [cell_format.format(**row) for cell_format in columns.values()]
+        lines.append([unknown if "nan" in cell else cell for cell in cells])
     Path(path).write_text(Table("", list(columns), lines).markdown())

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pandas as pd
-from _committed import RESULTS, results
+from _committed import RESULTS, mean_with_error, results
 
 DRAWS = 4000  # of loading paths, for the intervals
 LOW_PASS, PEAK, IOFFE_REGEL = "low-pass frequency (2 %)", "peak of D(f) / f²", "Ioffe-Regel limit"
@@ -32,7 +32,7 @@ for name, key in zip(NAMES, ("f_low_pass_2_linear", "excess_peak", "ioffe_regel"
 
 
 def sample(stem, numbers, found):
-    """A line a sample, with the columns of the study."""
+    """Return a row of a sample, with the columns of the study."""
     case, seed = stem.split("_seed")
     row = {"name": case, "seed": int(seed), "f_max_khz": numbers["highest_frequency"] / 1e3}
     row |= {"z": numbers["coordination_of_bearing"], "void_ratio": numbers["void_ratio"]}
@@ -50,26 +50,31 @@ for name in (*NAMES, "z", "void_ratio", "f_max_khz"):
     groups = pd.concat([apart] * (name != IOFFE_REGEL) + [samples]).groupby("name")
     study.loc[of, name] = groups[name].mean().reindex(of)
     if name in NAMES:
-        each = groups[f"{name}, error"].agg(lambda e: np.sqrt((e**2).mean() / e.count()))
-        study.loc[of, f"{name}, error"] = np.fmax(groups[name].sem(), each).reindex(of)
+        errors = {
+            case: mean_with_error(group[name], group[f"{name}, error"])[1] for case, group in groups
+        }
+        study.loc[of, f"{name}, error"] = pd.Series(errors).reindex(of)
 study.loc[single, "packings"] += samples.groupby("name")["z"].count().reindex(single).fillna(0)
 headline = study.rename(columns={name: f"{name} / f_max" for name in NAMES})
 study = study.assign(path=study["friction"], v_p=rows["v_p_long_waves_linear_m_per_s"])
 
 
-def measured(folder):
-    """A line a packing: all that was measured, and the frequencies over its highest."""
-    found = []
-    for _, numbers, of in results(f"isostaticity/{folder}/*.json"):
-        path = of["name"].replace(f"_stress{of['stress']:g}", "")
-        found.append({"friction": of["mu_comp"], "stress_pa": of["stress"], "path": path} | numbers)
-    table = pd.DataFrame(found).rename(columns={"coordination_of_bearing": "z"})
+def read_packings(folder):
+    """Return a row for each packing: its numbers, and frequencies divided by its highest."""
+    packings = []
+    for _, numbers, contents in results(f"isostaticity/{folder}/*.json"):
+        stress = contents["stress"]
+        path = contents["name"].replace(f"_stress{stress:g}", "")
+        row = {"friction": contents["mu_comp"], "stress_pa": stress, "path": path}
+        packings.append(row | numbers)
+    table = pd.DataFrame(packings).rename(columns={"coordination_of_bearing": "z"})
     for name, key in KEYS.items():
         table[name] = table[key].astype(float) / table["highest_frequency"]
     return table.assign(f_max_khz=table["highest_frequency"] / 1e3)
 
 
-seeds, dilated = measured("seeds"), measured("dilated")
+seeds = read_packings("seeds")
+dilated = read_packings("dilated")
 
 # **The fits.** Each quantity is a line a (z - z_c), by least squares. All stresses of one friction
 # are states of one loading path, so that cases are not independent: the intervals (95 %) come from
@@ -77,19 +82,19 @@ seeds, dilated = measured("seeds"), measured("dilated")
 
 
 def line(x, y):
-    """Slope and zero of the least-squares line through what is known."""
+    """Return slope and zero of the least-squares line through known numbers."""
     known = np.isfinite(y)
     slope, at_zero = np.polyfit(x[known], y[known], 1)
     return slope, -at_zero / slope
 
 
 def power(x, y):
-    """Exponent of the power law of z - 4."""
+    """Return the exponent of a power law of z - 4."""
     return line(np.log(x - 4), np.log(y))[0]
 
 
 def shared_zero(x, ys):
-    """The one z_c of several lines, each weighted by its own scatter about its best one."""
+    """Return the common z_c of several lines, each weighted by its scatter about its best line."""
     trials, cost = np.linspace(3, 4.4, 281), 0
     for y in ys:
         known = np.isfinite(y)
@@ -101,7 +106,7 @@ def shared_zero(x, ys):
 
 
 def with_interval(name, statistic, paths):
-    """A statistic of all packings, with 2.5 and 97.5 % of it over draws of whole loading paths."""
+    """Return a statistic of all packings, with its 95 % interval over draws of loading paths."""
     random = np.random.default_rng(1)
     members = [np.flatnonzero(paths == each) for each in np.unique(paths)]
     draws = [random.integers(len(members), size=len(members)) for _ in range(DRAWS)]
@@ -111,12 +116,12 @@ def with_interval(name, statistic, paths):
 
 
 def ends_of(name):
-    """Columns of a number and of its interval."""
+    """Return the columns of a number and of its interval."""
     return [name, f"{name}_low", f"{name}_high"]
 
 
 def fitted(table, name):
-    """The line through a quantity's points with intervals, and what it leaves."""
+    """Return the line through a quantity's points with intervals, and its scatter."""
     z, y, paths = table["z"].to_numpy(), table[name].to_numpy(), table["path"].to_numpy()
     known = np.isfinite(y)
     fit = {"cases": known.sum()}

@@ -17,7 +17,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from _committed import PEAK_SLOPE, RESULTS, write, write_page
+from _committed import PEAK_SLOPE, RESULTS, mean_with_error, write, write_page
 from _isostaticity import (
     KEYS,
     LOW_PASS,
@@ -70,38 +70,45 @@ LEGEND = {"frameon": False, "fontsize": 6.5, "title_fontsize": 7}
 along = np.linspace(0, 3.1, 50)
 
 
-def points(ax, table, x, y, bars):
-    """All packings, each with the colour of its friction and the marker of its stress."""
+def draw_points(ax, table, x, y, bars):
+    """Draw all packings, each in the colour of its friction, with the marker of its stress."""
     for mu, p, *at in zip(table["friction"], table["stress_pa"], x, y, bars, strict=True):
         ax.errorbar(*at, fmt=MARKERS[p], color=COLOURS[mu], ecolor="k", elinewidth=0.6, **EDGE)
 
 
-def means(table, name, by):
-    """Means of a quantity and of z over groups of packings, and the standard error."""
-    groups = table.dropna(subset=name).groupby(by)
-    return groups[["z", name]].mean().assign(bars=groups[name].sem()).reset_index()
+def standard_error(numbers):
+    """Return the standard error of the mean of some numbers."""
+    _, error = mean_with_error(numbers)
+    return error
 
 
-def legend(ax, title, entries):
-    """A legend of markers: their texts, colours and kinds."""
+def compute_means(table, name, columns):
+    """Return means of a quantity and of z over groups of packings, and the standard error."""
+    groups = table.dropna(subset=name).groupby(columns)
+    errors = groups[name].agg(standard_error)
+    return groups[["z", name]].mean().assign(bars=errors).reset_index()
+
+
+def draw_legend(ax, title, entries):
+    """Draw a legend of markers from their texts, colours and kinds."""
     handles = [ax.plot([], [], kind, color=c, label=text, **EDGE)[0] for text, c, kind in entries]
     ax.legend(handles=handles, title=title, **LEGEND)
 
 
-def over_z(tables, dashed, label):
-    """The three frequencies over z - 4, a table each, between its fit and a dashed line."""
+def draw_frequencies(tables, dashed, label):
+    """Draw the three frequencies over z - 4, a table each, with its fit and a dashed line."""
     figure, axes = plt.subplots(1, 3, figsize=(7, 2.7), sharey=True, layout="constrained")
     for ax, (name, (table, bars, fit)) in zip(axes, tables.items(), strict=True):
         slope, zero = dashed.loc[name]
         ax.plot(along, fit["slope"] * (along + 4 - fit["z_c"]), "k-", lw=0.8, label="fit")
         ax.plot(along, slope * (along + 4 - zero), "k--", lw=0.8, label=label)
-        points(ax, table, table["z"] - 4, table[name], table[bars])
+        draw_points(ax, table, table["z"] - 4, table[name], table[bars])
         ax.set_title(name, fontsize=8)
         ax.set(xlabel="z - 4", xlim=(0, 3.1), ylim=(0, 0.36))
     axes[0].set_ylabel("frequency / highest frequency")
     kinds = [(f"{mu:g}", COLOURS[mu], "o") for mu in np.unique(table["friction"])]
-    legend(axes[0], "friction", kinds)
-    legend(axes[1], "stress, kPa", [(f"{p / 1e3:,.0f}", "0.6", MARKERS[p]) for p in stresses])
+    draw_legend(axes[0], "friction", kinds)
+    draw_legend(axes[1], "stress, kPa", [(f"{p / 1e3:,.0f}", "0.6", MARKERS[p]) for p in stresses])
     axes[2].legend(loc="upper left", **LEGEND)
     plt.show()
     return figure
@@ -110,17 +117,21 @@ def over_z(tables, dashed, label):
 figures = {}
 tables = {name: (study, f"{name}, error", fits.loc[name]) for name in NAMES}
 through_four = fits[["slope_with_z_c_4"]].assign(z_c=4)
-figures["headline"] = over_z(tables, through_four, "fit with $z_c = 4$")
+figures["headline"] = draw_frequencies(tables, through_four, "fit with $z_c = 4$")
 
 # %%
 # **Other packings.** Means of up to three seeds, with the fits through all packings. The dashed
 # lines are the fits of the study's packings.
 
 tables = {
-    name: (means(seeds, name, ["friction", "stress_pa"]), "bars", fits.loc[f"{name}, seeds"])
+    name: (
+        compute_means(seeds, name, ["friction", "stress_pa"]),
+        "bars",
+        fits.loc[f"{name}, seeds"],
+    )
     for name in NAMES
 }
-figures["seeds"] = over_z(tables, fits[["slope", "z_c"]], "the study's fit")
+figures["seeds"] = draw_frequencies(tables, fits[["slope", "z_c"]], "the study's fit")
 
 # %%
 # **Contacts or density?** In all packings above z falls where e grows. In those of
@@ -137,9 +148,10 @@ at_100["path"] = at_100["kind"] + at_100["friction"].map(" {:g}".format)
 
 
 def joint(key, table, x, beside, name):
-    """Change of a quantity with x in the fit to x and another variable, over its mean.
+    """Return the change of a quantity with x, divided by its mean, and the R² of x alone.
 
-    Over the range that x has where the other stays; with the R² of x alone.
+    The quantity is fitted to x and another variable; the change is that over the range that x has
+    where the other one stays.
     """
     x, beside, y = (np.asarray(each, float) for each in (x, beside, table[name]))
     reach = np.ptp(x - np.polyval(np.polyfit(beside, x, 1), beside))
@@ -162,9 +174,9 @@ for name in NAMES:
     row |= joint("e", at_100, at_100["void_ratio"], at_100["z"], name)[1]
     fit = fits.loc[f"{name}, seeds"]
     off = at_100[name] / (fit["slope"] * (at_100["z"] - fit["z_c"])) - 1
-    off = off.groupby(at_100["kind"]).agg(["mean", "sem"])
     for kind in ("dilated", "loose"):
-        row |= {f"{kind}_off": off["mean"][kind], f"{kind}_error": off["sem"][kind]}
+        mean, error = mean_with_error(off[at_100["kind"] == kind])
+        row |= {f"{kind}_off": mean, f"{kind}_error": error}
     separate.append(row)
 separate = pd.DataFrame(separate)
 
@@ -173,20 +185,25 @@ separate = pd.DataFrame(separate)
 again = pd.read_csv(RESULTS / "isostaticity/equal_springs.csv")
 
 
-def behind(of, name):
-    """By which share dilated packings are off the line, beyond others, and its standard error."""
-    fit, shares, errors = fits.loc[f"{name}, seeds"], [], []
-    over = of[f"{KEYS[name]}_khz"] / of["f_max_khz"] / (fit["slope"] * (of["z"] - fit["z_c"]))
-    for _, each in of.assign(over=over).groupby("friction"):
-        kinds = each.groupby("kind")["over"]
-        shares.append(kinds.mean()["dilated"] / kinds.mean()["as above"] - 1)
-        errors.append(np.hypot(*(kinds.sem() / kinds.mean())))
+def compare_dilated(packings, name):
+    """Return by which share dilated packings are off the line beyond others, and its error."""
+    fit = fits.loc[f"{name}, seeds"]
+    line = fit["slope"] * (packings["z"] - fit["z_c"])
+    ratio = packings[f"{KEYS[name]}_khz"] / packings["f_max_khz"] / line
+    shares = []
+    errors = []
+    for _, group in packings.assign(ratio=ratio).groupby("friction"):
+        dilated_mean, dilated_error = mean_with_error(group["ratio"][group["kind"] == "dilated"])
+        other_mean, other_error = mean_with_error(group["ratio"][group["kind"] == "as above"])
+        shares.append(dilated_mean / other_mean - 1)
+        errors.append(np.hypot(dilated_error / dilated_mean, other_error / other_mean))
     return np.mean(shares), np.hypot(*errors) / len(errors)
 
 
-for springs, of in again.groupby("springs"):
-    found = np.transpose([behind(of, name) for name in NAMES])
-    separate[f"{springs}_springs_off"], separate[f"{springs}_springs_error"] = found
+for springs, packings in again.groupby("springs"):
+    shares, errors = np.transpose([compare_dilated(packings, name) for name in NAMES])
+    separate[f"{springs}_springs_off"] = shares
+    separate[f"{springs}_springs_error"] = errors
 print(separate.set_index("quantity").T.to_string(float_format="%.3g"))
 
 figure, axes = plt.subplots(1, 4, figsize=(7, 2.4), layout="constrained")
@@ -195,13 +212,13 @@ for ax, name in zip(axes, ["void_ratio", *NAMES], strict=True):
         fit = fits.loc[f"{name}, seeds"]
         ax.plot(along, fit["slope"] * (along + 4 - fit["z_c"]), "k-", lw=0.8)
         ax.set(ylim=(0, 0.2), yticks=np.linspace(0, 0.2, 5))
-    for kind, of in means(at_100, name, ["kind", "friction"]).groupby("kind"):
+    for kind, of in compute_means(at_100, name, ["kind", "friction"]).groupby("kind"):
         style = dict(zip(("fmt", "color"), LOOKS[kind], strict=True)) | EDGE
         ax.errorbar(of["z"] - 4, of[name], of["bars"], ecolor="k", elinewidth=0.6, **style)
     ax.set_title(name.replace("_", " ").removesuffix(" (2 %)"), fontsize=8)
     ax.set(xlabel="z - 4", xlim=(0, 2.4))
 axes[1].set_ylabel("frequency / highest frequency")
-legend(axes[2], "", [(kind, colour, mark) for kind, (mark, colour) in LOOKS.items()])
+draw_legend(axes[2], "", [(kind, colour, mark) for kind, (mark, colour) in LOOKS.items()])
 figures["one_void_ratio"] = figure
 plt.show()
 
@@ -226,11 +243,11 @@ left, bars = study[LOW_PASS] / expected - 1, study[f"{LOW_PASS}, error"] / expec
 labels = ("stress, kPa", "friction", "void ratio")
 for ax, x, label in zip(axes, (study["stress_pa"] / 1e3, friction, void), labels, strict=False):
     ax.axhline(0, color="k", lw=0.6)
-    points(ax, study, x, left, bars)
+    draw_points(ax, study, x, left, bars)
     ax.set(xlabel=label, ylim=(-0.2, 0.2), yticks=np.linspace(-0.2, 0.2, 5))
 axes[0].set(xscale="log", xlim=(5, 2e4), ylabel="low-pass frequency / line - 1")
 axes[0].set_xticks([10, 100, 1000, 1e4], ["10", "", "1,000", ""])
-points(axes[3], study, study["z"] - 4, wavelength, study["wavelength_error"])
+draw_points(axes[3], study, study["z"] - 4, wavelength, study["wavelength_error"])
 level = np.exp(np.mean(np.log(wavelength * (z - 4) ** 0.5)))
 axes[3].plot(along[1:], level * along[1:] ** -0.5, "k--", lw=0.8, label="power -1/2")
 axes[3].axhline(rows["width_over_d"].mean(), color="0.5", lw=0.8, ls=":", label="width of the cell")
@@ -255,10 +272,13 @@ share = np.exp(np.polyval(curve, np.log(x)))
 
 
 def faded(table, length):
-    """Frequency over the highest at which plane waves fade to 2 % over a length, D."""
+    """Return the frequency, divided by the highest, at which plane waves fade to 2 %.
+
+    The length over which they fade is in diameters.
+    """
     star = PEAK_SLOPE * (table["z"] - 4)
     decay = np.outer(star * 1e3 * table["f_max_khz"] / table["v_p"], np.pi * x * share) * DIAMETER
-    return star * [np.interp(np.log(50) / length, of, x) for of in decay]
+    return star * [np.interp(np.log(50) / length, row, x) for row in decay]
 
 
 lengths = []
@@ -279,7 +299,7 @@ print(lengths.T.to_string(header=False, float_format="%.3g"))
 
 
 def between(name, digits=2):
-    """How a number is written, with its interval."""
+    """Return the format of a number with its interval."""
     return "{} ({} to {})".format(*(f"{{{end}:.{digits}f}}" for end in ends_of(name)))
 
 

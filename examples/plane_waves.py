@@ -17,7 +17,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from _committed import PEAK_SLOPE, results, write, write_page
+from _committed import PEAK_SLOPE, mean_with_error, results, write, write_page
 
 LIMIT = 1 / np.pi  # width over frequency at the Ioffe-Regel limit
 DASHPOTS = 2.62e6  # Hz, Q f of dashpots of 1 %, friction 0, 100 kPa
@@ -44,8 +44,8 @@ lines["x"] = lines["f"] / lines["f_star"]
 plane = lines[lines["wave"] != "pulse"]
 
 
-def points(friction, wave):
-    """f / f*, width over frequency and its error of a wave in cells of one friction."""
+def select_points(friction, wave):
+    """Return f / f*, width over frequency and its error of a wave in cells of one friction."""
     some = lines[(lines["friction"] == friction) & (lines["wave"] == wave)]
     return some.sort_values("x")[["x", "share", "error"]].to_numpy().T
 
@@ -55,50 +55,56 @@ def points(friction, wave):
 # **Two ways**: the pulse's width over that of plane waves at its frequency.
 
 
-def limits(some):
-    """Over f*, where a wave in some cells is as wide as the limit, and the error; NaN if unseen.
+def find_limit(lines_of_wave):
+    """Return f / f* at which a wave is as wide as the limit, and its error; NaN if it is not seen.
 
-    The error: of the widths beside it, and how far the cells are apart.
+    The error contains those of the widths beside the limit, and half the range of the cells.
     """
-    found = []
-    for _, cell in some.groupby("cell"):
+    crossings = []
+    for _, cell in lines_of_wave.groupby("cell"):
         x, share, error = cell[["x", "share", "error"]].to_numpy().T
         if not share[0] < LIMIT < share[-1]:
             return np.nan, np.nan
         k = int(np.argmax(share > LIMIT))
         beside = slice(k - 1, k + 1)
         log_x, log_share = np.log(x[beside]), np.log(share[beside])
-        at = np.exp(np.interp(np.log(LIMIT), log_share, log_x))
+        crossing = np.exp(np.interp(np.log(LIMIT), log_share, log_x))
         power = np.diff(log_share)[0] / np.diff(log_x)[0]
-        found.append((at, at * (error / share)[beside].max() / power))
-    at, error = np.transpose(found)
-    return np.mean(at), np.hypot(np.ptp(at) / 2, np.mean(error) / len(at) ** 0.5)
+        crossings.append((crossing, crossing * (error / share)[beside].max() / power))
+    crossing, error = np.transpose(crossings)
+    half_range = np.ptp(crossing) / 2
+    return np.mean(crossing), np.hypot(half_range, np.mean(error) / len(crossing) ** 0.5)
 
 
-def two_ways(friction):
-    """Frequency over f*, pulse over plane waves, error: where plane waves lie on both sides."""
-    x, share, error = points(friction, "P")
-    at, found, off = points(friction, "pulse")
-    ratio = found / np.exp(np.interp(np.log(at), np.log(x), np.log(share)))
-    error = ratio * np.hypot(off / found, np.interp(at, x, error / share))
-    table = {"f_over_f_star": at, "pulse_over_plane": ratio, "error": error}
-    return pd.DataFrame(table)[(at >= x[0]) & (at <= x[-1])]
+def compare_pulse(friction):
+    """Return a table of the width by the pulse divided by that of plane waves, with its error.
 
-
-def apart(wave, over):
-    """Mean difference in ln(width / f) of cells of different z at the same frequency, root square.
-
-    Over f* ("x") or in Hz ("f"); where the other cell has waves on both sides.
+    It has the frequencies of the pulse, divided by f*, that plane waves enclose.
     """
-    found = []
+    x, share, error = select_points(friction, "P")
+    pulse_x, pulse_share, pulse_error = select_points(friction, "pulse")
+    ratio = pulse_share / np.exp(np.interp(np.log(pulse_x), np.log(x), np.log(share)))
+    relative_error = np.hypot(pulse_error / pulse_share, np.interp(pulse_x, x, error / share))
+    table = {"f_over_f_star": pulse_x, "pulse_over_plane": ratio, "error": ratio * relative_error}
+    return pd.DataFrame(table)[(pulse_x >= x[0]) & (pulse_x <= x[-1])]
+
+
+def compute_collapse_error(wave, column):
+    """Return the root mean square difference in ln(width / f) of cells of different z.
+
+    Cells are compared at equal frequency, divided by f* (column "x") or in Hz ("f"), where the
+    other cell has waves on both sides.
+    """
+    differences = []
     cells = [cell for _, cell in plane[plane["wave"] == wave].groupby("cell")]
-    for one, other in permutations(cells, 2):
-        if one["friction"].iloc[0] != other["friction"].iloc[0]:
-            x, y = np.log(one[over].to_numpy()), np.log(other[over].to_numpy())
+    for cell, other in permutations(cells, 2):
+        if cell["friction"].iloc[0] != other["friction"].iloc[0]:
+            x = np.log(cell[column].to_numpy())
+            y = np.log(other[column].to_numpy())
             expected = np.interp(x, y, np.log(other["share"]))
             inside = (x > y[0]) & (x < y[-1])
-            found.append((np.log(one["share"].to_numpy()) - expected)[inside])
-    return np.sqrt(np.mean(np.concatenate(found) ** 2))
+            differences.append((np.log(cell["share"].to_numpy()) - expected)[inside])
+    return np.sqrt(np.mean(np.concatenate(differences) ** 2))
 
 
 rows, ratios = [], []
@@ -106,21 +112,27 @@ for friction, some in plane.groupby("friction"):
     cells = some.groupby("cell")[["z", "f_star"]].first().mean()
     row = {"friction": friction, "z": cells["z"], "f_star_khz": cells["f_star"] / 1e3}
     for wave, of_wave in some.groupby("wave"):
-        limit, error = limits(of_wave)
+        limit, error = find_limit(of_wave)
         row |= {f"limit_{wave}_over_f_star": limit, f"limit_{wave}_error": error}
     rows.append(row)
-    ratios.append(two_ways(friction).assign(friction=friction, z=row["z"]))
+    ratios.append(compare_pulse(friction).assign(friction=friction, z=row["z"]))
 rows, order = pd.DataFrame(rows), ["friction", "z", "f_over_f_star", "pulse_over_plane", "error"]
 ratios = pd.concat(ratios)[order]
 scatter = [
-    {"wave": wave, "over_f_star": apart(wave, "x"), "over_hz": apart(wave, "f")} for wave in "PS"
+    {
+        "wave": wave,
+        "over_f_star": compute_collapse_error(wave, "x"),
+        "over_hz": compute_collapse_error(wave, "f"),
+    }
+    for wave in "PS"
 ]
 scatter = pd.DataFrame(scatter)
 for table in (rows, ratios, scatter):  # the last: ln(width / f) between cells of different z
     print(table.to_string(index=False, float_format="%.3g"))
 for low, high in SPANS:
-    own = ratios["pulse_over_plane"][ratios["f_over_f_star"].between(low, high)]
-    print(f"pulse over plane, {low} to {high} f*: {own.mean():.2f} ± {own.sem():.2f}, {len(own)}")
+    inside = ratios[ratios["f_over_f_star"].between(low, high)]
+    mean, error = mean_with_error(inside["pulse_over_plane"], inside["error"])
+    print(f"pulse over plane, {low} to {high} f*: {mean:.2f} ± {error:.2f}, {len(inside)}")
 
 # %%
 # **The figure.** If the distance from isostaticity alone decided, all points would be one curve.
@@ -131,10 +143,10 @@ shades = plt.get_cmap("viridis")(np.linspace(0, 1, len(rows)))
 for ax, wave in zip(axes, "PS", strict=True):
     for row, mark, shade in zip(rows.itertuples(), "osD^v", shades, strict=True):
         label = {"label": f"{row.z:.2f}", "color": shade}
-        ax.errorbar(*points(row.friction, wave), fmt=mark, **label, **bars)
+        ax.errorbar(*select_points(row.friction, wave), fmt=mark, **label, **bars)
         if wave == "P":
             hollow = bars | {"mfc": "w", "mec": shade, "mew": 1}
-            ax.errorbar(*points(row.friction, "pulse"), fmt=mark, **hollow)
+            ax.errorbar(*select_points(row.friction, "pulse"), fmt=mark, **hollow)
     ax.axhline(LIMIT, color="k", lw=0.7, ls=":")
     ax.text(14, 0.25, "Ioffe-Regel limit", ha="right", va="top")
     along = np.array([0.3, 1.0])
@@ -148,20 +160,19 @@ for ax, wave in zip(axes, "PS", strict=True):
     ax.set_xticks([0.2, 0.5, 1, 2, 5, 10], ["0.2", "0.5", "1", "2", "5", "10"])
     ax.minorticks_off()
 axes[0].set(ylabel="width of the line / frequency")
-ways = [
+handles = [
     axes[0].plot([], [], "o", color="0.4", mfc=fill, ms=4, label=label)[0]
     for label, fill in (("plane waves", "0.4"), ("pulse of a wall", "w"))
 ]
-axes[0].legend(handles=ways, frameon=False, fontsize=6.5, loc="upper left")
+axes[0].legend(handles=handles, frameon=False, fontsize=6.5, loc="upper left")
 axes[1].legend(title="z", frameon=False, fontsize=6.5, title_fontsize=7, loc="upper left")
 plt.show()
 
 
-def mean_ratio(own):
-    """Mean of some ratios, its error, of scatter or of each, and their number, as text."""
-    ratio, error = own["pulse_over_plane"], own["error"]
-    off = max(error.mean(), ratio.std(ddof=0)) / max(len(own) - 1, 1) ** 0.5
-    return f"{ratio.mean():.2f} ± {off:.2f} ({len(own)})"
+def describe_mean_ratio(group):
+    """Return the mean of some ratios, its error and their number as a text."""
+    mean, error = mean_with_error(group["pulse_over_plane"], group["error"])
+    return f"{mean:.2f} ± {error:.2f} ({len(group)})"
 
 
 if __name__ == "__main__" and len(sys.argv) == 2:
@@ -173,6 +184,8 @@ if __name__ == "__main__" and len(sys.argv) == 2:
         page[f"limit of {wave}-waves / f*"] = form
     for name, (low, high) in zip(("below", "above"), SPANS, strict=True):
         inside = ratios["f_over_f_star"].between(low, high, inclusive="neither")
-        rows[name] = rows["friction"].map(ratios[inside].groupby("friction").apply(mean_ratio))
+        rows[name] = rows["friction"].map(
+            ratios[inside].groupby("friction").apply(describe_mean_ratio)
+        )
         page[f"pulse / plane waves, {low:g} to {high:g} f*"] = f"{{{name}}}"
     write_page(Path(sys.argv[1]) / "limits.md", rows[::-1], page, unknown="not seen")

@@ -25,7 +25,7 @@ RANGES = (0.1, 0.5), (0.2, 0.5), (0.5, 0.8)  # of f / f*, in which a power is to
 
 
 def gather(folder):
-    """Tables of packings and of their modes, from the results of the study."""
+    """Write tables of packings and of their modes from the results of the study."""
     packings, modes = [], ["packing,frequency_hz,spheres,rotation,contacts"]
     for k, (_, value, found) in enumerate(results("*.json", folder)):
         seed = int(found["name"].partition("seed")[2])
@@ -63,7 +63,7 @@ modes["x"] = modes["frequency_hz"] / packings["f_star"].to_numpy()[modes["packin
 
 
 def power(x, low, high):
-    """b of a density x^b of some x between two ends."""
+    """Return the exponent b of a density x^b of numbers x between two ends."""
     inside = np.log(x[(x > low) & (x < high)] / low)
     if len(inside) < 8:
         return np.nan
@@ -73,7 +73,7 @@ def power(x, low, high):
 
 
 def with_error(chosen, low, high):
-    """The power of the modes of the chosen packings, its standard error, and their number."""
+    """Return the power of the modes of some packings, its standard error, and their number."""
     members = [modes["x"].to_numpy()[modes["packing"] == k] for k in chosen]
     random, every = np.random.default_rng(1), np.concatenate(members)
     draws = random.integers(len(members), size=(DRAWS, len(members)))

@@ -17,7 +17,7 @@ import sys
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from _committed import RESULTS, results, write
+from _committed import RESULTS, mean_with_error, results, write
 
 DIAMETER = 2.54e-3  # m
 LONG, NEAR = (10.5, 18.2), (13.7, 18.2)  # kHz, below V_S / W of cells 7 D wide
@@ -25,13 +25,13 @@ PURE, MIXED = 0.9, 0.45  # chi_z of P-waves, and of modes that have hardly a dir
 STEP = (0.85, 1.0), (1.0, 1.15)  # of V_S / W, where modes are counted below and above it
 
 
-def cells(pattern):
-    """What each result has of a cell, and all of the result."""
-    for name, of, found in results(f"width/{pattern}"):
+def read_cells(pattern):
+    """Yield the numbers of each result, with the width of its cell, and all of the result."""
+    for name, numbers, contents in results(f"width/{pattern}"):
         nominal = float(name.removeprefix("width").partition("_seed")[0])
         # Spheres and void ratio say how wide a cell is, as its nominal shape is kept.
-        width = nominal * ((1 + of["void_ratio"]) * 0.6) ** (1 / 3)
-        yield of | {"nominal": nominal, "width_over_d": width}, found
+        width = nominal * ((1 + numbers["void_ratio"]) * 0.6) ** (1 / 3)
+        yield numbers | {"nominal": nominal, "width_over_d": width}, contents
 
 
 # %%
@@ -40,37 +40,62 @@ def cells(pattern):
 # first of them, and where the last modes lie whose chi_z is above two values; NaN where some are up
 # to the end of the list.
 
-rows, modes = [], []
-for of, found in cells("width*.json"):
-    f, chi, _ = np.array(found["curves"]["chi_z_of_branches"])
-    v_p, v_s = of["v_p_moduli"], of["v_s_moduli"]
-    unit = v_s / (of["width_over_d"] * DIAMETER)
-    below, above = (int(((f > a * unit) & (f < b * unit)).sum()) for a, b in STEP)
-    mixed = f[chi > MIXED].max()
-    row = {"width_over_d": of["width_over_d"], "z": of["coordination"], "v_p": v_p, "v_s": v_s}
-    row |= {"v_s_over_w_khz": unit / 1e3, "root_2_v_s_over_w_khz": 2**0.5 * unit / 1e3}
-    row |= {"v_p_over_w_khz": unit * v_p / v_s / 1e3}
-    row |= {"modes_15_percent_below": below, "modes_15_percent_above": above}
-    row |= {"last_above_0.9_khz": f[chi > PURE].max() / 1e3}
-    row |= {"last_above_0.45_khz": mixed / 1e3 if mixed < f[-1] - 1e3 else np.nan}
-    rows.append(row)
-    modes.append({"nominal": of["nominal"], "width": of["width_over_d"], "unit": unit})
-    modes[-1] |= {"f": f, "chi": chi}
+rows = []
+modes = []
+for cell, contents in read_cells("width*.json"):
+    f, chi, _ = np.array(contents["curves"]["chi_z_of_branches"])
+    v_p = cell["v_p_moduli"]
+    v_s = cell["v_s_moduli"]
+    cut_on = v_s / (cell["width_over_d"] * DIAMETER)
+    below, above = (int(((f > a * cut_on) & (f < b * cut_on)).sum()) for a, b in STEP)
+    last_mixed = f[chi > MIXED].max()
+    rows.append(
+        {
+            "width_over_d": cell["width_over_d"],
+            "z": cell["coordination"],
+            "v_p": v_p,
+            "v_s": v_s,
+            "v_s_over_w_khz": cut_on / 1e3,
+            "root_2_v_s_over_w_khz": 2**0.5 * cut_on / 1e3,
+            "v_p_over_w_khz": cut_on * v_p / v_s / 1e3,
+            "modes_15_percent_below": below,
+            "modes_15_percent_above": above,
+            "last_above_0.9_khz": f[chi > PURE].max() / 1e3,
+            "last_above_0.45_khz": last_mixed / 1e3 if last_mixed < f[-1] - 1e3 else np.nan,
+        }
+    )
+    modes.append(
+        {
+            "nominal": cell["nominal"],
+            "width": cell["width_over_d"],
+            "cut_on": cut_on,
+            "f": f,
+            "chi": chi,
+        }
+    )
 
 # %%
 # **The low-pass frequency** and the decay of the coherent wave by a wall's pulse, cells 72 D long.
 
 long = []
-for of, found in cells("long/*.json"):
-    row = {"width_over_d": of["width_over_d"], "z": of["coordination"]}
-    row |= {"v_p": of["v_p"], "v_s": of["v_s"], "low_pass_khz": of["low_pass"] / 1e3}
-    row |= {"low_pass_error_khz": found["low_pass"]["error"] / 1e3}
-    at, alpha, error = (np.array(found["attenuation"][k], float) for k in ("at", "value", "error"))
+for cell, contents in read_cells("long/*.json"):
+    row = {
+        "width_over_d": cell["width_over_d"],
+        "z": cell["coordination"],
+        "v_p": cell["v_p"],
+        "v_s": cell["v_s"],
+        "low_pass_khz": cell["low_pass"] / 1e3,
+        "low_pass_error_khz": contents["low_pass"]["error"] / 1e3,
+    }
+    attenuation = contents["attenuation"]
+    frequency, alpha, error = (
+        np.array(attenuation[name], float) for name in ("at", "value", "error")
+    )
     for f in (17, 25, 34):
-        k = int(np.argmin(abs(at - 1e3 * f)))
-        seen = abs(at[k] / 1e3 - f) < 1
-        row |= {f"attenuation_{f}_khz": alpha[k] if seen else np.nan}
-        row |= {f"attenuation_{f}_khz_error": error[k] if seen else np.nan}
+        k = int(np.argmin(abs(frequency - 1e3 * f)))
+        is_near = abs(frequency[k] / 1e3 - f) < 1
+        row[f"attenuation_{f}_khz"] = alpha[k] if is_near else np.nan
+        row[f"attenuation_{f}_khz_error"] = error[k] if is_near else np.nan
     long.append(row)
 
 # %%
@@ -84,7 +109,8 @@ for width, own in (*some.groupby("width"), ("wider", some[some["width"] > some["
     fit, spread = np.polyfit(np.log(own["khz"]), np.log(own["line_hz"]), 1, cov=True)
     row = {"width": str(width), "waves": len(own), "power": fit[0], "error": spread[0, 0] ** 0.5}
     near = own["line_hz"][own["khz"].between(*NEAR)] / 1e3
-    powers.append(row | {"line_16_khz": near.mean(), "line_16_khz_error": near.sem()})
+    mean, error = mean_with_error(near)
+    powers.append(row | {"line_16_khz": mean, "line_16_khz_error": error})
 rows, long, powers = (pd.DataFrame(each) for each in (rows, long, powers))
 for table in (rows, long, powers):
     print(table.to_string(index=False, float_format="%.4g"))
@@ -98,23 +124,24 @@ modes = pd.DataFrame(modes)
 widths = modes.groupby("nominal")
 styles = zip(widths, ((0, (1, 1)), "-.", "--", "-"), "os^D", strict=True)
 for (nominal, these), style, mark in styles:
-    one = these.iloc[0]
-    ratio = np.sort(one["f"]) / one["unit"]
+    first = these.iloc[0]
+    ratio = np.sort(first["f"]) / first["cut_on"]
     shade = f"{0.7 * (1 - nominal / modes['nominal'].max()):.2f}"
     look = {"ls": style, "color": shade, "lw": 1.2}
-    label = f"{one['width']:.0f} D"
+    label = f"{first['width']:.0f} D"
     axes[0].step(ratio, np.arange(1, len(ratio) + 1), where="post", label=label, **look)
-    at, chi = (np.concatenate(these[name].tolist()) for name in ("f", "chi"))
-    order = np.argsort(at)
-    to_end = np.maximum.accumulate(chi[order][::-1])[::-1]
-    shown = at[order] < min(f[-1] for f in these["f"]) - 1e3
-    axes[1].step(at[order][shown] / 1e3, to_end[shown], where="pre", **look)
-    cut_on = [these["unit"].mean() / 1e3] * 2
+    frequency, chi = (np.concatenate(these[name].tolist()) for name in ("f", "chi"))
+    order = np.argsort(frequency)
+    frequency = frequency[order]
+    largest_chi = np.maximum.accumulate(chi[order][::-1])[::-1]
+    is_complete = frequency < min(f[-1] for f in these["f"]) - 1e3
+    axes[1].step(frequency[is_complete] / 1e3, largest_chi[is_complete], where="pre", **look)
+    cut_on = [these["cut_on"].mean() / 1e3] * 2
     axes[1].plot(cut_on, [0.93, 1.0], **look)
     axes[2].plot(cut_on, [0.5, 1.0], **look)
-    own = lines[lines["width"] == nominal]
-    share = own["line_hz"] / own["frequency_hz"]
-    axes[2].plot(own["khz"], share, mark, ms=3, mew=0.3, mec="w", color=shade, label=label)
+    cell_lines = lines[lines["width"] == nominal]
+    share = cell_lines["line_hz"] / cell_lines["frequency_hz"]
+    axes[2].plot(cell_lines["khz"], share, mark, ms=3, mew=0.3, mec="w", color=shade, label=label)
 waves = ((1, 1.3, "$V_S/W$"), (2**0.5, 2.2, "$\\sqrt{2}\\,V_S/W$"), (1.51, 1.3, "$V_P/W$"))
 for ratio, height, text in waves:
     axes[0].axvline(ratio, color="k", lw=0.5, ls=":")

@@ -17,101 +17,130 @@ import shutil
 import signal
 import sys
 import tempfile
-import tomllib
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
-from tests.mutation.mutants import drawn, mutants_of
+from tests.mutation.lists import (
+    ROOT,
+    TESTS,
+    find_test_files,
+    module_path,
+    read_equivalent_mutants,
+)
+from tests.mutation.mutants import draw_mutants, read_mutants
 
-ROOT = Path(__file__).resolve().parents[2]
-EQUIVALENT = Path(__file__).with_name("equivalent.toml")
-TESTS = tomllib.loads(Path(__file__).with_name("tests.toml").read_text())
-"""Test files of a module of modal, the quickest and most likely ones first."""
-MEMORY = 8 << 30
-"""Bytes that one run of the tests may take: a wrong size must not stop the machine."""
-TIME = 300
-"""Seconds of the processor, which pass as slowly as the tests where the machine is busy."""
-LEFT_BEHIND = (".git", ".venv", "products", "build", "*.egg-info")
-THREADS = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+MAX_MEMORY_BYTES = 8 << 30
+"""Memory that one run of the tests may take: a wrong size must not stop the machine."""
+MAX_PROCESSOR_SECONDS = 300
+"""Processor time of one run, which does not depend on how busy the machine is."""
+MAX_SECONDS = 20 * MAX_PROCESSOR_SECONDS
+"""Time of one run, for mutants that wait for ever."""
+IGNORED_FILES = (".git", ".venv", "products", "build", "*.egg-info")
+"""Files that the copy of the project does not need."""
+ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 LIBRARIES = ("h5py", "numba", "numpy", "scipy.integrate", "scipy.optimize", "scipy.sparse.linalg")
+"""Libraries that are loaded before the forks."""
 OPTIONS = ("-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=1")
+"""Options of pytest."""
 
 
-class Failures:
-    """Plugin of pytest that writes the names of tests, or files, that fail."""
+class FailureWriter:
+    """Plugin of pytest that writes the names of tests, or files, that fail to a file descriptor."""
 
-    def __init__(self, at: int) -> None:
-        self.at = at
+    def __init__(self, descriptor: int) -> None:
+        self.descriptor = descriptor
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Of a test."""
+        """Write the name of a test that failed."""
         if report.failed:
-            os.write(self.at, f"{report.nodeid}\n".encode())
+            os.write(self.descriptor, f"{report.nodeid}\n".encode())
 
     pytest_collectreport = pytest_runtest_logreport
 
 
-def tested(folder: Path, *tests: str) -> str:
-    """The first test that failed in a copy of the project; none if all passed."""
-    reading, writing = os.pipe()
-    if not (child := os.fork()):
-        os.setsid()
-        resource.setrlimit(resource.RLIMIT_CPU, (TIME, TIME))
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-        signal.alarm(20 * TIME)
-        for stream in (1, 2):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
-        os.chdir(folder)
-        sys.path.insert(0, str(folder))
-        os._exit(pytest.main([*OPTIONS, *tests], [Failures(writing)]))
-    os.close(writing)
+def run_tests(folder: Path, *arguments: str) -> str:
+    """Run tests in a copy of the project and return the first that failed; empty if all passed.
+
+    A run that ends otherwise returns its exit status as text.
+    """
+    reading_end, writing_end = os.pipe()
+    child = os.fork()
+    if child == 0:
+        _run_pytest(folder, arguments, writing_end)
+    os.close(writing_end)
     _, status = os.waitpid(child, 0)
     with contextlib.suppress(ProcessLookupError):
         os.killpg(child, signal.SIGKILL)
-    with os.fdopen(reading) as said:
-        return said.readline().strip() or f"exit status {status}" * bool(status)
+    with os.fdopen(reading_end) as names:
+        first_failure = names.readline().strip()
+    if first_failure or status == 0:
+        return first_failure
+    return f"exit status {status}"
+
+
+def _run_pytest(folder: Path, arguments: tuple[str, ...], descriptor: int) -> None:
+    """Run pytest in a folder, within limits and without output, and end the process."""
+    os.setsid()
+    resource.setrlimit(resource.RLIMIT_CPU, (MAX_PROCESSOR_SECONDS, MAX_PROCESSOR_SECONDS))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
+    signal.alarm(MAX_SECONDS)
+    for stream in (1, 2):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+    os.chdir(folder)
+    sys.path.insert(0, str(folder))
+    os._exit(pytest.main([*OPTIONS, *arguments], [FailureWriter(descriptor)]))
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Test the mutants one by one; how many of each module were noticed stands at the end."""
+    """Test mutants one by one, and print how many of each module were noticed."""
     parser = argparse.ArgumentParser("python -m tests.mutation", None, __doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--count", type=int, default=300, help="mutants to draw (300)")
     parser.add_argument("--seed", type=int, default=1, help="of the draw (1)")
     parser.add_argument("--modules", nargs="+", choices=TESTS, default=list(TESTS))
     options = parser.parse_args(arguments)
-    pools = [mutants_of(ROOT, f"modal/{module}.py") for module in options.modules]
-    mutants = drawn(pools, options.count, options.seed)
-    same = {
-        f"{row['path']}: {row['before']} -> {row['after']}"
-        for row in tomllib.loads(EQUIVALENT.read_text())["mutant"]
-    }
-    sound, told = set[str](), Counter[tuple[str, str]]()
+    pools = [read_mutants(ROOT, module_path(module)) for module in options.modules]
+    mutants = draw_mutants(pools, options.count, options.seed)
+    equivalent = set(map(str, read_equivalent_mutants()))
+    sound_tests: set[str] = set()
+    outcomes: Counter[tuple[str, str]] = Counter()
     with tempfile.TemporaryDirectory(prefix="mutation-") as parent:
         folder = Path(parent, "project")
-        shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*LEFT_BEHIND))
-        os.environ |= THREADS | {"PYTHONPATH": str(folder)}
+        shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*IGNORED_FILES))
+        os.environ |= ONE_THREAD | {"PYTHONPATH": str(folder)}
         for library in LIBRARIES:
             importlib.import_module(library)
         for number, mutant in enumerate(mutants, 1):
             path = folder / mutant.path
-            # Compiled code is kept, and known by its file's time: each mutant has its own.
             path.write_text(mutant.apply(path.read_text()))
+            # Compiled code is cached by the time of its file: each mutant has its own.
             os.utime(path, (number, number))
-            files = [f"test_{name}.py" for name in TESTS[mutant.module].split()]
-            by = tested(folder, *(str(next((folder / "tests").rglob(name))) for name in files))
+            failure = run_tests(folder, *map(str, find_test_files(mutant.module, folder)))
             shutil.copy2(ROOT / mutant.path, path)
-            if by.startswith("tests/") and by not in sound:
-                if tested(folder, *["--collect-only"] * ("::" not in by), by):
-                    raise SystemExit(f"{by} fails without any mutant")
-                sound.add(by)
-            outcome = "noticed" if by else "equivalent" if str(mutant) in same else "SURVIVED"
-            told[mutant.module, outcome] += 1
-            print(f"{number}/{len(mutants)} {outcome} {mutant} {by}", flush=True)
-    for (module, outcome), count in sorted(told.items()):
+            if failure.startswith("tests/") and failure not in sound_tests:
+                _require_sound(folder, failure)
+                sound_tests.add(failure)
+            if failure:
+                outcome = "noticed"
+            elif str(mutant) in equivalent:
+                outcome = "equivalent"
+            else:
+                outcome = "SURVIVED"
+            outcomes[mutant.module, outcome] += 1
+            print(f"{number}/{len(mutants)} {outcome} {mutant} {failure}", flush=True)
+    for (module, outcome), count in sorted(outcomes.items()):
         print(f"{module}: {count} {outcome}")
+
+
+def _require_sound(folder: Path, failure: str) -> None:
+    """End the program if a test, or the collection of a file, fails without any mutant."""
+    arguments = [failure]
+    if "::" not in failure:
+        arguments = ["--collect-only", failure]
+    if run_tests(folder, *arguments):
+        raise SystemExit(f"{failure} fails without any mutant")
 
 
 if __name__ == "__main__":
