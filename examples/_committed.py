@@ -25,25 +25,26 @@ def results(pattern, folder=RESULTS):
 
 
 def mean_with_error(numbers, errors=None):
-    """Return the mean of known numbers and its standard error, by the rule of `analysis.mean`.
+    """Return the mean of the known numbers and its standard error, by the rule of `analysis.mean`.
 
-    It is the error from their scatter, or from their own errors if this is larger. Both are NaN
-    without numbers; the error of a single number without its own is NaN.
+    The error is that from their scatter, or that from their own known errors if it is larger. Both
+    results are NaN without numbers; the error of a single number without its own is NaN.
     """
     numbers = np.asarray(numbers, float)
+    if errors is None:
+        errors = np.full(numbers.shape, np.nan)
     known = np.isfinite(numbers)
     if not known.any():
         return np.nan, np.nan
-    if errors is None:
-        values = [Value(number, "1") for number in numbers[known]]
-        if len(values) == 1:
-            return values[0].value, np.nan
-    else:
-        known_errors = np.nan_to_num(np.asarray(errors, float)[known])
-        pairs = zip(numbers[known], known_errors, strict=True)
-        values = [Value(number, "1", {"fit": error}) for number, error in pairs]
-    mean = mean_of_values(values)
-    return float(mean.value), mean.error
+    mean = mean_of_values([Value(number, "1") for number in numbers[known]])
+    values = []
+    for number, error in zip(numbers, np.asarray(errors, float), strict=True):
+        if np.isfinite(number) and np.isfinite(error):
+            values.append(Value(number, "1", {"fit": error}))
+    own_error = np.nan
+    if values:
+        own_error = mean_of_values(values).parts["fit"]
+    return float(mean.value), float(np.fmax(mean.parts["samples"], own_error))
 
 
 def write(folder, figures, tables, **csv_options):
