@@ -46,7 +46,6 @@ NOT_CONVERTED = {
     "tests/analysis/test_shear.py",
     "tests/analysis/test_study.py",
     "tests/analysis/test_watch.py",
-    "tests/cli/test_files_and_commands.py",
     "tests/elasticity/test_moduli.py",
     "tests/elasticity/test_slabs.py",
     "tests/exchange/test_export.py",
@@ -67,15 +66,6 @@ NOT_CONVERTED = {
     "tests/preparation/test_materials.py",
     "tests/solvers/test_factor.py",
     "tests/system/test_bodies.py",
-    "tests/test_edges.py",
-    "tests/test_faults.py",
-    "tests/test_public_api.py",
-    "tests/waves/test_commands.py",
-    "tests/waves/test_damped_waves.py",
-    "tests/waves/test_linear_wave.py",
-    "tests/waves/test_nonlinear.py",
-    "tests/waves/test_shear_waves.py",
-    "tests/waves/test_told_errors.py",
 }
 """Tests that still compare sentences; whoever converts one takes it off this list."""
 OTHERS = {"yade_scripts", "benchmarks", "tests", "yade"}

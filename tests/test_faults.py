@@ -6,6 +6,7 @@ very products of an undisturbed one.
 
 import contextlib
 import fcntl
+import json
 import os
 import resource
 import shutil
@@ -21,6 +22,7 @@ import h5py
 import numpy as np
 import pytest
 from places import ROOT
+from refusals import refusal
 
 from modal.__main__ import main
 from modal.formats.whole_file import HOST, refuse_unwritable
@@ -203,8 +205,8 @@ def test_interrupt_at_any_moment_is_one_line(program, moment, tmp_path):
     assert (status, said) == (130, "interrupted; files are whole or absent\n")
 
 
-def status_with_limit(arguments: list[str], limit: int) -> tuple[int, str]:
-    """Exit status and stderr of a command that may write `limit` bytes to a file."""
+def outcome_with_limit(arguments: list[str], limit: int) -> tuple[int, str]:
+    """Return exit status and output of a command that may write `limit` bytes to a file."""
     sys.stdout.flush()
     reading, writing = os.pipe()
     child = os.fork()
@@ -212,21 +214,22 @@ def status_with_limit(arguments: list[str], limit: int) -> tuple[int, str]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
         status = 99
         with os.fdopen(writing, "w") as sys.stderr:
+            sys.stdout = sys.stderr
             status = main(arguments)
         os._exit(status)
     os.close(writing)
     _, status = os.waitpid(child, 0)
-    with os.fdopen(reading) as error:
-        return os.waitstatus_to_exitcode(status), error.read()
+    with os.fdopen(reading) as output:
+        return os.waitstatus_to_exitcode(status), output.read()
 
 
 @pytest.mark.parametrize("limit", [0, 100, 3000])
 @pytest.mark.parametrize(
     ("command", "name"),
     [
-        ("modes --all --json", "a.modes.h5"),
-        ("wave --duration 1e-4 --particles --json", "a.signals.h5"),
-        ("density --json", "a.density.h5"),
+        ("modes --all", "a.modes.h5"),
+        ("wave --duration 1e-4 --particles", "a.signals.h5"),
+        ("density", "a.density.h5"),
         ("export", "a.vtu"),  # meshio's error arrives from inside it
         ("export", "a.xyz"),
     ],
@@ -240,44 +243,50 @@ def test_full_disk_is_one_line_and_leaves_the_old_file(command, name, limit, tmp
     out.parent.mkdir()
     out.write_bytes(b"old")
     verb, *options = command.split()
-    status, error = status_with_limit([verb, str(source), *options, "-o", str(out)], limit)
-    assert status == 2 and error.count("\n") == 1 and "space on the disk" in error
+    words = [verb, str(source), *options, "--json", "-o", str(out)]
+    status, output = outcome_with_limit(words, limit)
+    *_, line, result = output.splitlines()
+    assert status == 2 and line.startswith("error: ")
+    assert json.loads(result)["error"]["code"] == "unwritable"
     assert out.read_bytes() == b"old" and os.listdir(out.parent) == [name]
 
 
-@pytest.mark.parametrize(
-    ("name", "why"),
-    [
-        ("/dev/null", "a device or a pipe"),
-        ("/dev/stdout", "a device or a pipe"),  # which the test runs with a pipe as
-        ("pipe", "a device or a pipe"),
-        ("folder", "a folder"),
-        ("a" * 300 + ".h5", "File name too long"),
-        ("a" * 240 + ".h5", "File name too long"),
-        ("", "an empty text"),
-        ("not\udcfftext.h5", "not valid UTF-8"),
-        ("file/a.h5", "Not a directory"),
-        ("absent/", "a folder"),
-    ],
-)
-def test_no_place_for_a_file_is_told_before_anything_is_computed(name, why, tmp_path, monkeypatch):
+PLACES = {
+    "device": ("/dev/null", "no_file"),
+    "standard output": ("/dev/stdout", "no_file"),  # which the test runs with a pipe as
+    "pipe": ("pipe", "no_file"),
+    "folder": ("folder", "folder"),
+    "name too long": ("a" * 300 + ".h5", "unwritable"),
+    "name too long for a partial file": ("a" * 240 + ".h5", "unwritable"),
+    "empty": ("", "empty_text"),
+    "not UTF-8": ("not\udcfftext.h5", "not_utf8"),
+    "below a file": ("file/a.h5", "unwritable"),
+    "absent folder": ("absent/", "folder"),
+}
+"""Places where no file can be written, with the code of the refusal."""
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_no_place_for_a_file_is_refused_before_anything_is_computed(place, tmp_path, monkeypatch):
     """In one line, and what stands there stays what it is."""
     monkeypatch.chdir(tmp_path)
     os.mkfifo("pipe")
     os.mkdir("folder")
     Path("file").touch()
     write_network("a.network.h5", gallery.fcc(cells=(1, 1, 5)))
+    name, code = PLACES[place]
     before = {path: os.stat(path).st_mode for path in (*os.listdir(), "/dev/null")}
-    # Where it is asked for no mode at all is not looked at.
-    command = ["-m", "modal", "modes", "a.network.h5", "--lowest", "0", "-o", name]
+    # The number of modes, zero, would be refused as soon as anything is computed.
+    command = ["-m", "modal", "modes", "a.network.h5", "--lowest", "0", "--json", "-o", name]
     done = subprocess.run(
         [sys.executable, *command], env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True
     )
-    (line,) = done.stderr.decode().splitlines()
-    assert done.returncode == 2 and why in line
+    assert done.returncode == 2
+    assert len(done.stderr.decode().splitlines()) == 1
+    assert json.loads(done.stdout)["error"]["code"] == code
     assert before == {path: os.stat(path).st_mode for path in (*os.listdir(), "/dev/null")}
     if name in before and not name.startswith("/"):
-        with pytest.raises(InputError, match=why):
+        with refusal(code):
             write_network(name, gallery.fcc(cells=(1, 1, 5)))
 
 
@@ -297,7 +306,7 @@ def test_who_may_not_write_is_told_so_first(name):
             try:
                 refuse_unwritable(name)
             except InputError as error:
-                os._exit("Permission denied" in str(error))
+                os._exit(error.code == "unwritable")
             os._exit(0)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 1
         os.chdir(ROOT)
