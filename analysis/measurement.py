@@ -45,7 +45,7 @@ class Measurement(dict[str, Value]):
         return any(value.known for value in self.values())
 
     def as_json(self) -> dict[str, dict[str, Any]]:
-        """Return {quantity: {value, error, unit, caveats}}; unknown numbers are None."""
+        """Return `Value.as_json` of each quantity by its name."""
         return {name: value.as_json() for name, value in self.items()}
 
     def __str__(self) -> str:

@@ -49,7 +49,7 @@ UNITS: Final[Mapping[str, tuple[str, float]]] = {
     "1": ("", 1.0),
 }
 """Ending of a column's name by the unit of its quantity, and the factor of its numbers."""
-RECORD_QUANTITIES: Final[Mapping[str, str]] = {
+RECORD_COPIES: Final[Mapping[str, str]] = {
     "v_p_first_peaks_of_record": "v_p_first_peaks_{record}",
     **{f"f_low_pass_{p}_of_record": f"f_low_pass_{p}_{{record}}" for p in PERCENT},
     **{f"lambda_{p}_of_record_over_d": f"lambda_{p}_{{record}}_over_d" for p in PERCENT},
@@ -61,8 +61,8 @@ OF_RECORD: Final[Mapping[str, str]] = {
     **{f"f_low_pass_{p}_khz": f"f_low_pass_{p}_{{record}}_khz" for p in PERCENT},
     **{f"lambda_{p}_over_d": f"lambda_{p}_{{record}}_over_d" for p in PERCENT},
 }
-"""Columns of `RECORD_QUANTITIES`, and the columns of which each is a copy."""
-PRODUCERS = {"yade": "YADE", "linear": "linear"}
+"""Columns of `RECORD_COPIES`, and the columns of which each is a copy."""
+PRODUCER_NAMES = {"yade": "YADE", "linear": "linear"}
 SCHEMA = "case_result"
 VERSION = 2
 COLUMN_VERSION = 1
@@ -271,7 +271,7 @@ def row_of(packing: PackingData) -> CaseResult:
     row.add(packing, records.OF_CASE)
     for percent in PERCENT:
         row.flat[percent] = row.flat[f"{percent}_{row.record}"]
-    for name, source in RECORD_QUANTITIES.items():
+    for name, source in RECORD_COPIES.items():
         row.values[name] = row.values[source.format(record=row.record)]
     row.texts["gain_height"] = gain.height(packing)
     above = records.HIGH * spectrum.f_max(packing)
@@ -311,7 +311,7 @@ def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:
     producer = "linear"
     if set(records) == {"yade"}:
         producer = "yade"
-    return PRODUCERS[producer], *(column.replace("{record}", producer) for column in columns)
+    return PRODUCER_NAMES[producer], *(column.replace("{record}", producer) for column in columns)
 
 
 def write_result(path: Path, row: CaseResult) -> None:
@@ -413,7 +413,7 @@ def _add_columns(row: CaseResult, values: Mapping[str, Any]) -> None:
 def _quantities_by_column() -> dict[str, tuple[str, str, float]]:
     """Return name, unit and factor of the quantities of a case by their column."""
     names = {name: name for name in records.OF_CASE}
-    names |= {name: source.format(record="linear") for name, source in RECORD_QUANTITIES.items()}
+    names |= {name: source.format(record="linear") for name, source in RECORD_COPIES.items()}
     quantities = {}
     for name, registered in names.items():
         unit = QUANTITIES[registered].unit
@@ -443,7 +443,7 @@ def _check(row: CaseResult) -> None:
     """Raise `MismatchError` if a result contradicts itself."""
     if not row.name:
         raise MismatchError(f"name {row.name!r} names no case")
-    if row.record not in PRODUCERS and not row.state:
+    if row.record not in PRODUCER_NAMES and not row.state:
         raise MismatchError(f"record is {row.record!r}")
     if row.packings < 1:
         raise MismatchError("packings is below 1")

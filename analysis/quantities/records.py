@@ -36,7 +36,7 @@ MAPS: dict[str, tuple[Whose, Reference]] = {
     "layers_": ("layers", "map"),
 }
 """Rules of f_low-pass by their part of a name: whose motion, relative to which maximum."""
-PRODUCERS: dict[Producer, str] = {"yade": "run", "linear": "linear wave"}
+RECORD_WORDS: dict[Producer, str] = {"yade": "run", "linear": "linear wave"}
 """Programs that compute a record, and what definitions call their record."""
 
 Measure = Callable[[PackingData], float | Value]
@@ -416,7 +416,7 @@ def _register_record_quantities(producer: Producer) -> None:
         key = each.key.format(producer)
         if key.startswith("shear"):
             SHEAR[name] = producer
-        definition = f"{each.definition}, {PRODUCERS[producer]}"
+        definition = f"{each.definition}, {RECORD_WORDS[producer]}"
         case_quantity(each.unit, definition, name)(_of_record(each.measure, key))
 
 
@@ -428,7 +428,7 @@ def _register_thresholds(producer: Producer) -> None:
             frequency = f"f_low_pass_{key}"
             wavelength = f"lambda_{key}_over_d"
             LOW_PASS[key] = (frequency, wavelength)
-            text = f"{percent} % of the maximum, {whose}, {reference}; {PRODUCERS[producer]}"
+            text = f"{percent} % of the maximum, {whose}, {reference}; {RECORD_WORDS[producer]}"
             threshold = Threshold(producer, whose, reference, index)
             case_quantity("Hz", f"f_low-pass, {text}", frequency)(
                 partial(_low_pass, threshold=threshold)
@@ -438,7 +438,7 @@ def _register_thresholds(producer: Producer) -> None:
             )
 
 
-for _producer in PRODUCERS:
+for _producer in RECORD_WORDS:
     _register_record_quantities(_producer)
     _register_thresholds(_producer)
 OF_MODULI = "bulk_modulus", "shear_modulus", "poisson", "v_p_moduli", "v_s_moduli"
