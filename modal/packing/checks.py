@@ -479,7 +479,7 @@ def _median_is_outside(values: Floats, bounds: tuple[float, float]) -> bool:
     low, high = bounds
     below = np.count_nonzero(values < low)
     above = np.count_nonzero(values > high)
-    return max(below, above) > len(values) / 2
+    return bool(max(below, above) > len(values) / 2)
 
 
 def _dot(a: Floats, b: Floats) -> Floats:

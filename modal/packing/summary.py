@@ -9,7 +9,7 @@ from modal.packing import state
 from modal.packing.network import Network
 from modal.packing.occupied import occupied_part
 from modal.packing.order import crystalline
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 
 def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
@@ -34,7 +34,7 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
     force = network.force_normal if state.has_forces(network) else None
     if friction and network.n_contacts > 0 and force is not None and force.min() > 0:
         result["largest_share_of_friction"] = float(state.friction_used(network, friction).max())
-    with suppress(InputError):
+    with suppress(UnavailableError):
         result |= _summarise_volume(network)
     return result
 

@@ -1,4 +1,4 @@
-"""Optional data that a file does not have: None, never zeros; named where they are needed."""
+"""Tests that absent optional data are None, never zeros, and named where they are needed."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from modal.packing.rattlers import firmly_held
 from modal.packing.sample import Sample, sample_of_network
 from modal.packing.state import friction_used, net_forces, stress_tensor, wall_stress
 from modal.packing.tiling import repeat
-from modal.tools.errors import InputError
+from modal.tools.errors import UnavailableError
 
 
 def answers(printed, *arguments: object) -> dict:
-    """What a command prints, but for what it has taken."""
-    found = printed(*arguments).items()
-    return {name: value for name, value in found if name not in ("seconds", "peak_memory_bytes")}
+    """Return what a command prints, without its time and memory."""
+    numbers = printed(*arguments).items()
+    return {name: value for name, value in numbers if name not in ("seconds", "peak_memory_bytes")}
 
 
 @pytest.mark.parametrize("kept", [(), ("force_normal",), ("overlap", "sliding"), changes.OPTIONAL])
@@ -42,7 +42,7 @@ def test_round_trip_keeps_what_is_absent(kept, tmp_path):
 
 
 def test_springs_alone_need_none_of_it(tmp_path, printed):
-    """Modes, counts, density and wave are those of the whole network, to the bit."""
+    """Expect the numbers of the whole network, to the bit."""
     whole = gallery.fcc(cells=(2, 2, 8))
     commands = (
         ("modes", "--lowest", "5"),
@@ -97,54 +97,69 @@ def test_info_names_what_is_absent_and_leaves_its_numbers_out(tmp_path, printed)
 def test_what_is_needed_is_asked_for_by_name(kept, arguments, missing, tmp_path, one_line):
     path = tmp_path / "x.network.h5"
     write_network(path, changes.bare(gallery.fcc(cells=(2, 2, 6)), *kept))
-    one_line(main, [arguments[0], path, *arguments[1:]], f"contacts/{missing},")
+    command = [arguments[0], path, *arguments[1:]]
+    one_line(main, command, f"contacts/{missing},", code="unknown_column")
 
 
-def test_functions_ask_by_name():
+FUNCTIONS = {
+    "stress_tensor": (stress_tensor, "force_normal"),
+    "wall_stress": (wall_stress, "force_normal"),
+    "net_forces": (net_forces, "force_normal"),
+    "friction_used": (lambda network: friction_used(network, 0.3), "force_normal"),
+    "sample_of_network": (lambda network: sample_of_network(network, 0.3), "cell_shift"),
+    "repeat": (lambda network: repeat(network, 2, 1), "cell_shift"),
+}
+"""Name -> function, and the column that it needs."""
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_function_names_the_column_that_it_needs(name):
+    function, column = FUNCTIONS[name]
     network = changes.bare(gallery.fcc(cells=(2, 2, 6)))
-    for function, missing in (
-        (stress_tensor, "force_normal"),
-        (wall_stress, "force_normal"),
-        (net_forces, "force_normal"),
-        (lambda net: friction_used(net, 0.3), "force_normal"),
-        (lambda net: sample_of_network(net, 0.3), "cell_shift"),
-        (lambda net: repeat(net, 2, 1), "cell_shift"),
-    ):
-        with pytest.raises(InputError, match=f"contacts/{missing}"):
-            function(network)
-    assert firmly_held(network).all()
-    whole = gallery.fcc(cells=(2, 2, 60))
-    assert static_velocity(changes.bare(whole)) == static_velocity(whole)
+    with pytest.raises(UnavailableError) as refusal:
+        function(network)
+    assert refusal.value.code == "unknown_column"
+    assert f"contacts/{column}," in refusal.value.problem
+
+
+def test_without_forces_all_spheres_of_a_crystal_are_firmly_held():
+    assert firmly_held(changes.bare(gallery.fcc(cells=(2, 2, 6)))).all()
+
+
+def test_static_velocity_needs_no_forces():
+    crystal = gallery.fcc(cells=(2, 2, 60))
+    assert static_velocity(changes.bare(crystal)) == static_velocity(crystal)
 
 
 def test_networks_without_a_cross_section_or_a_length(tmp_path, printed, one_line):
-    """Neither inf nor NaN: stresses and void ratio are left out, a wave with stresses refused.
+    """Leave stresses and void ratio out, and refuse a wave that records stresses.
 
-    Two walls in one place stand for none, unless contacts touch them.
+    Two walls in one place count as none, unless contacts touch them.
     """
     path, column = tmp_path / "x.network.h5", gallery.column(4)
     flat = column.unchecked(wall_position=np.zeros(2))
     thin, loose = replace(column, cell_size=np.zeros(3)), flat.some(~flat.with_wall)
-    for network, commands, says in (
-        (thin, ("wave", "response"), "cross-section"),
-        (loose, ("wave", f"info --layers {tmp_path}/layers.csv"), "wall"),
-        (flat, ("info", "modes", "wave"), "wall"),
+    for network, commands, code in (
+        (thin, ("wave", "response"), "no_area"),
+        (loose, ("wave", f"info --layers {tmp_path}/layers.csv"), "no_volume"),
+        (flat, ("info", "modes", "wave"), "wall_order"),
     ):
         write_network(path, network)
         for command in commands:
             name, *options = command.split()
-            one_line(main, [name, path, *options], says)
+            one_line(main, [name, path, *options], code=code)
         if network is not flat:
             found = printed("info", path)
             assert not {"stress_pa", "wall_stress_pa", "void_ratio"} & found.keys()
             assert len(printed("modes", path, "--lowest", 3)["frequency_hz"]) == 3
-    with pytest.raises(InputError, match="cross-section"):
+    with pytest.raises(UnavailableError) as refusal:
         wall_stress(thin)
+    assert refusal.value.code == "no_area"
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_no_shear_forces_and_zero_shear_forces_slide_alike(friction):
-    """Without friction every contact is at its limit: nothing resists the smallest shear."""
+    """Without friction every contact is at its limit, as nothing resists the smallest shear."""
     made = gallery.fcc(cells=(3, 3, 6))
     plain = Sample(made.position, made.cell_size[:2], made.wall_position, friction)
     contacts = len(plain.contacts().overlap)
@@ -153,12 +168,12 @@ def test_no_shear_forces_and_zero_shear_forces_slide_alike(friction):
     assert (first.sliding == (friction == 0)).all()
 
 
-@pytest.mark.parametrize("said", ["high", np.nan, [0.1, 0.2], -0.3, 0.0])
-def test_notes_that_are_no_friction_are_only_notes(said, tmp_path, printed):
-    """Free attributes of another program: neither a traceback nor NaN in JSON."""
+@pytest.mark.parametrize("note", ["high", np.nan, [0.1, 0.2], -0.3, 0.0])
+def test_notes_that_are_no_friction_are_only_notes(note, tmp_path, printed):
+    """Accept free attributes of another program, without a traceback or NaN in JSON."""
     path = tmp_path / "x.network.h5"
     network = gallery.fcc(cells=(2, 2, 6))
-    write_network(path, replace(network, study={"mu_wave": said, "density": said}))
+    write_network(path, replace(network, study={"mu_wave": note, "density": note}))
     assert "largest_share_of_friction" not in printed("info", path)
     write_network(path, replace(network, study={"mu_wave": 0.3, "density": "2230"}))
     assert printed("info", path)["largest_share_of_friction"] == 0

@@ -1,4 +1,4 @@
-"""Repeated packings: every copy has the small one's surroundings, and the wave is the same."""
+"""Tests of repeated packings: every copy has the surroundings of the original."""
 
 from dataclasses import replace
 
@@ -69,62 +69,71 @@ def test_tile_makes_equal_parts(kind, tmp_path, printed, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "why"),
+    ("arguments", "code"),
     [
-        (("--repeat", "0", "1", "-o", "b.sample.h5"), "whole numbers"),
-        (("--repeat", "2", "1", "-o", "b.h5"), "must end in"),
-        (("--repeat", "100000", "100000", "-o", "b.sample.h5"), "TB of memory"),
-        (("--repeat", "100000", "100000", "-o", "b.network.h5"), "TB of memory"),
+        (("--repeat", "0", "1", "-o", "b.sample.h5"), "repeat"),
+        (("--repeat", "2", "1", "-o", "b.h5"), "file_ending"),
+        (("--repeat", "100000", "100000", "-o", "b.sample.h5"), "too_large"),
+        (("--repeat", "100000", "100000", "-o", "b.network.h5"), "too_large"),
     ],
 )
-def test_mistakes_are_one_line(arguments, why, sample, tmp_path, one_line, monkeypatch):
+def test_mistakes_are_one_line(arguments, code, sample, tmp_path, one_line, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_sample("a.sample.h5", replace(sample, shear=None))
-    one_line(main, ["tile", "a.sample.h5", *arguments], why)
+    one_line(main, ["tile", "a.sample.h5", *arguments], code=code)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.sample.h5"]
 
 
-def test_a_network_gives_no_sample_and_motion_is_refused(sample, tmp_path, one_line):
+def test_a_network_gives_no_sample(sample, tmp_path, one_line):
     path = tmp_path / "a.network.h5"
     write_network(path, sample.network())
     command = "tile", path, "--repeat", 2, 1, "-o", tmp_path / "b.sample.h5"
-    one_line(main, command, "only a sample")
-    with pytest.raises(InputError, match="in motion"):
-        repeat_sample(replace(sample, velocity=np.zeros((150, 3))), 2, 1)
+    one_line(main, command, code="no_sample")
+
+
+def test_a_sample_in_motion_is_not_repeated(sample):
+    moving = replace(sample, velocity=np.zeros((150, 3)))
+    with pytest.raises(InputError) as refusal:
+        repeat_sample(moving, 2, 1)
+    assert refusal.value.code == "in_motion"
 
 
 def test_one_large_sphere_among_many_counts_in_the_memory(monkeypatch):
-    """Pairs are sought as far as the largest reach: as many are refused as are looked at."""
+    """Refuse pairs within the largest reach that take more memory than there is."""
     radii = np.full(1000, 1e-4)
     radii[0] = 8e-4
     side = (4 / 3 * np.pi * (radii**3).sum() / 0.6) ** (1 / 3)
     position = np.random.default_rng(1).random((1000, 3)) * side
     ends, _, _ = periodic_pairs(position, np.full(2, side), 2 * radii.max())
     # Half the reach of spheres near a wall is empty.
-    looked_at = neighbours.BYTES_PER_PAIR * len(ends)
-    monkeypatch.setattr(workload, "memory_at_hand", lambda: looked_at)
-    with pytest.raises(InputError, match="of memory"):
+    needed_bytes = neighbours.BYTES_PER_PAIR * len(ends)
+    monkeypatch.setattr(workload, "memory_at_hand", lambda: needed_bytes)
+    with pytest.raises(InputError) as refusal:
         periodic_pairs(position, np.full(2, side), 2 * radii.max())
+    assert refusal.value.code == "too_large"
     assert len(periodic_pairs(position, np.full(2, side), 2 * radii.min())[0])
 
 
 def test_two_spheres_in_one_place_are_found_among_many(tmp_path):
-    """Wherever they stand in the list."""
+    """Find them wherever they are in the list."""
     rng = np.random.default_rng(3)
     position = rng.random((2000, 3)) * 0.01
     sample = Sample(position, np.array([0.01, 0.01]), np.array([0.0, 0.01]), 0.1)
     path = tmp_path / "a.sample.h5"
     position[1700] = position[3]
     write_sample(path, replace(sample, position=position))
-    with pytest.raises(InputError, match="one place"):
+    with pytest.raises(InputError) as refusal:
         read_sample(path)
+    assert refusal.value.code == "same_place"
 
 
 def test_tile_is_another_packing_than_its_parent(tmp_path):
-    """Modes of the parent are not drawn on the tile, whose spheres are twice as many."""
-    wide, low = str(tmp_path / "b.sample.h5"), str(tmp_path / "a.modes.h5")
-    assert main(["modes", str(SHEARED), "--highest", "1", "-o", low]) == 0
-    assert main(["tile", str(SHEARED), "--repeat", "2", "1", "-o", wide]) == 0
-    require_same_packing(low, packing_of(SHEARED))
-    with pytest.raises(InputError, match="made from"):
-        require_same_packing(low, packing_of(wide))
+    """Refuse the modes of the parent for the tile, which has twice as many spheres."""
+    tile = str(tmp_path / "b.sample.h5")
+    modes = str(tmp_path / "a.modes.h5")
+    assert main(["modes", str(SHEARED), "--highest", "1", "-o", modes]) == 0
+    assert main(["tile", str(SHEARED), "--repeat", "2", "1", "-o", tile]) == 0
+    require_same_packing(modes, packing_of(SHEARED))
+    with pytest.raises(InputError) as refusal:
+        require_same_packing(modes, packing_of(tile))
+    assert refusal.value.code == "other_packing"
