@@ -100,11 +100,11 @@ def _respond(packing: PackingData, amplitude: float) -> tuple[float, ...]:
     return (
         abs(odd - linear).max() / abs(linear).max(),
         abs(even).max() / abs(odd).max(),
-        np.linalg.norm(phase**2 @ even) / np.linalg.norm(phase @ odd),
-        np.mean(slid),
-        np.mean(forward.opened | reverse.opened),
-        np.mean(losses),
-        np.mean(sharing),
+        float(np.linalg.norm(phase**2 @ even) / np.linalg.norm(phase @ odd)),
+        float(np.mean(slid)),
+        float(np.mean(forward.opened | reverse.opened)),
+        float(np.mean(losses)),
+        float(np.mean(sharing)),
         np.hypot(forward.error, forward.noise),
     )
 
