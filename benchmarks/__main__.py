@@ -1,4 +1,4 @@
-"""Run time against error: every benchmark of the project with one command.
+"""Measure run time against error: all benchmarks of the project by one command.
 
     python -m benchmarks [--quick] [NAME ...] [-o DIR]
 
@@ -25,8 +25,8 @@ NAMED = (*JOBS, "other_codes", "questions", "large")
 """The last three run only when they are named."""
 
 
-def index(folder: Path, quick: bool) -> None:
-    """README.md: the pages that are there, and the defaults, of which small sizes say nothing."""
+def write_index(folder: Path, quick: bool) -> None:
+    """Write README.md with a list of the pages and, unless sizes are small, the defaults."""
     lines = [
         "# Run time against error",
         "",
@@ -38,33 +38,37 @@ def index(folder: Path, quick: bool) -> None:
     ]
     pages = [path for path in sorted(folder.glob("*.md")) if path.name != "README.md"]
     lines += [f"- [{page.read_text().splitlines()[0].lstrip('# ')}]({page.name})" for page in pages]
-    lines += [] if quick else ["", defaults.table(folder)]
+    if not quick:
+        lines += ["", defaults.table(folder)]
     (folder / "README.md").write_text("\n".join(lines) + "\n")
 
 
-def done(name: str, quick: bool, folder: Path) -> bool:
-    """Run one job and write its page; False, after one line, if it could not be done."""
+def run_job(name: str, quick: bool, folder: Path) -> bool:
+    """Run one job and write its page; return False, after one line, if it failed."""
     start = time.perf_counter()
     try:
         with tempfile.TemporaryDirectory() as scratch:
             page = importlib.import_module(f"benchmarks.{name}").run(Job(quick, Path(scratch)))
-    except Exception as error:  # the others are half an hour's work: none is lost to this one
-        kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
-        print(f"error: {name}: {kind}{error}", file=sys.stderr, flush=True)
+    except Exception as error:  # the other jobs, which take half an hour, go on
+        reason = str(error)
+        if not isinstance(error, InputError):
+            reason = f"{type(error).__name__}: {error}"
+        print(f"error: {name}: {reason}", file=sys.stderr, flush=True)
         return False
+    option = "--quick " if quick else ""
     page.notes.append(
-        f"Made by `python -m benchmarks {'--quick ' * quick}{name}` in "
+        f"Made by `python -m benchmarks {option}{name}` in "
         f"{time.perf_counter() - start:.0f} s. {machine.description()}. "
         f"Programs that wanted a core meanwhile: {machine.load():.1f} (this one included)."
     )
     page.write(name, folder)
     print(page.markdown() + "\n", flush=True)
-    index(folder, quick)
+    write_index(folder, quick)
     return True
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the jobs; returns the exit status, 2 if a job could not be done."""
+    """Run the jobs and return the exit status, 2 if a job failed."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks", description=__doc__.splitlines()[0]
     )
@@ -82,7 +86,8 @@ def main(argv: list[str] | None = None) -> int:
         parser.error(f"{unknown[0]!r} is not a job; choose from {', '.join(known)}")
     folder.mkdir(parents=True, exist_ok=True)
     jobs = dict.fromkeys(options.names or JOBS)
-    return 0 if all([done(job, options.quick, folder) for job in jobs]) else 2
+    successes = [run_job(job, options.quick, folder) for job in jobs]
+    return 0 if all(successes) else 2
 
 
 if __name__ == "__main__":

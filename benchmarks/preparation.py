@@ -1,4 +1,4 @@
-"""What each digit of a sample's state costs: stop criteria of the motion.
+"""Cost of each digit of a sample's state: stop criteria of its preparation.
 
 A small packing is compressed to 100 kPa by the study's servo, and its void ratio, coordination
 number, stresses and residual forces are written down as it settles. Every stop criterion is read
@@ -8,7 +8,6 @@ whose steps are YADE's (`tests/preparation/test_dynamics.py`).
 
 import time
 from collections.abc import Callable
-from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -48,12 +47,14 @@ STRESS_ERROR = 3.0
 END = "end of the run"
 DIGIT = 5e-4
 """Half of the last digit to which the paper states void ratios."""
-CHECK = 50
-"""Steps between two looks."""
-LONGEST = 100_000
+CHECK_STEPS = 50
+"""Steps between two rows of a trace."""
+MAX_STEPS = 100_000
 """Steps after which a packing that does not jam is given up."""
-JAMMED, JAM_ERROR = 3.7, 0.1
-"""Coordination number and relative stress error from which the packing counts as jammed."""
+JAMMED_COORDINATION = 3.7
+"""Coordination number from which a packing counts as jammed."""
+JAMMED_STRESS_ERROR = 0.1
+"""Relative stress error below which a packing counts as jammed."""
 JAM_PATIENCE = 3000
 """Steps after the stress was first met at which damping sets in although spheres still move."""
 ERRORS = {
@@ -63,47 +64,60 @@ ERRORS = {
 }
 COLUMNS = ("steps", "seconds", "e", "Z", "stress_error", "unbalanced")
 Trace = dict[str, Any]
-"""How a run's state changed, by column."""
+"""States of a run, by column."""
 
 
 def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
-    """Task: spheres driven to the stress, hardly damped until they jam; how their state changes.
+    """Prepare the task of compressing spheres to the stress; it returns the trace of their state.
 
-    `yade_scripts/compress.py` for a single stress, without its rest at constant volume; ends
-    `steps` after jamming.
+    The spheres are hardly damped until they jam. The path is that of `yade_scripts/compress.py` for
+    a single stress, without its rest at constant volume, and ends `steps` after jamming.
     """
     sample = read_sample(path)
     Dynamics(sample).step(1e-12)  # compiles
 
     def action() -> Trace:
-        control, started = Servo(STRESS, inertial_number), time.process_time()
+        started = time.process_time()
+        control = Servo(STRESS, inertial_number)
         motion = Dynamics(sample, protocol.AGITATED_DAMPING, control=control.follow)
         trace: Trace = {name: [] for name in COLUMNS}
         interval = vibration_duration(protocol.CONTROL_INTERVAL, STRESS)
         every = count_steps(interval, time_step(STRESS))
-        met = jammed = 0
-        while motion.steps < LONGEST and not (jammed and motion.steps - jammed >= steps):
-            above = protocol.STRESS_MARGIN * control.stress.mean()
-            motion.advance(CHECK, time_step(max(STRESS, above)), every)
-            if not met and control.stress.mean() > STRESS:
-                met = motion.steps
-            network, error = motion.contacts.sample().network(), control.error()
-            held = network.coordination_number
-            settled = error < JAM_ERROR and held > JAMMED
-            if not jammed and met and (settled or motion.steps - met >= JAM_PATIENCE):
-                jammed, motion.damping = motion.steps, protocol.LOCAL_DAMPING
-            spent = time.process_time() - started
-            state = motion.steps, spent, void_ratio(network), held, error, motion.unbalanced()
-            for column, number in zip(trace.values(), state, strict=True):
-                column.append(float(number))
+        loaded_step = 0
+        jammed_step = 0
+        while motion.steps < MAX_STEPS:
+            if jammed_step and motion.steps - jammed_step >= steps:
+                break
+            stress = max(STRESS, protocol.STRESS_MARGIN * control.stress.mean())
+            motion.advance(CHECK_STEPS, time_step(stress), every)
+            if not loaded_step and control.stress.mean() > STRESS:
+                loaded_step = motion.steps
+            network = motion.contacts.sample().network()
+            stress_error = control.error()
+            coordination = network.coordination_number
+            is_jammed = stress_error < JAMMED_STRESS_ERROR and coordination > JAMMED_COORDINATION
+            is_late = motion.steps - loaded_step >= JAM_PATIENCE
+            if not jammed_step and loaded_step and (is_jammed or is_late):
+                jammed_step = motion.steps
+                motion.damping = protocol.LOCAL_DAMPING
+            trace["steps"].append(float(motion.steps))
+            trace["seconds"].append(time.process_time() - started)
+            trace["e"].append(float(void_ratio(network)))
+            trace["Z"].append(float(coordination))
+            trace["stress_error"].append(float(stress_error))
+            trace["unbalanced"].append(float(motion.unbalanced()))
         return trace
 
     return action
 
 
-def stop_rows(trace: Trace, what: dict[str, Any]) -> Rows:
-    """A row for each stop criterion that the run has met before its end, and one for that."""
-    end, stops = len(trace["steps"]) - 1, dict[float | str, int]()
+def stop_rows(trace: Trace, run_columns: dict[str, Any]) -> Rows:
+    """Return a row for each stop criterion that a run has met before its end, and one for the end.
+
+    `run_columns` are the columns that describe the run.
+    """
+    end = len(trace["steps"]) - 1
+    stops: dict[float | str, int] = {}
     for residual in UNBALANCED:
         balanced = trace["unbalanced"] < residual
         met = balanced & (trace["stress_error"] < STRESS_ERROR * residual)
@@ -117,20 +131,22 @@ def stop_rows(trace: Trace, what: dict[str, Any]) -> Rows:
             f"error_{name}": abs(state[name] / trace[name][-1] - 1) if k < end else None
             for name in ("e", "Z")
         }
-        rows.append({**what, "stop_unbalanced": stop, **state, **errors})
+        rows.append({**run_columns, "stop_unbalanced": stop, **state, **errors})
     return rows
 
 
 def run(job: Job) -> Page:
-    """Strain rates, frictions and random starts; then the packing without friction."""
-    spheres, rows = SPHERES[job.quick], list[dict[str, Any]]()
+    """Compress packings at several strain rates, frictions and random starts."""
+    spheres = SPHERES[job.quick]
+    rows: Rows = []
     for number, friction, seed in RUNS[job.quick]:
         name = f"I = {number:g}, friction {friction:g}, start {seed}"
-        what = {"method": name, "inertial_number": number, "friction": friction, "seed": seed}
+        columns = {"method": name, "inertial_number": number, "friction": friction, "seed": seed}
         start = make_cloud(protocol.Study(friction, spheres, width_of(spheres, ASPECT), seed))
-        given = {"path": job.write(start, "start"), "steps": STEPS[job.quick]}
-        trace = job.measured(servo, inertial_number=number, **given).value
-        rows += stop_rows({key: np.array(column) for key, column in trace.items()}, what)
+        path = job.write(start, "start")
+        steps = STEPS[job.quick]
+        trace = job.measured(servo, path=path, inertial_number=number, steps=steps).value
+        rows += stop_rows({key: np.array(column) for key, column in trace.items()}, columns)
     task = (
         f"{spheres} spheres from a cloud without contacts straight to {STRESS / 1e3:g} kPa. "
         "Errors of e and Z are relative to the end of the same run; stresses must be met to "
@@ -142,26 +158,30 @@ def run(job: Job) -> Page:
 
 
 def stops(rows: Rows) -> dict[float, Rows]:
-    """Rows of each stop criterion, from the loosest on."""
+    """Return the rows of each stop criterion, from the loosest on."""
     known = [row for row in rows if row.get("error_e") is not None]
     criteria = sorted({row["stop_unbalanced"] for row in known}, reverse=True)
     return {c: [row for row in known if row["stop_unbalanced"] == c] for c in criteria}
 
 
 def knee(rows: Rows) -> float:
-    """The loosest criterion from which on every run keeps e to `DIGIT`; else the tightest.
+    """Return the loosest criterion from which on every run keeps e to `DIGIT`; else the tightest.
 
-    Only criteria that as many runs as ever have met count.
+    Only criteria that the largest number of runs has met are considered.
     """
-    met = stops(rows)
-    most = max(map(len, met.values()))
-    full = sorted(criterion for criterion, own in met.items() if len(own) == most)
-    good = takewhile(lambda c: all(row["error_e"] * row["e"] <= DIGIT for row in met[c]), full)
-    return max(good, default=full[0])
+    rows_of_stops = stops(rows)
+    run_count = max(map(len, rows_of_stops.values()))
+    complete = sorted(stop for stop, met in rows_of_stops.items() if len(met) == run_count)
+    loosest = complete[0]
+    for stop in complete:
+        if any(row["error_e"] * row["e"] > DIGIT for row in rows_of_stops[stop]):
+            break
+        loosest = stop
+    return loosest
 
 
 def notes(rows: Rows) -> list[str]:
-    """What each criterion leaves of the error."""
+    """Return a line for each criterion with the error that it leaves."""
     runs = sum(row.get("stop_unbalanced") == END for row in rows)
     return [
         f"Residual {criterion:g}: met by {len(own)} of {runs} runs; e then moves by at most "

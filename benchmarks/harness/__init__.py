@@ -1,1 +1,1 @@
-"""What every benchmark stands on: measured tasks, tables, diagrams, and the programs compared."""
+"""Shared parts of the benchmarks: measured tasks, tables, diagrams, and other programs."""

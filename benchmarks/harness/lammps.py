@@ -1,4 +1,4 @@
-"""The scene of the YADE wave in LAMMPS, where it is installed (Debian package lammps)."""
+"""Waves and matrices by LAMMPS, if it is installed (Debian package lammps)."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,7 +19,7 @@ SCRIPT = Path(__file__).resolve().parent / "inside_lammps.in"
 
 
 def write_atoms(path: Path, network: Network) -> None:
-    """Write the spheres and their cell as a data file; a cell with walls reaches beyond these."""
+    """Write spheres and their cell as a data file; a cell with walls reaches beyond them."""
     edges = np.column_stack([np.zeros(3), network.cell_size])
     if not network.cell_periodic[2]:
         edges[2] = network.wall_position + np.multiply(network.radius[0], (-1, 1))
@@ -33,37 +33,50 @@ def write_atoms(path: Path, network: Network) -> None:
 
 
 def run_lammps(script: Path, folder: Path, variables: Mapping[str, object]) -> Measured:
-    """A script in a folder, with the values of its variables."""
-    given = [word for name, value in variables.items() for word in ("-var", name, str(value))]
-    command = ["lmp", "-in", str(script), "-log", "none", *given]
+    """Run a script in a folder, with the values of its variables."""
+    command = ["lmp", "-in", str(script), "-log", "none"]
+    for name, value in variables.items():
+        command += ["-var", name, str(value)]
     return run_command(command, folder, folder / "scene.log")
 
 
 class Lammps:
-    """The script `inside_lammps.in` on one crystal, whose atoms it reads from a folder."""
+    """Waves of LAMMPS through one crystal, by the script `inside_lammps.in`."""
 
-    name, command = "LAMMPS", "lmp"
+    name = "LAMMPS"
+    command = "lmp"
 
     def __init__(self, job: Job, network: Network) -> None:
-        self.job, self.network = job, network
+        self.job = job
+        self.network = network
         write_atoms(job.folder / "scene.data", network)
 
     def wave(
         self, *, fraction: float, amplitude: float, duration: float, interval: float
     ) -> tuple[Signals, Measured]:
-        """Signals, and what the run has cost, its short start included; settings as of `Yade`.
+        """Return the signals and the cost of a run, with its short start; settings as in `Yade`.
 
-        The time step divides the period of the pulse: the wall's motion changes between two.
+        The time step divides the period of the pulse, so that the wall's motion changes between
+        two steps.
         """
         step, every = step_and_records(self.network, fraction, interval)
         chain = wall_to_wall_chain(self.network)
         low, high = self.network.wall_position.tolist()
         pulse = round(1 / (INPUT_FREQUENCY * step))
         variables = {
-            **{"data": "scene.data", "records": "scene.dump", "low": low, "high": high},
-            **{"young": GLASS.young, "poisson": GLASS.poisson, "friction": 0.1},
-            **{"amplitude": amplitude, "period": 1 / INPUT_FREQUENCY, "step": step},
-            **{"pulse": pulse, "rest": round(duration / step) - pulse, "every": every},
+            "data": "scene.data",
+            "records": "scene.dump",
+            "low": low,
+            "high": high,
+            "young": GLASS.young,
+            "poisson": GLASS.poisson,
+            "friction": 0.1,
+            "amplitude": amplitude,
+            "period": 1 / INPUT_FREQUENCY,
+            "step": step,
+            "pulse": pulse,
+            "rest": round(duration / step) - pulse,
+            "every": every,
             "chain": " ".join(str(k + 1) for k in chain),
         }
         folder = self.job.folder

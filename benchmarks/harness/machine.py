@@ -1,4 +1,4 @@
-"""The machine that a benchmark ran on."""
+"""Description of the machine that runs a benchmark."""
 
 import importlib.metadata
 import os
@@ -11,14 +11,14 @@ PACKAGES = ("numpy", "scipy", "numba", "pypardiso", "h5py")
 
 
 def processor() -> str:
-    """Model of the processor as the system names it."""
+    """Return the model of the processor as the system names it."""
     listed = Path("/proc/cpuinfo")
     names = re.findall("model name.*: (.*)", listed.read_text()) if listed.exists() else []
     return names[0] if names else platform.processor() or platform.machine()
 
 
 def yade_version() -> str:
-    """As YADE prints it."""
+    """Return the version of YADE as it prints it."""
     try:
         done = subprocess.run(["yade", "--version"], capture_output=True, text=True, check=False)
     except OSError:
@@ -27,7 +27,7 @@ def yade_version() -> str:
 
 
 def description() -> str:
-    """What the numbers were measured on; no names of hosts or folders."""
+    """Return hardware and versions of programs, without names of hosts or folders."""
     installed = {each.name: each.version for each in importlib.metadata.distributions()}
     versions = [f"{name} {installed.get(name, 'absent')}" for name in PACKAGES]
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
@@ -39,5 +39,5 @@ def description() -> str:
 
 
 def load() -> float:
-    """Programs that want a core, mean over the last five minutes; above the cores: shared."""
+    """Return the mean number of runnable programs over the last five minutes."""
     return os.getloadavg()[1]

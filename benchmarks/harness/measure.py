@@ -1,4 +1,4 @@
-"""Time and peak memory of one task in a process of its own.
+"""Measurement of the time and the peak memory of one task in its own process.
 
     python -m benchmarks.harness.measure MODULE:FUNCTION JSON
 
@@ -29,10 +29,10 @@ from modal.tools.workload import peak_memory
 ROOT = Path(__file__).resolve().parents[2]
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 CORES = os.cpu_count() or 1
-LONGEST = 900
-"""Seconds after which a task is given up."""
-LONG_RUN = 5.0
-"""Seconds from which a run is not repeated: it averages over the machine's whims by itself."""
+MAX_TASK_SECONDS = 900
+"""Time after which a task is given up."""
+MAX_REPEATED_SECONDS = 5.0
+"""Time of a run from which it is not repeated: it averages over disturbances by itself."""
 LAUNCHER = """
 import os, subprocess, sys, time
 start = time.perf_counter()
@@ -49,9 +49,16 @@ print(os.waitstatus_to_exitcode(status), elapsed, spent, used.ru_maxrss)
 
 @dataclass(frozen=True)
 class Measured:
-    """What a task has returned, its time (s) and peak resident memory (MB).
+    """Result of a task, with its cost.
 
-    `failure` says why there is nothing to report; the numbers are then None.
+    Attributes
+    ----------
+    value : object
+        What the task has returned.
+    seconds, peak_mb : float or None
+        Its time, s, and peak resident memory, MB; None if it failed.
+    failure : str
+        Why it failed, or an empty text.
     """
 
     value: Any = None
@@ -61,81 +68,106 @@ class Measured:
 
     @property
     def cost(self) -> dict[str, float | str | None]:
-        """Columns of a table."""
-        cost = {"seconds": self.seconds, "peak_mb": self.peak_mb}
-        return cost | ({"failure": self.failure} if self.failure else {})
+        """Time, memory and, if it failed, the failure, as columns of a table."""
+        cost: dict[str, float | str | None] = {"seconds": self.seconds, "peak_mb": self.peak_mb}
+        if self.failure:
+            cost["failure"] = self.failure
+        return cost
 
 
 @dataclass(frozen=True)
 class Job:
-    """A benchmark under way: whether it is of small sizes, and the folder of its files."""
+    """A running benchmark: whether it uses small sizes (`quick`), and the folder of its files."""
 
     quick: bool
     folder: Path
 
     @property
     def times(self) -> int:
-        """Runs of which the median counts."""
+        """Number of runs of which the median counts."""
         return 1 if self.quick else 3
 
     def write(self, packing: Network | Sample, name: str = "packing") -> str:
-        """Keep a packing for tasks and commands; its path."""
-        sample = isinstance(packing, Sample)
-        path = self.folder / f"{name}.{'sample' if sample else 'network'}.h5"
-        (write_sample if sample else write_network)(path, packing)
+        """Write a packing for tasks and commands, and return its path."""
+        if isinstance(packing, Sample):
+            path = self.folder / f"{name}.sample.h5"
+            write_sample(path, packing)
+        else:
+            path = self.folder / f"{name}.network.h5"
+            write_network(path, packing)
         return str(path)
 
     def measured(
-        self, task: Callable[..., Any], *, threads: int = 1, must: bool = True, **given: Any
+        self,
+        task: Callable[..., Any],
+        *,
+        threads: int = 1,
+        must: bool = True,
+        **arguments: str | float | None,
     ) -> Measured:
-        """Median of three runs of a task, of one if `quick`; arguments and value must be JSON.
+        """Return the median of three runs of a task, or one run if `quick`.
 
-        InputError with its last line if one fails, unless that is a result too: not `must`.
+        The arguments of the task and its value must be JSON. Raises InputError with the last line
+        of a run that fails, unless a failure is a result, too (`must` is false).
         """
-        found = median_of(self.times, lambda: _run(task, threads, given))
-        if found.failure and must:
-            raise InputError("input", f"{task.__module__}:{task.__name__}: {found.failure}")
-        return found
+        measured = median_of(self.times, lambda: _run_task(task, threads, arguments))
+        if measured.failure and must:
+            raise InputError("task_failed", f"{task.__module__}:{task.__name__}", measured.failure)
+        return measured
 
     def command(self, *words: str, threads: int | None = CORES) -> Measured:
-        """A command of this project in the folder; one that fails, or dies for memory, says why."""
-        how: dict[str, Any] = {"environment": {"PYTHONPATH": str(ROOT)}, "threads": threads}
+        """Run a command of this project in the folder; a failure is part of the result."""
         log = self.folder / "command.log"
+        environment = {"PYTHONPATH": str(ROOT)}
         try:
-            return run_command([sys.executable, "-m", *words], self.folder, log, **how)
+            return run_command(
+                [sys.executable, "-m", *words], self.folder, log, environment, threads
+            )
         except InputError as error:
             return Measured(failure=str(error))
 
 
 def median_of(times: int, run: Callable[[], Measured]) -> Measured:
-    """Medians of the seconds and megabytes of `times` runs; one alone if it is long or fails."""
-    found = [run()]
-    while len(found) < times and not found[-1].failure and found[0].seconds < LONG_RUN:
-        found.append(run())
-    if found[-1].failure:
-        return found[-1]
-    seconds, peak = zip(*((run.seconds, run.peak_mb) for run in found), strict=True)
-    return Measured(found[-1].value, statistics.median(seconds), statistics.median(peak))
+    """Return the medians of time and memory of `times` runs; of one if it is long or fails."""
+    runs = [run()]
+    while len(runs) < times and not runs[-1].failure and runs[0].seconds < MAX_REPEATED_SECONDS:
+        runs.append(run())
+    if runs[-1].failure:
+        return runs[-1]
+    seconds = statistics.median(run.seconds for run in runs)
+    peak_mb = statistics.median(run.peak_mb for run in runs)
+    return Measured(runs[-1].value, seconds, peak_mb)
 
 
-def _limited(threads: int | None) -> dict[str, str]:
-    """This environment with so many threads for every library that has any, or its own choice."""
-    free = {name: text for name, text in os.environ.items() if name not in THREADS}
-    return free if threads is None else free | dict.fromkeys(THREADS, str(threads))
+def _limit_threads(threads: int | None) -> dict[str, str]:
+    """Return this environment with a number of threads for every library; None leaves it open."""
+    environment = {name: text for name, text in os.environ.items() if name not in THREADS}
+    if threads is not None:
+        environment |= dict.fromkeys(THREADS, str(threads))
+    return environment
 
 
-def _run(task: Callable[..., Any], threads: int, arguments: dict[str, Any]) -> Measured:
+def _run_task(task: Callable[..., Any], threads: int, arguments: Mapping[str, Any]) -> Measured:
+    """Run a task once in its own process."""
     name = f"{task.__module__}:{task.__name__}"
-    command = [sys.executable, "-m", "benchmarks.harness.measure", name, json.dumps(arguments)]
-    how: dict[str, Any] = {"cwd": ROOT, "env": _limited(threads), "timeout": LONGEST}
     try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False, **how)
+        process = subprocess.run(
+            [sys.executable, "-m", "benchmarks.harness.measure", name, json.dumps(arguments)],
+            cwd=ROOT,
+            env=_limit_threads(threads),
+            timeout=MAX_TASK_SECONDS,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
     except subprocess.TimeoutExpired:
-        return Measured(failure=f"given up after {LONGEST} s")
-    if done.returncode != 0:
-        last = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-        return Measured(failure=last)
-    return Measured(**json.loads(done.stdout.splitlines()[-1]))
+        return Measured(failure=f"given up after {MAX_TASK_SECONDS} s")
+    if process.returncode != 0:
+        error_lines = process.stderr.strip().splitlines()
+        if error_lines:
+            return Measured(failure=error_lines[-1])
+        return Measured(failure=f"exit status {process.returncode}")
+    return Measured(**json.loads(process.stdout.splitlines()[-1]))
 
 
 def run_command(
@@ -145,28 +177,33 @@ def run_command(
     environment: Mapping[str, str] | None = None,
     threads: int | None = 1,
 ) -> Measured:
-    """Time and peak memory of a command; its output goes to `log`.
+    """Return the time and the peak memory of a command, whose output goes to `log`.
 
-    Without `threads` it takes as many as it chooses itself. InputError with the command's own last
-    error if it fails.
+    If `threads` is None, it uses as many as it chooses. Raises InputError with the last error of
+    the command if it fails.
     """
     # A program inherits the peak of the process that starts it: here that of a bare interpreter.
     launcher = [sys.executable, "-S", "-c", LAUNCHER, str(log), *command]
-    settings = _limited(threads) | dict(environment or {})
-    done = subprocess.run(
-        launcher, cwd=folder, env=settings, stdout=subprocess.PIPE, text=True, check=True
+    process = subprocess.run(
+        launcher,
+        cwd=folder,
+        env=_limit_threads(threads) | dict(environment or {}),
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
     )
-    status, elapsed, spent, peak = map(float, done.stdout.split())
+    status, elapsed, processor_time, peak = map(float, process.stdout.split())
     if status != 0:
-        lines = [line for line in log.read_text().splitlines() if "rror" in line]
-        last = lines[-1] if lines else f"{status:.0f}"
-        raise InputError("input", f"{Path(command[0]).name} failed", f"{last}")
-    unit = 1 if sys.platform == "darwin" else 1024
-    return Measured(None, spent if threads == 1 else elapsed, peak * unit / 1e6)
+        error_lines = [line for line in log.read_text().splitlines() if "rror" in line]
+        reason = error_lines[-1] if error_lines else f"exit status {status:.0f}"
+        raise InputError("command_failed", f"{Path(command[0]).name} failed", reason)
+    seconds = processor_time if threads == 1 else elapsed
+    bytes_per_unit = 1 if sys.platform == "darwin" else 1024
+    return Measured(None, seconds, peak * bytes_per_unit / 1e6)
 
 
 def main(argv: list[str]) -> int:
-    """Prepare, run, print one line of JSON."""
+    """Prepare a task, run it, and print one line of JSON."""
     module, name = argv[0].split(":")
     prepare: Callable[..., Callable[[], Any]] = getattr(importlib.import_module(module), name)
     action = prepare(**json.loads(argv[1]))

@@ -1,4 +1,4 @@
-"""Packings that benchmarks share: of known spectrum, of any size; what a product K u moves."""
+"""Packings of benchmarks: of known spectrum, of any size; bytes that a product K u moves."""
 
 import math
 from dataclasses import dataclass, replace
@@ -22,13 +22,24 @@ from modal.waves.motions import INPUT_FREQUENCY
 SAMPLE = ROOT / "results" / "samples" / "case06.sample.h5"
 """35,201 spheres without friction at 100 kPa."""
 STRESS = 1e5
+"""Pa."""
 ASPECT = 5.0
 """Length over width, long enough for waves, short enough for dense matrices of a wide packing."""
 
 
 @dataclass(frozen=True)
 class KnownPacking:
-    """Its network file, its system, and all frequencies (6 n,), Hz, ascending."""
+    """A random packing with its whole spectrum.
+
+    Attributes
+    ----------
+    path : str
+        File of its network.
+    system : LinearSystem
+        Its stiffness and masses.
+    exact : ndarray (6 n,)
+        All frequencies, Hz, ascending.
+    """
 
     path: str
     system: LinearSystem
@@ -36,7 +47,7 @@ class KnownPacking:
 
     @classmethod
     def of(cls, spheres: int, job: Job) -> "KnownPacking":
-        """Packing without friction at 100 kPa, written to the job's folder."""
+        """Make a packing without friction at 100 kPa, and write it to the folder of the job."""
         network = random_packing(spheres, STRESS, aspect=ASPECT)
         system = LinearSystem.of(network)
         return cls(job.write(network), system, spectrum(system))
@@ -54,11 +65,11 @@ class KnownPacking:
 
 
 def by_energy(system: LinearSystem, first: int, count: int) -> np.ndarray:
-    """Frequencies (count,), Hz, of the modes from number `first` on: energy of their springs.
+    """Return frequencies (count,), Hz, of modes from number `first` on, by their springs' energy.
 
-    omega^2 = sum of d . k d over the contacts, over u . M u, for dense eigenvectors u. The
-    elongations d = B u of a low mode are small differences of its displacements, right to the unit
-    round-off times f_max / f; a matrix K holds their squares, and only to that factor squared.
+    omega^2 is the sum of d . k d over the contacts divided by u . M u, for dense eigenvectors u.
+    The elongations d = B u of a low mode are small differences of its displacements, with an error
+    of the unit round-off times f_max / f; a matrix K holds their squares, with this factor squared.
     """
     _, vectors = eigh(system.dynamical_matrix.toarray(), subset_by_index=[first, first + count - 1])
     u = system.sqrt_mass.over(vectors).reshape(-1, 6, count)
@@ -70,20 +81,22 @@ def by_energy(system: LinearSystem, first: int, count: int) -> np.ndarray:
 
 
 def spectrum(system: LinearSystem) -> np.ndarray:
-    """All frequencies, Hz, ascending, from the dense mass-scaled matrix."""
+    """Return all frequencies, Hz, ascending, from the dense mass-scaled matrix."""
     return frequency_of(eigh(system.dynamical_matrix.toarray(), eigvals_only=True))
 
 
 def sample_or_small(spheres: int, quick: bool, aspect: float = ASPECT) -> Network:
-    """The committed sample; with `quick` a packing of `spheres` made on the spot."""
-    return random_packing(spheres, STRESS, aspect=aspect) if quick else read(SAMPLE)
+    """Return the committed sample, or a new packing of `spheres` if `quick`."""
+    if quick:
+        return random_packing(spheres, STRESS, aspect=aspect)
+    return read(SAMPLE)
 
 
 def resized(sample: Network, spheres: int) -> Network:
-    """The first spheres of a sample, which are its lower part, or copies of it side by side.
+    """Return the lower part of a sample with so many spheres, or copies of it side by side.
 
-    What the lower part touches above the cut is gone; its highest sphere meets the receiver wall
-    there, in a contact taken from the sample's upper end, so that a wave can be received.
+    Contacts of the lower part with spheres above the cut are removed. Its highest sphere gets a
+    contact with the receiver wall, taken from the sample's upper end, so that a wave is received.
     """
     if spheres > 1.5 * sample.n_particles:
         times = round(spheres / sample.n_particles)
@@ -105,9 +118,10 @@ def resized(sample: Network, spheres: int) -> Network:
 
 
 def step_and_records(network: Network, fraction: float, interval: float) -> tuple[float, int]:
-    """Time step, s, at most `fraction` of its limit, and its number from record to record.
+    """Return a time step, s, of at most `fraction` of its limit, and the steps between records.
 
-    The step divides the period of the pulse; `interval` of the records, s, is met to half a step.
+    The step divides the period of the pulse; the interval of the records, s, is that to half a
+    step.
     """
     highest = float(modes_of(LinearSystem.of(network), highest=1, certify=False).frequency[-1])
     steps = math.ceil(math.pi * highest / (fraction * INPUT_FREQUENCY))
@@ -115,7 +129,10 @@ def step_and_records(network: Network, fraction: float, interval: float) -> tupl
 
 
 def bytes_of(product: ContactOperator | csr_matrix) -> float:
-    """Through memory: of a sparse matrix, or of the loop over contacts, which reads its result."""
+    """Return the bytes that a product moves through memory.
+
+    The loop over contacts also reads its result, a sparse matrix does not.
+    """
     operator = isinstance(product, ContactOperator)
     if operator and product._matrix is None:
         on = product._contacts

@@ -1,4 +1,4 @@
-"""What a benchmark has found, as Markdown, CSV and PNG."""
+"""Pages of benchmarks as Markdown, CSV and PNG."""
 
 import csv
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ DOTS_PER_INCH = 110
 
 @dataclass
 class Page:
-    """Title, what was done, tables by name, conclusions one by one, and figures by name."""
+    """A page: title, description of the task, tables by name, conclusions, and figures by name."""
 
     title: str
     task: str
@@ -25,7 +25,7 @@ class Page:
     figures: dict[str, Figure] = field(default_factory=dict)
 
     def markdown(self) -> str:
-        """The page; figures and numbers are files beside it."""
+        """Return the page as Markdown; figures and numbers are files beside it."""
         parts = [f"## {self.title}", self.task]
         parts += [f"![{self.title}]({name}.png)" for name in self.figures]
         parts.append("\n".join(f"- {note}" for note in self.notes))
@@ -43,19 +43,21 @@ class Page:
 
 
 def table(rows: Rows, digits: int) -> Table:
-    """Rows as text, an empty cell for None; columns in the order in which they come first."""
+    """Return rows as text, with an empty cell for None; columns are in order of appearance."""
     names = list(dict.fromkeys(name for row in rows for name in row))
 
     def text(value: Any) -> str:
         if value is None:
             return ""
-        return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+        if isinstance(value, float):
+            return f"{value:.{digits}g}"
+        return str(value)
 
     return Table("", names, [[text(row.get(name)) for name in names] for row in rows])
 
 
 def read_csv(path: Path) -> Rows:
-    """Rows as they were written: numbers as float, empty cells as None."""
+    """Read rows as they were written, with numbers as float and empty cells as None."""
 
     def value(text: str) -> float | str | None:
         try:
