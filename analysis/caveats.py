@@ -105,6 +105,11 @@ class Caveat:
     code: str
     values: Mapping[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Refuse a code without a text, which is a mistake of the program."""
+        if "text" not in self.values and self.code not in TEXTS:
+            raise RuntimeError(f"caveat {self.code!r} has no text in TEXTS")
+
     def __str__(self) -> str:
         if "text" in self.values:
             return str(self.values["text"])

@@ -38,8 +38,9 @@ OUTCOMES: Final[Mapping[str, str]] = {
     "ends_below": "the wave ends before it has faded",
     "fitted": "fitted",
     "too_few": "too few frequencies for a fit",
-    "kept": "kept",
-    "exceeded": "exceeded",
+    "kept": "the limit is kept",
+    "exceeded": "above the limit",
+    "fallen_short": "below the limit",
 }
 """Outcomes of steps by their codes."""
 
@@ -94,8 +95,8 @@ class Step:
 
     Examples
     --------
-    >>> print(Step("limit", "exceeded", {"length": 8.25, "limit": 15.0}))
-    limit: exceeded; length in diameters 8.25; limit 15
+    >>> print(Step("limit", "fallen_short", {"length": 8.25, "limit": 15.0}))
+    limit: below the limit; length in diameters 8.25; limit 15
     """
 
     kind: StepKind

@@ -214,7 +214,7 @@ def _measure_long_waves(packing: PackingData, key: str) -> Value:
         return velocity
     long_enough = length >= MIN_LENGTH_IN_DIAMETERS
     numbers = {"length": length, "limit": MIN_LENGTH_IN_DIAMETERS}
-    limit = Step("limit", "kept" if long_enough else "exceeded", numbers)
+    limit = Step("limit", "kept" if long_enough else "fallen_short", numbers)
     velocity = replace(velocity, steps=(*velocity.steps, limit))
     if not velocity.known or long_enough:
         return velocity

@@ -85,7 +85,7 @@ def test_how_the_error_of_v_p_comes_about(packing):
     # The part is the change from no damping to the usual one, proportional to the damping.
     change = abs(stronger["numbers"]["velocity"] - weaker["numbers"]["velocity"])
     assert parts["window"] == pytest.approx(4.0 / (5.0 - 3.0) * change)
-    assert (length["kind"], length["outcome"]) == ("limit", "exceeded")
+    assert (length["kind"], length["outcome"]) == ("limit", "fallen_short")
     assert length["numbers"]["length"] < length["numbers"]["limit"] == 15.0
 
 
