@@ -88,7 +88,7 @@ def test_a_network_gives_no_sample(sample, tmp_path, one_line):
     path = tmp_path / "a.network.h5"
     write_network(path, sample.network())
     command = "tile", path, "--repeat", 2, 1, "-o", tmp_path / "b.sample.h5"
-    one_line(main, command, code="no_sample")
+    one_line(main, command, code="not_a_sample")
 
 
 def test_a_sample_in_motion_is_not_repeated(sample):
