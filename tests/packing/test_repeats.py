@@ -1,4 +1,4 @@
-"""Equal parts side by side: how many there are, what one of them is, and what is none."""
+"""Tests of lateral repeats: how many equal parts a packing has, and when it has none."""
 
 from dataclasses import replace
 
@@ -28,28 +28,29 @@ from modal.system.assembly import stiffness_matrix
 )
 @pytest.mark.parametrize("pre_stress", ["none", "full"])
 def test_the_part_has_the_folded_matrix(network, count: int, pre_stress: str):
-    """P^T K P / count from the whole matrix, P the repetition of a motion of the part.
+    """Compare with P^T K P / count of the whole matrix, where P repeats a motion of the part.
 
     Both sum the same blocks; each entry is rounded some ten times.
     """
     network = network()
-    found = lateral_repeats(network, pre_stress=pre_stress != "none")
-    assert found.count == count
-    assert len(found.first) * count == network.n_particles
-    assert np.array_equal(found.member[found.first], np.arange(len(found.first)))
-    assert (np.bincount(found.member) == count).all()
-    P = sp.kron(np.eye(len(found.first))[found.member], np.eye(6), "csr")
+    repeats = lateral_repeats(network, pre_stress=pre_stress != "none")
+    assert repeats.count == count
+    assert len(repeats.first) * count == network.n_particles
+    assert np.array_equal(repeats.member[repeats.first], np.arange(len(repeats.first)))
+    assert (np.bincount(repeats.member) == count).all()
+    P = sp.kron(np.eye(len(repeats.first))[repeats.member], np.eye(6), "csr")
     K = stiffness_matrix(network, pre_stress=pre_stress)
-    own = stiffness_matrix(found.part, pre_stress=pre_stress)
-    assert abs(own - P.T @ K @ P / count).max() < 1e-9 * abs(K).max()
-    assert found.difference < SAME
+    K_part = stiffness_matrix(repeats.part, pre_stress=pre_stress)
+    assert abs(K_part - P.T @ K @ P / count).max() < 1e-9 * abs(K).max()
+    assert repeats.difference < SAME
     for name in ("mass", "inertia"):
-        all_parts = getattr(found.part, name)[found.member]
+        all_parts = getattr(repeats.part, name)[repeats.member]
         np.testing.assert_allclose(all_parts, getattr(network, name), rtol=1e-12)
 
 
 def test_numbering_turned_contacts_and_the_origin_do_not_matter():
-    network, rng = repeat(slim(), 3, 2), np.random.default_rng(5)
+    network = repeat(slim(), 3, 2)
+    rng = np.random.default_rng(5)
     other = changes.renumbered(network, rng.permutation(network.n_particles))
     turned = ~other.with_wall & (rng.random(other.n_contacts) < 0.5)
     # A fifth of a period aside, in which no sphere keeps its cell, and far out of the cell.
@@ -76,10 +77,10 @@ def test_a_sphere_out_of_place_and_a_contact_less_leave_no_parts():
     position[7] += 1e-4 * network.radius[7]
     assert lateral_repeats(replace(network, position=position)).count == 1
     assert lateral_repeats(network.with_contacts(slice(1, None))).count == 1
-    # One from each part, but not the same: the numbers alone do not tell.
-    kept = np.ones(network.n_contacts, bool)
-    kept[np.flatnonzero(~network.with_wall)[[0, 5, 11]]] = False
-    assert lateral_repeats(network.with_contacts(kept)).count == 1
+    # Leave a different contact out of each part: the numbers of contacts are still equal.
+    remains = np.ones(network.n_contacts, bool)
+    remains[np.flatnonzero(~network.with_wall)[[0, 5, 11]]] = False
+    assert lateral_repeats(network.with_contacts(remains)).count == 1
 
 
 def test_forces_count_with_pre_stress_alone():

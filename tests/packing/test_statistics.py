@@ -1,4 +1,4 @@
-"""Stresses, layers, contacts, order: against the crystal, energies, integrals and each other."""
+"""Tests of stresses, layers, contacts and order against crystals, energies and integrals."""
 
 from dataclasses import replace
 
@@ -21,17 +21,18 @@ from modal.tools.errors import InputError
 
 
 def overlapping(seed: int = 1, n: int = 120) -> Sample:
-    """A packing squeezed to overlaps of a tenth of the radius and shaken: far from balance."""
+    """Return a packing squeezed to overlaps of a tenth of the radius and shaken, out of balance."""
     packed = random_sample(n, 1e6, seed, aspect=1.5)
     shake = np.random.default_rng(seed).uniform(-0.03, 0.03, (n, 3)) * RADIUS
-    side, walls = 0.95 * packed.side, 0.95 * packed.walls
+    side = 0.95 * packed.side
+    walls = 0.95 * packed.walls
     position = 0.95 * packed.position + shake
     position[:, :2] %= side
     return replace(packed, position=position, side=side, walls=walls)
 
 
 def sheared(network: Network, seed: int = 2) -> Network:
-    """The network with random shear forces, a tenth of the normal force."""
+    """Return the network with random shear forces, a tenth of the normal force."""
     size = 0.1 * network.force_normal[:, None]
     force = size * np.random.default_rng(seed).standard_normal(network.normal.shape)
     along = (force * network.normal).sum(axis=1)[:, None] * network.normal
@@ -39,26 +40,31 @@ def sheared(network: Network, seed: int = 2) -> Network:
 
 
 def elastic_energy(sample: Sample, stretch: np.ndarray) -> float:
-    """Hertz energy, 2/5 of force times overlap, with the sample stretched along its axes."""
-    position, side, walls = sample.position * stretch, sample.side * stretch[:2], sample.walls
-    network = replace(sample, position=position, side=side, walls=walls * stretch[2]).network()
+    """Return the Hertz energy, 2/5 of force times overlap, of a sample stretched along its axes."""
+    stretched = replace(
+        sample,
+        position=sample.position * stretch,
+        side=sample.side * stretch[:2],
+        walls=sample.walls * stretch[2],
+    )
+    network = stretched.network()
     return float(0.4 * network.force_normal @ network.overlap)
 
 
 def test_stress_is_the_derivative_of_the_energy():
-    """- dE / d(log L) / V for each axis, walls included, balance or not (virial theorem)."""
+    """Compare with -dE / d(log L) / V for each axis, walls included (virial theorem)."""
     sample = overlapping()
     network = sample.network()
     stress = np.diag(state.stress_tensor(network))
     volume = network.cell_size.prod()
     errors = []
     for step in (4e-4, 2e-4):
-        found = [
-            (elastic_energy(sample, 1 - step * axis) - elastic_energy(sample, 1 + step * axis))
-            / (2 * step * volume)
-            for axis in np.eye(3)
-        ]
-        errors.append(abs(np.array(found) / stress - 1).max())
+        derivative = []
+        for axis in np.eye(3):
+            shorter = elastic_energy(sample, 1 - step * axis)
+            longer = elastic_energy(sample, 1 + step * axis)
+            derivative.append((shorter - longer) / (2 * step * volume))
+        errors.append(abs(np.array(derivative) / stress - 1).max())
     # Hertz energies grow as overlap^(5/2): contacts that open or close at the step leave an error
     # of order between 3/2 and 2.
     assert errors[1] < 1e-5
@@ -67,7 +73,8 @@ def test_stress_is_the_derivative_of_the_energy():
 
 @pytest.mark.parametrize("stress", [1e3, 1e5, 1e7])
 def test_crystal_in_balance(stress):
-    network, crystal = gallery.fcc(stress, (3, 3, 20)), FccLattice(stress)
+    network = gallery.fcc(stress, (3, 3, 20))
+    crystal = FccLattice(stress)
     assert state.wall_stress(network) == pytest.approx([stress, stress], rel=1e-12)
     assert state.residual_forces(network).max() <= 1e-12
     layers = state.profile(network, thickness=0.37 * RADIUS)
@@ -83,7 +90,7 @@ def test_crystal_in_balance(stress):
 
 
 def test_densities_and_coordination_are_counted_sphere_by_sphere():
-    """Radii 1:3 of glass and steel, out of balance."""
+    """Count in a loop, for radii 1:3 of glass and steel."""
     network = polydisperse()
     solid = sum(4 / 3 * np.pi * r**3 for r in network.radius)
     whole = network.cell_size.prod()
@@ -117,7 +124,7 @@ def test_layers_add_up_to_the_whole(thickness):
 
 
 def test_volume_of_a_cut_sphere():
-    """One sphere against the integral of its circular sections."""
+    """Compare one sphere with the integral of its circular sections."""
     cell = np.full(3, 8 * RADIUS)
     centre = np.array([[0.1, 0.2, 3.3]]) * RADIUS
     network = Sample(centre, cell[:2], np.array([0, cell[2]]), friction=0.0).network()
@@ -130,7 +137,7 @@ def test_volume_of_a_cut_sphere():
 
 
 def test_rattlers_leave_with_their_contacts():
-    """A column, a sphere that leans on it, another that leans on that one, and a free one."""
+    """Add to a column a sphere that touches it, another that touches that one, and a free one."""
     column = gallery.column(4)
     overlap = column.overlap[1]
     aside = column.position[1] + [2 * RADIUS - overlap, 0, 0]
@@ -159,30 +166,32 @@ def test_wall_layers_are_told_from_the_bulk():
     middle = (layers.edges[1:] + layers.edges[:-1]) / 2
     depth = np.minimum(middle, network.length - middle)
     assert (layers.bulk == (depth > 11 * RADIUS * (1 - 1e-9))).all()
-    found = summary(network)
+    numbers = summary(network)
     perfect = FccLattice(1e5)
     cell = perfect.spacing**2 * perfect.layer_distance
-    wanted = cell / (4 / 3 * np.pi * RADIUS**3) - 1
-    assert found["void_ratio_of_bulk"] == pytest.approx(wanted, rel=2e-2)
+    void_ratio = cell / (4 / 3 * np.pi * RADIUS**3) - 1
+    assert numbers["void_ratio_of_bulk"] == pytest.approx(void_ratio, rel=2e-2)
     assert "void_ratio_of_bulk" not in summary(gallery.fcc(cells=(2, 2, 8)))
 
 
 def test_info_reads_the_compact_form(tmp_path, printed):
-    """The same numbers, to the last digit, from a sample and from the network made of it."""
+    """Expect equal numbers, to the last digit, from a sample and from its network."""
     sample = replace(read_sample(SHEARED), study={"mu_wave": 0.3})
     write_sample(tmp_path / "x.sample.h5", sample)
     write_network(tmp_path / "x.network.h5", sample.network())
-    told = [printed("info", tmp_path / f"x.{kind}.h5") for kind in ("sample", "network")]
-    for each in told:
-        del each["seconds"], each["peak_memory_bytes"]
-    assert told[0] == told[1]
-    assert told[0]["largest_share_of_friction"] > 0
+    of_sample = printed("info", tmp_path / "x.sample.h5")
+    of_network = printed("info", tmp_path / "x.network.h5")
+    for name in ("seconds", "peak_memory_bytes"):
+        del of_sample[name]
+        del of_network[name]
+    assert of_sample == of_network
+    assert of_sample["largest_share_of_friction"] > 0
 
 
 def test_layers_of_a_cell_without_walls_know_no_end():
-    """YADE's packing in balance: the same stress along z crosses every plane, of the period too.
+    """Expect equal stresses in all layers, and layers that move with a packing round the cell.
 
-    Net forces are 1e-6 of the contact forces. Moved by a layer, all layers follow round the cell.
+    Net forces in YADE's packing are 1e-6 of the contact forces.
     """
     network = read_network(PACKINGS / "triaxial.network.h5")
     layers = state.profile(network)
@@ -191,12 +200,14 @@ def test_layers_of_a_cell_without_walls_know_no_end():
     volume = network.cell_size.prod() / len(layers.void_ratio)
     solid = (4 / 3 * np.pi * network.radius**3).sum()
     assert (volume / (1 + layers.void_ratio)).sum() == pytest.approx(solid, rel=1e-12)
-    step, low = np.diff(layers.edges)[0], network.wall_position[0]
+    step = np.diff(layers.edges)[0]
+    low = network.wall_position[0]
     position = network.position.copy()
     position[:, 2] += step
     over = position[:, 2] >= network.wall_position[1]
     position[over, 2] -= network.cell_size[2]
-    assert over.any() and position[:, 2].min() >= low
+    assert over.any()
+    assert position[:, 2].min() >= low
     shift = network.cell_shift.copy()
     shift[:, 2] += over[network.partner].astype(int) - over[network.particle_i]
     moved = state.profile(replace(network, position=position, cell_shift=shift))
@@ -204,21 +215,35 @@ def test_layers_of_a_cell_without_walls_know_no_end():
     assert moved.stress == pytest.approx(np.roll(layers.stress, 1, axis=0), rel=1e-9)
 
 
-@pytest.mark.parametrize("strength, least, most", [(0.02, 0.99, 1.0), (0.35, 0.0, 0.1)])
-def test_shaken_crystal_loses_its_order(strength, least, most):
+@pytest.mark.parametrize(("strength", "lowest", "highest"), [(0.02, 0.99, 1.0), (0.35, 0.0, 0.1)])
+def test_shaken_crystal_loses_its_order(strength, lowest, highest):
     network = gallery.fcc(cells=(5, 5, 10))
     shake = np.random.default_rng(7).standard_normal(network.position.shape)
     network = network.unchecked(position=network.position + strength * 2 * RADIUS * shake)
-    assert least <= crystalline(network).mean() <= most
+    assert lowest <= crystalline(network).mean() <= highest
+
+
+def test_centres_that_coincide_through_a_period_have_no_bond():
+    """Move a sphere of a column by a period onto the next one: no direction leads from it."""
+    crystal = gallery.fcc(cells=(1, 1, 8))
+    width = crystal.cell_size[0]
+    position = np.zeros((8, 3))
+    position[:, 2] = np.arange(8) * width
+    position[3] = position[2] + [width, 0, 0]
+    network = crystal.unchecked(position=position)
+    with np.errstate(all="raise"):
+        assert not crystalline(network)[[0, 7]].any()
 
 
 def test_turned_crystal_is_as_crystalline():
-    """A crystal in the middle of a large cell, along the axes and turned by one radian."""
+    """Turn a crystal in the middle of a large cell by one radian."""
     cluster = gallery.fcc(cells=(6, 6, 8)).position
     cluster = cluster - cluster.mean(axis=0)
-    c, s = np.cos(1.0), np.sin(1.0)
-    turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
-    cell, shares = 40 * RADIUS, []
+    cosine = np.cos(1.0)
+    sine = np.sin(1.0)
+    turn = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
+    cell = 40 * RADIUS
+    shares = []
     for rotation in (np.eye(3), turn):
         position = cluster @ rotation.T + cell / 2
         sample = Sample(position, np.full(2, cell), np.array([0, cell]), friction=0.0)
@@ -255,10 +280,10 @@ def test_means_equal_a_loop():
 
 
 def test_particles_on_hardly_loaded_contacts_are_left_out():
-    """One sphere of a crystal with a thousandth of the force everywhere: it bears, barely."""
+    """Give one sphere of a crystal a thousandth of the force: it bears force, but hardly."""
     crystal = gallery.fcc(cells=(4, 4, 6))
-    own = (crystal.particle_i == 40) | (crystal.particle_j == 40)
-    force = np.where(own, 1e-3, 1.0)
+    has_sphere = (crystal.particle_i == 40) | (crystal.particle_j == 40)
+    force = np.where(has_sphere, 1e-3, 1.0)
     weak = replace(crystal, force_normal=force)
     assert force_bearing(weak).all()
     assert np.flatnonzero(~firmly_held(weak)).tolist() == [40]
@@ -267,11 +292,12 @@ def test_particles_on_hardly_loaded_contacts_are_left_out():
 
 
 def test_centres_told_in_another_period_are_in_their_layers():
-    """A cell without walls: z may be any whole number of periods off, as a DEM run leaves it."""
+    """Move centres by whole periods along z, as a DEM run leaves them in a cell without walls."""
     cell = gallery.fcc(cells=(2, 2, 6), periodic_z=True)
-    away = np.random.default_rng(2).integers(-2, 3, cell.n_particles)
-    position = cell.position + away[:, None] * [0, 0, cell.length]
-    layers, moved = Layers(cell), Layers(cell.unchecked(position=position))
+    periods = np.random.default_rng(2).integers(-2, 3, cell.n_particles)
+    position = cell.position + periods[:, None] * [0, 0, cell.length]
+    layers = Layers(cell)
+    moved = Layers(cell.unchecked(position=position))
     assert len(layers.position) == round(cell.length / (2 * cell.radius[0]))
     np.testing.assert_array_equal(moved.layer, layers.layer)
     np.testing.assert_allclose(moved.position, layers.position, rtol=1e-12)
