@@ -1,4 +1,4 @@
-"""One product K u against what bounds it: copying its bytes, and adding at both ends of a contact.
+"""One product K u against its bounds: copying its bytes, and adding at both ends of contacts.
 
 Each round copies as many bytes as a product needs, of arrays that no cache holds; makes the
 product, which finds the caches emptied, and makes it again, as a recurrence does; then goes twice
@@ -34,15 +34,16 @@ the ratios are those of the first column."""
 
 
 def numbered(network: Network, old: Ints) -> Network:
-    """The same packing; its sphere i was `old[i]` before, (n,)."""
-    new, j = np.argsort(old), network.particle_j
+    """Renumber the spheres of a packing: sphere i was `old[i]` before, (n,)."""
+    new = np.argsort(old)
+    j = network.particle_j
     ends = {"particle_i": new[network.particle_i], "particle_j": np.where(j < 0, j, new[j])}
     same = {k: getattr(network, k)[old] for k in ("position", "radius", "mass", "inertia")}
     return replace(network, **same, **ends)
 
 
 def _add_at_both_ends(x, y, rows, ends, starts, threads):
-    """y[i] -= p, y[j] += p for p = (x[i] + x[j]) times six numbers of the contact; (n, 6)."""
+    """Set y[i] -= p, y[j] += p for p = (x[i] + x[j]) times six numbers of the contact; (n, 6)."""
     for odd in range(2):
         for thread in prange(threads):
             for slab in range(2 * int(thread) + odd, len(starts) - 1, 2 * threads):
@@ -63,16 +64,19 @@ def _copy(source, target, threads):
 
 
 def by_turns(path: str, rounds: int) -> Callable[[], dict[str, Any]]:
-    """Task: seconds (4, rounds) of `TIMED`, by turns; what a product needs; threads."""
+    """Prepare the task that returns seconds (4, rounds) of `TIMED`, bytes and threads."""
     if numba is None:
         raise InputError(
-            "input", "the loop over contacts needs numba", remedy="install it, or leave this out"
+            "no_numba", "the loop over contacts needs numba", remedy="install it, or leave this out"
         )
     network = read_network(path)
     operator = ContactOperator(network)
-    on, threads = OrderedContacts.of(network, "none"), threads_for(network.n_particles)
-    starts, needs = on.pieces[on.slabs, 0], bytes_of(operator)
-    add, copy = (numba.njit(f, parallel=True, fastmath=True) for f in (_add_at_both_ends, _copy))
+    contacts = OrderedContacts.of(network, "none")
+    threads = threads_for(network.n_particles)
+    starts = contacts.pieces[contacts.slabs, 0]
+    needs = bytes_of(operator)
+    add = numba.njit(_add_at_both_ends, parallel=True, fastmath=True)
+    copy = numba.njit(_copy, parallel=True, fastmath=True)
     u = np.random.default_rng(1).standard_normal((network.n_particles, 6))
     out, sums = np.zeros_like(u), np.zeros_like(u)
     length = int(needs) // 16  # what is copied is read once and written once
@@ -88,7 +92,10 @@ def by_turns(path: str, rounds: int) -> Callable[[], dict[str, Any]]:
         copying = seconds_of(copy, source[at : at + length], target[at : at + length], threads)
         added_to = u.ravel(), out.ravel(), 1.0, 0.0, 1.0
         first, again = (seconds_of(operator.combine, *added_to) for _ in range(2))
-        _, added = (seconds_of(add, u, sums, on.rows, on.ends, starts, threads) for _ in range(2))
+        _, added = (
+            seconds_of(add, u, sums, contacts.rows, contacts.ends, starts, threads)
+            for _ in range(2)
+        )
         return [again, first, added, copying]
 
     turn(0)  # compiles
@@ -101,7 +108,7 @@ def by_turns(path: str, rounds: int) -> Callable[[], dict[str, Any]]:
 
 
 def row_of(numbering: str, value: dict[str, Any]) -> dict[str, Any]:
-    """Medians and quartiles of the seconds of one task, in ms, and ratios of the medians."""
+    """Return medians and quartiles of the seconds of one task, in ms, and ratios of medians."""
     row: dict[str, Any] = {"numbering": numbering, "threads": value["threads"]}
     row["mb"] = value["bytes"] / 1e6
     low, middle, high = 1e3 * np.quantile(value["seconds"], (0.25, 0.5, 0.75), axis=1)
@@ -114,9 +121,11 @@ def row_of(numbering: str, value: dict[str, Any]) -> dict[str, Any]:
 
 
 def run(job: Job) -> Page:
-    """The spheres as the sample numbers them, along z, and at random; one thread and all."""
-    sample, rounds = sample_or_small(500, job.quick), ROUNDS[job.quick]
-    n, rows = sample.n_particles, list[dict[str, Any]]()
+    """Measure with spheres numbered as in the sample, along z and at random, on 1 and all cores."""
+    sample = sample_or_small(500, job.quick)
+    rounds = ROUNDS[job.quick]
+    n = sample.n_particles
+    rows: list[dict[str, Any]] = []
     orders = {
         "as in the sample": np.arange(n),
         "along z": np.argsort(sample.position[:, 2], kind="stable"),

@@ -1,4 +1,4 @@
-"""The programs' defaults: what the code says, and what a rule finds in the rows of a benchmark.
+"""Defaults of the programs, compared with what rules find in the rows of benchmarks.
 
     python -m benchmarks defaults -o results/benchmarks
 
@@ -23,20 +23,23 @@ from modal.waves.propagate import LINEAR_TOLERANCE
 
 @dataclass(frozen=True)
 class Default:
-    """A default, its value, what the rows say of it, and whether the rule finds that value."""
+    """A default, its value, the reason by the rows, and whether the rule finds this value."""
 
-    what: str
+    name: str
     value: str
     reason: str
     agrees: bool = True
 
     def __str__(self) -> str:
-        return self.reason if self.agrees else f"NOT what the rule finds: {self.reason}"
+        if self.agrees:
+            return self.reason
+        return f"NOT what the rule finds: {self.reason}"
 
 
 def wave_of_crystal(rows: Rows) -> Iterator[Default]:
-    """Time step, recording interval and amplitude of YADE's wave; tolerance of the springs'."""
-    best, last = dem.step_knee(rows), dem.steps_of(rows)[-1]
+    """Yield time step, interval and amplitude of YADE's wave, and the linear tolerance."""
+    best = dem.step_knee(rows)
+    last = dem.steps_of(rows)[-1]
     floor = f"the {last['error_velocity']:.1e} of V_P that no step mends"
     yield Default(
         "time step of YADE, crystal",
@@ -52,7 +55,8 @@ def wave_of_crystal(rows: Rows) -> Iterator[Default]:
     yield Default(
         "recording interval",
         f"{1e6 * RECORDING_INTERVAL:g} us",
-        f"the dispersion's error stays within {dem.SAME - 1:.0%} up to {longest:.2g} us",
+        f"the dispersion's error stays within {dem.MAX_UNCHANGED_RATIO - 1:.0%} up to "
+        f"{longest:.2g} us",
         longest >= 1e6 * RECORDING_INTERVAL,
     )
     yield Default(
@@ -65,14 +69,14 @@ def wave_of_crystal(rows: Rows) -> Iterator[Default]:
     yield Default(
         "wave of the springs",
         f"Chebyshev, {LINEAR_TOLERANCE:g}",
-        f"the tightest within {wave.LITTLE_MORE - 1:.0%} of the least work: an error of "
+        f"the tightest within {wave.MAX_FREE_RATIO - 1:.0%} of the least work: an error of "
         f"{linear['error']:.0e} in {linear['seconds']:.2g} s",
         linear["setting"] == f"tolerance {LINEAR_TOLERANCE:g}",
     )
 
 
 def packing(rows: Rows) -> Iterator[Default]:
-    """Time step of YADE's wave in a random packing."""
+    """Yield the time step of YADE's wave in a random packing."""
     cases = Study(ROOT / "studies/otsubo2017/study.yaml").cases
     step, *smaller = sorted(cases["fraction"].dropna().unique(), reverse=True)
     best = time_step.knee(rows)
@@ -88,7 +92,7 @@ def packing(rows: Rows) -> Iterator[Default]:
 
 
 def lowest_modes(rows: Rows) -> Iterator[Default]:
-    """Back end of the lowest modes."""
+    """Yield the back end of the lowest modes."""
     slower, best = modes.choice(rows)
     peers = [row for row in rows if not row["method"].startswith(modes.OWN) and row["error"]]
     fast = min(peers, key=lambda row: row["seconds"])
@@ -110,7 +114,7 @@ at half and at 2.5 times it."""
 
 
 def states(rows: Rows) -> Iterator[Default]:
-    """Resolution and standard error of the density of states."""
+    """Yield resolution and standard error of the density of states."""
     tolerance = inspect.signature(density_of_states).parameters["tolerance"].default
     resolution = RESOLUTION * HIGHEST_FREQUENCY
     best = density.knee(rows)
@@ -128,16 +132,16 @@ def states(rows: Rows) -> Iterator[Default]:
 
 
 def settled(rows: Rows) -> Iterator[Default]:
-    """When a state of the compression is reached."""
-    stress, residual = SETTLED
-    best, runs = preparation.knee(rows), preparation.stops(rows)
-    moved = max(row["error_e"] for row in runs[residual])
+    """Yield the limits at which a state of the compression is reached."""
+    best = preparation.knee(rows)
+    errors = [row["error_e"] for row in preparation.stops(rows)[SETTLED.residual]]
+    agrees = SETTLED.stress_error == preparation.STRESS_ERROR * SETTLED.residual
     yield Default(
         "settled state",
-        f"residual {residual:g}, stress {stress:g}",
-        f"e then moves by {moved:.1e} at most; up to {best:g} every run keeps it to "
+        f"residual {SETTLED.residual:g}, stress {SETTLED.stress_error:g}",
+        f"e then moves by {max(errors):.1e} at most; up to {best:g} every run keeps it to "
         f"{preparation.DIGIT:g}, half of the last digit that the paper states",
-        stress == preparation.STRESS_ERROR * residual and residual <= best,
+        agrees and SETTLED.residual <= best,
     )
 
 
@@ -148,15 +152,19 @@ SOURCES: dict[str, Callable[[Rows], Iterator[Default]]] = {
     "density": states,
     "preparation": settled,
 }
-"""Table of rows -> defaults that follow from it."""
+"""Function from the rows of a table to the defaults that follow from them, by the table."""
 
 
 def table(folder: Path) -> str:
-    """The defaults whose rows are in a folder, as Markdown."""
-    rows = [
-        {"default": found.what, "value": found.value, "reason": str(found), "rows": f"`{name}.csv`"}
-        for name, source in SOURCES.items()
-        if (folder / f"{name}.csv").exists()
-        for found in source(read_csv(folder / f"{name}.csv"))
-    ]
-    return report.table(rows, digits=3).markdown().rstrip("\n") if rows else ""
+    """Return the defaults whose rows are in a folder, as Markdown."""
+    rows: Rows = []
+    for name, find_defaults in SOURCES.items():
+        path = folder / f"{name}.csv"
+        if not path.exists():
+            continue
+        for default in find_defaults(read_csv(path)):
+            row = {"default": default.name, "value": default.value, "reason": str(default)}
+            rows.append({**row, "rows": f"`{name}.csv`"})
+    if not rows:
+        return ""
+    return report.table(rows, digits=3).markdown().rstrip("\n")

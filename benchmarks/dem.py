@@ -1,4 +1,4 @@
-"""The wave through a crystal in YADE and LAMMPS: time step, amplitude and recording.
+"""Waves through a crystal in YADE and LAMMPS: time step, amplitude and recording interval.
 
 f_low-pass, V_P and the dispersion curve are read from the chain by the project's estimator and
 compared with Eqs. 6, 9 and 10. The signals are compared with the converged wave of the law's
@@ -40,8 +40,8 @@ REFERENCE = 1e-13
 DECAY = 12.0
 """Damping of the estimator at the end of the record. These records are short and have no noise, for
 which the default is made; on exact signals it is then right to 1e-6 from 20 layers up."""
-SAME = 1.02
-"""Error over the least that counts as unchanged."""
+MAX_UNCHANGED_RATIO = 1.02
+"""Error divided by the least one up to which it counts as unchanged."""
 ERRORS = {
     "error_f_low_pass": "error of f_low-pass (-)",
     "error_velocity": "error of V_P (-)",
@@ -50,44 +50,53 @@ ERRORS = {
 
 
 def relative(a: np.ndarray, b: np.ndarray) -> float:
-    """Relative L2 difference of a from b at the times that both have."""
+    """Return the relative L2 difference of a from b at the times that both have."""
     count = min(len(a), len(b))
     a, b = a[:count], b[:count]
     return float(np.linalg.norm(a - b) / np.linalg.norm(b))
 
 
-def apart(a: Signals, b: Signals) -> float:
-    """`relative`, layer by layer: every chain of a crystal carries the same wave."""
-    one, other = (s.chain_displacement[:, np.argsort(s.chain_position)] for s in (a, b))
-    return relative(one, other)
+def compare_chains(signals: Signals, expected: Signals) -> float:
+    """Return the relative L2 difference of chains of a crystal, which all carry one wave."""
+    order = np.argsort(signals.chain_position)
+    expected_order = np.argsort(expected.chain_position)
+    return relative(
+        signals.chain_displacement[:, order], expected.chain_displacement[:, expected_order]
+    )
 
 
 def errors(signals: Signals, lattice: LayerLattice) -> dict[str, float]:
-    """Relative errors of what the estimator says of a record."""
-    found = chain_dispersion(signals, decay=DECAY)
+    """Return the relative errors of what the estimator measures in a record."""
+    dispersion = chain_dispersion(signals, decay=DECAY)
     return {
-        "error_f_low_pass": abs(found.low_pass_frequency / lattice.low_pass_frequency - 1),
-        "error_velocity": abs(found.velocity / lattice.velocity - 1),
-        "error_dispersion": rms_deviation(found, lattice.velocity, lattice.low_pass_frequency),
+        "error_f_low_pass": abs(dispersion.low_pass_frequency / lattice.low_pass_frequency - 1),
+        "error_velocity": abs(dispersion.velocity / lattice.velocity - 1),
+        "error_dispersion": rms_deviation(dispersion, lattice.velocity, lattice.low_pass_frequency),
     }
 
 
-def linear_twin(network: Network, signals: Signals, pre_stress: str, **how: float) -> Signals:
-    """The linear wave with the pulse and the records of a run; without `how`, with its step."""
+def linear_wave(
+    network: Network, signals: Signals, pre_stress: str, tolerance: float | None = None
+) -> Signals:
+    """Return the linear wave with the pulse and the records of a run.
+
+    It is integrated with the time step of the run, or to a tolerance if one is given.
+    """
     step = signals.time_step
     interval = step * round(float(signals.time[1]) / step)
+    scheme = {"time_step": step} if tolerance is None else {"tolerance": tolerance}
     return propagate(
         network,
         interval * (len(signals.time) - 1),
         interval=interval,
         motion=Pulse(signals.amplitude, signals.input_frequency),
         pre_stress=pre_stress,
-        **(how or {"time_step": step}),
+        **scheme,
     ).signals
 
 
 class Crystal:
-    """FCC at 100 kPa, 3 x 3 x `layers`, and the wave that crosses it once."""
+    """An FCC crystal at 100 kPa, 3 x 3 x `layers`, and the wave that crosses it once."""
 
     def __init__(self, layers: int) -> None:
         self.network = in_yades_order(gallery.fcc(cells=(WIDTH, WIDTH, layers)))
@@ -95,82 +104,97 @@ class Crystal:
         self.duration = self.network.length / affine_velocity(self.network)
 
     def rows(self, program: Yade | Lammps, quick: bool) -> Rows:
-        """A program's sweep of the time step at two amplitudes; YADE's of the recording too."""
-        runs = [
-            (named(program.name, amplitude), fraction, amplitude, RECORDING_INTERVAL)
-            for amplitude, fractions in FRACTIONS[quick].items()
-            for fraction in fractions
-        ]
+        """Return a row for each time step and amplitude, and for each interval of YADE."""
+        runs = []
+        for amplitude, fractions in FRACTIONS[quick].items():
+            method = name_sweep(program.name, amplitude)
+            runs += [(method, fraction, amplitude, RECORDING_INTERVAL) for fraction in fractions]
         if isinstance(program, Yade):
             runs += [(RECORDING, FRACTION, SMALL, interval) for interval in INTERVALS[quick]]
         rows = []
         for method, fraction, amplitude, interval in runs:
-            setting = {"fraction": fraction, "amplitude": amplitude, "interval": interval}
-            found, spent = program.wave(duration=self.duration, **setting)
-            rows.append(self.row(method, fraction, found, spent))
+            signals, cost = program.wave(
+                fraction=fraction,
+                amplitude=amplitude,
+                duration=self.duration,
+                interval=interval,
+            )
+            rows.append(self.row(method, fraction, signals, cost))
         return rows
 
-    def row(self, method: str, fraction: float, found: Signals, spent: Measured) -> dict[str, Any]:
-        """A run's signals and what is read from them; those of the linear waves beside it.
+    def row(self, method: str, fraction: float, signals: Signals, cost: Measured) -> dict[str, Any]:
+        """Return the errors of a run's signals, and of the linear waves with its step.
 
-        `dispersion_linear`: error of the springs' leapfrog with the same step, thus of the step;
-        `velocity_tangent`: that of V_P with pre-stress, which the theory of springs leaves out.
+        `dispersion_linear` is the error of the springs' leapfrog with this step, thus of the step;
+        `velocity_tangent` that of V_P with pre-stress, which the theory of springs leaves out.
         """
-        tangent, springs = (linear_twin(self.network, found, kind) for kind in ("full", "none"))
-        converged = linear_twin(self.network, found, "full", tolerance=REFERENCE)
-        row = {"method": method, "setting": f"{fraction:g} of the limit"}
-        row |= {"error": apart(found, converged), **spent.cost}
-        row |= {"apart_from_tangent": apart(found, tangent), **errors(found, self.lattice)}
-        row |= {"dispersion_linear": errors(springs, self.lattice)["error_dispersion"]}
-        row |= {"velocity_tangent": errors(tangent, self.lattice)["error_velocity"]}
-        row |= {"time_step_over_limit": fraction, "two_A_nm": 2e9 * found.amplitude}
-        return row | {"interval_us": 1e6 * float(found.time[1])}
+        tangent = linear_wave(self.network, signals, "full")
+        springs = linear_wave(self.network, signals, "none")
+        converged = linear_wave(self.network, signals, "full", tolerance=REFERENCE)
+        return {
+            "method": method,
+            "setting": f"{fraction:g} of the limit",
+            "error": compare_chains(signals, converged),
+            **cost.cost,
+            "apart_from_tangent": compare_chains(signals, tangent),
+            **errors(signals, self.lattice),
+            "dispersion_linear": errors(springs, self.lattice)["error_dispersion"],
+            "velocity_tangent": errors(tangent, self.lattice)["error_velocity"],
+            "time_step_over_limit": fraction,
+            "two_A_nm": 2e9 * signals.amplitude,
+            "interval_us": 1e6 * float(signals.time[1]),
+        }
 
 
-def named(program: str, amplitude: float) -> str:
-    """Column `method` of a program's sweep over the time step at one amplitude A, m."""
+def name_sweep(program: str, amplitude: float) -> str:
+    """Return the column `method` of a program's sweep of the time step at an amplitude A, m."""
     return f"{program}, 2A = {2e9 * amplitude:g} nm"
 
 
 def steps_of(rows: Rows, amplitude: float = AMPLITUDE, program: str = "YADE") -> Rows:
-    """The rows of that sweep."""
-    return [row for row in rows if row["method"] == named(program, amplitude)]
+    """Return the rows of a program's sweep of the time step at an amplitude, m."""
+    method = name_sweep(program, amplitude)
+    return [row for row in rows if row["method"] == method]
 
 
 def step_knee(rows: Rows) -> dict[str, Any] | None:
-    """The largest step whose own share of the dispersion's error is below what no step mends.
+    """Return the row of the largest step whose share of the error is below what no step mends.
 
-    That is the error of V_P at the smallest step, from non-linearity and pre-stress, at the
-    study's amplitude. None if no step is small enough.
+    The share is that of the dispersion's error; what no step mends is the error of V_P at the
+    smallest step, from non-linearity and pre-stress, at the study's amplitude. None if no step is
+    small enough.
     """
-    own = steps_of(rows)
-    floor = own[-1]["error_velocity"]
-    enough = [row for row in own if row["dispersion_linear"] <= floor]
-    return max(enough, key=lambda row: row["time_step_over_limit"], default=None)
+    sweep = steps_of(rows)
+    floor = sweep[-1]["error_velocity"]
+    accurate = [row for row in sweep if row["dispersion_linear"] <= floor]
+    return max(accurate, key=lambda row: row["time_step_over_limit"], default=None)
 
 
 def interval_knee(rows: Rows) -> dict[str, Any]:
-    """The longest recording interval up to which the error of the dispersion is unchanged."""
-    own = [row for row in rows if row["method"] == RECORDING]
-    least = min(row["error_dispersion"] for row in own)
-    changed = [row["interval_us"] for row in own if row["error_dispersion"] > SAME * least]
-    same = [row for row in own if row["interval_us"] < min(changed, default=np.inf)]
-    return max(same or own[:1], key=lambda row: row["interval_us"])
+    """Return the row of the longest interval up to which the dispersion's error is unchanged."""
+    sweep = [row for row in rows if row["method"] == RECORDING]
+    least = min(row["error_dispersion"] for row in sweep)
+    changed = [
+        row["interval_us"] for row in sweep if row["error_dispersion"] > MAX_UNCHANGED_RATIO * least
+    ]
+    unchanged = [row for row in sweep if row["interval_us"] < min(changed, default=np.inf)]
+    return max(unchanged or sweep[:1], key=lambda row: row["interval_us"])
 
 
 def at_equal_error(rows: Rows, program: str) -> tuple[float, float]:
-    """Seconds of a DEM over those of the linear wave, and the error that both keep.
+    """Return the seconds of a DEM divided by those of the linear wave, and the error of both.
 
-    The DEM's most accurate run beside the fastest linear one that is at least as accurate.
+    The DEM's most accurate run is compared with the fastest linear one that is as accurate.
     """
-    dem = [row for row in rows if row["method"].startswith(f"{program}, ")]
-    best = min(dem, key=lambda row: row["error"])
-    enough = [r for r in rows if r["method"].startswith("linear") and r["error"] <= best["error"]]
-    return best["seconds"] / min(row["seconds"] for row in enough), best["error"]
+    dem_rows = [row for row in rows if row["method"].startswith(f"{program}, ")]
+    best = min(dem_rows, key=lambda row: row["error"])
+    linear_rows = [row for row in rows if row["method"].startswith("linear")]
+    seconds = [row["seconds"] for row in linear_rows if row["error"] <= best["error"]]
+    return best["seconds"] / min(seconds), best["error"]
 
 
 def notes(rows: Rows) -> list[str]:
-    """Each program beside the linear wave, and what no time step mends."""
+    """Return a line for each program: its time against the linear wave, and remaining errors."""
     said = []
     for program in ("YADE", "LAMMPS"):
         large, small = (steps_of(rows, amplitude, program)[-1:] for amplitude in (AMPLITUDE, SMALL))

@@ -1,4 +1,4 @@
-"""Density of states by random vectors: moments and vectors against the exact spectrum.
+"""Error of the density of states: moments and random vectors against the exact spectrum.
 
 The number of moments follows from the resolution, the number of vectors from the tolerance. The
 error is the largest distance of the number of modes below a frequency from the exact one, over all
@@ -30,16 +30,16 @@ TOLERANCE = {True: 2e-3, False: 1e-3}
 
 
 def states(path: str, resolution: float, tolerance: float) -> Callable[[], int]:
-    """Task: density of states of a packing, its floppy modes split off beforehand."""
+    """Prepare the task of a density of states; floppy modes are split off beforehand."""
     network = read_network(path)
     density_of_states(network, resolution=1e5, tolerance=0.1)  # compiles; finds floppy modes
     return lambda: density_of_states(network, resolution=resolution, tolerance=tolerance).products
 
 
 def smoothed(exact: np.ndarray, found: DensityOfStates) -> DensityOfStates:
-    """The same kernel on the moments of the exact spectrum (n,), Hz, elastic modes only.
+    """Return the density by the exact moments of the elastic spectrum (n,), Hz, and one kernel.
 
-    Two equal "vectors", so that the formulas for the scatter hold.
+    It has two equal "vectors", so that the formulas for the scatter hold.
     """
     angle = np.arccos(np.clip(exact / found.highest, -1, 1))
     moments = np.zeros((2, 6, found.moments.shape[2]))
@@ -48,17 +48,17 @@ def smoothed(exact: np.ndarray, found: DensityOfStates) -> DensityOfStates:
 
 
 def errors(exact: np.ndarray, floppy: int, found: DensityOfStates) -> dict[str, float]:
-    """Largest error of a count over all modes, and the shares of kernel and vectors.
+    """Return the largest error of a count divided by all modes, and shares of kernel and vectors.
 
     exact (n,): all frequencies, Hz, ascending. Counts are compared in the middle between
     neighbouring frequencies, each at most a quarter of a per cent of all modes apart.
     """
     elastic = exact[floppy:]
     chosen = np.unique(np.linspace(0, len(elastic) - 2, 400).astype(int))
-    at = (elastic[chosen] + elastic[chosen + 1]) / 2
+    frequency = (elastic[chosen] + elastic[chosen + 1]) / 2
     true = floppy + chosen + 1
-    estimate = found.count_below(at)[0][:, -1]
-    kernel = smoothed(elastic, found).count_below(at)[0][:, -1]
+    estimate = found.count_below(frequency)[0][:, -1]
+    kernel = smoothed(elastic, found).count_below(frequency)[0][:, -1]
     size = len(exact)
     return {
         "error": float(abs(estimate - true).max() / size),
@@ -68,8 +68,9 @@ def errors(exact: np.ndarray, floppy: int, found: DensityOfStates) -> dict[str, 
 
 
 def run(job: Job) -> Page:
-    """Resolutions at one tolerance, then tolerances at the finest resolution."""
-    packing, rows = KnownPacking.of(SPHERES[job.quick], job), []
+    """Vary the resolution at one tolerance, then the tolerance at the finest resolution."""
+    packing = KnownPacking.of(SPHERES[job.quick], job)
+    rows: Rows = []
     resolutions = RESOLUTIONS[job.quick]
     sweeps = [("moments", r, TOLERANCE[job.quick]) for r in resolutions]
     sweeps += [("vectors", resolutions[-1], t) for t in TOLERANCES[job.quick]]
@@ -91,9 +92,10 @@ def run(job: Job) -> Page:
 
 
 def knee(rows: Rows) -> dict[str, Any]:
-    """The coarsest resolution whose kernel errs less than the vectors may; else the finest.
+    """Return the row of the coarsest resolution whose kernel errs less than the vectors may.
 
-    They may err by the standard error that is asked for; how far one draw of them is off is chance.
+    The vectors may err by the requested standard error; the error of one draw is chance. Without
+    such a resolution the finest one is returned.
     """
     moments = [row for row in rows if row["method"].endswith("more moments")]
     enough = [row for row in moments if row["error_of_kernel"] < TOLERANCE[False]]
@@ -101,7 +103,7 @@ def knee(rows: Rows) -> dict[str, Any]:
 
 
 def notes(rows: Rows) -> list[str]:
-    """How far the error falls with moments and with vectors, of one draw of these."""
+    """Return lines on how the error falls with moments and with vectors, for one draw."""
     said = []
     for what, share in (("moments", "kernel"), ("vectors", "vectors")):
         own = [row for row in rows if row["method"].endswith(f"more {what}")]

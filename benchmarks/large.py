@@ -14,10 +14,10 @@ WIDE = "wide.sample.h5"
 
 
 def run(job: Job) -> Page:
-    """Repeat the sample and send a wave through all of it, not through one of its equal parts."""
-    asked: dict[str, ModeRequest] = {}
+    """Repeat the sample, and send a wave through all of it, not through one of its equal parts."""
+    questions: dict[str, ModeRequest] = {}
     for x, y in COPIES[job.quick]:
-        asked[f"{x} x {y} times"] = f"modal tile {PACKING} --repeat {x} {y} -o {WIDE}", None
+        questions[f"{x} x {y} times"] = f"modal tile {PACKING} --repeat {x} {y} -o {WIDE}", None
         wave = f"modal wave {WIDE} --duration 6e-4 --whole"
-        asked[f"the wave, {x} x {y} times"] = wave, None
-    return answers(job, "large", TITLE, asked)
+        questions[f"the wave, {x} x {y} times"] = wave, None
+    return answers(job, "large", TITLE, questions)

@@ -1,4 +1,4 @@
-"""Modes: this program against what a user would type, in a random packing.
+"""Lowest modes of a random packing: this program against solvers that a user would call.
 
 The lowest modes of a random packing, by this program's back ends, by scipy's `eigsh` with its
 tolerances, and by dense `eigh`. The error is that of the frequencies, against those from the energy
@@ -39,7 +39,7 @@ FAST_ENOUGH = 1.25
 
 
 def program(path: str, solver: str | None, count: int) -> Task:
-    """Task: this program's lowest modes, from the network to certified frequencies."""
+    """Prepare the task of this program's lowest modes, from the network to certified ones."""
     network = read_network(path)
     # Loading a back end for the first time is not part of the task.
     for definite in (True, False):
@@ -48,35 +48,37 @@ def program(path: str, solver: str | None, count: int) -> Task:
         )
 
     def action() -> list[float]:
-        fresh = replace(network)  # nothing is kept from an earlier run
-        return modes_of(LinearSystem.of(fresh, solver=solver), lowest=count).frequency.tolist()
+        copy = replace(network)  # without caches of an earlier run
+        return modes_of(LinearSystem.of(copy, solver=solver), lowest=count).frequency.tolist()
 
     return action
 
 
 def typed(path: str, count: int, **how: float) -> Task:
-    """Task: scipy's own solver as one would type it: eigsh with settings, else eigh."""
+    """Prepare the task of scipy's own solver: eigsh with settings, eigh without any."""
     network = read_network(path)
 
     def action() -> list[float]:
-        K, M = stiffness_matrix(network).tocsc(), sp.diags(mass_diagonal(network)).tocsc()
+        K = stiffness_matrix(network).tocsc()
+        M = sp.diags(mass_diagonal(network)).tocsc()
         if how:
-            found = eigsh(K, count, M, maxiter=20000, return_eigenvectors=False, **how)
+            squares = eigsh(K, count, M, maxiter=20000, return_eigenvectors=False, **how)
         else:
             ends = [0, count - 1]
-            found = eigh(K.toarray(), M.toarray(), subset_by_index=ends, eigvals_only=True)
-        return frequency_of(np.sort(found)).tolist()
+            squares = eigh(K.toarray(), M.toarray(), subset_by_index=ends, eigvals_only=True)
+        return frequency_of(np.sort(squares)).tolist()
 
     return action
 
 
 def compare(found: list[float], exact: np.ndarray, floppy: int, wanted: int) -> tuple:
-    """Elastic and zero modes in a list, and the largest relative error of the wanted ones.
+    """Return the numbers of elastic and zero modes in a list, and the largest relative error.
 
     A frequency below half of the lowest elastic one is a zero mode. The error, of the `wanted`
     lowest elastic modes, is None where the list holds fewer.
     """
-    listed, elastic = np.sort(found), exact[floppy:]
+    listed = np.sort(found)
+    elastic = exact[floppy:]
     modes = listed[listed > 0.5 * elastic[0]]
     enough = len(modes) >= wanted
     error = float(abs(modes[:wanted] / elastic[:wanted] - 1).max()) if enough else None
@@ -84,8 +86,10 @@ def compare(found: list[float], exact: np.ndarray, floppy: int, wanted: int) -> 
 
 
 def packing_rows(job: Job, packing: KnownPacking) -> Rows:
-    """Every method on one random packing; where a method fails, why."""
-    floppy, exact, rows = packing.floppy, packing.exact.copy(), []
+    """Return a row for each method on one random packing; a failure is part of its row."""
+    floppy = packing.floppy
+    exact = packing.exact.copy()
+    rows: Rows = []
     exact[floppy : floppy + LOWEST] = by_energy(packing.system, floppy, LOWEST)
 
     def add(method: str, setting: str, task: Callable[..., Task], **arguments: Any) -> None:
@@ -112,9 +116,11 @@ def packing_rows(job: Job, packing: KnownPacking) -> Rows:
 
 
 def run(job: Job) -> Page:
-    """Every method on one random packing."""
+    """Run every method on one random packing."""
     packing = KnownPacking.of(SPHERES[job.quick], job)
-    rows, first, last = packing_rows(job, packing), packing.exact[packing.floppy], packing.exact[-1]
+    rows = packing_rows(job, packing)
+    first = packing.exact[packing.floppy]
+    last = packing.exact[-1]
     # Round-off in K moves omega^2 of the lowest mode by half the unit times the highest.
     shift = np.finfo(float).eps / 2 * (last / first) ** 2
     task = (
@@ -131,14 +137,14 @@ def run(job: Job) -> Page:
 
 
 def choice(rows: Rows) -> tuple[float, str]:
-    """Time of the program's own choice over that of its fastest back end, and which that is."""
+    """Return the time of the program's choice divided by that of the fastest back end, its name."""
     ends = [row for row in rows if row["method"].startswith(f"{OWN}, ") and row.get("seconds")]
     best = min(ends, key=lambda row: row["seconds"])
     return rows[0]["seconds"] / best["seconds"], best["method"].removeprefix(f"{OWN}, ")
 
 
 def notes(rows: Rows) -> list[str]:
-    """The errors of this program and of its fastest peer; what fails is said in the table."""
+    """Return lines with the errors of this program and of its fastest peer."""
     said = []
     for who in (OWN, EIGSH):
         errors = [row["error"] for row in rows if row["method"].startswith(who) and row["error"]]

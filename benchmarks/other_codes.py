@@ -1,4 +1,4 @@
-"""Modes: this program against what other codes offer for the same question.
+"""Highest modes of a periodic random packing: this program against other codes.
 
 A periodic random packing, because LAMMPS leaves walls out of its matrix. Two ways are set beside
 this program's: LAMMPS' command `dynamical_matrix`, differences of forces between spheres that do
@@ -37,8 +37,8 @@ HIGHEST = 20
 Task = Callable[[], list[float]]
 
 
-def own(path: str, pre_stress: str) -> Task:
-    """Task: the highest modes by this program, from the network to frequencies that are counted."""
+def by_this_program(path: str, pre_stress: str) -> Task:
+    """Prepare the task of the highest modes by this program, with their exact count."""
     network = read_network(path)
     return lambda: eigenmodes(
         replace(network), highest=HIGHEST, pre_stress=pre_stress
@@ -46,22 +46,23 @@ def own(path: str, pre_stress: str) -> Task:
 
 
 def quadratic(path: str) -> Task:
-    """Task: all solutions s of (K + s C + s^2 M) u = 0; their |s| as frequencies, without C."""
+    """Prepare the task of solving (K + s C + s^2 M) u = 0 without C; |s| are frequencies."""
     network = read_network(path)
 
     def action() -> list[float]:
         K = LinearSystem.of(network).dynamical_matrix.toarray()
-        one, none = np.eye(len(K)), np.zeros_like(K)
-        left = np.block([[none, one], [-K, none]])
-        right = np.block([[one, none], [none, one]])
+        identity = np.eye(len(K))
+        zero = np.zeros_like(K)
+        left = np.block([[zero, identity], [-K, zero]])
+        right = np.block([[identity, zero], [zero, identity]])
         s = eig(left, right, right=False)
         return np.sort(frequency_of(np.abs(s) ** 2))[-2 * HIGHEST :: 2].tolist()
 
     return action
 
 
-def of_matrix(path: str) -> Task:
-    """Task: frequencies of a matrix K / m that LAMMPS has written."""
+def from_matrix(path: str) -> Task:
+    """Prepare the task of the frequencies of a matrix K / m that LAMMPS has written."""
 
     def action() -> list[float]:
         flat = np.fromfile(path)
@@ -72,32 +73,33 @@ def of_matrix(path: str) -> Task:
 
 
 def lammps(job: Job, network: Network) -> Measured:
-    """Frequencies, Hz, of LAMMPS' matrix and its eigenvalues, and what both have cost."""
+    """Return frequencies, Hz, by LAMMPS' matrix and LAPACK, and the cost of both."""
     write_atoms(job.folder / "scene.data", network)
     given = {"data": "scene.data", "young": GLASS.young, "poisson": GLASS.poisson, "step": STEP}
     made = run_lammps(SCRIPT, job.folder, given | {"out": "matrix.bin"})
-    solved = job.measured(of_matrix, path=str(job.folder / "matrix.bin"))
+    solved = job.measured(from_matrix, path=str(job.folder / "matrix.bin"))
     most = max(made.peak_mb, solved.peak_mb)
     return Measured(solved.value, made.seconds + solved.seconds, most)
 
 
 def rows_of(job: Job, spheres: int) -> Rows:
-    """Each code's way on a packing of so many spheres, beside this program's way there."""
+    """Return a row for each code on a packing of so many spheres, beside this program's."""
     network = random_packing(spheres, STRESS, seed=1, periodic=True)
     # Next to no tangential stiffness: a network's must be above zero.
     no_shear = replace(network, stiffness_tangential=1e-12 * network.stiffness_tangential)
-    path, bare = job.write(network, "whole"), job.write(no_shear, "bare")
+    path = job.write(network, "whole")
+    no_shear_path = job.write(no_shear, "bare")
     rows: Rows = []
 
     def add(method: str, theirs: Measured, mine: Measured) -> None:
         error = float(abs(np.array(theirs.value) / np.array(mine.value) - 1).max())
         rows.append({"spheres": spheres, "method": method, **theirs.cost, "difference": error})
 
-    mine = job.measured(own, path=path, pre_stress="none")
+    mine = job.measured(by_this_program, path=path, pre_stress="none")
     add("this program, shear and rotation", mine, mine)
     if spheres <= QUADRATIC:
         add("quadratic problem, dense QZ", job.measured(quadratic, path=path), mine)
-    mine = job.measured(own, path=bare, pre_stress="normal")
+    mine = job.measured(by_this_program, path=no_shear_path, pre_stress="normal")
     add("this program, no shear", mine, mine)
     if shutil.which(Lammps.command):
         add("LAMMPS dynamical_matrix, LAPACK", lammps(job, network), mine)
@@ -105,7 +107,7 @@ def rows_of(job: Job, spheres: int) -> Rows:
 
 
 def run(job: Job) -> Page:
-    """Every size, every way."""
+    """Run every code at every size."""
     rows = [row for spheres in SPHERES[job.quick] for row in rows_of(job, spheres)]
     task = (
         f"The {HIGHEST} highest modes of a periodic random packing without friction at 100 kPa, "

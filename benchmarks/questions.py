@@ -1,4 +1,4 @@
-"""Whole questions by the clock: what a person types, and how long the answer takes on all cores.
+"""Whole commands by the clock: how long the answer to a question takes on all cores.
 
 Runs only when it is named, on a machine that has nothing else to do. The packing is the sample of
 case 6, 35,201 spheres; a slender one is made by the question before it is asked of. Each answer is
@@ -16,10 +16,14 @@ from modal.packing.sample import read_sample, sample_of_network
 from modal.preparation.random_packing import random_packing
 
 TITLE = "Whole questions: seconds and memory from the command to the answer"
-SMALL, PACKING, MADE = (f"{name}.sample.h5" for name in ("small", "packing", "made"))
-"""Files that the questions are asked of, in the folder in which they are asked."""
-ONCE_MORE = 60.0
-"""Seconds up to which a question is asked with one thread, too."""
+SMALL = "small.sample.h5"
+"""File of a small sample, in the folder of the commands."""
+PACKING = "packing.sample.h5"
+"""File of the sample of case 6."""
+MADE = "made.sample.h5"
+"""File of the packing that the command before has made."""
+MAX_ONE_THREAD_SECONDS = 60.0
+"""Seconds up to which a question is also answered with one thread."""
 ModeRequest = tuple[str, float | None]
 """A command, and the seconds in which its answer should be there, if stated."""
 SIZES = {
@@ -52,15 +56,15 @@ QUESTIONS: dict[str, ModeRequest] = {
 
 
 def run(job: Job) -> Page:
-    """Ask every question; of small samples if `quick`, to see that all are answered."""
-    asked = {
+    """Answer every question; with small samples if `quick`, to see that all are answered."""
+    questions = {
         text: (words.format(**SIZES[job.quick]), goal) for text, (words, goal) in QUESTIONS.items()
     }
-    return answers(job, "questions", TITLE, asked)
+    return answers(job, "questions", TITLE, questions)
 
 
 def answers(job: Job, name: str, title: str, questions: Mapping[str, ModeRequest]) -> Page:
-    """The page `name` of `questions`, as `QUESTIONS`, with their answers' seconds and memory."""
+    """Return the page `name` of questions, with the seconds and the memory of their answers."""
     small = sample_of_network(random_packing(500, STRESS, aspect=2.5), 0.1)
     job.write(small, "small")
     job.write(small if job.quick else read_sample(SAMPLE))
@@ -73,7 +77,7 @@ def answers(job: Job, name: str, title: str, questions: Mapping[str, ModeRequest
     for text, (command, goal) in questions.items():
         found = median_of(3, lambda asked=command: answered(asked, CORES))
         row = {"question": text, "goal_s": goal, **found.cost, "one_thread_s": None}
-        if not found.failure and found.seconds < ONCE_MORE:
+        if not found.failure and found.seconds < MAX_ONE_THREAD_SECONDS:
             row["one_thread_s"] = answered(command, 1).seconds
         rows.append(row)
         print(*(f"{name} {value}" for name, value in row.items()), sep=", ", flush=True)
@@ -81,7 +85,8 @@ def answers(job: Job, name: str, title: str, questions: Mapping[str, ModeRequest
             state.replace(job.folder / MADE)
     task = (
         "Seconds by the clock on all cores, the start of the command included; `one_thread_s`: "
-        f"processor time with one thread, of answers that take less than {ONCE_MORE:g} s."
+        "processor time with one thread, of answers that take less than "
+        f"{MAX_ONE_THREAD_SECONDS:g} s."
     )
     said = [
         f"{row['question']}: {row['seconds']:.3g} s, {row['seconds'] / row['goal_s']:.2g} times "

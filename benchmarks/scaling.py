@@ -1,4 +1,4 @@
-"""Seconds and bytes against the number of spheres.
+"""Growth of seconds and bytes with the number of spheres.
 
 Smaller packings are the lower parts of the sample of case 6, so they stay as slender; larger ones
 are the sample repeated sideways. What a product K u could take at least: `python -m benchmarks
@@ -26,16 +26,18 @@ from modal.waves.propagate import propagate
 
 TITLE = "Scaling: seconds and bytes against the number of spheres"
 SIZES = {True: (125, 250, 500), False: (1_000, 6_000, 35_201, 105_603, 985_628)}
-ASSEMBLED, FACTORED = 150_000, 40_000
-"""Spheres up to which K is assembled (three times as many: 10 GB), and up to which it is factorised
-(three times as many: 7 GB and minutes)."""
+MAX_ASSEMBLED_SPHERES = 150_000
+"""Spheres up to which K is assembled; three times as many need 10 GB."""
+MAX_FACTORED_SPHERES = 40_000
+"""Spheres up to which K is factorised; three times as many need 7 GB and minutes."""
 PRODUCTS = 400_000
 """Products that are timed together, times the number of spheres; at least 20."""
-CONTACTS, CSR = "product K u, contacts", "product K u, CSR"
+CONTACTS = "product K u, contacts"
+CSR = "product K u, CSR"
 
 
 def modes(network: Network, which: str, count: int) -> str:
-    """The highest or lowest modes; how they were found."""
+    """Compute the highest or lowest modes, and return how they were computed."""
     system = LinearSystem.of(network, shapes=False)
     found = modes_of(system, certify=which == "lowest", **{which: count})
     exact = "certified" if found.attributes["certified"] else "not certified"
@@ -51,30 +53,34 @@ ACTIONS: dict[str, Callable[[Network], str]] = {
     "one exact count": lambda net: f"{count_below(LinearSystem.of(net), 2e4)} modes",
     "lowest 10 modes": lambda net: modes(net, "lowest", 10),
 }
-"""What is done with a network; returns what the table says of the result."""
-MOST = {CSR: ASSEMBLED, "assembly of K": ASSEMBLED}
-MOST |= dict.fromkeys(("one exact count", "lowest 10 modes"), FACTORED)
-"""Spheres of the largest packing of which it is done."""
+"""Actions on a network; each returns the text of the result for the table."""
+MAX_SPHERES = {
+    CSR: MAX_ASSEMBLED_SPHERES,
+    "assembly of K": MAX_ASSEMBLED_SPHERES,
+    "one exact count": MAX_FACTORED_SPHERES,
+    "lowest 10 modes": MAX_FACTORED_SPHERES,
+}
+"""Spheres of the largest packing of an action."""
 
 
 def compile_loop() -> None:
-    """What compiling takes and holds is no part of a task."""
+    """Compile the loop over contacts, whose time and memory are no part of a task."""
     ContactOperator(gallery.column(2)).apply(np.ones(12))
 
 
 def nothing() -> Callable[[], None]:
-    """Task: what the interpreter and the imports hold."""
+    """Prepare an empty task, which measures the memory of the interpreter and the imports."""
     compile_loop()
     return lambda: None
 
 
 def repetitions(spheres: int) -> int:
-    """Products that are timed together: enough for the clock."""
+    """Return the number of products that are timed together: enough for the clock."""
     return max(20, PRODUCTS // spheres)
 
 
 def products(path: str, curve: str) -> Callable[[], float]:
-    """Task: products K u by the contact operator or the CSR matrix; the bytes that each moves."""
+    """Prepare the task of products K u by contacts or CSR; it returns the bytes of one."""
     network = read_network(path)
     u = np.ones(6 * network.n_particles)
     out = np.zeros_like(u)
@@ -95,14 +101,14 @@ def products(path: str, curve: str) -> Callable[[], float]:
 
 
 def act(path: str, curve: str) -> Callable[[], str]:
-    """Task: one of `ACTIONS`."""
+    """Prepare the task of one of `ACTIONS`."""
     compile_loop()
     network = read_network(path)
     return lambda: ACTIONS[curve](network)
 
 
 def row_of(job: Job, path: str, curve: str, x: int, bare: float) -> dict[str, Any]:
-    """One point; the memory beyond the `bare` interpreter, MB, or what a product moves."""
+    """Return one point: seconds and memory, MB, beyond the `bare` interpreter or of a product."""
     task = act if curve in ACTIONS else products
     run = job.measured(task, must=False, path=path, curve=curve)
     row: dict[str, Any] = {"curve": curve, "x": x, "seconds": run.seconds, "mb": None}
@@ -114,14 +120,16 @@ def row_of(job: Job, path: str, curve: str, x: int, bare: float) -> dict[str, An
 
 
 def run(job: Job) -> Page:
-    """Every curve at every size."""
-    sample, bare, rows = sample_or_small(500, job.quick), job.measured(nothing).peak_mb, []
+    """Measure every curve at every size."""
+    sample = sample_or_small(500, job.quick)
+    bare = job.measured(nothing).peak_mb
+    rows: Rows = []
     for size in SIZES[job.quick]:
         network = resized(sample, size)
         n = network.n_particles
         path = job.write(network)
         del network  # the tasks need the memory
-        curves = [curve for curve in (CONTACTS, CSR, *ACTIONS) if n <= MOST.get(curve, n)]
+        curves = [curve for curve in (CONTACTS, CSR, *ACTIONS) if n <= MAX_SPHERES.get(curve, n)]
         rows += [row_of(job, path, curve, n, bare) for curve in curves]
     rows.sort(key=lambda row: (CONTACTS, CSR, *ACTIONS).index(row["curve"]))
     task = (
@@ -136,7 +144,7 @@ def run(job: Job) -> Page:
 
 
 def notes(rows: Rows) -> list[str]:
-    """Exponents, and the largest point of each curve."""
+    """Return lines with the exponents and the largest point of each curve."""
     said = []
     for curve in dict.fromkeys(row["curve"] for row in rows):
         own = [row for row in rows if row["curve"] == curve and row["seconds"]]

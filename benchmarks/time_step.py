@@ -14,8 +14,10 @@ from benchmarks.harness.report import Page, Rows
 from benchmarks.wave import linear_rows
 
 TITLE = "Time step of a wave in a random packing"
-SMALL, DURATION = 300, {True: 5e-5, False: 2e-4}
-"""Spheres of the packing that --quick makes on the spot, otherwise case 6; duration, s."""
+SMALL = 300
+"""Spheres of the packing that --quick makes; otherwise it is case 6."""
+DURATION = {True: 5e-5, False: 2e-4}
+"""Duration of the wave, s."""
 FRACTIONS = {True: (0.9, 0.5, 0.35, 0.2), False: (0.9, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05)}
 NON_LINEAR = 0.02
 """The time step needs to be below what the contact law does at the study's amplitude, not far.
@@ -28,8 +30,9 @@ ERRORS = {
 
 
 def run(job: Job) -> Page:
-    """The linear leapfrog at every time step."""
-    duration, network = DURATION[job.quick], sample_or_small(SMALL, job.quick, aspect=10.05)
+    """Run the linear leapfrog at every time step."""
+    duration = DURATION[job.quick]
+    network = sample_or_small(SMALL, job.quick, aspect=10.05)
     rows = linear_rows(job, network, duration, fractions=FRACTIONS[job.quick])
     task = (
         f"Random packing of {network.n_particles} spheres without friction, {1e3 * duration:g} ms, "
@@ -43,6 +46,6 @@ def run(job: Job) -> Page:
 
 
 def knee(rows: Rows, error: str = "error") -> dict[str, Any] | None:
-    """The largest step whose error is below the non-linear one, None if there is none."""
+    """Return the row of the largest step whose error is below the non-linear one, or None."""
     enough = [row for row in rows if row[error] < NON_LINEAR]
     return max(enough, key=lambda row: row["time_step_over_limit"], default=None)

@@ -1,4 +1,4 @@
-"""The same wave by the linear solver, by leapfrog, by YADE and by LAMMPS: run time against error.
+"""Run time against error of one wave by the linear solver, by leapfrog, by YADE and by LAMMPS.
 
 The error is the relative L2 difference of all chain displacements from the converged wave, of the
 springs or, for YADE and LAMMPS, of their law's tangent.
@@ -24,13 +24,14 @@ TITLE = "The same wave by linear propagation, leapfrog, YADE and LAMMPS"
 TOLERANCES = {True: (1e-1, 1e-5, 1e-9), False: (1e-1, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12)}
 STEPS = {True: (0.5, 0.1), False: (0.9, 0.5, 0.2, 0.1, 0.05, 0.02)}
 """Time steps of the leapfrog over the limit 2 / omega_max."""
-LITTLE_MORE = 1.1
-"""Work over the least at which a tighter tolerance counts as free."""
-CHEBYSHEV, LEAPFROG = "linear, Chebyshev", "linear, leapfrog"
+MAX_FREE_RATIO = 1.1
+"""Work divided by the least one up to which a tighter tolerance counts as free."""
+CHEBYSHEV = "linear, Chebyshev"
+LEAPFROG = "linear, leapfrog"
 
 
 def linear(path: str, duration: float, **setting: float) -> Callable[[], int]:
-    """Task: the linear wave, by leapfrog with a `time_step`; returns its products with K."""
+    """Prepare the task of the linear wave, by leapfrog with a `time_step`; it returns products."""
     network = read_network(path)
     propagate(network, max(1e-5, setting["interval"]), **setting)  # compiles the loop
     return lambda: propagate(network, duration, **setting).products
@@ -43,7 +44,7 @@ def linear_rows(
     tolerances: Sequence[float] = (),
     fractions: Sequence[float] = (),
 ) -> Rows:
-    """The springs' wave at each tolerance, and by leapfrog at each step, against the tightest."""
+    """Return rows of the springs' wave at each tolerance, and by leapfrog at each step."""
     path, rows, runs = job.write(network), [], []
     for tolerance in tolerances:
         what = {"method": CHEBYSHEV, "setting": f"tolerance {tolerance:g}"}
@@ -68,11 +69,11 @@ def linear_rows(
 
 
 def run(job: Job) -> Page:
-    """All programs that are installed, on one crystal."""
-    layers, sweeps = dem.LAYERS[job.quick], (TOLERANCES[job.quick], STEPS[job.quick])
+    """Run all programs that are installed on one crystal."""
+    layers = dem.LAYERS[job.quick]
     crystal = dem.Crystal(layers)
     network, duration = crystal.network, crystal.duration
-    rows = linear_rows(job, network, duration, *sweeps)
+    rows = linear_rows(job, network, duration, TOLERANCES[job.quick], STEPS[job.quick])
     programs: Rows = []
     said = notes(rows)
     for program in (Yade, Lammps):
@@ -102,21 +103,24 @@ def run(job: Job) -> Page:
 
 
 def knee(rows: Rows) -> dict[str, Any]:
-    """The tightest tolerance of the linear wave that costs hardly more than the loosest."""
+    """Return the row of the tightest tolerance that costs hardly more than the loosest."""
     tight = [row for row in rows if row["method"] == CHEBYSHEV]
     least = min(row["products"] for row in tight)
-    free = [row for row in tight if row["products"] <= LITTLE_MORE * least]
+    free = [row for row in tight if row["products"] <= MAX_FREE_RATIO * least]
     return min(free, key=lambda row: row["error"])
 
 
 def notes(rows: Rows) -> list[str]:
-    """The order of the leapfrog, and its time over that of the expansion."""
-    steps, best = [row for row in rows if row["method"] == LEAPFROG], knee(rows)
-    (a, b), (x, y) = (
-        (row[name] for row in (steps[0], steps[-1])) for name in ("error", "time_step_over_limit")
-    )
+    """Return a line with the order of the leapfrog, and its time against the expansion."""
+    best = knee(rows)
+    steps = [row for row in rows if row["method"] == LEAPFROG]
+    first = steps[0]
+    last = steps[-1]
+    error_ratio = first["error"] / last["error"]
+    step_ratio = first["time_step_over_limit"] / last["time_step_over_limit"]
+    order = math.log(error_ratio) / math.log(step_ratio)
     return [
-        f"Leapfrog, by the same expansion: order {math.log(a / b) / math.log(x / y):.2f}, {b:.1e} "
-        f"in {steps[-1]['seconds']:.3g} s, {steps[-1]['seconds'] / best['seconds']:.2g} times "
+        f"Leapfrog, by the same expansion: order {order:.2f}, {last['error']:.1e} "
+        f"in {last['seconds']:.3g} s, {last['seconds'] / best['seconds']:.2g} times "
         f"Chebyshev with {best['setting']}."
     ]

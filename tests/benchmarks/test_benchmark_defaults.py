@@ -13,7 +13,7 @@ COMMITTED = ROOT / "results" / "benchmarks"
 @pytest.mark.parametrize("name", defaults.SOURCES)
 def test_defaults_are_what_the_rules_find_in_the_committed_rows(name):
     for default in defaults.SOURCES[name](read_csv(COMMITTED / f"{name}.csv")):
-        assert default.agrees, f"{default.what}: {default.value}; {default}"
+        assert default.agrees, f"{default.name}: {default.value}; {default}"
 
 
 def test_another_default_would_be_noticed(monkeypatch):
