@@ -11,7 +11,7 @@ from modal.system.contacts import with_sliding
 
 
 def in_units(network: Network, length: float, mass: float, time: float) -> Network:
-    """The same packing in other units, and without notes, whose units nobody knows."""
+    """Return a packing in other units, and without notes, whose units nobody knows."""
     stiffness = mass / time**2
     units = {"m": length, "kg": mass, "kg m^2": mass * length**2}
     units |= {"N/m": stiffness, "N": stiffness * length}
@@ -24,7 +24,7 @@ def in_units(network: Network, length: float, mass: float, time: float) -> Netwo
 
 
 def bonded(network: Network) -> Network:
-    """Contacts that roll and twist as well, and bodies with tensors of inertia."""
+    """Return a packing with rolling and twisting springs, and with tensors of inertia."""
     rng = np.random.default_rng(2)
     turned = np.linalg.qr(rng.standard_normal((network.n_particles, 3, 3)))[0]
     moments = network.inertia[:, None, None] * np.diag([0.8, 1.0, 1.2])
@@ -38,7 +38,10 @@ def bonded(network: Network) -> Network:
 
 
 def levers_of_radii(network: Network) -> Network:
-    """Levers as long as the radii, as some programs have them; to the plane of a wall."""
+    """Return a packing with levers as long as the radii, and up to the plane of a wall.
+
+    Some programs have such levers.
+    """
     pair = ~network.with_wall
     plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
     to_wall = abs(plane - network.position[network.particle_i, 2])
@@ -52,14 +55,14 @@ def levers_of_radii(network: Network) -> Network:
 
 
 def scaled(values: np.ndarray, rows: object, factor: float) -> np.ndarray:
-    """A copy with some rows times a factor."""
+    """Return a copy with some rows multiplied by a factor."""
     changed = values.copy()
     changed[rows] *= factor
     return changed
 
 
 def rounded(network: Network, digits: int = 7) -> Network:
-    """All numbers as a text of so many significant digits keeps them."""
+    """Return a packing with all numbers rounded to so many significant digits."""
     columns = {}
     for name, data in vars(network).items():
         if isinstance(data, np.ndarray) and data.dtype.kind == "f":
@@ -72,19 +75,19 @@ OPTIONAL = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shif
 
 
 def bare(network: Network, *kept: str) -> Network:
-    """The network without its optional data, but for those `kept`."""
+    """Return the network without its optional data, except for those `kept`."""
     return replace(network, **{name: None for name in OPTIONAL if name not in kept})
 
 
 def turned(network: Network, matrix: np.ndarray, **columns: np.ndarray) -> Network:
-    """All vectors turned; cell and walls are left to those who have them."""
+    """Return the network with all vectors turned; `columns` replace cell and walls."""
     vectors = ("position", "normal", "lever_i", "lever_j", "force_tangential")
     network = network.unchecked(**{name: getattr(network, name) @ matrix.T for name in vectors})
     return replace(network, **columns)
 
 
 def mirrored(network: Network) -> Network:
-    """Left and right exchanged along x: another packing with as many contacts."""
+    """Return the mirror image along x: another packing with as many contacts."""
     flip = np.array([-1, 1, 1])
     return turned(network, np.diag(flip), cell_shift=network.cell_shift * flip)
 
@@ -95,7 +98,7 @@ PER_CONTACT = (*ENDS, "normal", "lever_i", "lever_j", *SPRINGS, *OPTIONAL)
 
 
 def from_other_end(network: Network, other: np.ndarray) -> Network:
-    """The contacts of `other` (m,) bool, none with a wall, told from their second sphere."""
+    """Return the network with the contacts `other` (m,) bool, of no wall, from the other end."""
     i, j, side = network.particle_i, network.particle_j, other[:, None]
     names = ("normal", "force_tangential", "cell_shift")
     vectors = {name: getattr(network, name) for name in names}
@@ -110,7 +113,7 @@ def from_other_end(network: Network, other: np.ndarray) -> Network:
 
 
 def renumbered(network: Network, number: np.ndarray) -> Network:
-    """The same packing, sphere k being number[k], its contacts in another order."""
+    """Return the packing with sphere k as number[k], and its contacts in another order."""
     back = np.argsort(number)
     mixed = network.with_contacts(np.random.default_rng(2).permutation(network.n_contacts))
     return replace(
@@ -122,12 +125,12 @@ def renumbered(network: Network, number: np.ndarray) -> Network:
 
 
 def changed(network: Network, **columns) -> Network:
-    """The network with functions of its columns in their place."""
+    """Return the network with columns replaced by functions of them."""
     return replace(network, **{name: f(getattr(network, name)) for name, f in columns.items()})
 
 
 def stiffer(network: Network, normal=1.0, tangential=1.0) -> Network:
-    """Springs times factors, of all contacts or (m,) each, beside the checks of a network."""
+    """Return the network with springs multiplied by factors, one or (m,); skip its checks."""
     return network.unchecked(
         stiffness_normal=normal * network.stiffness_normal,
         stiffness_tangential=tangential * network.stiffness_tangential,
@@ -135,12 +138,12 @@ def stiffer(network: Network, normal=1.0, tangential=1.0) -> Network:
 
 
 def slippery(network: Network) -> Network:
-    """All contacts slide: no tangential spring is left."""
+    """Return the network with all contacts sliding: no tangential spring is left."""
     return with_sliding(replace(network, sliding=np.ones(network.n_contacts, bool)), "slip")
 
 
 def in_flight(sample: Sample, velocity: np.ndarray, spin: np.ndarray | None = None) -> Sample:
-    """With velocities (n, 3), m/s, and spins, rad/s, of its spheres, in a cell at rest."""
+    """Return the sample with velocities (n, 3), m/s, and spins, rad/s, in a cell at rest."""
     spin = np.zeros_like(velocity) if spin is None else spin
     return replace(sample, velocity=velocity, angular_velocity=spin, strain_rate=np.zeros(3))
 

@@ -1,4 +1,4 @@
-"""The exact lattice of the crystal under 100 kPa and its records, which estimators are tried on."""
+"""The exact lattice of the crystal under 100 kPa, and its records, for tests of estimators."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -14,16 +14,16 @@ from modal.waves.signals import Signals, write_signals
 CHAIN = LayerLattice.of_network(fcc(cells=(1, 1, 200)))
 LENGTH = (CHAIN.layers - 1) * CHAIN.distance + 2 * CHAIN.wall_gap
 PASSAGE = LENGTH / CHAIN.velocity
-"""Of the longest waves, s."""
+"""Time in which the longest waves pass from wall to wall, s."""
 
 
 def record(passages: float = 1.0, step: float = 4e-7, **settings: float) -> Signals:
-    """The exact record of so many passages, every `step`, s."""
+    """Return the exact record of so many passages, every `step`, s."""
     return lattice_signals(CHAIN, np.arange(0, passages * PASSAGE, step), Pulse(**settings))
 
 
 def write_crystal(folder: Path, name: str, stress: float = 1e5, recorded: bool = True):
-    """A column of 200 layers, and the exact record of it; the network and its lattice."""
+    """Write a column of 200 layers and its exact record; return its network and lattice."""
     network = fcc(stress, (1, 1, 200))
     chain = LayerLattice.of_network(network)
     write_network(folder / f"{name}.network.h5", network)
@@ -34,18 +34,18 @@ def write_crystal(folder: Path, name: str, stress: float = 1e5, recorded: bool =
 
 
 def moved(found: Signals, displacement: np.ndarray) -> Signals:
-    """A record with other displacements of the chain."""
+    """Return the record with other displacements of the chain."""
     return replace(found, chain_displacement=displacement)
 
 
 def noisy(found: Signals, share: float, random: np.random.Generator) -> Signals:
-    """With white noise at every sample, a share of the largest displacement."""
+    """Return the record with white noise, a `share` of the largest displacement."""
     u = found.chain_displacement
     return moved(found, u + share * abs(u).max() * random.standard_normal(u.shape))
 
 
 def part_of_chain(found: Signals, at: np.ndarray | slice) -> Signals:
-    """A record of some of the particles, or of all in another order."""
+    """Return the record of some of the particles, or of all in another order."""
     return replace(
         found,
         chain_position=found.chain_position[at],

@@ -1,10 +1,10 @@
-"""Operators whose eigenpairs are known, with what solvers ask of those of packings."""
+"""Operators with known eigenpairs, with the methods that solvers use of those of packings."""
 
 import numpy as np
 
 
 class Known:
-    """A = Q diag(square) Q^T, by default along the axes; it counts its products."""
+    """The operator A = Q diag(square) Q^T, by default with Q = 1; it counts its products."""
 
     pre_stress = "none"
 
@@ -14,25 +14,25 @@ class Known:
         self.products = 0
 
     def inward(self, u: np.ndarray) -> np.ndarray:
-        """Its own numbering runs backwards, but along the axes."""
+        """Return a vector in the numbering of the operator, which runs backwards unless Q = 1."""
         return u if self.vector is None else u[::-1]
 
     outward = inward
 
     def apply(self, u: np.ndarray) -> np.ndarray:
-        """A u, in the numbering outside."""
+        """Return A u, in the numbering of the caller."""
         self.products += u.size // len(u)
         if self.vector is not None:
             return self.vector @ (self.square[:, None] * (self.vector.T @ u))
         return (self.square * u.T).T
 
     def combine(self, u, out, alpha, beta=0.0, gamma=0.0, *, sums=None) -> np.ndarray:
-        """Out = alpha A u + beta u + gamma out, in its own."""
+        """Set out = alpha A u + beta u + gamma out, in the numbering of the operator."""
         product = self.outward(self.apply(self.inward(u)))
         out[:] = alpha * product + beta * u + (gamma * out if gamma else 0.0)
         return out
 
 
 def rotation(size: int, seed: int) -> np.ndarray:
-    """Random orthonormal vectors, in columns."""
+    """Return random orthonormal vectors, in columns."""
     return np.linalg.qr(np.random.default_rng(seed).standard_normal((size, size)))[0]

@@ -1,4 +1,4 @@
-"""The same quantities by slow and plain ways, which other tests compare with."""
+"""Slow and plain computations, with which other tests compare."""
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,19 +13,22 @@ from modal.waves.signals import Signals
 
 
 def dense_squares(system: LinearSystem) -> np.ndarray:
-    """All omega^2, ascending, by a dense solver."""
+    """Return all omega^2, ascending, by a dense solver."""
     return np.linalg.eigvalsh(system.dynamical_matrix.toarray())
 
 
 def wall_pattern(network: Network, wall: int, pre_stress: str = "none", axis: int = 2):
-    """Push on the particles (6n,), pull on the wall (6n,) and what holds it, N/m and N."""
+    """Return push on the particles (6n,), pull on the wall (6n,) and holding force, N/m."""
     coupling = put_on(network, terms_of(pre_stress), WallMoves(wall, axis))
     push, pull = (each.toarray()[:, 0] for each in (coupling.push, coupling.pull))
     return push, pull, float(coupling.held[0, 0])
 
 
 def contact_matrices(network: Network, pre_stress: str | tuple[str, ...] = "none") -> np.ndarray:
-    """Shape (m, 12, 12): of each contact on (u_i, theta_i, u_j, theta_j); zero for a wall's."""
+    """Return the stiffness (m, 12, 12) of each contact on (u_i, theta_i, u_j, theta_j).
+
+    Rows and columns of a wall are zero.
+    """
     terms = terms_of(pre_stress) if isinstance(pre_stress, str) else pre_stress
     tangent, pair = contact_tangent(network, terms), network.particle_j >= 0
     whole = np.block([[block(tangent, a, b) for b in (0, 1)] for a in (0, 1)])
@@ -37,13 +40,13 @@ def contact_matrices(network: Network, pre_stress: str | tuple[str, ...] = "none
 def stepped(
     network: Network, duration: float, step: float, *, every: int = 1, **settings
 ) -> Signals:
-    """The signals of a wave by leapfrog, recorded at each `every`-th time step, s."""
+    """Return the signals of a wave by leapfrog, recorded at each `every`-th `step`, s."""
     how = {"interval": every * step, "time_step": step, **settings}
     return propagate(network, duration, **how).signals
 
 
 def slow_stiffness(network: Network) -> np.ndarray:
-    """Dense K (6n, 6n), column by column from forces: an oracle without the 12x12 matrices.
+    """Return the dense K (6n, 6n), column by column from forces, without 12x12 matrices.
 
     Each degree of freedom is displaced by one unit in turn; the springs' forces and the torques
     they exert with their levers are summed in plain vector algebra. Walls are a body that rests.
@@ -73,7 +76,7 @@ def slow_stiffness(network: Network) -> np.ndarray:
 
 
 def kinematics(network: Network) -> np.ndarray:
-    """Shape (m, 3, 12): from (u_i, theta_i, u_j, theta_j) to the slip, by its definition."""
+    """Return the matrices (m, 3, 12) from (u_i, theta_i, u_j, theta_j) to the slip."""
     B = np.zeros((network.n_contacts, 3, 12))
     for axis, unit in enumerate(np.eye(3)):
         B[:, axis, axis], B[:, axis, 6 + axis] = -1, 1
@@ -84,10 +87,10 @@ def kinematics(network: Network) -> np.ndarray:
 
 
 PRE_STRESS = ("none", "normal", "full")
-"""Choices that every network with forces knows."""
+"""Values of `pre_stress` that are possible for every network with forces."""
 
 
 def asymmetry(matrix: sp.csr_matrix) -> float:
-    """Frobenius norm of a matrix's antisymmetric part over its own: 0 where it is symmetric."""
+    """Return the Frobenius norm of the antisymmetric part divided by that of the matrix."""
     difference = (matrix - matrix.T) / 2
     return float(np.sqrt((difference.data**2).sum() / (matrix.data**2).sum()))

@@ -19,7 +19,7 @@ YOUNG, POISSON = 60e9, 0.2
 
 
 def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Network:
-    """Spheres of radii 1:3, of glass and of steel, pushed apart to overlaps of some per cent.
+    """Return spheres of radii 1:3, of glass and steel, pushed apart to overlaps of some percent.
 
     Hertz and Mindlin with R* = R_i R_j / (R_i + R_j); the contact point divides the branch as the
     radii do, and one contact in five slides. Not in balance. Between walls, or periodic in all
@@ -92,7 +92,7 @@ def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Networ
 
 
 def random_sample(spheres, stress, seed=1, aspect=2.5, tolerance=1e-4, **mixture) -> Sample:
-    """A packing without friction at a stress, Pa, of a mixture as of `pack`, without its notes."""
+    """Return a packing without friction at a stress, Pa; `mixture` as in `pack`."""
     given = {"aspect": aspect, "residual": tolerance, **mixture}
     with TemporaryDirectory() as folder:
         ((_, path),) = pack(Path(folder), lambda _: None, spheres, [stress], 0.0, seed, **given)
@@ -101,30 +101,30 @@ def random_sample(spheres, stress, seed=1, aspect=2.5, tolerance=1e-4, **mixture
 
 @cache
 def frictionless() -> Network:
-    """150 spheres without friction at 100 kPa, some rattling; made once."""
+    """Return 150 spheres without friction at 100 kPa, some of them rattlers; made once."""
     return random_sample(150, 1e5, seed=3).network()
 
 
 @cache
 def slender(seed: int = 3) -> Network:
-    """200 such spheres: more than 10 diameters long, so that it has a bulk away from its walls."""
+    """Return 200 such spheres, more than 10 diameters long: with a bulk away from the walls."""
     return random_sample(200, 1e5, seed=seed, aspect=4.0).network()
 
 
 @cache
 def slim() -> Network:
-    """60 such spheres, to be repeated side by side; not made before a test asks for it."""
+    """Return 60 such spheres, to be repeated side by side."""
     return random_sample(60, 1e5, seed=2, aspect=4).network()
 
 
 @cache
 def sheared() -> Network:
-    """150 spheres compressed with friction in YADE, at rest."""
+    """Return 150 spheres compressed with friction in YADE, at rest."""
     return read_sample(SHEARED).network()
 
 
 def random_springs(seed: int, particles: int = 12, contacts: int = 60) -> Network:
-    """Contacts that no packing has: any levers, repeated pairs, spheres touching themselves."""
+    """Return springs of no packing: any levers, repeated pairs, spheres touching themselves."""
     rng = np.random.default_rng(seed)
     n, m = particles, contacts
     i, j = rng.integers(0, n, m), rng.integers(-2, n, m)
@@ -154,7 +154,10 @@ def random_springs(seed: int, particles: int = 12, contacts: int = 60) -> Networ
 
 
 def sliding(times: float, cells: tuple[int, int, int] = (3, 3, 14)) -> Network:
-    """A crystal that slides along its walls, as one body, at so many thresholds of zero."""
+    """Return a crystal that slides along its walls as one body.
+
+    Its omega^2 is `times` the threshold below which a mode counts as floppy.
+    """
     crystal = gallery.fcc(cells=cells)
     # Its omega^2 is the sum of the walls' springs over its mass.
     square = times * LinearSystem.of(crystal).zero_threshold
@@ -164,20 +167,20 @@ def sliding(times: float, cells: tuple[int, int, int] = (3, 3, 14)) -> Network:
 
 
 def disordered(cells: tuple[int, int, int] = (3, 3, 14)) -> Network:
-    """A crystal whose normal springs differ by up to 30 %, its highest mode stands apart."""
+    """Return a crystal with normal springs that differ by up to 30 %, and one highest mode."""
     crystal = gallery.fcc(cells=cells)
     return stiffer(crystal, 1 + 0.3 * np.random.default_rng(4).random(crystal.n_contacts))
 
 
 def deep() -> Network:
-    """A crystal whose spheres overlap by 0.1 of their radius."""
+    """Return a crystal whose spheres overlap by 0.1 of their radius."""
     network = gallery.fcc(4e8, (2, 2, 6))
     assert 0.09 < network.overlap.max() / network.radius[0] < 0.12
     return network
 
 
 def cohesive() -> Network:
-    """Some contacts pull, some across a gap of 2 % of the radius."""
+    """Return a column with a contact that pulls across a gap of 2 % of the radius."""
     network = gallery.column(5)
     z = network.position[:, 2].copy()
     gap = 0.02 * network.radius[0]
@@ -199,13 +202,13 @@ def cohesive() -> Network:
 
 
 def diluted(share: float, seed: int, layers: int = 6) -> Network:
-    """A crystal that has lost a share of its contacts at random: loose parts of every kind."""
+    """Return a crystal without a random share of its contacts: with loose parts of every kind."""
     network = gallery.fcc(cells=(4, 4, layers))
     return network.with_contacts(np.random.default_rng(seed).random(network.n_contacts) > share)
 
 
 def columns_side_by_side(copies: int, high: int = 2) -> Network:
-    """Uncoupled columns of `high` spheres: every frequency at least so many times."""
+    """Return uncoupled columns of `high` spheres: every frequency occurs `copies` times."""
     single = gallery.column(high)
     names = (*PER_CONTACT, "position", "radius", "mass", "inertia")
     many = {name: np.concatenate([getattr(single, name)] * copies) for name in names}

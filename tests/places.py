@@ -1,4 +1,4 @@
-"""Where the project and the tests' data lie, whichever folder a test is in."""
+"""Folders of the project and of the tests' data."""
 
 from pathlib import Path
 
@@ -6,6 +6,6 @@ TESTS = Path(__file__).resolve().parent
 ROOT = TESTS.parent
 DATA = TESTS / "data"
 PACKINGS = ROOT / "examples" / "packings"
-"""Packings of other programs, as these have written them."""
+"""Packings of other programs, as those programs wrote them."""
 SHEARED = DATA / "friction150.sample.h5"
 """A sample of 150 spheres with friction and its shear forces."""

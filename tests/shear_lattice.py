@@ -16,9 +16,10 @@ from modal.theory.fcc import FccLattice
 
 
 def driven_by_pulse(time: np.ndarray, omega: np.ndarray, frequency: float) -> np.ndarray:
-    """Shape (nt, n), s^2: oscillators (n,) rad/s under one period of 1 - cos, at times (nt,) s.
+    """Return oscillators (nt, n), s^2, of omega (n,), rad/s, driven by one period of 1 - cos.
 
-    An endless 1 - cos less the same one, a period later, each by Duhamel's integral from rest.
+    This is the response to an endless 1 - cos, minus the same a period later, each by Duhamel's
+    integral from rest.
     """
     drive = 2 * np.pi * frequency
 
@@ -45,7 +46,7 @@ class ShearLattice:
 
     @classmethod
     def of_crystal(cls, crystal: FccLattice, layers: int = 200) -> "ShearLattice":
-        """That of a crystal between flat walls of its own material."""
+        """Return the lattice of a crystal between flat walls of its own material."""
         material, radius = crystal.material, crystal.radius
         normal = 2 * material.effective_young * np.sqrt(radius * crystal.wall_overlap)
         wall = float(normal * crystal.kt / crystal.kn)
@@ -58,7 +59,7 @@ class ShearLattice:
         return crystal.layer_distance * float(np.sqrt((crystal.kn + crystal.kt) / crystal.mass))
 
     def branches(self, kappa: np.ndarray) -> np.ndarray:
-        """Shape (2, nk), rad/s: transverse and rotational branch at wave numbers (nk,), rad/m."""
+        """Return both branches (2, nk), rad/s, at wave numbers (nk,), rad/m."""
         crystal = self.crystal
         half = np.asarray(kappa, float) * crystal.layer_distance / 2
         kn, kt, d = crystal.kn, crystal.kt, crystal.spacing
@@ -72,7 +73,7 @@ class ShearLattice:
         return np.sqrt(np.maximum(np.array([mean - root, mean + root]), 0))
 
     def eigenmodes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Angular frequencies (2n,), rad/s, and mass-scaled unit shapes (2n, 2n) in columns.
+        """Return angular frequencies (2n,), rad/s, and mass-scaled unit shapes (2n, 2n).
 
         Rows are u and theta of each layer in turn.
         """
@@ -98,7 +99,7 @@ class ShearLattice:
         return np.tile(1 / np.sqrt([mass, 0.4 * mass * self.crystal.radius**2]), self.layers)
 
     def displacement(self, time: np.ndarray, amplitude: float, frequency: float) -> np.ndarray:
-        """Exact u of each layer, (nt, n) m, when the source wall moves along x by the pulse."""
+        """Return the exact u of each layer (nt, n), m, when the source wall moves by the pulse."""
         omega, shape = self.eigenmodes()
         scale = self._scale()
         push = amplitude * self.wall_stiffness * np.array([1, -self.lever]) * scale[:2]

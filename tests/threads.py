@@ -1,6 +1,7 @@
-"""Digests of all that threads share, as JSON: solvers/test_same_bits.py runs it twice.
+"""Print digests of all results that threads share, as JSON.
 
-Run from the project's root; the limits below which a loop has one thread are taken away.
+`solvers/test_same_bits.py` runs this program twice, from the root of the project. The limits below
+which a loop has one thread are removed.
 """
 
 import hashlib
@@ -24,12 +25,12 @@ from modal.waves.motions import Pulse
 
 
 def digest(*arrays: np.ndarray) -> str:
-    """Of all bits."""
+    """Return a digest of all bits."""
     return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
 
 
 def products(pre_stress: str) -> str:
-    """Of one vector and of three, by the loop over contacts in an order of no meaning."""
+    """Return the digest of products with one vector and with three, of shuffled contacts."""
     from test_cores import crystal
 
     network = crystal()
@@ -43,7 +44,7 @@ def products(pre_stress: str) -> str:
 
 
 def linear() -> str:
-    """A wave and a response, of whose parts no two are equal; the last products are BLAS's."""
+    """Return the digest of a wave and a response of a packing without equal parts."""
     network = modal.fcc(cells=(5, 5, 210))
     stiffness = network.stiffness_normal.copy()
     stiffness[0] *= 1.1
@@ -55,14 +56,14 @@ def linear() -> str:
 
 
 def blas() -> str:
-    """Of blocks four times as large the bits would differ."""
+    """Return the digest of products by BLAS; bits would differ for blocks four times as large."""
     rng, shapes = np.random.default_rng(1), ((700, 100, 700), (41, 1030, 23), (3000, 7, 40))
     pairs = ((rng.standard_normal((t, k)), rng.standard_normal((k, n))) for t, k, n in shapes)
     return digest(*(same_bits_product(a, b) for a, b in pairs))
 
 
 def nonlinear() -> str:
-    """A wave at finite amplitude."""
+    """Return the digest of a wave at finite amplitude."""
     sample = read_sample("tests/data/friction150.sample.h5")
     motion = Pulse(2e-7, 1e5)
     wave = modal.propagate(sample, 2e-5, nonlinear=True, motion=motion, time_step=1e-7)
@@ -70,7 +71,7 @@ def nonlinear() -> str:
 
 
 def moving() -> str:
-    """Spheres that collide, slide and spin."""
+    """Return the digest of spheres that collide, slide and spin."""
     from test_dynamics import agitated, run
 
     packing = agitated()
@@ -79,7 +80,7 @@ def moving() -> str:
 
 
 def descent() -> str:
-    """Some steps of spheres without friction down their energy."""
+    """Return the digest of spheres without friction after some steps down their energy."""
     study = Study(0.0, 200, 4.9, seed=3)
     motion = Descent(make_cloud(study), Pressure("1e+07", study))
     motion.advance(100, 1.0, 1)
@@ -87,7 +88,7 @@ def descent() -> str:
 
 
 def springs() -> str:
-    """A step to rest by conjugate gradients, and the loads after it."""
+    """Return the digest of a step to rest by conjugate gradients, and of the loads after it."""
     from test_equilibrium import made, shaken
 
     rested, _ = relax(shaken(made(), 0.02, np.inf))

@@ -14,7 +14,7 @@ from modal.theory.fcc import FccLattice
 from modal.waves.motions import Pulse
 from modal.waves.oscillator import oscillation
 from modal.waves.signals import read_signals
-from modal.waves.sources import Plane
+from modal.waves.sources import MovingSource, Plane, PushingSource
 
 CRYSTAL, LAYERS = FccLattice(1e5), 40
 
@@ -94,3 +94,36 @@ def test_file_of_before_is_read(crystal, tmp_path):
         del file.attrs["height"]
     with refusal(None, "old.plane.h5"):
         read_signals(path, of_any_source=True)
+
+
+@pytest.mark.parametrize("kind", [MovingSource, PushingSource])
+def test_source_that_lacks_a_method_cannot_be_made(kind):
+    """A method that is forgotten does not return None."""
+
+    class Incomplete(kind):
+        name = "incomplete"
+
+    with pytest.raises(TypeError):
+        Incomplete()
+
+
+def test_source_of_three_methods_sends_a_wave():
+    """A new source is one class: here the plane in the middle of a cell, wherever that is."""
+
+    class Middle(MovingSource):
+        name = "middle"
+
+        def height_in(self, network):
+            return network.wall_position.mean(keepdims=True)
+
+        def imposed(self, network, direction):
+            return Plane(*self.height_in(network)).imposed(network, direction)
+
+        def carried(self, position):
+            return np.flatnonzero(position[:, 2] < position[:, 2].mean())
+
+    cell = modal.fcc(cells=(1, 1, 12), periodic_z=True)
+    signals = modal.propagate(cell, 2e-5, source=Middle()).signals
+    plane = modal.propagate(cell, 2e-5, source=Plane(cell.wall_position.mean())).signals
+    assert signals.source == "middle"
+    assert np.array_equal(signals.layer_displacement, plane.layer_displacement)
