@@ -1,4 +1,4 @@
-"""Networks whose arrays come in other widths, orders and layouts give the same numbers."""
+"""Tests that arrays of other widths, orders and layouts give the same numbers."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ UNSIGNED = ("u1", "u2", "u4", "u8", ">u2", ">u8")
 
 
 def with_indices(network: Network, width: str) -> Network:
-    """The network with each column of whole numbers that this width can hold in it."""
+    """Return the network with all columns of integers that fit into this width."""
     whole = {name: getattr(network, name) for name in ("particle_i", "particle_j", "cell_shift")}
     info = np.iinfo(width)
     fits = {
@@ -51,7 +51,7 @@ def test_indices_without_a_sign_give_the_same_springs(width):
 
 
 def same_numbers(network: Network, other: Network) -> None:
-    """Both have the same columns, fingerprint and K u, to the bit."""
+    """Assert that fingerprints and K u agree to the bit."""
     assert network.fingerprint == other.fingerprint
     assert network.particle_i.dtype.isnative and network.particle_i.dtype.itemsize >= 4
     motion = np.random.default_rng(0).standard_normal(6 * network.n_particles)
@@ -61,18 +61,18 @@ def same_numbers(network: Network, other: Network) -> None:
 
 @pytest.mark.parametrize("column", ["particle_i", "particle_j", "cell_shift"])
 def test_a_negative_number_that_has_lost_its_sign_is_refused(column, tmp_path):
-    """-1 as 8 bytes without a sign is 2^64 - 1: no wall, and no sphere."""
+    """Refuse 2^64 - 1, which is -1 in 8 bytes without a sign: no wall, and no sphere."""
     lost = getattr(CRYSTAL, column).astype(np.uint64)
     lost[5] = 2**64 - 1
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError) as refusal:
         replace(CRYSTAL, **{column: lost})
-    assert refused.value.code == "whole_number_too_large"
+    assert refusal.value.code == "whole_number_too_large"
 
 
 def test_other_orders_and_layouts_in_memory_are_the_same_network(tmp_path):
-    """Every second of an array, backwards, by columns, in the other order of bytes, as objects."""
+    """Pass every second row, a reversed view, columns in memory order, and swapped bytes."""
     doubled = np.repeat(CRYSTAL.position, 2, axis=0)[::2]
-    made = replace(
+    converted = replace(
         CRYSTAL,
         position=doubled,
         mass=CRYSTAL.mass[::-1].copy()[::-1],
@@ -82,14 +82,15 @@ def test_other_orders_and_layouts_in_memory_are_the_same_network(tmp_path):
         particle_i=np.repeat(CRYSTAL.particle_i, 3)[::3],
         cell_periodic=CRYSTAL.cell_periodic.astype("u1"),
     )
-    same_numbers(made, CRYSTAL)
-    assert made.position.flags.c_contiguous and made.normal.flags.c_contiguous
-    write_network(tmp_path / "a.network.h5", made)
+    same_numbers(converted, CRYSTAL)
+    assert converted.position.flags.c_contiguous
+    assert converted.normal.flags.c_contiguous
+    write_network(tmp_path / "a.network.h5", converted)
     same_numbers(read_network(tmp_path / "a.network.h5"), CRYSTAL)
 
 
 def test_radii_of_two_bytes_are_taken_for_the_numbers_that_they_are():
-    """0.5 m needs no more digits than two bytes have; the mass is then that of such a sphere."""
+    """Pass a radius of 0.5 m, which two bytes hold exactly."""
     n = CRYSTAL.n_particles
     scale = 0.5 / CRYSTAL.radius[0]
     big = replace(
@@ -110,18 +111,18 @@ def test_radii_of_two_bytes_are_taken_for_the_numbers_that_they_are():
 
 @pytest.mark.parametrize("lock", ["whole", "view", "unlocked again", "flagged base"])
 def test_an_array_that_somebody_else_can_write_to_is_copied(lock):
-    """However it is flagged: a view that was taken before, or its owner, may write to it."""
+    """Expect a copy however it is flagged: an earlier view, or its owner, may write to it."""
     mass = np.full(CRYSTAL.n_particles, CRYSTAL.mass[0])
     early = mass[:]
-    given = mass
+    argument = mass
     if lock == "view":
-        given = mass.view()
-        given.flags.writeable = False
+        argument = mass.view()
+        argument.flags.writeable = False
     else:
         mass.flags.writeable = False
     if lock == "flagged base":
-        given = mass[:]
-    network = replace(CRYSTAL, mass=given)
+        argument = mass[:]
+    network = replace(CRYSTAL, mass=argument)
     if lock == "unlocked again":
         mass.flags.writeable = True
         mass[0] = 7.0
@@ -130,7 +131,7 @@ def test_an_array_that_somebody_else_can_write_to_is_copied(lock):
 
 
 def test_columns_of_a_network_are_shared_with_those_made_from_it():
-    """They cannot be written to, and are not copied."""
+    """Expect no copy, as they cannot be written to."""
     other = replace(CRYSTAL, study={})
     assert np.shares_memory(other.position, CRYSTAL.position)
     assert np.shares_memory(CRYSTAL.some(slice(3, 9)).normal, CRYSTAL.normal)
