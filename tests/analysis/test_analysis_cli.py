@@ -40,20 +40,20 @@ def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products):
 
 
 @pytest.mark.parametrize(
-    "arguments, words",
+    ("arguments", "code"),
     [
-        (["figure"], "required"),
-        (["figure", "gain_cases", "x"], "no such file"),
-        (["figure", "nothing", "NETWORK"], "unknown"),
-        (["figure", "chi_z"], "no file given"),
-        (["figure", "absent.csv"], "cannot be read"),
-        (["figure", "chi_z", "NETWORK"], "make it before"),
-        (["study", "NETWORK"], "cannot be read"),
+        pytest.param(["figure"], "command_line", id="no name"),
+        pytest.param(["figure", "gain_cases", "x"], "no_file", id="absent packing"),
+        pytest.param(["figure", "nothing", "NETWORK"], "unknown_word", id="unknown figure"),
+        pytest.param(["figure", "chi_z"], "no_file", id="no packing"),
+        pytest.param(["figure", "absent.csv"], "no_file", id="absent figure"),
+        pytest.param(["figure", "chi_z", "NETWORK"], "absent", id="no modes"),
+        pytest.param(["study", "NETWORK"], "no_file", id="no study"),
     ],
 )
-def test_bad_input_is_one_line(products, tmp_path, one_line, arguments, words):
+def test_bad_input_is_one_line(products, tmp_path, one_line, arguments, code):
     if len(arguments) > 1:
         network = products / "case02.network.h5"
         arguments = [network if word == "NETWORK" else word for word in arguments]
         arguments += ["-o", tmp_path]
-    one_line(main, arguments, words)
+    one_line(main, arguments, code=code)
