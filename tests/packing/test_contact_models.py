@@ -1,4 +1,4 @@
-"""Contact models: force, energy, tangent; one contact in motion; moduli over stress; files."""
+"""Tests of contact models: force, energy, tangent, a moving contact, moduli, files."""
 
 from dataclasses import replace
 
@@ -21,35 +21,36 @@ from modal.preparation.relax import relax
 from modal.tools.errors import InputError
 
 ROUGHNESS = 5e-7
-GIVEN = {"rough": f"rough {ROUGHNESS:g}"}
-"""Of each model its words where they are not its name alone."""
+WITH_NUMBERS = {"rough": f"rough {ROUGHNESS:g}"}
+"""Name -> name and numbers of the models that need numbers."""
 
 
 @pytest.fixture(params=MODELS)
 def model(request):
-    return GIVEN.get(request.param, request.param)
+    return WITH_NUMBERS.get(request.param, request.param)
 
 
-def of(model, **changed):
-    return replace(GLASS, contact_model=model, **changed)
+def material_with(model, **constants):
+    """Return glass with another contact model and other constants."""
+    return replace(GLASS, contact_model=model, **constants)
 
 
 def test_force_is_the_integral_of_its_stiffness_and_the_energy_that_of_the_force(model):
-    """Over all regimes of the rough contact; by adaptive quadrature from touch on."""
-    law, _ = laws_of(of(model))
+    """Integrate by adaptive quadrature from touch on, over all regimes of the rough contact."""
+    law, _ = laws_of(material_with(model))
     ends = ROUGHNESS * np.array([0.1, 1.0, 3.0, 20.0, 50.0, 500.0])
     for radius in (RADIUS / 2, RADIUS):
         for end in ends:
             breaks = [TOUCH_1 * ROUGHNESS * 2**0.5, TOUCH_2 * ROUGHNESS * 2**0.5]
-            points = [at for at in breaks if at < end] or None
+            points = [overlap for overlap in breaks if overlap < end] or None
             for integrand, integral in (
                 (law.stiffness_normal, law.normal_force),
                 (law.normal_force, law.elastic_energy),
             ):
-                found, _ = quad(
+                expected, _ = quad(
                     integrand, 0, end, (radius,), points=points, epsabs=0, epsrel=1e-12, limit=500
                 )
-                assert integral(end, radius) == pytest.approx(found, rel=1e-9, abs=0)
+                assert integral(end, radius) == pytest.approx(expected, rel=1e-9, abs=0)
         force = law.normal_force(ends, radius)
         assert law.overlap_of_force(force, radius) == pytest.approx(ends, rel=1e-12, abs=0)
         # Mindlin's ratio, 2 (1 - nu) / (2 - nu).
@@ -58,13 +59,15 @@ def test_force_is_the_integral_of_its_stiffness_and_the_energy_that_of_the_force
 
 
 def test_rough_contact_is_that_of_its_authors_program():
-    """geoLAMMPS' `PairGranCMHistory`: overlap, force, kn, kt, energy; two overlaps a regime.
+    """Compare with the compiled expressions of `PairGranCMHistory` in geoLAMMPS.
 
-    Its expressions, compiled, for radii of 1 and 1.5 mm, G = 25 GPa, nu = 0.22, RMS 0.4 um.
+    Rows have overlap, force, kn, kt and energy, two in each regime, for radii of 1 and 1.5 mm,
+    G = 25 GPa, nu = 0.22, RMS 0.4 um.
     """
-    young, poisson = 2 * 25e9 * 1.22, 0.22
-    law, wall = laws_of(of("rough 4e-7 3e-7", young=young, poisson=poisson))
-    overlap, *theirs = np.transpose(
+    young = 2 * 25e9 * 1.22
+    poisson = 0.22
+    law, wall = laws_of(material_with("rough 4e-7 3e-7", young=young, poisson=poisson))
+    overlap, *expected = np.transpose(
         [
             (1e-7, 7.688136551317e-04, 1.991070140809e04, 1.744982820035e04, 2.141664214944e-11),
             (7e-7, 1.187004008340e-01, 4.391568048196e05, 3.848789974824e05, 2.314624348152e-08),
@@ -75,77 +78,89 @@ def test_rough_contact_is_that_of_its_authors_program():
         ]
     )
     quantities = "normal_force", "stiffness_normal", "stiffness_tangential", "elastic_energy"
-    for name, values in zip(quantities, theirs, strict=True):
+    for name, values in zip(quantities, expected, strict=True):
         assert getattr(law, name)(overlap, 0.6e-3) == pytest.approx(values, rel=2e-12, abs=0), name
     assert wall.roughness == pytest.approx(5e-7, rel=1e-12, abs=0)
     # Hertz is right within some per cent where alpha = S R* / a0^2 is below 0.05, of his radius a0
     # (Greenwood, Johnson, Matsubara 1984); farther below it would be rough for longer than need be.
-    smooth, _ = laws_of(of("hertz-mindlin", young=young, poisson=poisson))
+    smooth, _ = laws_of(material_with("hertz-mindlin", young=young, poisson=poisson))
     deep = smooth.overlap_of_force(law.normal_force(TOUCH_2 * law.roughness, 0.6e-3), 0.6e-3)
     assert 0.04 < law.roughness / deep < 0.05
 
 
 def test_two_spheres_bounce_with_their_energy_and_at_the_time_of_the_law(model):
-    """Kinetic and elastic energy at whole steps; depth from the energy, times by quadrature."""
-    side, approach = 20 * RADIUS, 0.05
+    """Compare depth and duration with those from the energy and by quadrature."""
+    side = 20 * RADIUS
+    approach = 0.05
     position = np.full((2, 3), side / 2)
     position[:, 0] += [-RADIUS, RADIUS]
     velocity = np.array([[approach / 2, 0, 0], [-approach / 2, 0, 0]])
-    sample = Sample(position, np.full(2, side), np.array([0.0, side]), 0.3, material=of(model))
-    law, (mass, _) = sample.laws[0], sample.material.sphere(RADIUS)
+    sample = Sample(
+        position, np.full(2, side), np.array([0.0, side]), 0.3, material=material_with(model)
+    )
+    law = sample.laws[0]
+    mass, _ = sample.material.sphere(RADIUS)
     energy = mass * approach**2 / 4
     deepest = brentq(lambda d: law.elastic_energy(d, RADIUS / 2) - energy, 1e-12, 1e-3, xtol=1e-20)
-    # d = deepest (1 - x^2) takes the root out of the end of the way.
+    # With d = deepest (1 - x^2) the integrand has no pole at the largest overlap.
     time, _ = quad(
         lambda x: 2 * x * deepest
         / np.sqrt(4 / mass * (energy - law.elastic_energy(deepest * (1 - x * x), RADIUS / 2))),
         1e-9, 1,
     )  # fmt: skip
-    motion, depth, kept, open_at = Dynamics(in_flight(sample, velocity)), 0.0, [], 0
+    motion = Dynamics(in_flight(sample, velocity))
+    depth = 0.0
+    energies = []
+    opening_time = 0.0
     dt = time / 500
     for step in range(1500):
         before = motion.velocity[:, :3].copy()
         motion.step(dt)
         kinetic = 0.5 * mass * (before * motion.velocity[:, :3]).sum()
-        kept.append(kinetic + motion.contacts.elastic_energy)
+        energies.append(kinetic + motion.contacts.elastic_energy)
         depth = max(depth, 2 * RADIUS - abs(np.subtract(*motion.contacts.position[:, 0])))
         if not motion.contacts.touching and step > 10:
-            open_at = step * dt
+            opening_time = step * dt
             break
-    assert np.ptp(kept) < 1e-4 * energy
+    assert np.ptp(energies) < 1e-4 * energy
     assert depth == pytest.approx(deepest, rel=1e-4, abs=0)
-    assert open_at == pytest.approx(2 * time, rel=5e-3, abs=0)
+    assert opening_time == pytest.approx(2 * time, rel=5e-3, abs=0)
     assert motion.velocity[0, 0] == pytest.approx(-approach / 2, rel=1e-4)
 
 
 def exponents(model, stresses):
-    """Of the moduli K, G over the stress, between neighbours."""
-    found = [
-        modal.elastic_moduli(modal.fcc(stress, (2, 2, 4), material=of(model), periodic_z=True))
+    """Return the exponents of K and G as powers of the stress, between neighbouring stresses."""
+    moduli = [
+        modal.elastic_moduli(
+            modal.fcc(stress, (2, 2, 4), material=material_with(model), periodic_z=True)
+        )
         for stress in stresses
     ]
-    values = np.log([[each.bulk_modulus, each.shear_modulus] for each in found])
+    values = np.log([(each.bulk_modulus, each.shear_modulus) for each in moduli])
     return np.diff(values, axis=0) / np.diff(np.log(stresses))[:, None]
 
 
 def test_exponent_of_moduli_over_stress_is_that_of_the_law():
-    """Moduli of a crystal go as its stiffness: N ~ d^a gives (a - 1) / a, but for the spacing.
+    """Expect the exponent (a - 1) / a for a force proportional to d^a.
 
-    It shrinks by the overlap, d / (2 R): 1e-4 of the smooth ones at 100 kPa. Rough: 1.589 / 2.589
-    among the asperities, and from above to a third; a crystal as rough as 1e-7 m is past both
-    transitions at 1 GPa / 100.
+    The moduli of a crystal are proportional to its stiffness, except that its spacing shrinks by
+    d / (2 R), 1e-4 for smooth spheres at 100 kPa. The exponent of rough spheres is 1.589 / 2.589
+    while asperities touch and then falls to a third; with a roughness of 1e-7 m a crystal is past
+    both transitions at 10 MPa.
     """
     assert exponents("linear", [1e4, 1e5]) == pytest.approx(0, abs=1e-4)
     assert exponents("hertz-mindlin", [1e4, 1e5]) == pytest.approx(1 / 3, abs=1e-3)
     rough = exponents("rough 1e-7", [1e1, 2e1, 1e4, 2e4, 1e6, 2e6, 1e8, 2e8])[::2].mean(axis=1)
     assert rough[0] == pytest.approx(1.5894 / 2.5894, abs=1e-3)
-    assert (np.diff(rough[:3]) < 0).all() and (rough[:3] > 1 / 3 - 1e-3).all()
+    assert (np.diff(rough[:3]) < 0).all()
+    assert (rough[:3] > 1 / 3 - 1e-3).all()
 
 
 def test_compiled_loop_is_that_of_numpy(model, monkeypatch):
-    """A hundred steps of spheres that slide, open and close, between walls rougher than they."""
+    """Compare after 100 steps of sliding, opening and closing contacts, with rougher walls."""
     packed = modal.random_packing(60, seed=2, aspect=1.0)
-    material = of(f"{model} 1e-6" if model.startswith("rough") else model, young=6e9)
+    words = f"{model} 1e-6" if model.startswith("rough") else model
+    material = material_with(words, young=6e9)
     bare = sample_of_network(packed, 0.1)
     bare = replace(bare, material=material, shear=None, study={})
     sample = in_flight(bare, 0.2 * np.random.default_rng(1).standard_normal((60, 3)))
@@ -156,13 +171,16 @@ def test_compiled_loop_is_that_of_numpy(model, monkeypatch):
             motion.step(2e-7)
         runs.append(motion.contacts)
         monkeypatch.setattr(moving_contacts, "forces_by_loop", forces_by_arrays)
-    assert runs[0].touching == runs[1].touching and runs[0].sliding
-    assert runs[0].load == pytest.approx(runs[1].load, abs=1e-7 * runs[0].mean_force)
-    assert runs[0].elastic_energy == pytest.approx(runs[1].elastic_energy, rel=1e-9, abs=0)
+    compiled, arrays = runs
+    assert compiled.touching == arrays.touching
+    assert compiled.sliding
+    # Round-off of a hundred steps.
+    assert compiled.load == pytest.approx(arrays.load, abs=1e-7 * compiled.mean_force)
+    assert compiled.elastic_energy == pytest.approx(arrays.elastic_energy, rel=1e-9, abs=0)
 
 
 def test_packed_relaxed_and_read_again_it_is_the_same_model(tmp_path, printed):
-    """From `pack` to the wave: the file says the model, and what follows takes it from there."""
+    """Read the model from the file of `pack`, relax the sample, and send a wave through it."""
     out = tmp_path / "rough"
     words = f"pack --spheres 60 --aspect 1 --stress 1e4 --contact-model rough 1e-6 -o {out}"
     assert main(words.split()) == 0
