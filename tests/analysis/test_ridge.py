@@ -1,4 +1,4 @@
-"""Wavelength over frequency against lattices of closed form, among them one without sqrt 2."""
+"""Wavelength over frequency of lattices that are known in closed form."""
 
 import numpy as np
 import pytest
@@ -16,12 +16,14 @@ from modal.waves.signals import Signals
 
 
 def second_neighbours(share: float, passages: float) -> Signals:
-    """Chain with springs C to the next and share C to the second neighbour, by its own modes.
+    """Record a chain with springs C to the next and share C to the second neighbour.
 
-    For this test alone; the record holds what the FCC's would, at the same amplitude and pulse.
+    Amplitude and pulse are those of the crystal's record; the motion is the sum of the modes.
     """
     u = np.eye(CHAIN.layers)
-    near, far = u[1:] - u[:-1], u[2:] - u[:-2]  # what stretches the springs
+    # Extensions of the springs.
+    near = u[1:] - u[:-1]
+    far = u[2:] - u[:-2]
     stiffness = CHAIN.stiffness * (near.T @ near + share * far.T @ far)
     stiffness[[0, -1], [0, -1]] += CHAIN.wall_stiffness
     square, shape = eigh(stiffness / CHAIN.mass)
@@ -34,8 +36,8 @@ def second_neighbours(share: float, passages: float) -> Signals:
     return record
 
 
-def closed_form(share: float, kappa: np.ndarray) -> np.ndarray:
-    """Frequency, Hz, of an endless such chain."""
+def exact_frequency(share: float, kappa: np.ndarray) -> np.ndarray:
+    """Return the frequency, Hz, of such a chain without ends at a wave number, 1/m."""
     half = kappa * CHAIN.distance / 2
     square = np.sin(half) ** 2 + share * np.sin(2 * half) ** 2
     return np.sqrt(4 * CHAIN.stiffness / CHAIN.mass * square) / (2 * np.pi)
@@ -51,36 +53,43 @@ def test_each_lattice_gives_its_own_wavelengths(share, passages):
     chain decides, 1 / 100 of the wave number.
     """
     edge = np.arccos(-0.5 if share else -1.0) / CHAIN.distance
-    found = ridge(second_neighbours(share, passages))
+    measured = ridge(second_neighbours(share, passages))
     for part in (0.1, 0.25, 0.5):
-        frequency = float(closed_form(share, part * edge))
-        assert found.wavelength(frequency) == pytest.approx(2 * np.pi / (part * edge), rel=5e-3)
-    assert found.edge_wavelength == pytest.approx(2 * np.pi / edge, rel=1e-2)
-    assert found.edge_frequency == pytest.approx(closed_form(share, edge), rel=3e-3)
+        frequency = float(exact_frequency(share, part * edge))
+        assert measured.wavelength(frequency) == pytest.approx(2 * np.pi / (part * edge), rel=5e-3)
+    assert measured.edge_wavelength == pytest.approx(2 * np.pi / edge, rel=1e-2)
+    assert measured.edge_frequency == pytest.approx(exact_frequency(share, edge), rel=3e-3)
 
 
 def test_other_distance_gives_other_ratio_to_the_diameter():
     """Spheres in a straight row are a diameter apart: 2 D, with nothing of the FCC in it."""
     row = LayerLattice(mass=1e-6, stiffness=3e6, wall_stiffness=1e6, distance=1e-3, layers=120)
     time = np.arange(0, 120 * row.distance / row.velocity, 1e-7)
-    found = ridge(lattice_signals(row, time, Pulse(frequency=3e5)))
-    assert found.edge_wavelength == pytest.approx(2e-3, rel=1e-2)
+    measured = ridge(lattice_signals(row, time, Pulse(frequency=3e5)))
+    assert measured.edge_wavelength == pytest.approx(2e-3, rel=1e-2)
 
 
-def test_noise_that_hides_the_edge_gives_none_rather_than_another():
+@pytest.mark.parametrize(
+    ("noise", "edge_wavelength"),
+    [
+        pytest.param(1e-3, 2 * CHAIN.distance, id="weak noise"),
+        pytest.param(0.3, np.nan, id="noise that hides the edge"),
+    ],
+)
+def test_noise_that_hides_the_edge_gives_no_wavelength(noise, edge_wavelength):
     record = lattice_signals(CHAIN, np.arange(0, 3.5e-4, 4e-7))
-    random = np.random.default_rng(3)
-    for share, seen in ((1e-3, True), (0.3, False)):
-        found = ridge(noisy(record, share, random)).edge_wavelength
-        assert found == pytest.approx(2 * CHAIN.distance, rel=1e-2) if seen else np.isnan(found)
+    measured = ridge(noisy(record, noise, np.random.default_rng(3)))
+    assert measured.edge_wavelength == pytest.approx(edge_wavelength, rel=1e-2, nan_ok=True)
 
 
 def test_measured_case_has_no_wavelength_above_its_edge():
-    """The linear wave of an FCC column: sqrt 2 measured at its edge, and nothing above."""
-    m = PackingData(fcc(cells=(1, 1, 200)))
-    assert edge_wavelength(m, "linear") == pytest.approx(np.sqrt(2), rel=1e-2)
-    edge = m.lattice.low_pass_frequency
-    assert np.isnan([wavelength_at(m, part * edge, "linear") for part in (1.01, 1.2, 2)]).all()
-    half = 2 * np.pi / (np.pi / 2 / m.lattice.distance)  # kappa l = pi / 2
-    found = wavelength_at(m, edge * np.sin(np.pi / 4), "linear")
-    assert found == pytest.approx(half, rel=5e-3)
+    """The linear wave of an FCC column has sqrt 2 D at its edge, and no wavelength above."""
+    crystal = PackingData(fcc(cells=(1, 1, 200)))
+    assert edge_wavelength(crystal, "linear") == pytest.approx(np.sqrt(2), rel=1e-2)
+    edge = crystal.lattice.low_pass_frequency
+    for share in (1.01, 1.2, 2):
+        assert np.isnan(wavelength_at(crystal, share * edge, "linear"))
+    # kappa l = pi / 2
+    exact = 2 * np.pi / (np.pi / 2 / crystal.lattice.distance)
+    measured = wavelength_at(crystal, edge * np.sin(np.pi / 4), "linear")
+    assert measured == pytest.approx(exact, rel=5e-3)

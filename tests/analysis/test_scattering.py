@@ -14,49 +14,56 @@ from modal.waves.response import maxima
 @pytest.mark.parametrize("power", [2.0, 4.0])
 def test_width_of_a_known_power(power):
     """Width c f^p: the exponent, V / (2 pi width), and pi c f^p = f at the limit."""
-    f, c = np.geomspace(1e3, 4e4, 60), 1e3 / 2e4**power
-    found = Scattering(f, c * f**power, 500.0, 2.5e-3)
-    assert found.power(1e4).exponent == pytest.approx(power, rel=1e-9)
+    f = np.geomspace(1e3, 4e4, 60)
+    c = 1e3 / 2e4**power
+    scattering = Scattering(f, c * f**power, 500.0, 2.5e-3)
+    assert scattering.power(1e4).exponent == pytest.approx(power, rel=1e-9)
     path = 500 / (2 * np.pi * c * 7.7e3**power) / 2.5e-3
-    assert found.free_path(7.7e3) == pytest.approx(path, rel=1e-6)
-    exact = (1 / (np.pi * c)) ** (1 / (power - 1))
-    limit = found.limit
-    assert np.isnan(limit) if exact > f[-1] else limit == pytest.approx(exact, rel=1e-6)
-    assert np.isnan(found.free_path(5e4)) and np.isnan(found.free_path(np.nan))
+    assert scattering.free_path(7.7e3) == pytest.approx(path, rel=1e-6)
+    limit = (1 / (np.pi * c)) ** (1 / (power - 1))
+    if limit > f[-1]:
+        limit = np.nan
+    assert scattering.limit == pytest.approx(limit, rel=1e-6, nan_ok=True)
+    assert np.isnan(scattering.free_path(5e4))
+    assert np.isnan(scattering.free_path(np.nan))
 
 
 def test_lines_of_known_width_give_it_back():
-    """Rows that are Gaussian of width w (full at half height): the ridge takes the resolution off.
+    """Lines are Gaussian of width w, full at half height; the resolution is subtracted.
 
-    Two Gaussians folded have the sum of their squares; a grid of a tenth of the width finds it
-    to a per cent.
+    The squares of the widths of two folded Gaussians add; on a grid of a tenth of the width the
+    sum is found within a per cent.
     """
-    f, resolution = np.arange(100, 3e4, 50.0), 1e3
-    centre, width = np.array([5e3, 1e4, 1.5e4]), np.array([800.0, 2e3, 5e3])
+    f = np.arange(100, 3e4, 50.0)
+    resolution = 1e3
+    centre = np.array([5e3, 1e4, 1.5e4])
+    width = np.array([800.0, 2e3, 5e3])
     sigma = np.hypot(width, resolution) / np.sqrt(8 * np.log(2))
     power = np.exp(-0.5 * ((f - centre[:, None]) / sigma[:, None]) ** 2) / sigma[:, None]
     order = np.array([7, 14, 21])
-    found = StructureFactor(f, order, order * 10.0, power, resolution)
-    seen = found.scattering(500.0, 2.5e-3)
-    assert seen.frequency == pytest.approx(centre, rel=1e-3)
-    assert seen.width == pytest.approx(width, rel=1e-2)
+    structure = StructureFactor(f, order, order * 10.0, power, resolution)
+    scattering = structure.scattering(500.0, 2.5e-3)
+    assert scattering.frequency == pytest.approx(centre, rel=1e-3)
+    assert scattering.width == pytest.approx(width, rel=1e-2)
     narrow = StructureFactor(f, order, order * 10.0, power, 1.2 * resolution)
     assert len(narrow.scattering(500.0, 2.5e-3).width) == 2
 
 
 def test_fitted_wave_numbers_of_walls_that_give_way():
     """Sines of a column that is 1 % longer, at uneven places: kappa to 1e-4, not Eq. 4's."""
-    rng, length = np.random.default_rng(3), 0.36
+    rng = np.random.default_rng(3)
+    length = 0.36
     depth = np.sort(rng.uniform(0, length, 800))
-    true = np.pi * np.arange(1, 11) / (1.01 * length)
-    shape = np.sin(true[:, None] * (depth + 0.005 * length))
-    found = fitted_wavenumbers(shape, depth, length)
-    assert found == pytest.approx(true, rel=1e-4)
+    exact = np.pi * np.arange(1, 11) / (1.01 * length)
+    shape = np.sin(exact[:, None] * (depth + 0.005 * length))
+    assert fitted_wavenumbers(shape, depth, length) == pytest.approx(exact, rel=1e-4)
 
 
 def test_long_wave_velocity_takes_the_bend_off():
     """omega = 2 V / l sin(kappa l / 2): V up to the fourth order of kappa l, 0.16 at r = 10."""
-    length, spacing, speed = 0.36, 1.8e-3, 540.0
+    length = 0.36
+    spacing = 1.8e-3
+    speed = 540.0
     kappa = np.pi * np.arange(1, 21) / length
     f = 2 * speed / spacing * np.sin(kappa * spacing / 2) / (2 * np.pi)
     assert long_wave_velocity(f, kappa)[0] == pytest.approx(speed, rel=1e-5)
@@ -71,8 +78,8 @@ def test_maxima_of_a_rod_lie_half_way():
     first = 750.0
     f = np.arange(20, 1e4, 20.0)
     q = np.pi * (f / first) + 0.3j
-    found = maxima(f, abs(1 / np.cos(q)))[0]
-    assert found[:12] == pytest.approx(first * (np.arange(12) + 0.5), rel=1e-3)
+    frequency = maxima(f, abs(1 / np.cos(q)))[0]
+    assert frequency[:12] == pytest.approx(first * (np.arange(12) + 0.5), rel=1e-3)
     assert len(maxima(f, np.ones(len(f)))[0]) == 0
 
 
@@ -82,10 +89,11 @@ def test_maxima_of_the_crystals_gain_are_modes_of_a_free_source():
     Exactly so without a window; that of 0.38 f_1 moves the maxima by its square over the orders'
     curvature, a thousandth of f_1 (the grid of the gain is 0.1 f_1).
     """
-    m = PackingData(fcc(cells=(1, 1, 100)))
+    crystal = PackingData(fcc(cells=(1, 1, 100)))
     # In symmetric modes of a crystal twice as long the bond in the middle bears nothing.
     free = PackingData(fcc(cells=(1, 1, 200))).lattice.eigenmodes()[0][::2] / (2 * np.pi)
-    found = gain.gain_of(m).gain_maxima()
-    assert len(found) > 11
-    assert abs(found[:12] - free[:12]).max() < 2e-3 * gain.first_resonance(m)
-    assert gain.orders(m)[:12] == pytest.approx(free[:12] / gain.first_resonance(m), abs=2e-3)
+    frequency = gain.gain_of(crystal).gain_maxima()
+    first = gain.first_resonance(crystal)
+    assert len(frequency) > 11
+    assert abs(frequency[:12] - free[:12]).max() < 2e-3 * first
+    assert gain.orders(crystal)[:12] == pytest.approx(free[:12] / first, abs=2e-3)
