@@ -1,4 +1,4 @@
-"""Spheres of several densities, and walls of other moduli: law, files, packings, YADE's wave."""
+"""Tests of spheres of several densities and walls of other moduli: law, files, packings."""
 
 from dataclasses import replace
 
@@ -23,12 +23,12 @@ MIXTURE = {"sizes": ("two", 2, 0.5), "densities": (2500, 7800), "walls": STEEL}
 
 @pytest.fixture(scope="module")
 def mixed():
-    """Large spheres of steel's density among small ones of glass's, between walls of steel."""
+    """Return large spheres of steel's density among small ones of glass's, between steel walls."""
     return random_sample(120, 1e6, seed=2, aspect=1.5, **MIXTURE)
 
 
 def test_moduli_of_two_materials_are_the_textbooks():
-    """Johnson, Contact Mechanics (1985), 4.5 and 7.3; of one material those of one; a rigid wall.
+    """Compare with Johnson, Contact Mechanics (1985), 4.5 and 7.3, for two, one and a rigid one.
 
     1/E* = (1 - nu^2)/E + ..., 1/G* = (2 - nu)/G + ...
     """
@@ -46,7 +46,7 @@ def test_moduli_of_two_materials_are_the_textbooks():
 
 
 def test_contacts_with_the_walls_have_their_own_stiffness_and_carry_the_stress(mixed):
-    """kn = (6 R* E*^2 N)^(1/3), kt = 4 G*/E* kn, of N alone; the stress is the one asked for."""
+    """Compare with kn = (6 R* E*^2 N)^(1/3) and kt = 4 G*/E* kn, and the stress with its target."""
     network = mixed.network()
     wall = network.with_wall
     radius = network.radius[network.particle_i]
@@ -65,7 +65,7 @@ def test_contacts_with_the_walls_have_their_own_stiffness_and_carry_the_stress(m
 
 
 def test_files_and_networks_keep_materials(mixed, tmp_path):
-    """Sample to file and back, to network and back: the same to the bit; tiled, four times it."""
+    """Convert a sample to a file and to a network and back, and tile it to four times the mass."""
     path = tmp_path / "mixed.sample.h5"
     write_sample(path, mixed)
     back = read_sample(path)
@@ -80,7 +80,7 @@ def test_files_and_networks_keep_materials(mixed, tmp_path):
 
 
 def test_network_of_another_law_is_no_sample(mixed):
-    """Forgotten walls and other moduli are said, not taken for glass."""
+    """Refuse networks with other moduli, or whose walls are not recorded."""
     network = mixed.network()
     other = {"stiffness_tangential": 0.9 * network.stiffness_tangential}
     for changed in ({"study": {}}, other):
@@ -89,7 +89,7 @@ def test_network_of_another_law_is_no_sample(mixed):
 
 
 def test_frequencies_fall_as_the_root_of_the_density():
-    """All spheres four times as heavy: the same packing, all frequencies halved."""
+    """Make all spheres four times as heavy: an equal packing, all frequencies halved."""
     light, heavy = (modal.random_packing(100, seed=3, densities=[rho]) for rho in (2230, 8920))
     assert np.array_equal(light.position, heavy.position)
     two = [modal.eigenmodes(each, lowest=5).frequency for each in (light, heavy)]
@@ -107,7 +107,9 @@ def test_time_step_goes_by_the_lightest_sphere_and_the_stiffest_contact():
 
 @pytest.mark.parametrize(("friction", "apart"), [(0.0, 1e-3), (0.3, 1e-9)])
 def test_packings_of_other_spheres_are_similar(friction, apart):
-    """64 times as hard, 4 times as dense, twice as large, at 64 times the stress: the same packing.
+    """Make spheres 64 times as hard, 4 times as dense, twice as large: an equal packing.
+
+    The stress is 64 times as large.
 
     All of the protocol's stresses and times must follow for that. Factors are powers of two, so
     that rounding is the same but for that of roots. With friction nothing else is lost. Without it

@@ -1,4 +1,4 @@
-"""Runs inside YADE what is asked for on standard input, a line of JSON each, in a fork of itself.
+"""Run, in forks of one YADE, the scripts that lines of JSON on standard input describe.
 
 Starting YADE takes ten times as long as most of these scripts.
 """

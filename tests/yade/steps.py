@@ -1,4 +1,4 @@
-"""Some steps of a sample at a control's rates, run inside YADE; the sample they lead to.
+"""Take some steps of a sample in YADE at the rates of a control, and write the sample.
 
     yade -n -x -j1 steps.py ROOT SAMPLE.sample.h5 OUT.sample.h5 '{"steps": 500, ...}'
 
@@ -22,18 +22,22 @@ from yade_scripts.servo import Scene
 
 
 def main():
-    """Read, step, write."""
-    sample, given, stresses = read_sample(sys.argv[2]), json.loads(sys.argv[4]), []
-    rate = given.get("rate")
-    control = ConstantRate(rate) if rate else Servo(given["stress"], INERTIAL_NUMBER)
+    """Read a sample, take the steps, and write the sample."""
+    sample = read_sample(sys.argv[2])
+    settings = json.loads(sys.argv[4])
+    stresses = []
+    if "rate" in settings:
+        control = ConstantRate(settings["rate"])
+    else:
+        control = Servo(settings["stress"], INERTIAL_NUMBER)
 
     def follow(stress):
         stresses.append(stress)
         return control.follow(stress)
 
     watched = SimpleNamespace(follow=follow, stress=np.zeros(3))
-    scene = Scene(sample, SimpleNamespace(control=watched, damping=given["damping"]))
-    scene.advance(given["steps"], given["dt"], given["interval"])
+    scene = Scene(sample, SimpleNamespace(control=watched, damping=settings["damping"]))
+    scene.advance(settings["steps"], settings["dt"], settings["interval"])
     after = scene.sample(moving=True)
     after.study = {"stresses": np.array(stresses)}
     write_sample(sys.argv[3], after)

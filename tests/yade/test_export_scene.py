@@ -1,4 +1,4 @@
-"""Any YADE scene as a network: two sizes, facets or a Wall, linear and cohesive laws, clumps."""
+"""Tests of exported YADE scenes: two sizes, facets or a Wall, linear and cohesive laws, clumps."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from in_yade import forked, measured_tangent, script
+from in_yade import error_lines, forked, measured_tangent, script
 from places import ROOT
 
 from modal.packing.network import read_network
@@ -18,40 +18,45 @@ SCENE = ROOT / "tests" / "yade" / "two_sizes.py"
 
 @pytest.mark.parametrize("kind", ["", "cohesive"])
 def test_stiffness_equals_finite_differences_of_yades_forces(tmp_path, yade, kind):
-    """Eleven spheres of two radii between facets; kn and ks as FrictPhys holds them.
+    """Export eleven spheres of two radii between facets; kn and ks are those of FrictPhys.
 
-    And cohesive-frictional contacts with the moment law: kr is 0.3 and ktw 0.7 times ks R R'. The
-    steps of `yade_scripts/tangent.py` leave 2e-8 of K.
+    Cohesive-frictional contacts have the moment law: kr is 0.3 and ktw 0.7 times ks R R'. The
+    steps of `yade_scripts/tangent.py` leave an error of 2e-8 of K.
     """
-    network, measured = tmp_path / "a.network.h5", tmp_path / "k.h5"
-    script(SCENE, ROOT, network, measured, *[kind] * bool(kind), folder=tmp_path)
-    found = read_network(network)
-    assert sorted(set(found.radius)) == [1e-3, 1.3e-3]
-    assert found.with_wall.sum() == 11 and not found.cell_periodic.any()
-    measured, units = measured_tangent(measured, found, 1e-3)
+    network_path = tmp_path / "a.network.h5"
+    tangent_path = tmp_path / "k.h5"
+    options = [kind] if kind else []
+    script(SCENE, ROOT, network_path, tangent_path, *options, folder=tmp_path)
+    network = read_network(network_path)
+    assert sorted(set(network.radius)) == [1e-3, 1.3e-3]
+    assert network.with_wall.sum() == 11
+    assert not network.cell_periodic.any()
+    measured, units = measured_tangent(tangent_path, network, 1e-3)
 
-    def apart(network, pre_stress):
+    def relative_error(network, pre_stress):
         K = units @ stiffness_matrix(network, pre_stress=pre_stress) @ units
         return abs(measured - K).max() / abs(K).max()
 
-    assert apart(found, "full") < 1e-7
-    assert apart(found, "none") > 1e-3
+    assert relative_error(network, "full") < 1e-7
+    assert relative_error(network, "none") > 1e-3
     for name in ("stiffness_rolling", "stiffness_twisting"):
-        assert (getattr(found, name) is None) == (kind == "")
-        if kind:  # one of them off by a hundredth shows
-            other = replace(found, **{name: 1.01 * getattr(found, name)})
-            assert apart(other, "full") > 1e-5
+        assert (getattr(network, name) is None) == (kind == "")
+        if kind:  # an error of a hundredth in one of them shows
+            changed = replace(network, **{name: 1.01 * getattr(network, name)})
+            assert relative_error(changed, "full") > 1e-5
 
 
-def test_walls_come_in(tmp_path, yade):
-    network = tmp_path / "a.network.h5"
-    said = script(SCENE, ROOT, network, tmp_path / "k.h5", "wall", folder=tmp_path)
-    assert "11 spheres, 31 contacts, 11 of them with walls" in said, said
-    assert network.exists()
+def test_contacts_with_a_wall_are_exported(tmp_path, yade):
+    path = tmp_path / "a.network.h5"
+    script(SCENE, ROOT, path, tmp_path / "k.h5", "wall", folder=tmp_path)
+    network = read_network(path)
+    assert network.n_particles == 11
+    assert network.n_contacts == 31
+    assert network.with_wall.sum() == 11
 
 
 def test_a_clump_is_its_members_as_one_body(tmp_path, yade):
-    """Three spheres of two sizes that touch: mass, centre, tensor; the stiffness is J^T K J.
+    """Compare mass, centre, tensor and stiffness J^T K J of three spheres of two sizes that touch.
 
     J takes the motion (u, theta) of a body to that of its members, u + theta x arm and theta, and
     K is that of the spheres without the contacts inside the clump.
@@ -93,7 +98,7 @@ def test_a_clump_is_its_members_as_one_body(tmp_path, yade):
 
 
 def test_saved_scene_gives_the_same_network(tmp_path, yade):
-    """A scene that is loaded again has the same spheres, contacts and forces."""
+    """Compare contacts and forces of a scene before and after it was saved and loaded."""
     first, saved, second = (tmp_path / k for k in ("a.network.h5", "s.yade.bz2", "b.network.h5"))
     script(SCENE, ROOT, first, saved, "save", folder=tmp_path)
     script(ROOT / "yade_scripts" / "export_scene.py", saved, second, folder=tmp_path)
@@ -109,7 +114,7 @@ FREE = {"free_clump_of_a_fixed_sphere", "moved_no_more", "on_a_wall"}
 
 
 def test_spheres_that_do_not_move_freely_are_refused(tmp_path, yade):
-    """Held as a whole or in one motion, moved by an engine, or left out of the integration."""
+    """Hold spheres wholly or in one motion, move them, or leave them out of the integration."""
     out = tmp_path / "codes.json"
     script(HELD, ROOT, out, folder=tmp_path)
     codes = json.loads(out.read_text())
@@ -122,6 +127,6 @@ def test_a_refusal_ends_a_users_script_with_one_line(tmp_path, yade):
     out = tmp_path / "a.network.h5"
     status, log = forked(tmp_path, [HELD, ROOT, out], {})
     assert status == 2
-    assert len([line for line in log.splitlines() if line.startswith("error: ")]) == 1
+    assert len(error_lines(log)) == 1
     assert "Traceback" not in log
     assert not out.exists()

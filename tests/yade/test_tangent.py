@@ -1,4 +1,4 @@
-"""The tangent with pre-stress against the law of moving contacts, YADE, and invariances."""
+"""Tests of the tangent with pre-stress: law of moving contacts, YADE, invariances."""
 
 from dataclasses import replace
 
@@ -19,9 +19,9 @@ from modal.system.assembly import stiffness_matrix
 
 @pytest.fixture(scope="module")
 def loaded():
-    """Spheres of two sizes, overlaps of some per cent, sheared by a fifth of an overlap.
+    """Return spheres of two sizes with overlaps of some per cent, sheared by a fifth of them.
 
-    Large overlaps make the terms of the pre-stress large. Not in balance.
+    Large overlaps make the terms of the pre-stress large. They are not in balance.
     """
     sample = random_sample(24, 2e8, aspect=1.0, tolerance=1e-2, sizes=("two", 1.5, 0.5))
     contacts = MovingContacts(sample, np.inf)
@@ -32,14 +32,15 @@ def loaded():
 
 
 def numerical_tangent(sample, step):
-    """Minus the central difference of the law's forces over `step`, m, column by column."""
+    """Return minus the central difference of the law's forces over `step`, m."""
     size = 6 * len(sample.position)
     K = np.empty((size, size))
     for column in range(size):
         loads = []
-        for way in (step, -step):
-            contacts, motion = MovingContacts(sample), np.zeros(size)
-            motion[column] = way / (1 if column % 6 < 3 else sample.radius)
+        for displacement in (step, -step):
+            contacts = MovingContacts(sample)
+            motion = np.zeros(size)
+            motion[column] = displacement if column % 6 < 3 else displacement / sample.radius
             contacts.move(motion.reshape(-1, 6))
             loads.append(contacts.load.ravel())
         K[:, column] = (loads[0] - loads[1]) / (2 * motion[column])
@@ -47,13 +48,13 @@ def numerical_tangent(sample, step):
 
 
 def in_arcs(K, sample):
-    """K with rotations as arcs of a radius: all entries are N/m."""
+    """Return K with rotations as arcs of a radius: all entries are N/m."""
     units = np.tile([1.0] * 3 + [1 / sample.radius] * 3, len(sample.position))
     return units[:, None] * K * units
 
 
 def test_tangent_equals_finite_differences_at_second_order(loaded):
-    """Of all forces; of the normal ones alone where no contact shears."""
+    """Compare the tangent of all forces, and of normal ones alone where no contact shears."""
     overlap, network = np.median(loaded.contacts().overlap), loaded.network()
     K = in_arcs(stiffness_matrix(network, pre_stress="full").toarray(), loaded)
     errors = [
@@ -75,7 +76,7 @@ def test_tangent_equals_finite_differences_at_second_order(loaded):
 
 
 def test_a_turned_packing_carries_its_forces_along(loaded):
-    """A rigid rotation by a small angle turns every force and torque with it; a shift none."""
+    """Rotate rigidly by a small angle: every force and torque turns; a shift changes none."""
     network = loaded.network()
     inside = network.with_contacts(~network.with_wall & (network.cell_shift == 0).all(axis=1))
     K, angle = stiffness_matrix(inside, pre_stress="full"), np.array([0.3, -0.5, 0.7])
@@ -101,7 +102,7 @@ def test_crystal_without_shear_forces_stays_symmetric():
 
 
 def test_every_column_equals_finite_differences_of_yades_forces(tmp_path, yade):
-    """Motions of each of the 150 spheres along and about each axis, 900 columns."""
+    """Move each of the 150 spheres along and about each axis, 900 columns."""
     out = tmp_path / "differences.h5"
     script(ROOT / "yade_scripts" / "tangent.py", SHEARED, out, folder=tmp_path)
     sample, network = read_sample(SHEARED), sheared()

@@ -1,4 +1,4 @@
-"""YADE's waves against the linear operator with YADE's own time step, as the amplitude shrinks."""
+"""Tests of YADE's waves against the linear operator with YADE's time step."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ AMPLITUDES = ("2.5e-9", "2.5e-11")
 
 @pytest.fixture(scope="module")
 def crystal(tmp_path_factory, yade):
-    """Network and signals, for each amplitude, of a short column of FCC in YADE."""
+    """Return a short FCC column, and its signals in YADE for each amplitude."""
     folder = tmp_path_factory.mktemp("crystal")
     network = in_yades_order(gallery.fcc(cells=(WIDTH, WIDTH, LAYERS)))
     put(folder, "case02", network)
@@ -36,7 +36,7 @@ def crystal(tmp_path_factory, yade):
 
 
 def test_difference_is_proportional_to_the_amplitude(crystal):
-    """Time steps aligned and pre-stress in, the quadratic term of the law is all that is left."""
+    """Compare with equal time step and pre-stress: the quadratic term of the law remains."""
     network, runs = crystal
     errors = []
     for amplitude in AMPLITUDES:
@@ -60,7 +60,7 @@ def test_pre_stress_and_time_step_are_seen_at_small_amplitude(crystal):
 
 
 def in_yade(folder, friction, **settings):
-    """Signals of 0.1 ms in YADE, of every particle, of the packing in `folder`."""
+    """Return signals of every particle, 0.1 ms, of the packing in `folder`, by YADE."""
     table = f"case mu_wave input_frequency fraction\n30 {friction} 1e5 0.1\n"
     run("wave", table, folder, WAVE_PARTICLES="1", WAVE_DURATION="1e-4", **settings)
     signals = folder / "case30.signals.h5"
@@ -70,7 +70,7 @@ def in_yade(folder, friction, **settings):
 
 
 def of_materials():
-    """Heavy large spheres among light small ones between walls of steel, with friction, at rest."""
+    """Return heavy large and light small spheres between walls of steel, at rest."""
     mixture = {"sizes": ("two", 2, 0.5), "densities": (2500, 7800), "walls": (2.1e11, 0.3)}
     mixed = random_sample(120, 1e6, seed=2, aspect=1.5, **mixture)
     return relax(replace(mixed, friction=0.3))[0].network()
@@ -81,7 +81,7 @@ PACKINGS = {"glass": lambda: read_sample(SHEARED).network(), "materials": of_mat
 
 @pytest.fixture(scope="module", params=PACKINGS)
 def packing(tmp_path_factory, yade, request):
-    """Network, and runs of opposite sign at 0.05 nm, of a random packing that cannot slip."""
+    """Return a random packing that cannot slip, and runs of opposite sign at 0.05 nm."""
     folder = tmp_path_factory.mktemp("packing")
     network = PACKINGS[request.param]()
     put(folder, "case30", network)
@@ -91,7 +91,7 @@ def packing(tmp_path_factory, yade, request):
 
 
 def test_odd_part_of_a_random_packing_is_the_exact_tangent(packing):
-    """All force-bearing spheres, all times; the even part and the drift cancel between the runs."""
+    """Compare all bearing spheres at all times; even part and drift cancel between both runs."""
     network, (forth, back) = packing
     pair = Agreement(network, forth)
     one, other = pair.measured(forth), pair.measured(back)
@@ -108,7 +108,7 @@ def test_odd_part_of_a_random_packing_is_the_exact_tangent(packing):
 @pytest.mark.parametrize("packing", ["glass"], indirect=True)
 @pytest.mark.parametrize("direction", ["z", "x"])
 def test_large_waves_are_those_of_yade(direction, packing, tmp_path):
-    """A half stroke of 0.25 um, a third of an overlap: contacts slide and open, step by step alike.
+    """Move the wall by 0.25 um, a third of an overlap: contacts slide and open at equal steps.
 
     Positions are rounded at 1e-17 m of 1e-7 m, YADE sums forces in another order, and in 700 steps
     ways that slip part by some ten times that.
