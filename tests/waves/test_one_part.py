@@ -24,10 +24,8 @@ def tiled(*times: int) -> Network:
     return repeat(slim(), *times)
 
 
-RECORDS = (
-    *("chain_displacement", "layer_displacement", "particle_displacement"),
-    *("source_stress", "receiver_stress"),
-)
+DISPLACEMENTS = ("chain_displacement", "layer_displacement", "particle_displacement")
+STRESSES = ("source_stress", "receiver_stress")
 
 
 @pytest.mark.parametrize(
@@ -36,48 +34,60 @@ RECORDS = (
 @pytest.mark.parametrize("direction", ["x", "y", "z"])
 @pytest.mark.parametrize("pre_stress", ["none", "normal", "full"])
 def test_all_records_are_those_of_the_whole(network, count, direction, pre_stress):
-    """Both are off by less than they are told to be of the largest motion, and the largest stress.
+    """Both differ by less than their errors, relative to the largest motion and stress.
 
     Every sphere's motion is compared, thus the energies of all parts.
     """
     settings = {"direction": direction, "pre_stress": pre_stress, "tolerance": 1e-9}
     network = network()
-    one = propagate(network, DURATION, particles=True, **settings)
-    all_of_it = propagate(network, DURATION, particles=True, whole=True, **settings)
-    assert (one.repeats, all_of_it.repeats) == (count, 1)
-    largest = {"m": abs(all_of_it.signals.particle_displacement).max()}
-    largest["Pa"] = abs(all_of_it.signals.source_stress).max()
-    for name in RECORDS:
-        a, b = getattr(one.signals, name), getattr(all_of_it.signals, name)
-        scale = largest["Pa" if name.endswith("stress") else "m"]
-        assert abs(b).max() > 0
-        assert abs(a - b).max() < (one.truncation + all_of_it.truncation) * scale, name
+    wave_of_part = propagate(network, DURATION, particles=True, **settings)
+    wave_of_all = propagate(network, DURATION, particles=True, whole=True, **settings)
+    assert (wave_of_part.repeats, wave_of_all.repeats) == (count, 1)
+    part = wave_of_part.signals
+    whole = wave_of_all.signals
+    error = wave_of_part.truncation + wave_of_all.truncation
+    for name in DISPLACEMENTS:
+        compare(getattr(part, name), getattr(whole, name), error * largest(whole, DISPLACEMENTS[2]))
+    for name in STRESSES:
+        compare(getattr(part, name), getattr(whole, name), error * largest(whole, STRESSES[0]))
     for name in ("chain_particle", "chain_position", "layer_position"):
-        assert np.array_equal(getattr(one.signals, name), getattr(all_of_it.signals, name))
+        assert np.array_equal(getattr(part, name), getattr(whole, name))
+
+
+def largest(signals, name):
+    return abs(getattr(signals, name)).max()
+
+
+def compare(record, expected, tolerance):
+    assert abs(expected).max() > 0
+    assert abs(record - expected).max() < tolerance
 
 
 def test_parts_that_differ_change_the_wave_by_less_than_is_said():
-    """Stiffnesses with a noise of 2e-11, and the bound of what that does to the largest motion."""
+    """Stiffnesses have a noise of 2e-11; the error bounds its effect on the largest motion."""
     rng = np.random.default_rng(3)
     network = tiled(3, 1)
     noisy = network.stiffness_normal * (1 + 2e-11 * rng.uniform(-1, 1, network.n_contacts))
     network = replace(network, stiffness_normal=noisy)
-    _, driven = one_part(LinearSystem.of(network), DURATION, 1e-6)
-    assert driven.count == 3 and 1e-10 < driven.difference < 1e-7
-    one = propagate(network, DURATION, tolerance=driven.difference, particles=True)
-    assert one.repeats == 3 and one.truncation > driven.difference
+    _, repeats = one_part(LinearSystem.of(network), DURATION, 1e-6)
+    assert repeats.count == 3
+    assert 1e-10 < repeats.difference < 1e-7
+    wave = propagate(network, DURATION, tolerance=repeats.difference, particles=True)
+    assert wave.repeats == 3
+    assert wave.truncation > repeats.difference
+    # The parts are less alike than this tolerance: all of them are computed.
     exact = propagate(network, DURATION, tolerance=1e-14, particles=True)
-    assert exact.repeats == 1, "a tighter tolerance than the parts are alike: all is computed"
-    a, b = one.signals.particle_displacement, exact.signals.particle_displacement
-    assert 0 < abs(a - b).max() < one.truncation * abs(b).max()
+    assert exact.repeats == 1
+    expected = exact.signals.particle_displacement
+    difference = abs(wave.signals.particle_displacement - expected).max()
+    assert 0 < difference < wave.truncation * abs(expected).max()
 
 
 def test_response_of_a_repeated_packing_is_the_small_ones():
-    """Below the tolerance of both, relative to the highest resonance."""
-    small, large = (
-        frequency_response(network, highest=4e4, resolution=4e3, tolerance=1e-8)
-        for network in (slim(), tiled(3, 1))
-    )
+    """The tolerance of both is 1e-8 of the highest resonance."""
+    settings = {"highest": 4e4, "resolution": 4e3, "tolerance": 1e-8}
+    small = frequency_response(slim(), **settings)
+    large = frequency_response(tiled(3, 1), **settings)
     for name in ("layer_displacement", "receiver_stress", "source_stress"):
-        a, b = getattr(small, name), getattr(large, name)
-        assert abs(a - b).max() < 1e-6 * abs(a).max(), name
+        expected = getattr(small, name)
+        assert abs(getattr(large, name) - expected).max() < 1e-6 * abs(expected).max(), name

@@ -4,19 +4,20 @@ import numpy as np
 import pytest
 
 from analysis.packing_data import PackingData
-from analysis.quantities import gain
+from analysis.quantities import gain as gain_quantity
 from modal.packing import crystal as gallery
 from modal.waves.propagate import propagate
 from modal.waves.response import frequency_response, maxima
 from modal.waves.signals import Signals
 
 TRAVELS = 11.9
-"""Travel times from wall to wall of a record whose resolution is 0.376 f_1, cut at e^-7."""
+"""Travel times from wall to wall in a record with a resolution of 0.376 f_1, cut at e^-7."""
 
 
 def gain_of_record(signals, highest):
-    """Frequency and gain under a window that falls to e^-7 at the record's end; the resolution."""
-    time, gamma = signals.time, 7 / signals.time[-1]
+    """Return frequency, gain and resolution under a window that ends at e^-7 with the record."""
+    time = signals.time
+    gamma = 7 / time[-1]
     frequency = np.arange(gamma / np.pi / 4, highest, gamma / np.pi / 4)
     kernel = np.exp((2j * np.pi * frequency[:, None] - gamma) * time)
     gain = abs(kernel @ signals.receiver_stress) / abs(kernel @ signals.source_stress)
@@ -26,19 +27,19 @@ def gain_of_record(signals, highest):
 def test_gain_from_signals_equals_gain_from_the_recurrence():
     network = gallery.fcc(cells=(2, 2, 20))
     signals = propagate(network, 6e-4, interval=1e-7).signals
-    frequency, found, resolution = gain_of_record(signals, 3e4)
-    wanted = frequency_response(network, highest=5e4, resolution=resolution)
+    frequency, gain, resolution = gain_of_record(signals, 3e4)
+    response = frequency_response(network, highest=5e4, resolution=resolution)
     count = len(frequency)
-    assert frequency == pytest.approx(wanted.frequency[:count])
+    assert frequency == pytest.approx(response.frequency[:count])
     # The cut leaves e^-7 of the last reflection, and the gain of a short column rises far above 1.
-    assert found == pytest.approx(wanted.gain[:count], rel=1e-2)
-    at, heights = maxima(frequency, found)
-    assert abs(wanted.gain_maxima()[0] - at[0]) < 0.2 * resolution
-    assert heights[0] == pytest.approx(found[:20].max(), rel=0.1)
+    assert gain == pytest.approx(response.gain[:count], rel=1e-2)
+    peaks, heights = maxima(frequency, gain)
+    assert abs(response.gain_maxima()[0] - peaks[0]) < 0.2 * resolution
+    assert heights[0] == pytest.approx(gain[:20].max(), rel=0.1)
 
 
 def undamped_column(window: float, travels: float) -> Signals:
-    """Wall stresses of a rod with equal walls, rigid but for the pulse, by its reflections alone.
+    """Return wall stresses of a rod between equal, rigid walls, by its reflections alone.
 
     L / V is one millisecond: an arrival at the receiver after 1, 3, 5, ... passages, each doubled,
     an arrival at the source after 2, 4, ...; nothing is lost, and no code of the project is used.
@@ -64,18 +65,18 @@ def undamped_column(window: float, travels: float) -> Signals:
 
 @pytest.mark.parametrize("travels", [6.0, TRAVELS])
 def test_height_of_the_gain_is_the_windows(travels):
-    """Of a rod without damping it is 1 / sinh(gamma L / V): no height without its resolution.
+    """Compare the height with 1 / sinh(gamma L / V), that of a rod without damping.
 
-    What the cut leaves, e^-7, is 1e-3 of the transform; the parabola through the top adds its own.
+    The cut, at e^-7, leaves 1e-3 of the transform; the parabola through the top has an error, too.
     """
-    frequency, found, resolution = gain_of_record(undamped_column(2e-5, travels), 2e3)
-    at, heights = maxima(frequency, found)
+    frequency, gain, resolution = gain_of_record(undamped_column(2e-5, travels), 2e3)
+    peaks, heights = maxima(frequency, gain)
     assert heights[0] == pytest.approx(1 / np.sinh(np.pi * resolution * 1e-3), rel=1e-2)
     if travels == TRAVELS:  # with 6 passages the maxima run into each other
-        assert at[0] == pytest.approx(250, rel=2e-2)
+        assert peaks[0] == pytest.approx(250, rel=2e-2)
 
 
 def test_height_of_the_gain_is_told_with_its_resolution():
-    shown = gain.height(PackingData(gallery.fcc(cells=(1, 1, 200))))
+    shown = gain_quantity.height(PackingData(gallery.fcc(cells=(1, 1, 200))))
     assert "Hz (undamped column: 1.6" in shown
     assert float(shown.split()[0]) == pytest.approx(1.588, rel=5e-3)  # dense solve of the chain
