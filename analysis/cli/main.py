@@ -1,4 +1,4 @@
-"""The parser of all commands, and the run of one."""
+"""Parse the command line of `python -m analysis`, and run its command."""
 
 import argparse
 import importlib
@@ -30,7 +30,7 @@ USED_FOR = {
 
 
 def parser(called: str = "") -> argparse.ArgumentParser:
-    """The parser of all commands, with the options of the one that is `called`."""
+    """Return the parser of all commands, with the options of the one that is `called`."""
     about = "Your packing: measure, figure, watch, agreement. The study: study. See COMMAND --help."
     whole = Parser(prog="python -m analysis", description=about)
     commands = whole.add_subparsers(
