@@ -71,7 +71,7 @@ def by_turns(path: str, rounds: int) -> Callable[[], dict[str, Any]]:
         )
     network = read_network(path)
     operator = ContactOperator(network)
-    contacts = OrderedContacts.of(network, "none")
+    contacts = OrderedContacts.from_network(network, "none")
     threads = threads_for(network.n_particles)
     starts = contacts.pieces[contacts.slabs, 0]
     needs = bytes_of(operator)

@@ -114,7 +114,7 @@ def _own_blocks(system: LinearSystem) -> Factor:
     n = system.network.n_particles
 
     def invert() -> Floats:
-        blocks = system.own_blocks
+        blocks = system.diagonal_blocks
         typical = np.einsum("nii->ni", blocks).mean(axis=0).max() or 1.0
         return np.asarray(np.linalg.inv(blocks + 1e-8 * typical * np.eye(6)), float)
 

@@ -336,7 +336,7 @@ def _solve_balance(system: LinearSystem, load: Floats) -> Floats:
     Each sphere is also held in its place by a weak spring.
     """
     sqrt_mass = system.sqrt_mass
-    blocks = system.own_blocks
+    blocks = system.diagonal_blocks
     operator = system.renumbered
     holding_stiffness = HOLDING_RATIO * float(np.einsum("nii->ni", blocks).mean())
     inverse = np.linalg.inv(blocks + holding_stiffness * np.eye(6))

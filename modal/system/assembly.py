@@ -1,88 +1,137 @@
-"""Global stiffness matrix K (sparse) and mass matrix M (diagonal); walls are fixed bodies."""
+"""Assemble the global stiffness matrix K (sparse) and mass matrix M (diagonal); walls are fixed."""
+
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
 from modal.packing.network import Network
-from modal.system.contacts import contact_tangent, terms_of
+from modal.system.contacts import PreStress, contact_tangent, terms_of
 from modal.tools.arrays import Floats, Ints
 
-ENDS = (np.array([0, 1, 2, 3, 4, 5]), -1.0), (np.array([0, 1, 2, 6, 7, 8]), 1.0)
-"""Of the bodies i and j: which parts of a contact's motion (w, theta_i, theta_j) are theirs, and
-the sign with which their displacement enters w."""
+
+class ContactEnd(NamedTuple):
+    """One end of a contact.
+
+    `components` are those of the contact's motion (w, theta_i, theta_j) that the body at this end
+    takes part in; its displacement enters w with `sign`.
+    """
+
+    components: Ints
+    sign: float
+
+
+ENDS = (
+    ContactEnd(np.array([0, 1, 2, 3, 4, 5]), -1.0),
+    ContactEnd(np.array([0, 1, 2, 6, 7, 8]), 1.0),
+)
+"""The ends of a contact at bodies i and j."""
 
 
 def mass_diagonal(network: Network, dof: int = 6) -> Floats:
-    """Shape (dof n,): m, m, m, I, I, I of each particle, kg and kg m^2; of 3 its masses alone."""
+    """Return m, m, m, I, I, I of each particle, shape (dof n,), kg and kg m^2.
+
+    A `dof` of 3 leaves the masses alone.
+    """
     return np.column_stack([network.mass] * 3 + [network.inertia] * (dof - 3)).ravel()
 
 
-def stiffness_matrix(network: Network, dof: int = 6, pre_stress: str = "none") -> sp.csr_matrix:
-    """Sparse K, (dof n, dof n); N/m, N, N m. Six rows a particle, u then theta, or three, u alone.
+def stiffness_matrix(
+    network: Network, dof: int = 6, pre_stress: PreStress = "none"
+) -> sp.csr_matrix:
+    """Assemble K, sparse (dof n, dof n); N/m, N, N m.
 
-    `pre_stress` as in `modal.system.contacts`: with "full" and "law" K is not symmetric. A
-    particle that touches itself through a period has both sides of the contact on one block;
-    repeated pairs add up.
+    A particle has six rows, u then theta, or three, u alone. K is not symmetric if `pre_stress`
+    (`modal.system.contacts`) is "full" or "law". If a particle touches itself through a period, its
+    diagonal block holds both sides of the contact; contacts of the same pair add up.
     """
     return assembled(network, contact_tangent(network, terms_of(pre_stress)), dof)
 
 
 def block(tangent: Floats, row: int, column: int, size: int = 6) -> Floats:
-    """Shape (m, size, size): what end `column` of each contact does to end `row`; 0 is i, 1 is j.
+    """Return the stiffness of end `row` of each contact against the motion of end `column`.
 
-    `tangent` (m, 9, 9) as of `contact_tangent`; `size` of 3 keeps the translations alone.
+    The shape is (m, size, size); 0 is the end at i, 1 that at j. `tangent` (m, 9, 9) comes from
+    `contact_tangent`; a `size` of 3 leaves the translations alone.
     """
-    (a, sign_a), (b, sign_b) = ENDS[row], ENDS[column]
-    signs = np.ones((2, 6))
-    signs[0, :3], signs[1, :3] = sign_a, sign_b
-    part = tangent[:, a[:size, None], b[:size]]
-    part *= signs[0, :size, None] * signs[1, :size]
-    return part
+    row_end = ENDS[row]
+    column_end = ENDS[column]
+    row_signs = np.ones(6)
+    row_signs[:3] = row_end.sign
+    column_signs = np.ones(6)
+    column_signs[:3] = column_end.sign
+    blocks = tangent[:, row_end.components[:size, None], column_end.components[:size]]
+    blocks *= row_signs[:size, None] * column_signs[:size]
+    return blocks
 
 
 def assembled(network: Network, tangent: Floats, size: int = 6) -> sp.csr_matrix:
-    """Sparse (size n, size n) matrix from the tangent (m, 9, 9) of each contact.
+    """Assemble a sparse (size n, size n) matrix from the tangents (m, 9, 9) of the contacts.
 
-    `size` of 3 keeps the translations alone.
+    A `size` of 3 leaves the translations alone.
     """
     n = network.n_particles
-    pair = network.particle_j >= 0
-    ends = network.particle_i, network.particle_j
-    blocks, rows, columns = list[Floats](), list[Ints](), list[Ints]()
-    for a, b in ((0, 0), (1, 1), (0, 1), (1, 0)):
-        on = slice(None) if a == b == 0 else pair
-        blocks.append(block(tangent[on], a, b, size))
-        rows.append(ends[a][on])
-        columns.append(ends[b][on])
-    whole, row, column = np.concatenate(blocks), np.concatenate(rows), np.concatenate(columns)
-    # Whole blocks are sorted and added up, a thirty-sixth of the indices that entries would take.
+    is_pair = network.particle_j >= 0
+    all_contacts = slice(None)
+    bodies = (network.particle_i, network.particle_j)
+    block_list = list[Floats]()
+    row_list = list[Ints]()
+    column_list = list[Ints]()
+    for row_end, column_end, contacts in (
+        (0, 0, all_contacts),
+        (1, 1, is_pair),
+        (0, 1, is_pair),
+        (1, 0, is_pair),
+    ):
+        block_list.append(block(tangent[contacts], row_end, column_end, size))
+        row_list.append(bodies[row_end][contacts])
+        column_list.append(bodies[column_end][contacts])
+    blocks = np.concatenate(block_list)
+    row = np.concatenate(row_list)
+    column = np.concatenate(column_list)
+    # Blocks are sorted and added up as a whole: entries would take 36 times as many indices.
     order = np.lexsort((column, row))
-    row, column = row[order], column[order]
+    row = row[order]
+    column = column[order]
     first = np.flatnonzero(np.diff(row, prepend=-1) | np.diff(column, prepend=-1))
-    summed = np.add.reduceat(whole[order], first, axis=0) if len(first) else whole
+    sums = blocks
+    if len(first):
+        sums = np.add.reduceat(blocks[order], first, axis=0)
     start = np.searchsorted(row[first], np.arange(n + 1))
-    shape = size * n, size * n
-    return sp.bsr_matrix((summed, column[first], start), shape).tocsr()
+    return sp.bsr_matrix((sums, column[first], start), (size * n, size * n)).tocsr()
 
 
-def own_blocks(network: Network, pre_stress: str = "none") -> Floats:
-    """Shape (n, 6, 6): K's block of each particle with itself, part by part of the contacts."""
+def diagonal_blocks(network: Network, pre_stress: PreStress = "none") -> Floats:
+    """Compute K's block of each particle with itself, shape (n, 6, 6).
+
+    Contacts are taken part by part, so that their tangents take little memory.
+    """
     blocks = np.zeros((network.n_particles, 6, 6))
-    for part in network.parts():
-        tangent = contact_tangent(part, terms_of(pre_stress))
-        i, j = part.particle_i, part.particle_j
-        # Both sides of a contact with an own image are on one block, with what couples them.
-        own = np.where(i == j, i, -1)
-        for at, row, column in ((i, 0, 0), (j, 1, 1), (own, 0, 1), (own, 1, 0)):
-            bodies, gather = gathered(at)
-            local = gather @ block(tangent, row, column).reshape(-1, 36)
-            blocks[bodies] += local.reshape(-1, 6, 6)
+    for contacts in network.parts():
+        tangent = contact_tangent(contacts, terms_of(pre_stress))
+        i = contacts.particle_i
+        j = contacts.particle_j
+        # If a sphere touches its own image, the block holds both ends and what couples them.
+        self_contact = np.where(i == j, i, -1)
+        for bodies, row_end, column_end in (
+            (i, 0, 0),
+            (j, 1, 1),
+            (self_contact, 0, 1),
+            (self_contact, 1, 0),
+        ):
+            indices, gather = gathered(bodies)
+            sums = gather @ block(tangent, row_end, column_end).reshape(-1, 36)
+            blocks[indices] += sums.reshape(-1, 6, 6)
     return blocks
 
 
 def gathered(*ends: Ints) -> tuple[Ints, sp.csr_matrix]:
-    """The bodies (k,) at ends (m,) of contacts, ascending, and (k, m) which of them each has."""
-    every = np.concatenate(ends)
-    on = np.flatnonzero(every >= 0)
-    bodies, row = np.unique(every[on], return_inverse=True)
-    return bodies, sp.csr_matrix((np.ones(len(on)), (row, on)), (len(bodies), len(every)))
+    """Return the sorted bodies (k,) at contact ends (m,), and a sparse matrix (k, m).
+
+    The matrix sums values of the ends for each body. Walls, which are negative, are left out.
+    """
+    all_ends = np.concatenate(ends)
+    at_body = np.flatnonzero(all_ends >= 0)
+    bodies, row = np.unique(all_ends[at_body], return_inverse=True)
+    shape = (len(bodies), len(all_ends))
+    return bodies, sp.csr_matrix((np.ones(len(at_body)), (row, at_body)), shape)

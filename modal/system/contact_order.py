@@ -1,42 +1,56 @@
-"""Contacts in the order in which the loops of `modal.system.loops` go through them.
+"""Put contacts into the order in which the loops of `modal.system.loops` go through them.
 
-They are sorted along z by their lower sphere, whatever the numbers of the spheres: both bodies of a
-contact are then still in the cache from the contacts before. Slabs of them share the cores
-(`modal.tools.loops`), and pieces of a slab say which spheres are met there for the first time.
+Contacts are sorted along z by their lower sphere, whatever the numbers of the spheres. Both bodies
+of a contact are then still in the cache from the contacts before. The cores share slabs of contacts
+(`modal.tools.loops`). A slab consists of pieces, which list the spheres that they touch first.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from modal.packing.columns import PART
 from modal.packing.network import Network
-from modal.system.contacts import carried, centre_distance, terms_of
+from modal.system.contacts import PreStress, carried, centre_distance, terms_of
 from modal.tools.arrays import Floats, Ints
 from modal.tools.slabs import slabs_of
 
-ACROSS = 64
-"""Diameters: a wider packing is worked through in columns so wide, whose layers a cache holds."""
-PIECE = 256
-"""Contacts of a piece: with all that they touch, a few pieces fit into the cache next to a core."""
-CENTRAL = 16 * np.finfo(float).eps
-"""Part of a lever across its normal that is round-off, relative to the longest lever."""
+COLUMN_WIDTH_IN_DIAMETERS = 64
+"""A wider packing is worked through in columns of this width, whose layers fit into a cache."""
+CONTACTS_PER_PIECE = 256
+"""A few pieces, with all that their contacts touch, fit into the cache next to a core."""
+MAX_ROUND_OFF_ACROSS = 16 * np.finfo(float).eps
+"""Component of a lever across its normal, divided by the longest lever, up to which the component
+is round-off."""
 
 
 @dataclass(frozen=True)
 class OrderedContacts:
-    """Contacts in the order of the loops, m of them; lengths in m, stiffnesses in N/m.
+    """The m contacts of n spheres in the order of the loops; lengths in m, stiffnesses in N/m.
 
-    rows (m, 7): normal, kn - kt, kt, and how far the two levers reach along the normal, the second
-    one backwards; ends (m, 2) int32, walls negative. lateral (m,): -N / l of a pre-stress, else
-    None. aside (m, 6): the parts of both levers across the normal, None where all levers lie along
-    it. rolling (m, 2): kr and kw - kr, N m/rad, None where nothing resists rolling.
-
-    slabs (s + 1,): the piece with which each begins, and their number p. pieces (p + 1, 2): the
-    first contact of each, and its first sphere in `fresh` (n,) int32, the spheres by the piece that
-    touches them first, those without contacts behind them all.
+    Attributes
+    ----------
+    rows : ndarray (m, 7)
+        Normal vector, kn - kt, kt, and the components of the two levers along the normal, the
+        second one negated.
+    ends : ndarray (m, 2) of int32
+        Indices of the two bodies; walls are negative.
+    slabs : ndarray (s + 1,)
+        Index of the first piece of each slab, and the number p of pieces.
+    pieces : ndarray (p + 1, 2)
+        Index of the first contact of each piece, and the first index into `fresh`.
+    fresh : ndarray (n,) of int32
+        The spheres, sorted by the piece that touches them first; those without contacts stand at
+        the end.
+    lateral : ndarray (m,) or None
+        -N / l of a normal pre-stress.
+    aside : ndarray (m, 6) or None
+        Components of both levers across the normal; None if all levers are parallel to the normals.
+    rolling : ndarray (m, 2) or None
+        kr and kw - kr, N m/rad; None if no contact resists rolling.
     """
 
     rows: Floats
@@ -49,102 +63,125 @@ class OrderedContacts:
     rolling: Floats | None
 
     @classmethod
-    def of(cls, network: Network, pre_stress: str) -> OrderedContacts:
-        """The contacts of a network; `pre_stress` none or normal."""
+    def from_network(cls, network: Network, pre_stress: PreStress) -> OrderedContacts:
+        """Order the contacts of a network; `pre_stress` is "none" or "normal"."""
         order, slabs = _order_along_z(network)
-        ends, rows = np.empty((len(order), 2), np.int32), np.empty((len(order), 7))
+        ends = np.empty((len(order), 2), np.int32)
+        rows = np.empty((len(order), 7))
         lateral = None
-        pressed = carried(network, terms_of(pre_stress)).get("force_normal")
-        if pressed is not None:
-            lateral = -pressed[order] / centre_distance(network)[order]
-        levers = (network.lever_i, 1.0), (network.lever_j, -1.0)
-        longest, furthest_off = np.zeros(2), np.zeros(2)
-        # A part at a time: what is in between takes little memory.
+        normal_force = carried(network, terms_of(pre_stress)).get("force_normal")
+        if normal_force is not None:
+            lateral = -normal_force[order] / centre_distance(network)[order]
+        longest = np.zeros(2)
+        longest_across = np.zeros(2)
+        # Contacts are taken part by part, so that intermediate arrays take little memory.
         for first in range(0, len(order), PART):
             part = slice(first, first + PART)
-            here, own = order[part], rows[part]
-            ends[part, 0], ends[part, 1] = network.particle_i[here], network.particle_j[here]
-            own[:, 0:3] = normal = network.normal[here]
-            own[:, 4] = network.stiffness_tangential[here]
-            own[:, 3] = network.stiffness_normal[here] - own[:, 4]
-            for k, (lever, sign) in enumerate(levers):
-                along, off = _along_and_off(lever[here], normal)
-                own[:, 5 + k] = sign * along
+            contacts = order[part]
+            normal = network.normal[contacts]
+            ends[part, 0] = network.particle_i[contacts]
+            ends[part, 1] = network.particle_j[contacts]
+            part_rows = rows[part]
+            part_rows[:, 0:3] = normal
+            part_rows[:, 4] = network.stiffness_tangential[contacts]
+            part_rows[:, 3] = network.stiffness_normal[contacts] - part_rows[:, 4]
+            levers = (network.lever_i[contacts], network.lever_j[contacts])
+            for k, lever in enumerate(levers):
+                along, across = _split_levers(lever, normal)
+                part_rows[:, 5 + k] = along
                 longest[k] = abs(along).max(initial=longest[k])
-                furthest_off[k] = abs(off).max(initial=furthest_off[k])
+                longest_across[k] = abs(across).max(initial=longest_across[k])
+            part_rows[:, 6] *= -1.0
         aside = None
-        if (furthest_off > CENTRAL * longest).any():
-            across = [_along_and_off(lever, network.normal)[1][order] for lever, _ in levers]
-            aside = np.hstack(across)
+        if (longest_across > MAX_ROUND_OFF_ACROSS * longest).any():
+            _, across_i = _split_levers(network.lever_i, network.normal)
+            _, across_j = _split_levers(network.lever_j, network.normal)
+            aside = np.hstack([across_i[order], across_j[order]])
         rolling = None
-        kr, kw = network.stiffness_rolling, network.stiffness_twisting
+        kr = network.stiffness_rolling
+        kw = network.stiffness_twisting
         if kr is not None and kw is not None:
             rolling = np.column_stack([kr, kw - kr])[order]
-        in_pieces = _pieces(ends, slabs, network.n_particles)
-        return cls(rows, ends, *in_pieces, lateral, aside, rolling)
+        pieces = _cut_into_pieces(ends, slabs, network.n_particles)
+        return cls(rows, ends, *pieces, lateral, aside, rolling)
 
     def renumbered(self) -> tuple[OrderedContacts, Ints]:
-        """The same with the spheres numbered as the loops meet them, and their former numbers (n,).
+        """Return the contacts with spheres numbered as the loops meet them, and the former numbers.
 
-        What is gathered for one contact then lies beside what the contacts before have gathered.
+        The motion of a sphere is then stored beside that of the spheres met just before. The former
+        numbers have the shape (n,).
         """
-        met = np.arange(len(self.fresh), dtype=np.int32)
-        number = np.empty_like(met)
-        number[self.fresh] = met
-        sphere = self.ends >= 0
+        in_order = np.arange(len(self.fresh), dtype=np.int32)
+        number = np.empty_like(in_order)
+        number[self.fresh] = in_order
+        is_sphere = self.ends >= 0
         ends = self.ends.copy()
-        ends[sphere] = number[self.ends[sphere]]
-        return replace(self, ends=ends, fresh=met), self.fresh
+        ends[is_sphere] = number[self.ends[is_sphere]]
+        return replace(self, ends=ends, fresh=in_order), self.fresh
 
 
-def _along_and_off(lever: Floats, normal: Floats) -> tuple[Floats, Floats]:
-    """How far levers (k, 3) reach along the normals (k, 3), (k,), and the rest of them (k, 3)."""
+def _split_levers(lever: Floats, normal: Floats) -> tuple[Floats, Floats]:
+    """Split levers (k, 3) into their component along the normals, (k,), and the rest, (k, 3)."""
     along = np.einsum("ci,ci->c", lever, normal)
     return along, lever - along[:, None] * normal
 
 
 def _order_along_z(network: Network) -> tuple[Ints, Ints]:
-    """Contacts (m,) slab by slab along z, and where the slabs begin, (s + 1,)."""
-    n, z = network.n_particles, network.position[:, 2]
+    """Return the contacts (m,) sorted along z, and the first contact of each slab, (s + 1,)."""
+    n = network.n_particles
+    z = network.position[:, 2]
     rank = np.empty(n, np.int32)
     rank[np.argsort(z, kind="stable")] = np.arange(n, dtype=np.int32)
-    first = rank[network.particle_i]
-    second = np.where(network.with_wall, first, rank[network.partner])
-    lower = np.minimum(first, second)
+    rank_i = rank[network.particle_i]
+    rank_j = np.where(network.with_wall, rank_i, rank[network.partner])
+    lower = np.minimum(rank_i, rank_j)
+    upper = np.maximum(rank_i, rank_j)
     order = np.argsort(lower, kind="stable")
-    slabs = slabs_of(np.column_stack([lower, np.maximum(first, second)])[order], n)
-    # In a wide packing a layer fills more than a cache: it is cut into columns.
-    width = ACROSS * 2 * network.radius.mean()
-    at = network.position[:, :2] - network.position[:, :2].min(axis=0)
-    columns = np.maximum(np.rint(at.max(axis=0) / width), 1)
+    slabs = slabs_of(np.column_stack([lower, upper])[order], n)
+    # A layer of a wide packing is larger than a cache: the packing is cut into columns.
+    width = COLUMN_WIDTH_IN_DIAMETERS * 2 * network.radius.mean()
+    place = network.position[:, :2] - network.position[:, :2].min(axis=0)
+    extent = place.max(axis=0)
+    columns = np.maximum(np.rint(extent / width), 1)
     if columns.prod() > 1:
-        place = np.minimum(at * (columns / at.max(axis=0)), columns - 1).astype(np.int32)
-        column = (place[:, 0] * int(columns[1]) + place[:, 1])[network.particle_i[order]]
+        index = np.minimum(place * (columns / extent), columns - 1).astype(np.int32)
+        column_of_sphere = index[:, 0] * int(columns[1]) + index[:, 1]
+        column = column_of_sphere[network.particle_i[order]]
         slab = np.repeat(np.arange(len(slabs) - 1), np.diff(slabs))
         order = order[np.lexsort((column, slab))]
     return order, slabs
 
 
-def _pieces(ends: Ints, slabs: Ints, n: int) -> tuple[Ints, Ints, Ints]:
-    """`slabs` in pieces, pieces and fresh spheres as in `OrderedContacts`.
+class _Pieces(NamedTuple):
+    """The fields `slabs`, `pieces` and `fresh` of `OrderedContacts`."""
 
-    `ends` (m, 2) of the contacts in their order, `slabs` (s + 1,) the first contact of each.
+    slabs: Ints
+    pieces: Ints
+    fresh: Ints
+
+
+def _cut_into_pieces(ends: Ints, slabs: Ints, n: int) -> _Pieces:
+    """Cut slabs into pieces, and find the piece that first touches each of the n spheres.
+
+    `ends` (m, 2) are those of the ordered contacts, `slabs` (s + 1,) the first contact of each.
     """
-    starts = [np.arange(a, b, PIECE) for a, b in zip(slabs[:-1], slabs[1:], strict=True)]
-    first = np.concatenate([*starts, slabs[-1:]])
-    in_slabs, count = np.searchsorted(first, slabs), len(first) - 1
-    # The even slabs come before the odd ones.
-    odd = np.repeat(np.arange(len(slabs) - 1) % 2, np.diff(in_slabs))
-    turn = np.append(np.argsort(odd, kind="stable"), count)
-    when = np.argsort(turn)[:-1]
-    earliest = np.full(n, count)
+    starts = [
+        np.arange(first, last, CONTACTS_PER_PIECE)
+        for first, last in zip(slabs[:-1], slabs[1:], strict=True)
+    ]
+    first_contact = np.concatenate([*starts, slabs[-1:]])
+    first_piece = np.searchsorted(first_contact, slabs)
+    n_pieces = len(first_contact) - 1
+    # The loops go through the even slabs before the odd ones.
+    odd = np.repeat(np.arange(len(slabs) - 1) % 2, np.diff(first_piece))
+    piece_at_turn = np.append(np.argsort(odd, kind="stable"), n_pieces)
+    turn_of_piece = np.argsort(piece_at_turn)[:-1]
+    turn_of_contact = np.repeat(turn_of_piece, np.diff(first_contact))
+    earliest_turn = np.full(n, n_pieces)
     for end in ends.T:
-        pair = end >= 0
-        np.minimum.at(earliest, end[pair], np.repeat(when, np.diff(first))[pair])
-    piece = turn[earliest]
+        is_sphere = end >= 0
+        np.minimum.at(earliest_turn, end[is_sphere], turn_of_contact[is_sphere])
+    piece = piece_at_turn[earliest_turn]
     fresh = np.argsort(piece, kind="stable").astype(np.int32)
-    return (
-        in_slabs,
-        np.column_stack([first, np.searchsorted(piece[fresh], np.arange(count + 1))]),
-        fresh,
-    )
+    first_fresh = np.searchsorted(piece[fresh], np.arange(n_pieces + 1))
+    return _Pieces(first_piece, np.column_stack([first_contact, first_fresh]), fresh)

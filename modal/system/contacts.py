@@ -1,31 +1,32 @@
 """The contacts of a packing and their tangent: how their forces answer small motions.
 
-A contact's motion p = (w, theta_i, theta_j) has nine parts: w = u_j - u_i of the centres, m, or of
-a wall its own motion less u_i, and the two rotations, rad. With n from i to j, l_i and l_j from the
-centres to the contact point, and N, t the normal and tangential force on i that it carries already,
+The motion of a contact p = (w, theta_i, theta_j) has nine components: w = u_j - u_i, m, with the
+displacements u of the two centres, and the two rotations, rad. At a wall w is the displacement of
+the wall minus u_i. With n from i to j, l_i and l_j from the centres to the contact point, and the
+normal force N and tangential force t on i that the contact already carries, define
 
     slip     d  = w - theta_i x l_i + theta_j x l_j         springs  kn n n^T + kt (1 - n n^T)
     normal   dn = (w - n (n.w)) / |centre to centre|        0 at a wall, whose normal is fixed
     overlap  a  = -n.w
     twist    s  = n.(theta_i + theta_j) / 2,
 
-the force on i changes by the terms that are asked for, each by its name:
+Then the force on i changes by the terms that the choice of pre-stress selects:
 
     springs         k d                                      (Otsubo et al. 2017, section 3)
     normal force    - N dn                                   through both centres: no torque
     shear force     - n (t.dn)                               torque - arm t x dn - n x t a / 2
-    twist           + s n x t                                torque - arm s t; of YADE's law
-    growing circle  + t a growth                             another law's: t ~ contact radius
-    lever arms      another law's own arms of motion and torque, R less a share of the overlap
-    rolling         a moment -(kr (1 - n n^T) + kw n n^T)(theta_i - theta_j) on i, and back on j
+    twist           + s n x t                                torque - arm s t; in YADE's law
+    growing circle  + t a growth                             other laws, in which t ~ contact radius
+    lever arms      other laws, whose arms of motion and torque are R minus a share of the overlap
+    rolling         a moment -(kr (1 - n n^T) + kw n n^T)(theta_i - theta_j) on i, its opposite on j
 
-The torque on a body is its lever times that force; the lever keeps to the middle of the overlap.
+The torque on a body is its lever times that force; the lever ends in the middle of the overlap.
 Springs, rolling and normal force are symmetric. The other terms are not: the laws behind them are
 path-dependent and have no energy.
 """
 
 from dataclasses import replace
-from itertools import product
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -33,15 +34,23 @@ from modal.packing.network import Network
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError, refuse_unknown
 
-NORMAL, SHEAR, TWIST = "normal force", "shear force", "twist"
-GROWTH, ARMS = "growing circle", "lever arms"
-TANGENTS: dict[str, tuple[str, ...]] = {
+PreStress = Literal["none", "normal", "full", "law"]
+"""Terms of the carried forces in the stiffness: none; the symmetric one; those of YADE's law; those
+of the law of an imported packing."""
+Sliding = Literal["elastic", "slip"]
+"""Springs of contacts at the friction limit: those of other contacts, or the normal ones alone."""
+NORMAL = "normal force"
+SHEAR = "shear force"
+TWIST = "twist"
+GROWTH = "growing circle"
+ARMS = "lever arms"
+TANGENTS: dict[PreStress, tuple[str, ...]] = {
     "none": (),
     "normal": (NORMAL,),
     "full": (NORMAL, SHEAR, TWIST),
     "law": (NORMAL, SHEAR, GROWTH, ARMS),
 }
-"""Terms beside the springs: none; symmetric; YADE's law; of imported packings, their own law."""
+"""The terms beside the springs, by the choice of pre-stress."""
 NEEDS = {
     NORMAL: ("force_normal",),
     SHEAR: ("force_tangential",),
@@ -49,145 +58,179 @@ NEEDS = {
     ARMS: ("overlap", "motion_shortening", "torque_shortening"),
 }
 """Columns of a network that a term needs."""
-SYMMETRIC = ("none", "normal")
-"""Those whose stiffness is symmetric."""
-SLIDING = ("elastic", "slip")
-"""Contacts at the friction limit have the springs of the others, or their normal springs alone."""
+SYMMETRIC: tuple[PreStress, ...] = ("none", "normal")
+"""Choices of pre-stress for which the stiffness is symmetric."""
+SLIDING: tuple[Sliding, ...] = get_args(Sliding)
+"""All choices of `Sliding`."""
 
 
-def terms_of(pre_stress: str) -> tuple[str, ...]:
-    """The terms behind a choice of pre-stress; InputError where there is no such choice."""
+def terms_of(pre_stress: PreStress) -> tuple[str, ...]:
+    """Return the terms of a choice of pre-stress; raise InputError if it is unknown."""
     refuse_unknown("pre-stress", pre_stress, TANGENTS)
     return TANGENTS[pre_stress]
 
 
 def cross_matrix(vector: Floats) -> Floats:
-    """Shape (m, 3, 3): [a]x with [a]x b = a x b, for `vector` of shape (m, 3)."""
-    matrix = np.zeros((len(vector), 3, 3))
+    """Return [a]x with [a]x b = a x b for vectors a (m, 3), shape (m, 3, 3)."""
     x, y, z = vector.T
-    matrix[:, 0, 1], matrix[:, 0, 2], matrix[:, 1, 2] = -z, y, -x
-    matrix[:, 1, 0], matrix[:, 2, 0], matrix[:, 2, 1] = z, -y, x
+    matrix = np.zeros((len(vector), 3, 3))
+    matrix[:, 0, 1] = -z
+    matrix[:, 0, 2] = y
+    matrix[:, 1, 0] = z
+    matrix[:, 1, 2] = -x
+    matrix[:, 2, 0] = -y
+    matrix[:, 2, 1] = x
     return matrix
 
 
 def along_and_across(normal: Floats, along: Floats, across: Floats) -> Floats:
-    """Shape (m, 3, 3): `along` (m,) n n^T + `across` (m,) (1 - n n^T)."""
+    """Return `along` (m,) n n^T + `across` (m,) (1 - n n^T), shape (m, 3, 3)."""
     matrix = (along - across)[:, None, None] * normal[:, :, None] * normal[:, None, :]
     matrix += across[:, None, None] * np.eye(3)
     return matrix
 
 
-def _times(vector: Floats, form: Floats) -> Floats:
-    """Shape (m, 3, 9): vectors (m, 3) times linear forms (m, 9)."""
-    return vector[:, :, None] * form[:, None, :]
-
-
 def carried(network: Network, terms: tuple[str, ...]) -> dict[str, Floats]:
-    """What the terms need of a network, by column; InputError where it does not know it."""
+    """Return the columns (m, ...) of a network that the terms need, by name.
+
+    Raises InputError if the network lacks a column, or if its bodies are not spheres.
+    """
     if terms and network.inertia_tensor is not None:
         raise InputError(
-            "input",
+            "pre_stress_of_bodies",
             "pre-stress of bodies that are no spheres",
-            "carried forces turn with the spheres in "
-            "contact, whose centres a network of bodies does not have",
+            "carried forces turn with the spheres in contact, whose centres a network of bodies "
+            "does not have",
             "take 'none'",
         )
-    purpose = f"pre-stress {'full' if SHEAR in terms else 'normal'!r} (there is 'none')"
+    purpose = "pre-stress 'normal' (there is 'none')"
+    if SHEAR in terms:
+        purpose = "pre-stress 'full' (there is 'none')"
     if GROWTH in terms or ARMS in terms:
         purpose = "pre-stress 'law' (of imported packings; there is 'full')"
-    needs = (name for term in terms for name in NEEDS.get(term, ()))
-    return {name: network.require(name, purpose) for name in needs}
+    columns = {}
+    for term in terms:
+        for name in NEEDS.get(term, ()):
+            columns[name] = network.require(name, purpose)
+    return columns
 
 
 def springs(network: Network) -> Floats:
-    """Shape (m, 3, 3), N/m: kn n n^T + kt (1 - n n^T)."""
-    kn, kt = network.stiffness_normal, network.stiffness_tangential
+    """Return the springs kn n n^T + kt (1 - n n^T) of each contact, shape (m, 3, 3), N/m."""
+    kn = network.stiffness_normal
+    kt = network.stiffness_tangential
     return along_and_across(network.normal, kn, kt)
 
 
-def slip(network: Network, longer: Floats | float = 0.0) -> Floats:
-    """Shape (m, 3, 9): from a contact's motion to that of its two ends against each other.
+def slip(network: Network, extension: Floats | float = 0.0) -> Floats:
+    """Return the matrices (m, 3, 9) from the motion of a contact to the slip of its two ends.
 
-    `longer` (m,), m, is added to both arms, along the normal.
+    Both arms are longer by `extension` (m,), m, along the normal.
     """
-    arm_i, arm_j = _arms(network, longer)
+    arm_i, arm_j = _arms(network, extension)
     eye = np.broadcast_to(np.eye(3), (len(arm_i), 3, 3))
     return np.concatenate([eye, cross_matrix(arm_i), -cross_matrix(arm_j)], axis=2)
 
 
-def _arms(network: Network, longer: Floats | float) -> tuple[Floats, Floats]:
-    """Both arms (m, 3), m, made longer along the normal; the one to a wall stays zero."""
-    more, pair = np.asarray(longer)[..., None] * network.normal, ~network.with_wall[:, None]
-    return network.lever_i + more, np.where(pair, network.lever_j - more, 0.0)
-
-
 def motion_of_contacts(network: Network, u: Floats) -> Floats:
-    """Shape (m, 9): that of the contacts for motions u (n, 6) of the bodies; walls at rest."""
-    i, j, pair = network.particle_i, network.partner, ~network.with_wall[:, None]
-    return np.hstack([u[j, :3] * pair - u[i, :3], u[i, 3:], u[j, 3:] * pair])
+    """Return the motion (m, 9) of the contacts for motions u (n, 6) of the bodies; walls rest."""
+    is_pair = ~network.with_wall[:, None]
+    u_i = u[network.particle_i]
+    u_j = u[network.partner] * is_pair
+    return np.hstack([u_j[:, :3] - u_i[:, :3], u_i[:, 3:], u_j[:, 3:]])
 
 
 def contact_tangent(network: Network, terms: tuple[str, ...] = ()) -> Floats:
-    """Shape (m, 9, 9), N/m, N, N m: minus the forces per motion (w, theta_i, theta_j).
+    """Return the tangent (m, 9, 9) of the springs and the `terms` above; N/m, N, N m.
 
-    Of the springs and of the `terms` above. Its rows are minus the force on j, which is the force
-    on i, and minus the torques on i and on j. At a wall theta_j is the wall's own turn, whose shift
-    of the contact is part of w. InputError where the network does not know what the terms need.
+    The rows are the change of minus the force on j, which is the force on i, and of minus the
+    torques on i and on j, per motion (w, theta_i, theta_j). At a wall theta_j is the rotation of
+    the wall, whose displacement of the contact is part of w. Raises InputError if the network lacks
+    a column that the terms need.
     """
-    known, n, m = carried(network, terms), network.normal, network.n_contacts
-    # By how much another program's arms are longer than to the middle of the overlap.
-    moving, turned = (
-        (0.5 - known[f"{arm}_shortening"]) * known["overlap"] if ARMS in terms else 0.0
-        for arm in ("motion", "torque")
-    )
-    dn, deeper = np.zeros((m, 3, 9)), np.zeros((m, 9))
-    dn[:, :, :3] = np.eye(3) - n[:, :, None] * n[:, None, :]
-    dn /= centre_distance(network)[:, None, None]
-    deeper[:, :3] = -n
-    force = springs(network) @ slip(network, moving)
+    columns = carried(network, terms)
+    normal = network.normal
+    motion_extension: Floats | float = 0.0
+    torque_extension: Floats | float = 0.0
+    if ARMS in terms:
+        # The levers of this project end in the middle of the overlap.
+        motion_extension = (0.5 - columns["motion_shortening"]) * columns["overlap"]
+        torque_extension = (0.5 - columns["torque_shortening"]) * columns["overlap"]
+    normal_change = np.zeros((network.n_contacts, 3, 9))
+    normal_change[:, :, :3] = np.eye(3) - normal[:, :, None] * normal[:, None, :]
+    normal_change /= centre_distance(network)[:, None, None]
+    overlap_change = np.zeros((network.n_contacts, 9))
+    overlap_change[:, :3] = -normal
+    force = springs(network) @ slip(network, motion_extension)
     if GROWTH in terms:
-        force += _times(known["force_tangential"] * known["shear_growth"][:, None], deeper)
-    arms, K = _arms(network, turned), np.zeros((m, 9, 9))
-    for at, arm, way in ((3, arms[0], -1.0), (6, arms[1], 1.0)):
-        K[:, at : at + 3] = way * cross_matrix(arm) @ force
+        shear_growth = columns["force_tangential"] * columns["shear_growth"][:, None]
+        force += _outer(shear_growth, overlap_change)
+    arm_i, arm_j = _arms(network, torque_extension)
+    K = np.zeros((network.n_contacts, 9, 9))
+    K[:, 3:6] = -cross_matrix(arm_i) @ force
+    K[:, 6:9] = cross_matrix(arm_j) @ force
     if SHEAR in terms:
-        t, pair, twist = known["force_tangential"], ~network.with_wall, np.zeros((m, 9))
+        shear_force = columns["force_tangential"]
+        twist = np.zeros((network.n_contacts, 9))
         if TWIST in terms:
-            twist[:, 3:6] = twist[:, 6:9] = n / 2
-        shortening = known["torque_shortening"][:, None] if ARMS in terms else 0.5
-        common = _times(np.cross(n, t) * shortening, deeper)
-        turning = cross_matrix(t) @ dn + _times(t, twist)
-        for at, arm, there in ((3, arms[0], np.ones(m)), (6, -arms[1], 1.0 * pair)):
-            reach = np.einsum("ci,ci->c", n, arm)[:, None, None]
-            K[:, at : at + 3] += reach * turning + there[:, None, None] * common
-        force -= _times(n, np.einsum("ci,cij->cj", t, dn))
-        force += _times(np.cross(n, t), twist)
+            twist[:, 3:6] = normal / 2
+            twist[:, 6:9] = normal / 2
+        share: Floats | float = 0.5
+        if ARMS in terms:
+            share = columns["torque_shortening"][:, None]
+        shortening = _outer(np.cross(normal, shear_force) * share, overlap_change)
+        turning = cross_matrix(shear_force) @ normal_change + _outer(shear_force, twist)
+        reach_i = np.einsum("ci,ci->c", normal, arm_i)[:, None, None]
+        reach_j = np.einsum("ci,ci->c", normal, -arm_j)[:, None, None]
+        is_pair = ~network.with_wall[:, None, None]
+        K[:, 3:6] += reach_i * turning + shortening
+        K[:, 6:9] += reach_j * turning + is_pair * shortening
+        force -= _outer(normal, np.einsum("ci,cij->cj", shear_force, normal_change))
+        force += _outer(np.cross(normal, shear_force), twist)
     if NORMAL in terms:
-        force -= known["force_normal"][:, None, None] * dn
+        force -= columns["force_normal"][:, None, None] * normal_change
     K[:, :3] = force
-    kr, kw = network.stiffness_rolling, network.stiffness_twisting
+    kr = network.stiffness_rolling
+    kw = network.stiffness_twisting
     if kr is not None and kw is not None:
-        resists = along_and_across(n, kw, kr)
-        for a, b in product((3, 6), repeat=2):
-            K[:, a : a + 3, b : b + 3] += resists if a == b else -resists
+        resistance = along_and_across(normal, kw, kr)
+        K[:, 3:6, 3:6] += resistance
+        K[:, 3:6, 6:9] -= resistance
+        K[:, 6:9, 3:6] -= resistance
+        K[:, 6:9, 6:9] += resistance
     return K
 
 
+def _arms(network: Network, extension: Floats | float) -> tuple[Floats, Floats]:
+    """Return both arms (m, 3), m, longer by `extension` along the normal; zero at the wall."""
+    longer = np.asarray(extension)[..., None] * network.normal
+    is_pair = ~network.with_wall[:, None]
+    return network.lever_i + longer, np.where(is_pair, network.lever_j - longer, 0.0)
+
+
+def _outer(vector: Floats, form: Floats) -> Floats:
+    """Return the products (m, 3, 9) of vectors (m, 3) with linear forms (m, 9)."""
+    return vector[:, :, None] * form[:, None, :]
+
+
 def centre_distance(network: Network) -> Floats:
-    """Shape (m,), m: between the centres of a contact; infinite at a wall (its normal is fixed)."""
+    """Return the distance (m,), m, of the centres; infinite at a wall, whose normal is fixed."""
     distance = np.linalg.norm(network.branch, axis=1)
     return np.where(network.with_wall, np.inf, distance)
 
 
-def with_sliding(network: Network, sliding: str) -> Network:
-    """The network with contacts at the friction limit as one of `SLIDING` holds them."""
+def with_sliding(network: Network, sliding: Sliding) -> Network:
+    """Return the network with the springs that `sliding` gives to contacts at the friction limit.
+
+    Raises InputError if the choice is unknown, or if the network does not know which contacts slip.
+    """
     refuse_unknown("sliding", sliding, SLIDING)
     if sliding == "elastic":
         return network
 
-    def slipping() -> Network:
+    def compute_slipping() -> Network:
         at_limit = network.require("sliding", "knowing which contacts slip")
         tangential = np.where(at_limit, 0.0, network.stiffness_tangential)
         return replace(network, stiffness_tangential=tangential)
 
-    return network.cached("slipping", slipping)
+    return network.cached("slipping", compute_slipping)

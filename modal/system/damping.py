@@ -1,9 +1,10 @@
 """Viscous contacts: a dashpot beside each spring.
 
-A contact that parts at the velocity v resists with cn along its normal and ct across it, each a
-share of what would damp two free spheres critically: c = 2 beta sqrt(k m*), m* = m_i m_j / (m_i +
-m_j), at a wall the sphere's own mass. These are the coefficients of DEM codes (Y. Tsuji, T. Tanaka
-and T. Ishida, Powder Technology 71, 239, 1992; in YADE betan and betas).
+A contact whose ends separate at the velocity v resists with cn v along its normal and ct v across
+it. Each coefficient is a share beta of the one that damps two free spheres critically: c = 2 beta
+sqrt(k m*), m* = m_i m_j / (m_i + m_j); at a wall m* is the mass of the sphere. These are the
+coefficients of DEM codes (Y. Tsuji, T. Tanaka and T. Ishida, Powder Technology 71, 239, 1992; in
+YADE betan and betas).
 """
 
 from dataclasses import dataclass
@@ -14,9 +15,9 @@ from modal.packing.network import Network
 from modal.tools.arguments import refuse_other_kinds
 from modal.tools.errors import InputError
 
-LARGEST = 1e4
-"""Of the ratios: an overdamped contact creeps and stops at rates four times its square apart, which
-arithmetic still holds side by side."""
+MAX_DAMPING_RATIO = 1e4
+"""An overdamped contact creeps and stops at two rates whose quotient is four times the square of
+its ratio. Double precision still holds both rates side by side up to this ratio."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +27,12 @@ class ContactDamping:
     Parameters
     ----------
     normal, tangential : float
-        Along the normal and across it, in parts of the critical damping; 0 for none.
+        Damping along the normal and across it, divided by the critical damping; 0 for none.
 
     Raises
     ------
     InputError
-        For a ratio that is negative or above what any contact has.
+        If a ratio is negative or above `MAX_DAMPING_RATIO`.
 
     Examples
     --------
@@ -44,26 +45,28 @@ class ContactDamping:
 
     def __post_init__(self) -> None:
         refuse_other_kinds(ContactDamping, "ContactDamping", vars(self))
-        for name, value in vars(self).items():
-            if not 0 <= value <= LARGEST:
+        for name, ratio in vars(self).items():
+            if not 0 <= ratio <= MAX_DAMPING_RATIO:
                 raise InputError(
-                    "input",
-                    f"{name} damping {value:g}",
+                    "damping_ratio",
+                    f"{name} damping {ratio:g}",
                     "a contact takes energy, it gives none",
-                    f"give a ratio from 0 to {LARGEST:g}, in parts of the critical damping",
+                    f"give a ratio from 0 to {MAX_DAMPING_RATIO:g}, in parts of the critical "
+                    "damping",
                 )
 
     @property
     def none(self) -> bool:
-        """Whether the contacts are elastic."""
+        """Tell whether the contacts are elastic."""
         return self.normal == 0 and self.tangential == 0
 
     def dashpots(self, network: Network) -> Network:
-        """The network with coefficients of dashpots, N s/m, in the place of its springs.
+        """Return the network with coefficients of dashpots, N s/m, instead of its springs.
 
-        The matrix C of the viscous forces is then made as K is.
+        Its stiffness matrix is the matrix C of the viscous forces.
         """
-        m_i, m_j = network.mass[network.particle_i], network.mass[network.partner]
+        m_i = network.mass[network.particle_i]
+        m_j = network.mass[network.partner]
         mass = np.where(network.with_wall, m_i, m_i * m_j / (m_i + m_j))
         return network.unchecked(
             stiffness_normal=2 * self.normal * np.sqrt(network.stiffness_normal * mass),

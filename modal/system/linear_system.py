@@ -1,4 +1,7 @@
-"""The linear system M u'' + C u' + K u = 0 of a packing: modes, waves, moduli are asked of it."""
+"""The linear system M u'' + C u' + K u = 0 of a packing, from which modes, waves and moduli follow.
+
+Its matrices and their bounds are computed when they are first needed, and kept with the network.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +18,8 @@ from modal.packing.columns import Cached
 from modal.packing.network import Network
 from modal.solvers.factor import SOLVERS, Factor, factorise
 from modal.solvers.spectrum import bound_of_spectrum
-from modal.system.assembly import own_blocks, stiffness_matrix
-from modal.system.contacts import SYMMETRIC, terms_of, with_sliding
+from modal.system.assembly import diagonal_blocks, stiffness_matrix
+from modal.system.contacts import SYMMETRIC, PreStress, Sliding, terms_of, with_sliding
 from modal.system.damping import ContactDamping
 from modal.system.imposed import Coupling, Imposed, put_on
 from modal.system.operator import ContactOperator
@@ -25,29 +28,47 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import refuse_unknown
 from modal.tools.workload import MAX_SECONDS
 
-COUNTED = 1e-11
-"""How far round-off of a factorisation may move an omega^2, relative to A's largest diagonal entry;
-mostly it is a tenth of that. Modes so close to a frequency may be counted on either side of it."""
-KEPT, CONTACT = 2e8, 1000
-"""Bytes up to which answers of a kind are kept with a network for the next question, factors, lists
-of modes, its operator, of which a contact takes no more than this, as a matrix."""
-UNCERTAIN = 1e-9, 0.25
+COUNT_ROUND_OFF = 1e-11
+"""Distance by which round-off of a factorisation may move an omega^2, divided by the largest
+diagonal entry of A; mostly the distance is a tenth of this. Modes so close to a frequency may be
+counted on either side of it."""
+MAX_CACHED_BYTES = 2e8
+"""Memory up to which results of one kind (factors, lists of modes, the operator) stay with a
+network, so that the next call finds them."""
+OPERATOR_BYTES_PER_CONTACT = 1000
+"""Upper bound of the memory of an operator, also where it is a matrix."""
+MIN_COUNT_UNCERTAINTY = 1e-9
+MAX_COUNT_UNCERTAINTY = 0.25
 """Limits of the relative distance from a listed frequency at which modes are counted instead."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Sizes from which on modes are sought in another way; the defaults suit any packing.
+    """Sizes at which the search for modes changes its method; the defaults suit any packing.
 
-    Degrees of freedom: up to `small` the dense spectrum costs less than anything else; up to
-    `dense` (1.7 GB, two minutes) it serves lists of a large part of all modes, one in `part`; up to
-    `unsymmetric` (half a minute) it does so for the sake of some modes where K is not symmetric.
-    `slice`: modes that one factorisation is asked for; wider intervals are cut by exact counts. Of
-    35,201 spheres their basis takes as much memory as two factors; 300 modes about a shift take 2.8
-    solves each, 600 take 2.4, and half of the factorisations. `piece`: spheres of a loose part
-    whose null space is computed, dense; larger ones are cut into such pieces. `shapes`: bytes of
-    mode shapes up to which they are kept, about 1,200 modes of 35,201 spheres. `together`: modes
-    that are measured together, which bounds the memory.
+    Attributes
+    ----------
+    small : int
+        Degrees of freedom up to which the dense spectrum costs less than anything else.
+    dense : int
+        Degrees of freedom up to which the dense spectrum serves lists of a large part of all modes
+        (1.7 GB, two minutes).
+    part : int
+        A list is a large part of all modes if it has more than one in `part`.
+    unsymmetric : int
+        Degrees of freedom up to which the dense spectrum serves any list where K is not symmetric
+        (half a minute).
+    slice : int
+        Largest number of modes from one factorisation; wider intervals are cut by exact counts. For
+        35,201 spheres the basis of these modes takes as much memory as two factors; 300 modes about
+        a shift take 2.8 solves each, 600 take 2.4 and half of the factorisations.
+    piece : int
+        Spheres of a loose part whose null space is computed from a dense matrix; larger parts are
+        cut into such pieces.
+    shapes : float
+        Bytes up to which mode shapes are kept, about 1,200 modes of 35,201 spheres.
+    together : int
+        Number of modes whose observables are computed at once, which bounds the memory.
     """
 
     small: int = 600
@@ -64,24 +85,36 @@ class Limits:
 class LinearSystem:
     """A network with the matrices of its linear motion, each computed when first needed.
 
-    `pre_stress` says which terms of the contact forces the stiffness has, as in
-    `modal.system.contacts`; `dof` is the number of degrees of freedom of a particle, 6, or 3 with
-    translations only; `solver` names the factorisation (`modal.solvers.factor.SOLVERS`), None the
-    fastest; `shapes` says whether lists of modes keep their mode shapes; a search whose estimated
-    time exceeds `hours` is refused; `limits` as in `Limits`. `damping` of the contacts is known to
-    waves and responses alone. `asked_of` is the network that was asked about, where `network` has
-    other springs in the place of contacts that slide.
+    Attributes
+    ----------
+    network : Network
+        The packing. If sliding contacts have other springs, these are already in it.
+    pre_stress : str
+        Terms of the carried forces in the stiffness (`modal.system.contacts`).
+    dof : int
+        Degrees of freedom of a particle: 6, or 3 with translations only.
+    solver : str or None
+        Name of the factorisation (`modal.solvers.factor.SOLVERS`); None for the fastest.
+    shapes : bool
+        Whether lists of modes keep their mode shapes.
+    hours : float
+        A search whose estimated time is longer is refused.
+    limits : Limits
+    damping : ContactDamping or None
+        Dashpots of the contacts, which only waves and responses take into account.
+    original_network : Network or None
+        The network before the springs of sliding contacts were replaced.
     """
 
     network: Network
-    pre_stress: str = "none"
+    pre_stress: PreStress = "none"
     dof: int = 6
     solver: str | None = None
     shapes: bool = True
     hours: float = MAX_SECONDS / 3600
     limits: Limits = Limits()
     damping: ContactDamping | None = None
-    asked_of: Network | None = None
+    original_network: Network | None = None
 
     def __post_init__(self) -> None:
         if self.solver is not None:
@@ -93,33 +126,67 @@ class LinearSystem:
         cls,
         network: Network,
         *,
-        sliding: str = "elastic",
+        sliding: Sliding = "elastic",
         translations_only: bool = False,
-        **options: Any,
+        pre_stress: PreStress = "none",
+        solver: str | None = None,
+        shapes: bool = True,
+        hours: float = LONGEST / 3600,
+        limits: Limits = Limits(),
+        damping: ContactDamping | None = None,
     ) -> LinearSystem:
-        """The system of a network, `options` as above; `translations_only` holds rotations at zero.
+        """Return the system of a network; raise InputError if a choice is unknown.
 
-        `sliding` as of `modal.system.contacts.with_sliding`. InputError for unknown choices.
+        `sliding` chooses the springs of contacts at the friction limit, and `translations_only`
+        holds the rotations at zero; the other arguments are attributes of the system.
         """
-        dof = 3 if translations_only else 6
-        return cls(with_sliding(network, sliding), dof=dof, asked_of=network, **options)
+        return cls(
+            with_sliding(network, sliding),
+            pre_stress=pre_stress,
+            dof=3 if translations_only else 6,
+            solver=solver,
+            shapes=shapes,
+            hours=hours,
+            limits=limits,
+            damping=damping,
+            original_network=network,
+        )
 
     @property
     def packing(self) -> Network:
-        """The network that was asked about, to which results belong."""
-        return self.asked_of or self.network
+        """The network to which results belong: the one before sliding contacts were replaced."""
+        return self.original_network or self.network
 
     def cached(self, name: str, make: Callable[[], Cached], bytes: float = 0.0) -> Cached:
         """Return what `make` returns, made once for all systems that differ by the solver alone.
 
         The network keeps the result under the name together with the degrees of freedom, the
-        pre-stress and the limits, on all of which it may depend. A result of more than `KEPT`
-        bytes is made again at every call.
+        pre-stress and the limits, on all of which it may depend. A result of more than
+        `MAX_CACHED_BYTES` is made again at every call.
         """
-        if bytes > KEPT:
+        if bytes > MAX_CACHED_BYTES:
             return make()
         key = f"{name}, {self.dof} a particle, {self.pre_stress}, {self.limits}"
         return self.network.cached(key, make)
+
+    def cached_recent(
+        self, name: str, key: Any, make: Callable[[], Cached], size: Callable[[Cached], float]
+    ) -> Cached:
+        """Return what `make` returns for a key, made once while it is among the last ones.
+
+        The last results of a name stay as long as they take `MAX_CACHED_BYTES` together; `size`
+        returns the bytes of one.
+        """
+        results = self.cached(name, dict[Any, Cached])
+        if key in results:
+            return results[key]
+        result = make()
+        if size(result) <= MAX_CACHED_BYTES:
+            while results and sum(map(size, results.values())) + size(result) > MAX_CACHED_BYTES:
+                oldest = next(iter(results))
+                del results[oldest]
+            results[key] = result
+        return result
 
     @property
     def size(self) -> int:
@@ -128,14 +195,17 @@ class LinearSystem:
 
     @property
     def symmetric(self) -> bool:
-        """Whether K is; with all terms of the contact forces it is not."""
+        """Whether K is symmetric; with all terms of the contact forces it is not."""
         return self.pre_stress in SYMMETRIC
 
     @property
     def semidefinite(self) -> bool:
-        """Whether no motion can release energy: no spring is negative, no force takes part."""
-        springs = self.network.stiffness_normal, self.network.stiffness_tangential
-        return self.pre_stress == "none" and min(k.min(initial=0.0) for k in springs) >= 0
+        """Whether no motion can release energy: no spring is negative, and no force is carried."""
+        if self.pre_stress != "none":
+            return False
+        kn = self.network.stiffness_normal
+        kt = self.network.stiffness_tangential
+        return min(kn.min(initial=0.0), kt.min(initial=0.0)) >= 0
 
     @property
     def sqrt_mass(self) -> RootMass:
@@ -143,18 +213,18 @@ class LinearSystem:
         return self.cached("root of the mass", lambda: RootMass.of(self.network, self.dof))
 
     @property
-    def own_blocks(self) -> Floats:
-        """Shape (n, dof, dof): A's block of each particle with itself; computed at every call."""
-        blocks = own_blocks(self.network, self.pre_stress)
-        return RootMass.of(self.network).around_own(blocks)[:, : self.dof, : self.dof]
+    def diagonal_blocks(self) -> Floats:
+        """A's block of each particle with itself, (n, dof, dof), 1/s^2; computed at every call."""
+        blocks = diagonal_blocks(self.network, self.pre_stress)
+        return RootMass.of(self.network).around_blocks(blocks)[:, : self.dof, : self.dof]
 
     @property
     def diagonal(self) -> Floats:
-        """Shape (size,): the diagonal of A = M^-1/2 K M^-1/2."""
-        return self.cached("diagonal", lambda: np.einsum("naa->na", self.own_blocks).ravel())
+        """The diagonal (size,) of A = M^-1/2 K M^-1/2, 1/s^2."""
+        return self.cached("diagonal", lambda: np.einsum("naa->na", self.diagonal_blocks).ravel())
 
     def assemble_dynamical_matrix(self) -> sp.csr_matrix:
-        """A = M^-1/2 K M^-1/2, sparse (size, size), 1/s^2; assembled at every call.
+        """Assemble A = M^-1/2 K M^-1/2, sparse (size, size), 1/s^2, at every call.
 
         It is not kept, so that its memory is free while a factorisation is in use.
         """
@@ -166,46 +236,54 @@ class LinearSystem:
         return self.assemble_dynamical_matrix()
 
     @cached_property
-    def bound(self) -> float:
-        """Largest row sum of A: an upper bound of the largest omega^2."""
+    def row_sum_bound(self) -> float:
+        """An upper bound of all omega^2, 1/s^2: the largest sum of |A_ij| in a row.
+
+        It holds with certainty, but may be twice too large; `spectral_bound` is closer.
+        """
         return float(abs(self.assemble_dynamical_matrix()).sum(axis=1).max())
 
     @property
-    def spectral_bound_and_cost(self) -> tuple[float, int]:
-        """An upper bound of omega^2, or of its real part, by some 4 %, and its products."""
-        return self.cached("end", lambda: bound_of_spectrum(self.renumbered.symmetric_part()))
-
-    @property
     def spectral_bound(self) -> float:
-        """That bound alone."""
+        """An upper bound of all omega^2, or of their real parts, 1/s^2, at most some 4 % too large.
+
+        It fails with the probability `modal.solvers.spectrum.FAILURE_PROBABILITY`.
+        """
         return self.spectral_bound_and_cost[0]
 
     @property
+    def spectral_bound_and_cost(self) -> tuple[float, int]:
+        """`spectral_bound`, and the number of products with A that it has taken."""
+        return self.cached("end", lambda: bound_of_spectrum(self.renumbered.symmetric_part()))
+
+    @property
     def highest_frequency(self) -> float:
-        """The frequency of that bound, Hz; 0 without stiffness."""
+        """The frequency, Hz, of `spectral_bound`; 0 without stiffness."""
         return float(np.sqrt(max(self.spectral_bound, 0.0))) / (2 * np.pi)
 
     def count_uncertainty(self, square: float) -> float:
-        """Relative distance from a frequency within which an exact count is uncertain.
+        """Return the relative distance from a frequency within which a count is uncertain.
 
-        `square` is the omega^2 of the frequency, 1/s^2; the distance is within `UNCERTAIN`.
+        `square` is the omega^2 of the frequency, 1/s^2.
         """
-        share = COUNTED * self.diagonal.max() / abs(square) if square else np.inf
-        return float(np.clip(share, *UNCERTAIN))
+        share = np.inf
+        if square:
+            share = COUNT_ROUND_OFF * self.diagonal.max() / abs(square)
+        return float(np.clip(share, MIN_COUNT_UNCERTAINTY, MAX_COUNT_UNCERTAINTY))
 
     @property
     def resolution(self) -> float:
-        """What round-off leaves of an omega^2 of zero: eps times A's largest diagonal entry."""
+        """Round-off of an omega^2, 1/s^2: eps times A's largest diagonal entry."""
         return float(np.finfo(float).eps * self.diagonal.max(initial=0.0))
 
     @property
     def zero_threshold(self) -> float:
-        """The omega^2, 1/s^2, below which no factorisation tells a mode from one at zero."""
-        return COUNTED * float(self.diagonal.max(initial=0.0))
+        """The omega^2, 1/s^2, below which no factorisation tells a mode from a zero mode."""
+        return COUNT_ROUND_OFF * float(self.diagonal.max(initial=0.0))
 
     @property
     def zero_frequency(self) -> float:
-        """The same as a frequency, Hz."""
+        """The frequency, Hz, of `zero_threshold`."""
         return float(np.sqrt(self.zero_threshold)) / (2 * np.pi)
 
     @cached_property
@@ -214,78 +292,91 @@ class LinearSystem:
 
         A small one is kept with the network.
         """
-        return self.cached("operator", self._operator, CONTACT * self.network.n_contacts)
+        return self.cached("operator", self._make_operator, self._operator_bytes)
 
     @cached_property
     def renumbered(self) -> ContactOperator:
-        """The same with its bodies as the loops meet them (`ContactOperator.renumbered`)."""
-        size = CONTACT * self.network.n_contacts
-        return self.cached("renumbered operator", lambda: self._operator().renumbered(), size)
+        """`operator` with its bodies in the order of the loops (`ContactOperator.renumbered`)."""
+        return self.cached(
+            "renumbered operator",
+            lambda: self._make_operator().renumbered(),
+            self._operator_bytes,
+        )
 
-    def _operator(self) -> ContactOperator:
+    @property
+    def _operator_bytes(self) -> int:
+        """An upper bound of the memory of an operator."""
+        return OPERATOR_BYTES_PER_CONTACT * self.network.n_contacts
+
+    def _make_operator(self) -> ContactOperator:
+        """Return a new operator of A."""
         return ContactOperator(self.network, self.dof, mass_scaled=True, pre_stress=self.pre_stress)
 
     @cached_property
     def dashpots(self) -> LinearSystem | None:
-        """The system whose K is the C of this one; None where the contacts are elastic."""
+        """The system whose K is the C of this one; None if the contacts are elastic."""
         if self.damping is None or self.damping.none:
             return None
         return LinearSystem(self.damping.dashpots(self.network), dof=self.dof)
 
     def put_on(self, imposed: Imposed) -> Coupling:
-        """How motions from outside, put on the contacts, and the bodies act on each other.
+        """Compute how a motion imposed on the contacts and the bodies act on each other.
 
-        In N and N m per metre or radian, six rows a body, as K u is; not mass-scaled.
+        In N and N m per metre or radian, six rows a body, not mass-scaled.
         """
         return put_on(self.network, terms_of(self.pre_stress), imposed)
 
     def shifted(self, square: float) -> sp.csr_matrix:
-        """A - square times the identity, sparse (size, size); `square` is an omega^2, 1/s^2."""
-        return (
-            self.assemble_dynamical_matrix() - square * sp.identity(self.size, format="csr")
-        ).tocsr()
+        """Return A minus `square`, an omega^2 in 1/s^2, times the identity; sparse (size, size)."""
+        shift = square * sp.identity(self.size, format="csr")
+        return (self.assemble_dynamical_matrix() - shift).tocsr()
 
-    def factorised(self, square: float, **options: Any) -> Factor:
-        """A factorisation of A - `square`, `options` as of `modal.solvers.factor.factorise`.
+    def factorised(
+        self,
+        square: float,
+        *,
+        definite: bool = False,
+        solver: str | None = None,
+        kept: bool = True,
+    ) -> Factor:
+        """Factorise A - `square`; the arguments are those of `modal.solvers.factor.factorise`.
 
-        It is told where the rows lie along the longest side.
+        The order of the rows may follow the longest side of the packing.
         """
-        place = self.network.position
-        along = np.repeat(place[:, np.argmax(np.ptp(place, axis=0))], self.dof)
-        return factorise(self.shifted(square), along=along, **options)
+        position = self.network.position
+        longest_axis = np.argmax(np.ptp(position, axis=0))
+        return factorise(
+            self.shifted(square),
+            definite=definite,
+            solver=solver,
+            kept=kept,
+            along=np.repeat(position[:, longest_axis], self.dof),
+        )
 
     def factor(self, square: float, *, definite: bool, solver: str | None = None) -> Factor:
-        """A factorisation of A - `square`, `definite` or not, by `solver` or the system's own.
+        """Return a factorisation of A - `square`, by `solver` or by the one of the system.
 
-        The last ones are kept with the network as long as they take `KEPT` bytes together.
+        The last factorisations stay with the network as long as they take `MAX_CACHED_BYTES`
+        together.
         """
         name = solver or self.solver
 
         def make() -> Factor:
             factor = self.factorised(square, definite=definite, solver=name)
-            if factor.bytes > KEPT:
+            if factor.bytes > MAX_CACHED_BYTES:
                 return factor
-            kept = replace(factor, release=lambda: None)
-            finalize(kept, factor.release).atexit = False
-            return kept
+            # Users may release a factor as usual; the memory goes with the last reference.
+            shared = replace(factor, release=lambda: None)
+            finalize(shared, factor.release).atexit = False
+            return shared
 
-        return self.kept("factors", (square, definite, name), make, lambda factor: factor.bytes)
-
-    def kept(
-        self, name: str, key: Any, make: Callable[[], Cached], size: Callable[[Cached], float]
-    ) -> Cached:
-        """What `make` gives for a key; the last ones of a name stay, `KEPT` bytes together."""
-        known = self.cached(name, dict[Any, Cached])
-        if key in known:
-            return known[key]
-        made = make()
-        if size(made) <= KEPT:
-            while known and sum(map(size, known.values())) + size(made) > KEPT:
-                del known[next(iter(known))]
-            known[key] = made
-        return made
+        key = (square, definite, name)
+        return self.cached_recent("factors", key, make, lambda factor: factor.bytes)
 
 
 def frequency_of(square: Floats) -> Floats:
-    """f = omega / 2 pi in Hz; negative omega^2 (unstable or round-off) gives negative f."""
+    """Return the frequency, Hz, of an omega^2, 1/s^2; negative for a negative omega^2.
+
+    An omega^2 is negative if a mode is unstable, or by round-off.
+    """
     return np.sign(square) * np.sqrt(np.abs(square)) / (2 * np.pi)

@@ -1,8 +1,8 @@
-"""K u without a matrix: one loop over the contacts, compiled by numba where it is installed.
+"""Multiply by K without a matrix: a loop over the contacts, compiled where numba is installed.
 
-It reads 64 bytes a contact where the sparse matrix holds 72 numbers, and all cores share it.
-Without numba, of translations alone, and with pre-stress that makes K unsymmetric, the assembled
-matrix does the same.
+The loop reads 64 bytes a contact where the sparse matrix holds 72 numbers, and all cores share it.
+Without numba, for translations alone, and with a pre-stress that makes K unsymmetric, the assembled
+matrix takes its place.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from modal.packing.network import Network
 from modal.solvers.chebyshev import WIDTHS
 from modal.system.assembly import stiffness_matrix
 from modal.system.contact_order import OrderedContacts
-from modal.system.contacts import SYMMETRIC
+from modal.system.contacts import SYMMETRIC, PreStress
 from modal.system.root_mass import RootMass
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.workload import refuse_above_memory
 
-CONTACT_BYTES = 5000.0
-"""Memory for each contact while its matrix is assembled, measured."""
+ASSEMBLY_BYTES_PER_CONTACT = 5000.0
+"""Memory while the matrix of contacts is assembled, measured."""
 
 
 class ContactOperator(LinearOperator):
     """K of a network, or M^-1/2 K M^-1/2, as an operator on (6n,) and (6n, k) arrays.
 
-    Six entries a particle, u (m) then theta; three with a `dof` of 3. `mass_scaled` gives the
-    operator whose eigenvalues are omega^2; `pre_stress` as in `modal.system.contacts`.
-    Equal to the matrix of `modal.system.assembly` up to round-off; of three entries, and with
-    "full" and "law", which are not symmetric, it is that matrix.
+    A particle has six entries, u (m) then theta, or three with a `dof` of 3. `mass_scaled` gives
+    the operator whose eigenvalues are omega^2; `pre_stress` is that of `modal.system.contacts`. The
+    operator equals the matrix of `modal.system.assembly` up to round-off; it is this matrix for
+    three entries, and for "full" and "law", with which K is not symmetric.
     """
 
     def __init__(
@@ -41,25 +41,28 @@ class ContactOperator(LinearOperator):
         dof: int = 6,
         *,
         mass_scaled: bool = False,
-        pre_stress: str = "none",
+        pre_stress: PreStress = "none",
     ) -> None:
         from modal.tools.loops import numba  # not at import: it loads numba
 
-        self.pre_stress, self.dof = pre_stress, dof
+        self.pre_stress = pre_stress
+        self.dof = dof
         self.order: Ints | None = None
         super().__init__(np.dtype(float), 2 * (dof * network.n_particles,))
         self._matrix: sp.csr_matrix | None = None
         self._unturning: Floats | None = None
         if numba is None or dof == 3 or pre_stress not in SYMMETRIC:
-            task = f"the matrix of {network.n_contacts} contacts"
-            remedy = (
-                "take fewer; all motions with pre-stress none or normal take no matrix by numba"
+            refuse_above_memory(
+                ASSEMBLY_BYTES_PER_CONTACT * network.n_contacts,
+                f"the matrix of {network.n_contacts} contacts",
+                "take fewer; all motions with pre-stress none or normal take no matrix by numba",
             )
-            refuse_above_memory(CONTACT_BYTES * network.n_contacts, task, remedy)
             matrix = stiffness_matrix(network, dof, pre_stress)
-            self._matrix = RootMass.of(network, dof).around(matrix) if mass_scaled else matrix
+            if mass_scaled:
+                matrix = RootMass.of(network, dof).around(matrix)
+            self._matrix = matrix
             return
-        self._contacts = OrderedContacts.of(network, pre_stress)
+        self._contacts = OrderedContacts.from_network(network, pre_stress)
         self._scale = np.ones((network.n_particles, 2))
         if mass_scaled:
             self._scale = 1 / np.sqrt(np.column_stack([network.mass, network.inertia]))
@@ -68,10 +71,10 @@ class ContactOperator(LinearOperator):
             self._scale[:, 1] = 1
 
     def renumbered(self) -> ContactOperator:
-        """The same operator on motions whose particles are numbered as its loops meet them.
+        """Return the operator on motions whose particles are numbered as its loops meet them.
 
-        A third faster where these are numbered otherwise; `inward` and `outward` change to that
-        numbering and back. Without the loops, the operator itself.
+        It is a third faster; `inward` and `outward` change to its numbering and back. Where there
+        are no loops, the operator itself is returned.
         """
         if self._matrix is not None:
             return self
@@ -83,7 +86,7 @@ class ContactOperator(LinearOperator):
         return other
 
     def symmetric_part(self) -> ContactOperator:
-        """(A + A^T) / 2: the real part of no eigenvalue of A lies above its top."""
+        """Return (A + A^T) / 2; no eigenvalue of A has a real part above its largest eigenvalue."""
         if self._matrix is None:
             return self
         other = copy.copy(self)
@@ -91,19 +94,19 @@ class ContactOperator(LinearOperator):
         return other
 
     def inward(self, u: Array) -> Array:
-        """Motions (dof n,) or (dof n, k) of the particles, numbered as by the operator."""
+        """Return motions (dof n,) or (dof n, k) of the particles in the operator's numbering."""
         if self.order is None:
             return u
         return u.reshape(len(self.order), self.dof, -1)[self.order].reshape(u.shape)
 
     def outward(self, u: Array) -> Array:
-        """The inverse of `inward`."""
+        """Return motions in the operator's numbering as those of the particles."""
         if self.order is None:
             return u
-        by_particle = u.reshape(len(self.order), self.dof, -1)
-        out = np.empty_like(by_particle, order="C")
-        out[self.order] = by_particle
-        return out.reshape(u.shape)
+        renumbered = u.reshape(len(self.order), self.dof, -1)
+        by_particle = np.empty_like(renumbered, order="C")
+        by_particle[self.order] = renumbered
+        return by_particle.reshape(u.shape)
 
     def combine(
         self,
@@ -115,10 +118,11 @@ class ContactOperator(LinearOperator):
         *,
         sums: Floats | None = None,
     ) -> Array:
-        """out = alpha K u + beta u + gamma out in place; u and out of shape (6n,) or (6n, k).
+        """Set out = alpha K u + beta u + gamma out in place, for arrays (6n,) or (6n, k).
 
-        Arrays in C order need no copies. Into `sums` (2, 6, k) are written, for each component and
-        column, the sums over the particles of out out and of out u, `out` as it came.
+        Arrays in C order need no copies. `sums` (2, 6, k) receive, for each component and column,
+        the sums over the particles of out out and of out u, with the values of `out` before the
+        call.
         """
         if u.shape != out.shape or len(u) != self.shape[0]:
             raise ValueError(f"u and out have shapes {u.shape}, {out.shape}; take {self.shape[0]}")
@@ -134,17 +138,23 @@ class ContactOperator(LinearOperator):
             return out
         if sums is not None:
             sums[:] = component_sums(out, u, self.dof)
-        force = self._matrix @ u if unturning is None else self._turned(u, unturning)
+        force = self._matrix @ u if unturning is None else self._multiply_turned(u, unturning)
+        # A `gamma` of 0 also clears a NaN.
         out[...] = gamma * out if gamma else 0.0
         out += alpha * force
         if beta:
             out += beta * u
         return out
 
-    def _turned(self, u: Floats, unturning: Floats) -> Floats:
-        """K u with roots of tensors of inertia around the loops, whose masses are numbers."""
+    def _multiply_turned(self, u: Floats, unturning: Floats) -> Floats:
+        """Return K u for bodies with tensors of inertia.
+
+        The loops scale by the masses alone; the inverse roots of the tensors (n, 3, 3), in
+        `unturning`, are multiplied before and after.
+        """
         by_body = (len(self._scale), self.dof, -1)
-        turned, force = np.array(u, order="C"), np.zeros(u.shape)
+        turned = np.array(u, order="C")
+        force = np.zeros(u.shape)
         turned.reshape(by_body)[:, 3:] = unturning @ turned.reshape(by_body)[:, 3:]
         self._loop(turned, force, (1.0, 0.0, 0.0), None)
         force.reshape(by_body)[:, 3:] = unturning @ force.reshape(by_body)[:, 3:]
@@ -153,34 +163,58 @@ class ContactOperator(LinearOperator):
     def _loop(
         self, u: Floats, out: Floats, factors: tuple[float, float, float], sums: Floats | None
     ) -> None:
-        """`combine` by the compiled loops, of real arrays in C order; alpha, beta, gamma."""
+        """Do what `combine` does by the compiled loops; arrays are real and in C order."""
         from modal.system.loops import combine_by_slabs
         from modal.tools.loops import threads_for
 
+        alpha, beta, gamma = factors
         width = u.size // self.shape[0]
-        on, shape = self._contacts, (-1, self.dof, width)
-        more = on.lateral, on.aside, on.rolling
-        known = width in WIDTHS and all(column is None for column in more)
-        of_slabs = None if sums is None else np.zeros((len(on.slabs), 2, self.dof, width))
+        shape = (-1, self.dof, width)
+        contacts = self._contacts
+        single = True if width == 1 else None
+        springs_alone = contacts.lateral is None and contacts.aside is None
+        springs_alone = springs_alone and contacts.rolling is None
+        # Loops are compiled for these numbers of columns, and springs alone.
+        columns = (0,) * width if springs_alone and width in WIDTHS else None
+        slab_sums = None
+        if sums is not None:
+            slab_sums = np.zeros((len(contacts.slabs), 2, self.dof, width))
         combine_by_slabs(
-            *(u.reshape(shape), out.reshape(shape), True if width == 1 else None),
-            (0,) * width if known else None,
-            *map(float, factors),
-            *(on.rows, on.ends, on.slabs, on.pieces, on.fresh),
-            *more,
-            *(self._scale, of_slabs, threads_for(len(self._scale))),
+            u.reshape(shape),
+            out.reshape(shape),
+            single,
+            columns,
+            float(alpha),
+            float(beta),
+            float(gamma),
+            contacts.rows,
+            contacts.ends,
+            contacts.slabs,
+            contacts.pieces,
+            contacts.fresh,
+            contacts.lateral,
+            contacts.aside,
+            contacts.rolling,
+            self._scale,
+            slab_sums,
+            threads_for(len(self._scale)),
         )
-        if sums is not None and of_slabs is not None:
-            sums[:] = of_slabs.sum(axis=0).reshape(sums.shape)
+        if sums is not None and slab_sums is not None:
+            sums[:] = slab_sums.sum(axis=0).reshape(sums.shape)
 
     def apply(self, u: Array) -> Array:
-        """K u for u of shape (6n,) or (6n, k)."""
+        """Return K u for u of shape (6n,) or (6n, k)."""
         return self.combine(u, np.empty(u.shape), 1.0)
 
     _matvec = _matmat = apply
 
 
 def component_sums(a: Floats, b: Floats, dof: int = 6) -> Floats:
-    """Shape (2, dof, k): sums over the particles of a a and a b, of motions a, b (dof n, k)."""
-    first, second = (motion.reshape(len(a) // dof, dof, -1) for motion in (a, b))
-    return np.stack([np.einsum("ncv,ncv->cv", first, of) for of in (first, second)])
+    """Return the sums over the particles of a a and of a b, for motions a and b (dof n, k).
+
+    The shape is (2, dof, k).
+    """
+    by_particle = (len(a) // dof, dof, -1)
+    a = a.reshape(by_particle)
+    b = b.reshape(by_particle)
+    return np.stack([np.einsum("ncv,ncv->cv", a, a), np.einsum("ncv,ncv->cv", a, b)])

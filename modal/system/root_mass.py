@@ -1,7 +1,8 @@
-"""M^1/2 of a packing's bodies: of v = M^1/2 u the equation of motion is v'' + A v = 0.
+"""Multiply by M^1/2 and M^-1/2, with the mass matrix M of the bodies of a packing.
 
-A = M^-1/2 K M^-1/2. Spheres have one moment of inertia, and M is diagonal. A body of another shape,
-a clump, has a tensor: M is then diagonal but for its block of rotations.
+For v = M^1/2 u the equation of motion is v'' + A v = 0, A = M^-1/2 K M^-1/2. Spheres have one
+moment of inertia, and M is diagonal. Bodies of another shape (clumps) have a tensor of inertia: M
+then has a block of 3 by 3 for the rotations of each body.
 """
 
 from __future__ import annotations
@@ -19,10 +20,14 @@ from modal.tools.arrays import Array, Floats, Ints
 
 @dataclass(frozen=True)
 class RootMass:
-    """M^1/2 on motions (dof n,), dof 6 or 3 entries a body; kg^1/2, kg^1/2 m.
+    """M^1/2 for motions (dof n,) with 6 or 3 entries a body; kg^1/2 and kg^1/2 m.
 
-    diagonal (dof n,); turning, unturning (n, 3, 3): root of the tensors of inertia and its inverse,
-    which stand in the place of the diagonal's rotations, or None.
+    Attributes
+    ----------
+    diagonal : ndarray (dof n,)
+    turning, unturning : ndarray (n, 3, 3) or None
+        The roots of the tensors of inertia, and their inverses, which replace the rotations of the
+        diagonal; None for spheres.
     """
 
     diagonal: Floats
@@ -31,44 +36,45 @@ class RootMass:
 
     @classmethod
     def of(cls, network: Network, dof: int = 6) -> RootMass:
-        """That of a network's bodies; with a dof of 3 for their translations alone."""
+        """Compute M^1/2 of the bodies of a network; a `dof` of 3 leaves the translations alone."""
         diagonal = np.sqrt(mass_diagonal(network, dof))
         if network.inertia_tensor is None or dof == 3:
             return cls(diagonal)
         value, vector = np.linalg.eigh(network.inertia_tensor)
         root = np.sqrt(value)[:, None, :]
-        turned = vector.transpose(0, 2, 1)
-        return cls(diagonal, (vector * root) @ turned, (vector / root) @ turned)
+        transposed = vector.transpose(0, 2, 1)
+        return cls(diagonal, (vector * root) @ transposed, (vector / root) @ transposed)
 
     def times(self, u: Array) -> Array:
-        """M^1/2 u for u of shape (dof n,) or (dof n, k)."""
-        return self._scaled(u, self.diagonal, self.turning)
+        """Return M^1/2 u for u of shape (dof n,) or (dof n, k)."""
+        return self._scale(u, self.diagonal, self.turning)
 
     def over(self, v: Array) -> Array:
-        """M^-1/2 v for v of shape (dof n,) or (dof n, k)."""
-        return self._scaled(v, 1 / self.diagonal, self.unturning)
+        """Return M^-1/2 v for v of shape (dof n,) or (dof n, k)."""
+        return self._scale(v, 1 / self.diagonal, self.unturning)
 
-    def _scaled(self, u: Array, diagonal: Floats, turning: Floats | None) -> Array:
-        out = u * diagonal.reshape(-1, *[1] * (u.ndim - 1))
+    def _scale(self, u: Array, diagonal: Floats, turning: Floats | None) -> Array:
+        """Multiply u by a diagonal, and its rotations by matrices if there are any."""
+        scaled = u * diagonal.reshape(-1, *[1] * (u.ndim - 1))
         if turning is not None:
             by_body = (len(turning), 6, math.prod(u.shape[1:]))
-            out.reshape(by_body)[:, 3:] = turning @ u.reshape(by_body)[:, 3:]
-        return out
+            scaled.reshape(by_body)[:, 3:] = turning @ u.reshape(by_body)[:, 3:]
+        return scaled
 
     def some(self, bodies: Ints, dof: int = 6) -> RootMass:
-        """That of some bodies, by their numbers (k,)."""
+        """Return M^1/2 of the bodies with the given indices (k,)."""
         diagonal = self.diagonal.reshape(-1, dof)[bodies].ravel()
         if self.turning is None or self.unturning is None:
             return RootMass(diagonal)
         return RootMass(diagonal, self.turning[bodies], self.unturning[bodies])
 
-    def around_own(self, blocks: Floats) -> Floats:
-        """Shape (n, 6, 6): M^-1/2 K M^-1/2 of each body's own block of K (n, 6, 6)."""
-        sides = self._own_inverses()
-        return sides @ blocks @ sides
+    def around_blocks(self, blocks: Floats) -> Floats:
+        """Return M^-1/2 K M^-1/2 for K's blocks (n, 6, 6) of each body with itself."""
+        inverses = self._inverse_blocks()
+        return inverses @ blocks @ inverses
 
     def around(self, K: sp.csr_matrix) -> sp.csr_matrix:
-        """M^-1/2 K M^-1/2; the matrix that is given may be worked on in place."""
+        """Return M^-1/2 K M^-1/2; K may be overwritten."""
         if self.unturning is None:
             scale = 1 / self.diagonal
             K.data *= scale[K.indices]
@@ -77,18 +83,19 @@ class RootMass:
         return (self._inverse() @ K @ self._inverse()).tocsr()
 
     def under(self, rows: sp.csr_matrix) -> sp.csr_matrix:
-        """Of rows that read u, those that read M^1/2 u."""
+        """Return rows M^-1/2: if `rows` (k, dof n) act on u, these act on M^1/2 u."""
         return (rows @ self._inverse()).tocsr()
 
-    def _own_inverses(self) -> Floats:
-        """Shape (n, 6, 6): M^-1/2 of each body."""
-        bodies = len(self.diagonal) // 6
-        return self.over(np.tile(np.eye(6), (bodies, 1))).reshape(bodies, 6, 6)
+    def _inverse_blocks(self) -> Floats:
+        """Return M^-1/2 of each body, shape (n, 6, 6)."""
+        n_bodies = len(self.diagonal) // 6
+        return self.over(np.tile(np.eye(6), (n_bodies, 1))).reshape(n_bodies, 6, 6)
 
     def _inverse(self) -> sp.csr_matrix:
-        """M^-1/2, sparse."""
+        """Return M^-1/2 as a sparse matrix."""
         if self.unturning is None:
             return sp.diags(1 / self.diagonal, format="csr")
-        blocks = self._own_inverses()
-        number, size = np.arange(len(blocks) + 1), 6 * len(blocks)
-        return sp.bsr_matrix((blocks, number[:-1], number), (size, size)).tocsr()
+        blocks = self._inverse_blocks()
+        size = 6 * len(blocks)
+        starts = np.arange(len(blocks) + 1)
+        return sp.bsr_matrix((blocks, starts[:-1], starts), (size, size)).tocsr()

@@ -225,5 +225,6 @@ def test_a_file_of_bonds_says_version_2_and_hides_nothing(tmp_path):
     with h5py.File(path, "a") as file:
         assert file.attrs["schema_version"] == 2
         file["contacts/stiffness_of_glue"] = np.ones(6)
-    with pytest.raises(InputError, match="contacts/stiffness_of_glue is unknown"):
+    with pytest.raises(InputError) as refused:
         read_network(path)
+    assert "contacts/stiffness_of_glue" in str(refused.value)

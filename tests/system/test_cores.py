@@ -12,7 +12,7 @@ from packings import sheared
 
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
-from modal.system import contact_order as packed_contacts
+from modal.system import contact_order
 from modal.system.assembly import stiffness_matrix
 from modal.system.contact_order import OrderedContacts
 from modal.system.operator import ContactOperator
@@ -42,9 +42,9 @@ def test_any_numbering_gives_the_product_of_its_own_matrix(pre_stress, slabs, mo
     if slabs > 1:
         # Cut into slabs that threads share, but one after the other: their loop takes seconds to
         # compile.
-        monkeypatch.setattr(packed_contacts, "slabs_of", in_slabs)
+        monkeypatch.setattr(contact_order, "slabs_of", in_slabs)
         monkeypatch.setattr(loops, "threads_for", lambda spheres: 3)
-        assert len(OrderedContacts.of(FOREIGN, pre_stress).slabs) > 8
+        assert len(OrderedContacts.from_network(FOREIGN, pre_stress).slabs) > 8
     x = np.random.default_rng(4).standard_normal(SIZE)
     found = ContactOperator(FOREIGN, pre_stress=pre_stress) @ x
     K = stiffness_matrix(FOREIGN, pre_stress=pre_stress)
@@ -57,7 +57,7 @@ def test_any_numbering_gives_the_product_of_its_own_matrix(pre_stress, slabs, mo
 @pytest.mark.parametrize("order", [lambda operator: operator, ContactOperator.renumbered])
 def test_slabs_at_rest_leave_out_no_force(order, monkeypatch):
     """A single moving sphere, anywhere; terms that cancel leave the round-off of the largest."""
-    monkeypatch.setattr(packed_contacts, "slabs_of", in_slabs)
+    monkeypatch.setattr(contact_order, "slabs_of", in_slabs)
     operator, K = order(ContactOperator(FOREIGN)), stiffness_matrix(FOREIGN)
     for sphere in range(0, FOREIGN.n_particles, 7):
         x = np.zeros((FOREIGN.n_particles, 6))
@@ -76,7 +76,7 @@ def test_slabs_at_rest_leave_out_no_force(order, monkeypatch):
 @pytest.mark.parametrize("pre_stress", PRE_STRESS)
 def test_spheres_in_the_order_of_the_loops_change_no_bit(pre_stress, monkeypatch):
     """Every sum is made of the same terms in the same order; only their places in memory differ."""
-    monkeypatch.setattr(packed_contacts, "slabs_of", in_slabs)
+    monkeypatch.setattr(contact_order, "slabs_of", in_slabs)
     operator = ContactOperator(FOREIGN, mass_scaled=True, pre_stress=pre_stress)
     inside = operator.renumbered()
     assert inside.order is None or (np.sort(inside.order) == np.arange(SIZE // 6)).all()
@@ -93,9 +93,9 @@ def test_spheres_in_the_order_of_the_loops_change_no_bit(pre_stress, monkeypatch
 def test_wide_packings_are_worked_through_in_columns(monkeypatch):
     """Another order within the slabs; each contact is there once, as its matrix says."""
     network = gallery.fcc(cells=(8, 5, 6))
-    whole = OrderedContacts.of(network, "none")
-    monkeypatch.setattr(packed_contacts, "ACROSS", 2)
-    cut = OrderedContacts.of(network, "none")
+    whole = OrderedContacts.from_network(network, "none")
+    monkeypatch.setattr(contact_order, "COLUMN_WIDTH_IN_DIAMETERS", 2)
+    cut = OrderedContacts.from_network(network, "none")
     assert not np.array_equal(cut.ends, whole.ends) and np.array_equal(cut.slabs, whole.slabs)
     # One column after the other: from 0 to 7.5 and to 4.5 diameters there are four and two.
     at = network.position[:, :2] - network.position[:, :2].min(axis=0)
@@ -103,7 +103,7 @@ def test_wide_packings_are_worked_through_in_columns(monkeypatch):
     assert (np.diff(column[cut.ends[:, 0]]) >= 0).all()
     # What springs between spheres do not need takes neither memory nor time: levers are along the
     # normals but for round-off.
-    plain = OrderedContacts.of(sheared(), "none")
+    plain = OrderedContacts.from_network(sheared(), "none")
     assert [plain.lateral, plain.aside, plain.rolling] == 3 * [None]
     x = np.random.default_rng(4).standard_normal(6 * network.n_particles)
     K = stiffness_matrix(network)
