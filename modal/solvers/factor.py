@@ -11,6 +11,7 @@ import importlib.util
 import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,7 +28,8 @@ SOLVERS = tuple(sorted(module.name for module in pkgutil.iter_modules(factorisat
 BACKWARD = 1e-11
 """Largest backward error |A x - b| / (|A| |x|) of a factor whose pivot signs are a count. Round-off
 may have moved the eigenvalues so far, relative to the largest one, and no count is exact so near to
-a mode (`COUNTED` of `modal.system.linear_system`). Without pivots near zero it is some 1e-16."""
+a mode (`COUNT_ROUND_OFF` in `modal.system.linear_system`). Without pivots near zero it is some
+1e-16."""
 SMALL_ROWS = 3000
 """Rows up to which scipy's own factorisations are taken: loading another package takes longer."""
 MAX_MEMORY_SHARE = 0.5
@@ -58,6 +60,10 @@ class SingularError(InputError):
 
 def _release_nothing() -> None:
     """Free no memory: Python holds all of it."""
+
+
+def _load_nothing() -> None:
+    """Load no package: scipy is there."""
 
 
 @dataclass
@@ -149,6 +155,8 @@ class Factorisation:
         Estimates the `Cost` from a `Shape` and from whether the factor is kept for solutions.
     package : str or None
         Package that it needs besides scipy.
+    load : callable
+        Loads this package; raises ImportError if that fails.
     unsymmetric : bool
         Whether it takes unsymmetric matrices. All take symmetric ones, real or complex, definite or
         not.
@@ -158,6 +166,7 @@ class Factorisation:
     make: Callable[[sp.csr_matrix, Ints, bool, bool, bool], Factor]
     cost: Callable[[Shape, bool], Cost]
     package: str | None = None
+    load: Callable[[], None] = _load_nothing
     unsymmetric: bool = True
 
 
@@ -168,9 +177,27 @@ def named(solver: str) -> Factorisation:
 
 
 def available(solver: str) -> bool:
-    """Tell whether the package that a factorisation needs is installed."""
+    """Tell whether the package that a factorisation needs is installed and can be loaded.
+
+    A package whose own libraries are missing, as pypardiso without MKL, counts as absent.
+    """
+    return _installed(solver) and _loads(solver)
+
+
+def _installed(solver: str) -> bool:
+    """Tell whether the package of a factorisation is installed, without loading it."""
     package = named(solver).package
     return package is None or importlib.util.find_spec(package) is not None
+
+
+@cache
+def _loads(solver: str) -> bool:
+    """Load the package of a factorisation, and tell whether this succeeds."""
+    try:
+        named(solver).load()
+    except ImportError:
+        return False
+    return True
 
 
 def choose(
@@ -189,7 +216,7 @@ def choose(
         raise InputError(
             "not_installed",
             f"solver {solver}",
-            f"the package {factorisation.package} is not installed",
+            f"the package {factorisation.package} is not installed, or cannot be loaded",
             f"install it or choose {others}",
         )
     if unsymmetric and not factorisation.unsymmetric:
@@ -208,7 +235,7 @@ def _fastest(shape: Shape, kept: bool, unsymmetric: bool) -> Factorisation:
     """
     able = []
     for name in SOLVERS:
-        if available(name) and (named(name).unsymmetric or not unsymmetric):
+        if _installed(name) and (named(name).unsymmetric or not unsymmetric):
             able.append(named(name))
     max_bytes = MAX_MEMORY_SHARE * memory_at_hand()
     prefers_package = shape.rows > SMALL_ROWS
@@ -218,7 +245,10 @@ def _fastest(shape: Shape, kept: bool, unsymmetric: bool) -> Factorisation:
         from_package = factorisation.package is not None
         return cost.bytes > max_bytes, from_package != prefers_package, cost.operations
 
-    return min(able, key=rank)
+    # To load a package takes time: only the first choices are tried.
+    return next(
+        factorisation for factorisation in sorted(able, key=rank) if _loads(factorisation.name)
+    )
 
 
 def factorise(
@@ -259,7 +289,7 @@ def factorise(
     order, reach = band(matrix, along)
     shape = Shape.of(matrix, reach)
     factorisation = choose(shape, solver, kept=kept, unsymmetric=not symmetric)
-    if factorisation.package is None and not available("pardiso"):
+    if factorisation.package is None and not _installed("pardiso"):
         remedy += ", or install pypardiso, which needs less"
     needed_bytes = factorisation.cost(shape, kept).bytes
     refuse_above_memory(needed_bytes, f"a factorisation by {factorisation.name}", remedy)

@@ -4,6 +4,7 @@ pypardiso takes real matrices alone. A complex symmetric W + i T is given as [[W
 symmetric and of twice the size, whose solution holds both parts.
 """
 
+import importlib
 import os
 import sys
 from dataclasses import replace
@@ -44,13 +45,19 @@ def _cost(shape: Shape, kept: bool) -> Cost:
     return Cost(10 * entries + 40 * shape.nonzeros, entries**2 / shape.rows, 2 * entries)
 
 
+def _load() -> None:
+    """Load pypardiso; raise ImportError if it lacks MKL."""
+    # Without this, the package and each solver search the disk for MKL: 0.4 s and more.
+    for path in Path(sys.prefix, "lib").glob("libmkl_rt.*"):
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(path))
+    importlib.import_module("pypardiso")
+
+
 def _factorise(
     matrix: sp.csr_matrix, order: Ints, definite: bool, symmetric: bool, kept: bool
 ) -> Factor:
     """Factorise; PARDISO finds its own order of rows."""
-    # Without this, the package and each solver search the disk for MKL: 0.4 s and more.
-    for path in Path(sys.prefix, "lib").glob("libmkl_rt.*"):
-        os.environ.setdefault("PYPARDISO_MKL_RT", str(path))
+    _load()
     from pypardiso import PyPardisoSolver
     from pypardiso.pardiso_wrapper import PyPardisoError
 
@@ -130,4 +137,4 @@ def _with_diagonal(matrix: sp.csr_matrix, upper: bool) -> sp.csr_matrix:
     return stored
 
 
-FACTORISATION = Factorisation("pardiso", _factorise, _cost, package="pypardiso")
+FACTORISATION = Factorisation("pardiso", _factorise, _cost, package="pypardiso", load=_load)
