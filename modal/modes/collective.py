@@ -1,16 +1,16 @@
-"""All zero modes: how many there are, by an exact count, and what structure does not show of them.
+"""Find all zero modes: their exact number, and those that structure does not show.
 
 Spheres that have three contacts each are held one by one; together they may still move without
-energy, which the structure of the contacts does not show: where springs are few, and in crystals,
-whose contacts repeat. No test of the structure alone excludes it; the number of eigenvalues of A up
-to the one threshold of zero does, at the price of a factorisation. It is made wherever it takes
-seconds, and in larger packings wherever the structure is doubtful (`doubtful`); elsewhere what is
-told of the zero modes is what structure shows, `counted` being False.
+energy, which the structure of the contacts does not show: in packings with few springs, and in
+crystals, whose contacts repeat. No test of the structure alone excludes such motions. The number of
+eigenvalues of A up to the threshold of zero does, but takes a factorisation. It is computed where
+this takes seconds, and in larger packings where the structure is doubtful (`doubtful`). Elsewhere
+the zero modes are those that structure shows, and `counted` is False.
 """
 
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import scipy.sparse as sp
 
@@ -25,22 +25,24 @@ from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError, UnavailableError
 from modal.tools.workload import refuse_above_memory
 
-EASY = 3e10
-"""Multiplications, of some seconds, of a count that is made in any packing."""
-SHIFT = 1e-9
-"""Shift below zero about which they are sought, relative to A's largest diagonal entry."""
-UNDER = 1e-6
-"""Relative to that entry: first shift below zero tried, of those below all unstable modes."""
-ZERO, UNSTABLE = "motions without energy", "unstable modes"
-COUNTED = "counted zero modes"
+MAX_EASY_OPERATIONS = 3e10
+"""Multiplications of a count, some seconds, up to which it is made in any packing."""
+ZERO_SHIFT = 1e-9
+"""Shift below zero about which zero modes are sought, divided by A's largest diagonal entry."""
+FIRST_UNSTABLE_SHIFT = 1e-6
+"""First shift that is tried for unstable modes, which must lie above it; in the same unit."""
+NAMES = {"zero": "motions without energy", "unstable": "unstable modes"}
+"""Names of the modes in messages."""
+CACHE_NAME = "counted zero modes"
+"""Name under which a network keeps the result."""
 
 
 def every_floppy(system: LinearSystem) -> FloppyModes:
-    """The zero modes, counted where that is easy or where their structure is doubtful.
+    """Return the zero modes, counted where this is easy or where their structure is doubtful.
 
-    Where a count would take more than the memory or the time, and elsewhere, those that structure
-    shows; of a K that is not symmetric, which cannot be counted, too. InputError where K may have
-    negative directions, and these cannot be counted.
+    Elsewhere, where a count would take more than the memory or the time, and for a K that is not
+    symmetric, which cannot be counted, they are those that structure shows. Raises InputError if K
+    may have negative directions that cannot be counted.
     """
     floppy = by_structure(system)
     if not system.symmetric:
@@ -54,7 +56,7 @@ def every_floppy(system: LinearSystem) -> FloppyModes:
 
 
 def summary_at_zero(system: LinearSystem) -> dict[str, Any]:
-    """The zero modes, and the unstable ones, in plain numbers by name."""
+    """Return the numbers of zero modes and of unstable modes by name."""
     floppy = every_floppy(system)
     return {
         "unstable_modes": floppy.unstable,
@@ -65,25 +67,27 @@ def summary_at_zero(system: LinearSystem) -> dict[str, Any]:
 
 
 def counted_floppy(system: LinearSystem, at_zero: Floats | None = None) -> FloppyModes:
-    """The zero modes, their number by an exact count; made once for all problems of a network.
+    """Return the zero modes, their number by an exact count; kept with the network.
 
-    A complete list from zero on gives those `at_zero` (size, c) that it has found beside those of
-    the structure: the count at its end leaves room for no others.
+    A complete list of modes from zero on passes the zero modes `at_zero` (size, c) that it has
+    found beside those of the structure: the count at its end leaves room for no others.
     """
-    return system.kept(COUNTED, None, lambda: _counted(system, at_zero), lambda _: 0.0)
+    return system.cached_recent(CACHE_NAME, None, lambda: _count(system, at_zero), lambda _: 0.0)
 
 
-def _counted(system: LinearSystem, at_zero: Floats | None) -> FloppyModes:
-    """As `counted_floppy`."""
-    floppy, unstable = by_structure(system), sp.csc_matrix((system.size, 0))
-    collective = sp.csc_matrix(unstable if at_zero is None else at_zero)
-    if at_zero is None:
-        unstable = _found(system, floppy.basis, count_below(system, 0.0), UNSTABLE)
-        others = sp.hstack([floppy.basis, unstable], format="csc")
+def _count(system: LinearSystem, at_zero: Floats | None) -> FloppyModes:
+    """Return the zero modes as `counted_floppy` does, without the cache."""
+    floppy = by_structure(system)
+    unstable = sp.csc_matrix((system.size, 0))
+    if at_zero is not None:
+        collective = sp.csc_matrix(at_zero)
+    else:
+        collective = sp.csc_matrix((system.size, 0))
+        unstable = _find(system, floppy.basis, count_below(system, 0.0), "unstable")
+        known = sp.hstack([floppy.basis, unstable], format="csc")
         if floppy.total < system.size:
-            further = count_below(system, system.zero_frequency / 2) - others.shape[1]
-            definite = not unstable.shape[1]
-            collective = _found(system, others, further, ZERO, definite=definite)
+            missing = count_below(system, system.zero_frequency / 2) - known.shape[1]
+            collective = _find(system, known, missing, "zero", definite=not unstable.shape[1])
     return replace(
         floppy,
         basis=sp.hstack([floppy.basis, collective, unstable], format="csc"),
@@ -93,60 +97,70 @@ def _counted(system: LinearSystem, at_zero: Floats | None) -> FloppyModes:
     )
 
 
-def _found(
-    system: LinearSystem, known: sp.csc_matrix, count: int, what: str, *, definite: bool = True
+def _find(
+    system: LinearSystem,
+    known: sp.csc_matrix,
+    count: int,
+    kind: Literal["zero", "unstable"],
+    *,
+    definite: bool = True,
 ) -> sp.csc_matrix:
-    """Shape (size, count): orthonormal vectors of `what` there is beside the `known` modes.
+    """Find `count` zero or unstable modes beside the `known` ones; orthonormal, (size, count).
 
     Zero modes are nearest to a shift just below zero, unstable ones to a shift below all of them,
-    from where on A - sigma is definite. InputError where they have no room, or not all are found.
+    about which A - sigma is definite. Raises InputError if the modes do not fit into the memory, or
+    if not all are found.
     """
-    threshold, largest = system.zero_threshold, system.diagonal.max(initial=0.0)
-    sigma = -(SHIFT if what == ZERO else UNDER) * largest
-
-    def inside(square: Floats) -> Bools:
-        return abs(square) <= threshold if what == ZERO else square < -threshold
-
     if count <= 0:
         return sp.csc_matrix((system.size, 0))
-    remedy = "take a smaller packing"
+    threshold = system.zero_threshold
+    shift = ZERO_SHIFT if kind == "zero" else FIRST_UNSTABLE_SHIFT
+    sigma = -shift * system.diagonal.max(initial=0.0)
+
+    def is_of_kind(square: Floats) -> Bools:
+        if kind == "zero":
+            return abs(square) <= threshold
+        return square < -threshold
+
     refuse_above_memory(
-        8 * BASIS_VECTORS_PER_MODE * system.size * count, f"finding {count} {what}", remedy
+        8 * BASIS_VECTORS_PER_MODE * system.size * count,
+        f"finding {count} {NAMES[kind]}",
+        "take a smaller packing",
     )
     missing = None
     while missing is None:
         source = AboutShift(system, sigma, definite=definite)
         search = Search(system, source, known)
         try:
-            missing = search.search_until(count, inside)
+            missing = search.search_until(count, is_of_kind)
         except SingularError:
             sigma *= 4
-    vectors = search.vector[:, inside(search.square)]
+    vectors = search.vector[:, is_of_kind(search.square)]
     if source.factor is not None and not missing:
-        # What Lanczos leaves of other modes, one more solve makes as small as round-off.
+        # One more solve makes the components of other modes, which Lanczos leaves, round-off.
         vectors = source.factor.solve(vectors)
     source.release()
     if missing:
         raise UnavailableError(
-            "not_converged", f"{count} {what} were counted, but not all were found"
+            "not_converged", f"{count} {NAMES[kind]} were counted, but not all were found"
         )
     return sp.csc_matrix(orthonormal(vectors, Held(known, vectors[:, :0])))
 
 
 def easy(system: LinearSystem) -> bool:
-    """Whether an exact count takes some seconds, by estimate, or none as it was made."""
-    counted = bool(system.cached(COUNTED, dict))
-    return counted or factorisation(system, kept=False).operations <= EASY
+    """Tell whether an exact count is known already, or takes some seconds by estimate."""
+    counted = bool(system.cached(CACHE_NAME, dict))
+    return counted or factorisation(system, kept=False).operations <= MAX_EASY_OPERATIONS
 
 
 def doubtful(system: LinearSystem, floppy: FloppyModes) -> bool:
-    """Whether structure may well not show all zero modes of a disordered packing.
+    """Tell whether structure may well not show all zero modes of a disordered packing.
 
-    So it is with contacts that lack a tangential spring, with fewer springs than motions, with a
-    loose part that is too large to be looked at, and where motions may release energy.
+    The cases are contacts without a tangential spring, fewer springs than motions, a loose part too
+    large to be analysed, and motions that may release energy.
     """
     network = system.network
     springs = int((network.stiffness_normal != 0).sum())
     springs += 2 * int((network.stiffness_tangential != 0).sum())
-    left = floppy.basis.shape[0] - floppy.total
-    return not floppy.whole or not network.stiffness_tangential.all() or springs <= left
+    motions = floppy.basis.shape[0] - floppy.total
+    return not floppy.whole or not network.stiffness_tangential.all() or springs <= motions

@@ -1,7 +1,4 @@
-"""Exact number of modes below a frequency: the negative pivots of A - sigma, by Sylvester's law.
-
-And how many modes may be asked of lists.
-"""
+"""Count the modes below a frequency exactly: the negative pivots of A - sigma (Sylvester's law)."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -14,11 +11,22 @@ from modal.modes.effort import factorisation, refuse_endless_search, shape_of
 from modal.packing.network import Network
 from modal.solvers.factor import SingularError, choose
 from modal.solvers.lanczos import start_block
+from modal.system.contacts import PreStress, Sliding
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked, frequencies
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError, UnavailableError
 from modal.tools.progress import progress
+
+MIN_SQUARE_ABOVE_ALL = 4.0
+"""An omega^2, divided by A's largest diagonal entry, above which there may be no mode at all: the
+upper bound of the spectrum is then computed."""
+INVERSE_ITERATIONS = 3
+"""Solves that look for a mode at a frequency: each multiplies the mode's component of a random
+vector by the quotient of the distances of the next mode and of this one."""
+SIDE_STEP = 1e-6
+"""Distance, relative in omega^2, of the counts below and above a frequency at which no count is
+possible."""
 
 
 def check_count(system: LinearSystem, count: int, available_modes: int) -> None:
@@ -36,60 +44,63 @@ def check_count(system: LinearSystem, count: int, available_modes: int) -> None:
         )
     if not (isinstance(count, int | np.integer) and 1 <= count <= available_modes):
         raise InputError(
-            "input",
-            f"{count} modes asked, the network has {system.size} degrees of freedom and "
-            f"{available_modes} modes to list",
-            remedy=f"ask for 1 to {available_modes}",
+            "mode_count",
+            f"{count} modes asked",
+            f"the network has {system.size} degrees of freedom and {available_modes} modes to list",
+            f"ask for 1 to {available_modes}",
         )
-
-
-BEYOND = 4.0
-"""Times A's largest diagonal entry: for an omega^2 above it the upper bound of the spectrum is
-computed, since there may be no modes above it at all."""
-SOLVES = 3
-"""Solves of an inverse iteration that looks for a mode at a frequency: each multiplies its share of
-a random vector by how much nearer it is than the next mode."""
-BESIDE = 1e-6
-"""How far beside a frequency, relative in omega^2, one counts that cannot count at it."""
-
-
-@overload
-def count_modes(network: Network, frequency: float, **options: str | None) -> int: ...
 
 
 @overload
 def count_modes(
-    network: Network, frequency: Sequence[float] | Array, **options: str | None
+    network: Network,
+    frequency: float,
+    *,
+    sliding: Sliding = ...,
+    pre_stress: PreStress = ...,
+    solver: str | None = ...,
+) -> int: ...
+
+
+@overload
+def count_modes(
+    network: Network,
+    frequency: Sequence[float] | Array,
+    *,
+    sliding: Sliding = ...,
+    pre_stress: PreStress = ...,
+    solver: str | None = ...,
 ) -> Ints: ...
 
 
-@checked  # type: ignore[misc]  # the overloads leave the options to the function itself
+@checked
 def count_modes(
     network: Network,
     frequency: ArrayLike,
     *,
-    sliding: str = "elastic",
-    pre_stress: str = "none",
+    sliding: Sliding = "elastic",
+    pre_stress: PreStress = "none",
     solver: str | None = None,
 ) -> Ints | int:
-    """How many natural frequencies a packing has below each of some frequencies, exactly.
+    """Count the natural frequencies of a packing below each of some frequencies, exactly.
 
     Motions without energy count, as they lie at zero, and so do unstable ones, whose omega^2 is
-    negative: at 0 Hz the count is theirs alone. Nothing is estimated: the signs of a factorised K -
-    omega^2 M tell (Sylvester's law of inertia). Round-off hides the side of modes within 1e-11 of
-    the largest diagonal entry of M^-1 K, in omega^2. So near to zero a motion is one without
-    energy; elsewhere a frequency with a mode so near is refused.
+    negative: at 0 Hz only the latter are counted. Nothing is estimated: the count follows from the
+    signs of the pivots of a factorised K - omega^2 M (Sylvester's law of inertia). Round-off hides
+    on which side of a frequency a mode lies if the two omega^2 differ by less than 1e-11 of the
+    largest diagonal entry of M^-1 K. A mode so close to zero counts as one without energy; any
+    other frequency so close to a mode is refused.
 
     Parameters
     ----------
     network : Network
         The packing.
     frequency : float or array_like
-        Hz, of any shape.
+        Frequencies, Hz, of any shape.
     sliding : str, default "elastic"
-        As of `modal.eigenmodes`.
+        As in `modal.eigenmodes`.
     pre_stress : str, default "none"
-        Or "normal".
+        "none" or "normal".
     solver : str, optional
         A factorisation: pardiso, blocks or superlu.
 
@@ -101,7 +112,7 @@ def count_modes(
     Raises
     ------
     InputError
-        Where a frequency is negative or lies on a mode.
+        If a frequency is negative or lies on a mode, or K is not symmetric.
 
     Examples
     --------
@@ -115,29 +126,30 @@ def count_modes(
 
 
 def counts_below(system: LinearSystem, frequency: ArrayLike) -> Ints:
-    """As `count_modes`, of a system that is at hand; an array in the shape of `frequency`."""
-    asked = frequencies(frequency)
+    """Count the modes of a system as `count_modes` does, in the shape of `frequency`, Hz."""
+    limits = frequencies(frequency)
     counts = [
-        count_below(system, asked.flat[k], apart=True) for k in progress(asked.size, "counts")
+        count_below(system, limits.flat[k], apart=True) for k in progress(limits.size, "counts")
     ]
-    return np.array(counts, int).reshape(asked.shape)
+    return np.array(counts, int).reshape(limits.shape)
 
 
 def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) -> int:
-    """Exact number of modes below `frequency` (Hz), unstable and zero-energy ones included.
+    """Count the modes below `frequency`, Hz, exactly, unstable and zero-energy ones included.
 
-    It is the number of negative eigenvalues of K - omega^2 M (Sylvester's law), read from pivots
-    of a factorisation. No factorisation can tell the sides of an omega^2 below the system's `zero`:
-    all modes so low are zero modes, and the count above 0 Hz is made just above them, that at 0 Hz,
-    of the unstable modes alone, just below. A factorisation may be uncertain at this very
-    frequency, since a pivot may vanish although no mode is near. Then it is made a little below and
-    a little above, and counts if both agree; otherwise that of the blocks is tried. InputError
-    where no way is certain, and, if the modes must be `apart` from the frequency, where one is
-    nearer than round-off.
+    The count is the number of negative eigenvalues of K - omega^2 M (Sylvester's law), read from
+    the pivots of a factorisation. No factorisation can tell the sides of an omega^2 below
+    `zero_threshold` of the system: all modes so low are zero modes. Therefore a count above 0 Hz is
+    made above that threshold, and the count at 0 Hz, of the unstable modes alone, below minus the
+    threshold. A factorisation may be uncertain at a frequency, because a pivot may vanish although
+    no mode is near. Then counts are made a little below and a little above, and are taken if they
+    agree; otherwise those of the blocks are tried. Raises InputError if no method is certain, if K
+    is not symmetric, and, where modes must be `apart` from the frequency, if one is nearer than
+    round-off.
     """
     if not system.symmetric:
         raise InputError(
-            "input",
+            "unsymmetric",
             f"pre-stress {system.pre_stress!r}",
             "K is not symmetric, and no factor of it counts modes",
             "take pre-stress normal, or all modes of a small packing",
@@ -146,11 +158,13 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
         return 0
     square = (2 * np.pi * frequency) ** 2
     if square <= system.zero_threshold:
-        square = (1 if frequency > 0 else -1) * (1 + BESIDE) * system.zero_threshold
+        side = 1 if frequency > 0 else -1
+        square = side * (1 + SIDE_STEP) * system.zero_threshold
         apart = False
-    if square > BEYOND * system.diagonal.max(initial=0.0) and square > system.bound:
+    may_be_above_all = square > MIN_SQUARE_ABOVE_ALL * system.diagonal.max(initial=0.0)
+    if may_be_above_all and square > system.row_sum_bound:
         return system.size
-    for counts in _by_factors(system, square, apart):
+    for counts in _counts_by_method(system, square, apart):
         count = counts.pop()
         if not counts and count is not None:
             return count
@@ -162,40 +176,49 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
     )
 
 
-def _by_factors(system: LinearSystem, square: float, apart: bool) -> Iterator[set[int | None]]:
-    """Of one way after the other the negative eigenvalues of A - square, at places that must agree.
+def _counts_by_method(
+    system: LinearSystem, square: float, apart: bool
+) -> Iterator[set[int | None]]:
+    """Yield, method after method, the counts at places that must agree.
 
-    A little beside the square, where none can tell at it; and by the blocks.
+    The places are the square itself, or one below and one above; the factorisations are the chosen
+    one, then the blocks.
     """
     cost = factorisation(system, kept=False)
     refuse_endless_search(system, cost, "an exact count takes", "take the density of states")
     chosen = choose(shape_of(system), system.solver, kept=False).name
-    step = max(BESIDE * abs(square), system.zero_threshold if apart else 0.0)
+    step = max(SIDE_STEP * abs(square), system.zero_threshold if apart else 0.0)
     for solver in dict.fromkeys([chosen, "blocks"]):
-        yield {_negative(system, square, solver, apart)}
-        yield {_negative(system, square + off, solver, False) for off in (-step, step)}
+        yield {_count_negative(system, square, solver, apart)}
+        yield {
+            _count_negative(system, square - step, solver, False),
+            _count_negative(system, square + step, solver, False),
+        }
 
 
-def _negative(system: LinearSystem, square: float, solver: str, apart: bool) -> int | None:
-    """Negative eigenvalues of A - square; None where this factorisation cannot tell.
+def _count_negative(system: LinearSystem, square: float, solver: str, apart: bool) -> int | None:
+    """Count the negative eigenvalues of A - square; None if this factorisation is not certain.
 
-    Nor can it where modes must be `apart` and one is not. What was told once is kept.
+    The result is also None if modes must be `apart` and one is not. It is kept with the network.
     """
 
-    def told() -> int | None:
+    def count() -> int | None:
         with suppress(SingularError):
             factor = system.factorised(square, solver=solver, kept=apart)
-            on_a_mode = apart and _distance(factor.solve, system.size) <= system.zero_threshold
+            on_a_mode = False
+            if apart:
+                distance = _distance_of_mode(factor.solve, system.size)
+                on_a_mode = distance <= system.zero_threshold
             factor.release()
             return None if on_a_mode else factor.negative
         return None
 
-    return system.kept("counts", (square, solver, apart), told, lambda _: 0.0)
+    return system.cached_recent("counts", (square, solver, apart), count, lambda _: 0.0)
 
 
-def _distance(solve: Callable[[Floats], Floats], size: int) -> float:
-    """How far the eigenvalue next to zero is from it, by inverse iteration from a random vector."""
+def _distance_of_mode(solve: Callable[[Floats], Floats], size: int) -> float:
+    """Estimate the smallest absolute eigenvalue by inverse iteration from a random vector."""
     vector = start_block(size, 1)[:, 0]
-    for _ in range(SOLVES):
+    for _ in range(INVERSE_ITERATIONS):
         vector = solve(vector / np.linalg.norm(vector))
     return float(1 / np.linalg.norm(vector))

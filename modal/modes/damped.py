@@ -1,10 +1,10 @@
-"""Modes of a packing with viscous contacts: frequency, decay and quality factor of each.
+"""Find modes of a packing with viscous contacts: frequency, decay and quality factor of each.
 
-(lambda^2 M + lambda C + K) phi = 0, lambda = -gamma + i omega. The modes near a frequency come from
-Arnoldi's method on the inverse of the state-space matrix about a shift, with one complex
+(lambda^2 M + lambda C + K) phi = 0, lambda = -gamma + i omega. The modes near a frequency are found
+by Arnoldi's method on the inverse of the state-space matrix about a shift, with one complex
 factorisation of lambda^2 + lambda C + A (F. Tisseur and K. Meerbergen, SIAM Review 43, 235, 2001).
-Where the packing is too large for that, the decay of the elastic modes to first order in the
-damping is `modal.modes.first_order.decay_rates`.
+If the packing is too large for this, `modal.modes.first_order.decay_rates` computes the decay of
+the elastic modes to first order in the damping.
 """
 
 from dataclasses import dataclass
@@ -24,31 +24,41 @@ from modal.system.assembly import stiffness_matrix
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked, frequencies
-from modal.tools.arrays import Complex, Floats
+from modal.tools.arrays import Bools, Complex, Floats
 from modal.tools.display import quantity
 from modal.tools.errors import InputError
 from modal.tools.progress import progress
 
-FEW = 200
-"""Degrees of freedom up to which all modes are found at once: hardly any may oscillate among many
-motions without energy."""
-BASIS = 100
-"""Vectors of Arnoldi's method. A fifth of them take a fifth of the memory, and five times as many
+MAX_DENSE_SIZE = 200
+"""Degrees of freedom up to which all modes are found at once: hardly any mode may oscillate among
+many motions without energy."""
+MIN_BASIS_VECTORS = 100
+"""Vectors of Arnoldi's method. A fifth of them takes a fifth of the memory, and five times as many
 solves among modes that lie as close as those of a thousand spheres."""
-MOST = 3000
+MAX_SOLVES = 3000
 """Solves before a search is given up: ten times what the packings of the documents have taken."""
-STANDS = 1e-6
-"""Of the frequency about which modes are sought: what is slower is taken for no oscillation.
+MIN_RATE_SHARE = 1e-6
+"""Rate below which a motion counts as no oscillation, divided by that of the requested frequency.
 Round-off spreads motions without energy, whose rates are zero twice, over some 1e-8 of it."""
+
+DECAY_RATES = "take decay_rates of elastic modes"
+"""Remedy where the search takes too much."""
 
 
 @dataclass(frozen=True, repr=False)
 class DampedModes:
     """k modes that oscillate, in ascending order of their frequencies.
 
-    frequency (k,) Hz, of the oscillation; decay (k,) 1/s, of the amplitude; shape (k, n, 6),
-    complex, of unit norm in the mass; residual (k,), |(lambda^2 M + lambda C + K) phi| over
-    |lambda|^2, mass-scaled.
+    Attributes
+    ----------
+    frequency : ndarray (k,)
+        Frequency of the oscillation, Hz.
+    decay : ndarray (k,)
+        Decay rate of the amplitude, 1/s.
+    shape : ndarray (k, n, 6), complex
+        Mode shapes of unit norm in the mass.
+    residual : ndarray (k,)
+        |(lambda^2 M + lambda C + K) phi| / |lambda|^2, mass-scaled.
     """
 
     frequency: Floats
@@ -58,15 +68,16 @@ class DampedModes:
 
     @property
     def quality(self) -> Floats:
-        """Shape (k,): quality factor |lambda| / (2 gamma), infinite without damping."""
-        size = np.hypot(2 * np.pi * self.frequency, self.decay)
+        """Quality factors |lambda| / (2 gamma), (k,), infinite without damping."""
+        rate = np.hypot(2 * np.pi * self.frequency, self.decay)
         with np.errstate(divide="ignore"):
-            return size / (2 * abs(self.decay))
+            return rate / (2 * abs(self.decay))
 
     def __repr__(self) -> str:
-        ends = " to ".join(quantity(float(f), "Hz") for f in self.frequency[[0, -1]])
+        lowest = quantity(float(self.frequency[0]), "Hz")
+        highest = quantity(float(self.frequency[-1]), "Hz")
         return (
-            f"<DampedModes: {len(self.frequency)} modes from {ends}, quality "
+            f"<DampedModes: {len(self.frequency)} modes from {lowest} to {highest}, quality "
             f"{self.quality.min():.4g} to {self.quality.max():.4g}>"
         )
 
@@ -75,12 +86,12 @@ class DampedModes:
 def damped_modes(
     network: Network, damping: ContactDamping, *, near: float, count: int = 10
 ) -> DampedModes:
-    """The `count` modes of a packing with viscous contacts that are nearest to `near`, Hz.
+    """Find the `count` modes of a packing with viscous contacts that are nearest to `near`, Hz.
 
-    Near is the rate lambda to 2 pi i `near` in the complex plane: a mode that decays fast is far
-    from its own frequency. Motions that do not oscillate, overdamped or without energy, are not
-    among them. No count says that the list is complete: of several modes with one rate, as crystals
-    have, a large packing's list may lack some.
+    The distance is that of the rate lambda from 2 pi i `near` in the complex plane: a mode that
+    decays fast is far from its own frequency. Motions that do not oscillate, because they are
+    overdamped or without energy, are left out. No count confirms that the list is complete: of
+    several modes with one rate, as crystals have, the list of a large packing may lack some.
 
     Parameters
     ----------
@@ -89,9 +100,9 @@ def damped_modes(
     damping : ContactDamping
         Ratios of the dashpots, normal and tangential.
     near : float
-        Hz, above 0.
+        Frequency, Hz, above 0.
     count : int, default 10
-        How many modes.
+        Number of modes.
 
     Returns
     -------
@@ -101,103 +112,125 @@ def damped_modes(
     Raises
     ------
     InputError
-        Where fewer oscillate or converge, and where the factorisation would take more than the
-        memory: `decay_rates` of elastic modes then serves.
+        If fewer modes oscillate or converge, or the factorisation would take more than the memory;
+        `decay_rates` of elastic modes takes less.
 
     Examples
     --------
     >>> import modal
     >>> crystal = modal.fcc(cells=(1, 1, 20))
-    >>> found = damped_modes(crystal, ContactDamping(0.02, 0.02), near=1e5, count=4)
-    >>> found.quality.round(1)
+    >>> modes = damped_modes(crystal, ContactDamping(0.02, 0.02), near=1e5, count=4)
+    >>> modes.quality.round(1)
     array([12.3, 12. , 12. , 11.6])
     """
     system = LinearSystem.of(network)
     if not frequencies(near) > 0:
-        raise InputError("input", f"modes near {near:g} Hz", remedy="give a frequency above 0")
-    check_count(system, count, system.size - (0 if system.size <= FEW else 2))
+        raise InputError("frequency", f"modes near {near:g} Hz", remedy="give a frequency above 0")
+    dense = system.size <= MAX_DENSE_SIZE
+    available_modes = system.size
+    if not dense:
+        available_modes -= 2  # ARPACK's limit
+    check_count(system, count, available_modes)
     A = system.assemble_dynamical_matrix()
     C = system.sqrt_mass.around(stiffness_matrix(damping.dashpots(network)))  # M^-1/2 C M^-1/2, 1/s
     shift = 2j * np.pi * near
-    slow = max(STANDS * abs(shift), 10 * np.sqrt(system.resolution))
-    if system.size <= FEW:
-        rate, phi = _all_rates(A, C, shift, slow)
+    min_rate = max(MIN_RATE_SHARE * abs(shift), 10 * np.sqrt(system.resolution))
+    if dense:
+        rate, phi = _find_all_rates(A, C, shift, min_rate)
     else:
-        rate, phi = _rates_near(A, C, by_structure(system).basis, shift, count, slow)
+        zero_modes = by_structure(system).basis
+        rate, phi = _find_rates_near(A, C, zero_modes, shift, count, min_rate)
     if len(rate) < count:
         raise InputError(
-            "input", f"{count} modes asked, but only {len(rate)} oscillate", remedy="ask for fewer"
+            "mode_count",
+            f"{count} modes asked, but only {len(rate)} oscillate",
+            remedy="ask for fewer",
         )
     nearest = np.argsort(abs(rate - shift))[:count]
     order = nearest[np.argsort(rate[nearest].imag)]
-    rate, phi = rate[order], phi[:, order] / np.linalg.norm(phi[:, order], axis=0)
-    left = A @ phi + (C @ phi) * rate + phi * rate**2
+    rate = rate[order]
+    phi = phi[:, order] / np.linalg.norm(phi[:, order], axis=0)
+    force = A @ phi + (C @ phi) * rate + phi * rate**2
     shape = system.sqrt_mass.over(phi).T.reshape(count, -1, 6)
-    residual = np.linalg.norm(left, axis=0) / abs(rate) ** 2
+    residual = np.linalg.norm(force, axis=0) / abs(rate) ** 2
     return DampedModes(rate.imag / (2 * np.pi), -rate.real, shape, residual)
 
 
-def _all_rates(
-    A: sp.csr_matrix, C: sp.csr_matrix, shift: complex, slow: float
+def _find_all_rates(
+    A: sp.csr_matrix, C: sp.csr_matrix, shift: complex, min_rate: float
 ) -> tuple[Complex, Complex]:
-    """Rates (k,) and motions (size, k) of all modes that oscillate faster than `slow`, 1/s."""
-    size, unit = A.shape[0], abs(shift)
+    """Find rates (k,) and motions (size, k) of all modes that oscillate faster than `min_rate`.
+
+    Rates are in 1/s; `shift` sets the unit of velocities.
+    """
+    size = A.shape[0]
+    unit = abs(shift)
     identity = unit * np.eye(size)
     rate, vector = eig(np.block([[0 * identity, identity], [-A.toarray() / unit, -C.toarray()]]))
-    forwards = rate.imag > slow
+    forwards = rate.imag > min_rate
     return rate[forwards], vector[:size, forwards]
 
 
-def _rates_near(
-    A: sp.csr_matrix, C: sp.csr_matrix, free: sp.csr_matrix, shift: complex, count: int, slow: float
+def _find_rates_near(
+    A: sp.csr_matrix,
+    C: sp.csr_matrix,
+    zero_modes: sp.csr_matrix,
+    shift: complex,
+    count: int,
+    min_rate: float,
 ) -> tuple[Complex, Complex]:
-    """The same of those nearest to `shift`, 1/s, `count` or more, as far as there are so many.
+    """Find rates and motions of `count` or more modes nearest to `shift`, 1/s, if so many exist.
 
-    Motions without energy, orthonormal in `free` (size, f), are kept out: they meet no dashpot.
-    InputError where `MOST` solves are not enough.
+    Motions without energy, orthonormal in `zero_modes` (size, f), are kept out: no dashpot resists
+    them. Raises InputError if `MAX_SOLVES` solves are not enough.
     """
     size = A.shape[0]
+    near = shift.imag / (2 * np.pi)
     identity = sp.identity(size, format="csr")
-    # A shift on the imaginary axis: its square is real.
-    stiff = (A + (shift**2).real * identity).tocsr()
-    remedy, near = "take decay_rates of elastic modes", shift.imag / (2 * np.pi)
-    factor = factorise(stiff + 1j * shift.imag * C, remedy=remedy)
-    solves = progress(MOST, f"modes near {near:g} Hz, at most")
+    # The shift lies on the imaginary axis: its square is real.
+    shifted = (A + (shift**2).real * identity).tocsr()
+    factor = factorise(shifted + 1j * shift.imag * C, remedy=DECAY_RATES)
+    solves = progress(MAX_SOLVES, f"modes near {near:g} Hz, at most")
 
-    def elastic(motion: Complex) -> Complex:
-        return motion - free @ (free.T @ motion)
+    def without_zero_modes(motion: Complex) -> Complex:
+        return motion - zero_modes @ (zero_modes.T @ motion)
 
     def invert(state: Complex) -> Complex:
         if next(solves, None) is None:
             raise InputError(
-                "input",
-                f"{count} modes near {near:g} Hz did not converge in {MOST} solves",
-                remedy=(f"ask for fewer, or near another frequency, or {remedy}"),
+                "not_converged",
+                f"{count} modes near {near:g} Hz did not converge in {MAX_SOLVES} solves",
+                remedy=f"ask for fewer, or near another frequency, or {DECAY_RATES}",
             )
-        first, second = elastic(state[:size]), elastic(state[size:])
-        place = -elastic(factor.solve(second + C @ first + shift * first))
-        return np.concatenate([place, first + shift * place])
+        displacement = without_zero_modes(state[:size])
+        velocity = without_zero_modes(state[size:])
+        load = velocity + C @ displacement + shift * displacement
+        solution = -without_zero_modes(factor.solve(load))
+        return np.concatenate([solution, displacement + shift * solution])
 
     def apply(state: Complex) -> Complex:
         return np.concatenate([state[size:], -(A @ state[:size]) - C @ state[size:]])
 
-    # Velocities in units of the shift, as large as displacements.
+    def oscillates(rate: Complex) -> Bools:
+        return rate.imag > min_rate
+
+    # Velocities are in units of the shift, as large as displacements.
     start = np.random.default_rng(SEED).standard_normal(2 * size) + 0j
     start[size:] *= abs(shift)
-    # Of a pair of conjugate rates the one that turns forwards, which is the nearer one.
     rate, vector = eigenpairs(
         apply,
         invert(start),
         count,
-        lambda rate: rate.imag > slow,
+        oscillates,
         inverse=invert,
         sigma=shift,
         ask=count,
-        basis=max(BASIS, 4 * count),
+        basis=max(MIN_BASIS_VECTORS, 4 * count),
         tolerance=1e-10,
         what=f"modes near {near:g} Hz",
     )
     solves.close()
     factor.release()
-    forwards = rate.imag > slow
+    # Of a pair of conjugate rates, the one that turns forwards is the nearer one.
+    forwards = oscillates(rate)
     return rate[forwards], vector[:size, forwards]

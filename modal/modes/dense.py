@@ -1,11 +1,12 @@
-"""All modes of a packing, or any part of them, from dense matrices (Otsubo et al. 2017, Eq. 1).
+"""Find all modes, or any part of them, from dense matrices (Otsubo et al. 2017, Eq. 1).
 
-Small networks are solved whole. Of one that consists of equal cells side by side K falls into
-blocks, one for each lateral wave vector q: U^H K U, where U spreads a cell's motion over all cells
-with the phase q. That is exact, and q and -q share their frequencies.
+Small networks are solved as a whole. If a network consists of equal cells side by side, K falls
+into blocks, one for each lateral wave vector q: U^H K U, where U spreads the motion of a cell over
+all cells with the phase q. This is exact, and q and -q have equal frequencies.
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,100 +21,139 @@ from modal.system.linear_system import LinearSystem, frequency_of
 from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.blas import blas_threads
 
-SHARED = 1000
-"""Rows of a dense matrix from which on threads share its work."""
+MIN_ROWS_FOR_THREADS = 1000
+"""Rows of a dense matrix from which on its work is shared by threads."""
+
+
+class Cells(NamedTuple):
+    """The smallest equal cells side by side, nx along x and ny along y.
+
+    The first row of `particles` (nx ny, n / (nx ny)) holds the particles of one cell; row x + nx y
+    holds their images in cell (x, y).
+    """
+
+    nx: int
+    ny: int
+    particles: Ints
+
+
+class SolvedBlock(NamedTuple):
+    """Eigenvalues (b,) and unit eigenvectors (b, b) of a block, and its U (size, b)."""
+
+    square: Floats
+    vector: Array
+    U: sp.csr_matrix
+
+    @property
+    def modes_each(self) -> int:
+        """Modes of each eigenvector: two of a complex wave, which stands for q and -q."""
+        return 2 if np.iscomplexobj(self.vector) else 1
 
 
 def dense_modes(system: LinearSystem, choice: Choice) -> ModeSet:
-    """The modes that are asked for, from dense eigenproblems of all.
+    """Find the modes of a choice from the dense eigenproblems of all modes.
 
-    InputError where the network is too large.
+    Raises InputError if the network is too large.
     """
-    along, orbit = _equal_cells(system)
-    solved = [(*_solved(system, block), U) for block, U in _blocks(system, along, orbit)]
-    # A complex wave, of q and of -q, is two modes.
-    each = [1 + np.iscomplexobj(inner) for _, inner, _ in solved]
-    square = np.concatenate([np.tile(s[0], modes) for s, modes in zip(solved, each, strict=True)])
+    cells = _equal_cells(system)
+    blocks = []
+    for block, U in _blocks(system, cells):
+        square_of_block, vector = _solve(system, block)
+        blocks.append(SolvedBlock(square_of_block, vector, U))
+    square = np.concatenate([np.tile(block.square, block.modes_each) for block in blocks])
     frequency = frequency_of(square)
     order = np.argsort(frequency, kind="stable")
     listed = order[choice.part(frequency[order], system.zero_frequency)]
     place = np.full(len(square), -1)
     place[listed] = np.arange(len(listed))
-
-    def waves() -> Iterator[Piece]:
-        first = 0
-        for number, ((own, inner, U), modes) in enumerate(zip(solved, each, strict=True)):
-            last = first + modes * len(own)
-            there = place[first:last].reshape(modes, -1)
-            some, first = np.flatnonzero((there >= 0).any(axis=0)), last
-            vector = inner[:, some]
-
-            def unit(part: slice, U: sp.csr_matrix = U, vector: Array = vector) -> Array:
-                return U @ vector[:, part]
-
-            yield Piece(own[some], there[:, some], unit, planar=number == 0)
-
-    modes = found_modes(system, waves(), len(listed), choice)
-    solver = "dense" if len(orbit) == 1 else f"symmetry {along[0]}x{along[1]}"
+    modes = found_modes(system, _pieces(blocks, place), len(listed), choice)
+    solver = "dense"
+    if len(cells.particles) > 1:
+        solver = f"symmetry {cells.nx}x{cells.ny}"
     modes.attributes |= {"solver": solver} | certificate(0)
     return modes.with_zero_modes(*at_zero(system, square))
 
 
-def _solved(system: LinearSystem, block: Array) -> tuple[Floats, Array]:
-    """Eigenvalues (b,), ascending, and unit vectors (b, b) of a block, which is overwritten."""
+def _pieces(blocks: list[SolvedBlock], place: Ints) -> Iterator[Piece]:
+    """Yield the listed modes of each block; `place` is -1 for modes that are not listed."""
+    first = 0
+    for number, block in enumerate(blocks):
+        last = first + block.modes_each * len(block.square)
+        places = place[first:last].reshape(block.modes_each, -1)
+        listed = np.flatnonzero((places >= 0).any(axis=0))
+        first = last
+        vector = block.vector[:, listed]
+
+        def unit(part: slice, U: sp.csr_matrix = block.U, vector: Array = vector) -> Array:
+            return U @ vector[:, part]
+
+        yield Piece(block.square[listed], places[:, listed], unit, planar=number == 0)
+
+
+def _solve(system: LinearSystem, block: Array) -> tuple[Floats, Array]:
+    """Return ascending eigenvalues (b,) and unit vectors (b, b) of a block, and overwrite it."""
     if not system.symmetric:
         return real_spectrum(*eig(block, overwrite_a=True, check_finite=False))
-    with blas_threads(shared=len(block) >= SHARED):
-        square, inner = eigh(block, overwrite_a=True, check_finite=False, driver="evd")
-    return square, inner
+    with blas_threads(shared=len(block) >= MIN_ROWS_FOR_THREADS):
+        square, vector = eigh(block, overwrite_a=True, check_finite=False, driver="evd")
+    return square, vector
 
 
-def _equal_cells(system: LinearSystem) -> tuple[tuple[int, int], Ints]:
-    """The smallest equal cells side by side: how many along x and y, and who moves alike in each.
+def _equal_cells(system: LinearSystem) -> Cells:
+    """Find the smallest equal cells side by side; with pre-stress their forces are equal, too.
 
-    Shape (nx ny, n / (nx ny)): the first row holds the particles of one cell, row c their images in
-    cell c = x + nx y. With pre-stress their forces are alike, too. One cell where K is not
-    symmetric. InputError where all modes would take too much memory or time.
+    There is one cell if K is not symmetric. Raises InputError if all modes would take too much
+    memory or time.
     """
-    network, along = system.network, [1, 1]
-    orbit = np.arange(network.n_particles)[None]
-    found = lateral_repeats(network, pre_stress=system.pre_stress != "none")
-    if system.symmetric and found.count > 1:
-        place = np.zeros((2, network.n_particles), np.int64)
+    network = system.network
+    cells = Cells(1, 1, np.arange(network.n_particles)[None])
+    repeats = lateral_repeats(network, pre_stress=system.pre_stress != "none")
+    if system.symmetric and repeats.count > 1:
+        counts = [1, 1]
+        index = np.zeros((2, network.n_particles), np.int64)
         for axis in (0, 1):
-            width = found.part.cell_size[axis]
-            along[axis] = round(network.cell_size[axis] / width)
-            step = network.position[:, axis] - network.position[found.first, axis][found.member]
-            place[axis] = np.rint(step / width).astype(int) % along[axis]
-        orbit = np.empty((found.count, len(found.first)), np.int64)
-        orbit[place[0] + along[0] * place[1], found.member] = np.arange(network.n_particles)
-    count = len(orbit)
+            width = repeats.part.cell_size[axis]
+            counts[axis] = round(network.cell_size[axis] / width)
+            first_image = network.position[repeats.first, axis][repeats.member]
+            step = network.position[:, axis] - first_image
+            index[axis] = np.rint(step / width).astype(int) % counts[axis]
+        nx, ny = counts
+        particles = np.empty((repeats.count, len(repeats.first)), np.int64)
+        particles[index[0] + nx * index[1], repeats.member] = np.arange(network.n_particles)
+        cells = Cells(nx, ny, particles)
+    count = len(cells.particles)
     rows = system.size // count
-    cut = f"in {count} blocks of {rows} rows" if count > 1 else "with no lateral symmetry"
-    task = f"all {system.size} modes {cut} take"
-    remedy = "ask for the lowest, the highest or those of an interval"
-    refuse_endless_search(system, of_blocks(rows, count), task, remedy)
-    return (along[0], along[1]), orbit
+    blocks = "with no lateral symmetry"
+    if count > 1:
+        blocks = f"in {count} blocks of {rows} rows"
+    refuse_endless_search(
+        system,
+        of_blocks(rows, count),
+        f"all {system.size} modes {blocks} take",
+        "ask for the lowest, the highest or those of an interval",
+    )
+    return cells
 
 
-def _blocks(
-    system: LinearSystem, along: tuple[int, int], orbit: Ints
-) -> Iterator[tuple[Array, sp.csr_matrix]]:
-    """Yield (block (b, b), U (size, b)) for each pair of wave vectors q, -q; real where q is -q.
+def _blocks(system: LinearSystem, cells: Cells) -> Iterator[tuple[Array, sp.csr_matrix]]:
+    """Yield a block (b, b) and U (size, b) for each pair of wave vectors q, -q.
 
-    An eigenvector w of the block is the Bloch wave U w of the whole network, of the same size in
-    every cell. The first block is the laterally uniform one (q = 0).
+    The block is real if q is -q. An eigenvector w of the block is the Bloch wave U w of the whole
+    network, of equal size in every cell. The first block is the laterally uniform one (q = 0).
     """
-    size = system.size // len(orbit)
-    rows = (system.dof * orbit[:, :, None] + np.arange(system.dof)).reshape(-1, size)
-    cell = np.divmod(np.arange(len(orbit)), along[0])[::-1]
-    for y, x in np.ndindex(along[::-1]):
-        q, opposite = (y, x), (-y % along[1], -x % along[0])
+    nx, ny, particles = cells
+    n_cells = len(particles)
+    size = system.size // n_cells
+    rows = (system.dof * particles[:, :, None] + np.arange(system.dof)).reshape(-1, size)
+    cell_y, cell_x = np.divmod(np.arange(n_cells), nx)
+    for y, x in np.ndindex((ny, nx)):
+        q = (y, x)
+        opposite = (-y % ny, -x % nx)
         if q > opposite:
             continue
-        angle = 2 * np.pi * (x * cell[0] / along[0] + y * cell[1] / along[1])
+        angle = 2 * np.pi * (x * cell_x / nx + y * cell_y / ny)
         phase = np.cos(angle) if q == opposite else np.exp(1j * angle)
-        values = np.repeat(phase / np.sqrt(len(orbit)), size)
-        places = rows.ravel(), np.tile(np.arange(size), len(orbit))
-        U = sp.csr_matrix((values, places), shape=(system.size, size))
+        values = np.repeat(phase / np.sqrt(n_cells), size)
+        entries = (rows.ravel(), np.tile(np.arange(size), n_cells))
+        U = sp.csr_matrix((values, entries), shape=(system.size, size))
         yield (U.conj().T @ system.dynamical_matrix @ U).toarray(), U

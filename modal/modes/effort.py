@@ -1,7 +1,7 @@
-"""What a search for modes will take, estimated before it starts; refused where it is too much.
+"""Estimate what a search for modes takes before it starts, and refuse it if that is too much.
 
-Multiplications are counted, and taken at one rate for all of them: the estimate of time is good to
-a factor of two or three, and the same on any machine.
+Multiplications are counted, and all of them taken at one rate: the estimate of time is good to a
+factor of two or three, and equal on any machine.
 """
 
 from dataclasses import replace
@@ -12,87 +12,98 @@ from modal.solvers.factor import Cost, Shape, choose
 from modal.system.linear_system import LinearSystem
 from modal.tools.workload import refuse_above
 
-RATE = 1e10
+OPERATIONS_PER_SECOND = 1e10
 """Multiplications a second on one core at 2.5 GHz, additions included: of dense blocks there may be
 three times as many, of sparse ones half."""
-PRODUCT = 200
-"""Multiplications that take as long as A v for each degree of freedom, which waits for memory."""
-SPARSE = 1.2
-"""The same for each nonzero of A and vector of a block; without numba four times as many."""
-ORTHOGONAL = 4
-"""The same for each number of a basis and each of its vectors, to keep it orthogonal."""
-DENSE = 5
-"""Multiplications of a dense eigenproblem over the cube of its rows. Two blocks of opposite
-wavevectors share one complex eigenproblem, which costs about as much as two real ones."""
+PRODUCT_OPERATIONS = 200
+"""Multiplications that take as long as A v, for each degree of freedom; A v waits for memory."""
+BLOCK_PRODUCT_OPERATIONS = 1.2
+"""Multiplications that take as long as A times a block, for each nonzero of A and vector of the
+block; without numba it takes four times as many."""
+ORTHOGONALISATION_OPERATIONS = 4
+"""Multiplications that keep a basis orthogonal, for each of its numbers and each vector of it."""
+DENSE_OPERATIONS = 5
+"""Multiplications of a dense eigenproblem, divided by the cube of its rows. Two blocks of opposite
+wave vectors share one complex eigenproblem, which costs about as much as two real ones."""
 
 
 def shape_of(system: LinearSystem) -> Shape:
-    """The shape of A, without assembling it: its layers lie along the longest side."""
+    """Return the shape of A, without assembling it; its layers lie along the longest side."""
     network = system.network
-    longest = np.ptp(network.position, axis=0).max() / (2 * network.radius.mean()) + 1
+    diameter = 2 * network.radius.mean()
+    layers = np.ptp(network.position, axis=0).max() / diameter + 1
     pairs = int((network.particle_j >= 0).sum())
     nonzeros = float(system.dof**2 * (network.n_particles + 2 * pairs))
-    return Shape(system.size, nonzeros, system.size / longest)
+    return Shape(system.size, nonzeros, system.size / layers)
 
 
 def factorisation(system: LinearSystem, *, kept: bool) -> Cost:
-    """The cost of a factorisation, `kept` or for the inertia alone, and of its matrix."""
+    """Estimate the cost of a factorisation of A and of the matrix itself.
+
+    The factor is `kept` for solutions, or gives the inertia alone.
+    """
     shape = shape_of(system)
     cost = choose(shape, system.solver, kept=kept).cost(shape, kept)
     return replace(cost, bytes=cost.bytes + 40 * shape.nonzeros)
 
 
-def _lanczos(system: LinearSystem, vectors: int, each: float) -> Cost:
-    """The cost of a basis of so many vectors, each of which takes so many operations."""
-    orthogonal = ORTHOGONAL * system.size * vectors
-    return Cost(8.0 * system.size * vectors, vectors * (each + orthogonal))
+def _lanczos(system: LinearSystem, vectors: int, operations_each: float) -> Cost:
+    """Estimate the cost of a basis of `vectors`, each of which takes `operations_each`."""
+    orthogonal = ORTHOGONALISATION_OPERATIONS * system.size * vectors
+    return Cost(8.0 * system.size * vectors, vectors * (operations_each + orthogonal))
 
 
 def near_a_shift(system: LinearSystem, count: int) -> Cost:
-    """The cost of finding `count` modes about shifts.
+    """Estimate the cost of finding `count` modes about shifts.
 
     They are cut into slices of about `Limits.slice` modes, each with its own factorisation, exact
     count and Lanczos basis.
     """
-    most = system.limits.slice
-    slices = 1 if count <= most else int(np.ceil(count / (0.7 * most)))
-    factor, counting = (factorisation(system, kept=kept) for kept in (True, False))
+    largest_slice = system.limits.slice
+    slices = 1
+    if count > largest_slice:
+        slices = int(np.ceil(count / (0.7 * largest_slice)))
+    factor = factorisation(system, kept=True)
+    counting = factorisation(system, kept=False)
+    modes_of_slice = -(-count // slices)
     # About four vectors for each mode, and a hundred.
-    search = _lanczos(system, 4 * -(-count // slices) + 100, factor.each)
+    search = _lanczos(system, 4 * modes_of_slice + 100, factor.each)
     operations = factor.operations + counting.operations + search.operations
     return Cost(max(factor.bytes + search.bytes, counting.bytes), slices * operations)
 
 
 def below_an_edge(system: LinearSystem, count: int, degree: int) -> Cost:
-    """The cost of finding the `count` lowest modes by `degree` products with A for each vector.
+    """Estimate the cost of the `count` lowest modes by `degree` products with A for each vector.
 
     One exact count is made, which needs a factorisation.
     """
     counting = factorisation(system, kept=False)
-    products = SPARSE * shape_of(system).nonzeros * degree
+    products = BLOCK_PRODUCT_OPERATIONS * shape_of(system).nonzeros * degree
     search = _lanczos(system, count + count // 2 + 130, products)
     operations = counting.operations + search.operations
     return Cost(max(search.bytes, counting.bytes), operations)
 
 
 def from_the_top(system: LinearSystem, count: int) -> Cost:
-    """The cost of the `count` highest modes by products with A, without an exact count."""
+    """Estimate the cost of the `count` highest modes by products with A, without a count."""
     if count == 1:
         # Two passes of three vectors (`modal.solvers.spectrum`); then as many hold its observables.
-        return Cost(80.0 * system.size, 400.0 * system.size * PRODUCT)
-    basis, products = 3 * count + 40, 300 + 15 * count
-    each = system.size * (PRODUCT + 4 / 3 * ORTHOGONAL * basis)
+        return Cost(80.0 * system.size, 400.0 * system.size * PRODUCT_OPERATIONS)
+    basis = 3 * count + 40
+    products = 300 + 15 * count
+    each = system.size * (PRODUCT_OPERATIONS + 4 / 3 * ORTHOGONALISATION_OPERATIONS * basis)
     return Cost(8.0 * system.size * (basis + 2 * count), products * each)
 
 
 def of_blocks(rows: int, blocks: int) -> Cost:
-    """The cost of all modes of dense complex blocks, solved one after the other."""
-    return Cost(48.0 * rows**2, float(blocks * DENSE * rows**3))
+    """Estimate the cost of all modes of dense complex blocks, solved one after the other."""
+    return Cost(48.0 * rows**2, float(blocks * DENSE_OPERATIONS * rows**3))
 
 
 def refuse_endless_search(system: LinearSystem, cost: Cost, task: str, remedy: str) -> None:
-    """InputError, with the estimate, where a search takes longer or more memory than it may."""
-    longest, seconds = 3600 * system.hours, cost.operations / RATE
-    if seconds > longest:
+    """Raise InputError, with the estimate, if a search takes more time or memory than it may."""
+    max_seconds = 3600 * system.hours
+    seconds = cost.operations / OPERATIONS_PER_SECOND
+    if seconds > max_seconds:
         remedy += f", or allow more hours than {system.hours:g}"
-    refuse_above(seconds, cost.bytes, f"{task} about", remedy, longest)
+    refuse_above(seconds, cost.bytes, f"{task} about", remedy, max_seconds)

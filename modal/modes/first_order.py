@@ -1,11 +1,11 @@
-"""What little changes of the springs, or little damping, do to modes: first order, phi . dK phi.
+"""Perturb modes to first order: small changes of the springs, or small damping.
 
-A mode phi, mass-normalised, of K phi = omega^2 M phi moves by d(omega^2) = phi . dK phi where dK is
-added to K, and decays at phi . C phi / 2 where dashpots are. What is left out is of second order,
-and larger only between modes nearer to each other than their shifts: of equal frequencies the modes
-may be listed in another mixture than dK would have, but their sum is right. Another program's law
-of contact has a tangent that is not symmetric, which Lanczos needs; modes are those of the springs,
-whose left and right vectors are the same.
+A mass-normalised mode phi of K phi = omega^2 M phi moves by d(omega^2) = phi . dK phi if dK is
+added to K, and decays at the rate phi . C phi / 2 with dashpots. The terms that are left out are of
+second order, except between modes that are nearer to each other than their shifts: modes of equal
+frequency may be mixed otherwise than dK would mix them, but the sum of their shifts is right. The
+contact law of another program has a tangent that is not symmetric, which Lanczos' method does not
+take; the modes here are those of the springs, whose left and right eigenvectors are equal.
 """
 
 import numpy as np
@@ -18,42 +18,44 @@ from modal.tools.arrays import Floats
 
 
 def shift_by_law(network: Network, modes: ModeSet) -> Floats | None:
-    """Shape (k,), Hz: what the law of an imported packing adds to the frequencies of its springs.
+    """Compute what the law of an imported packing adds to the frequencies of its springs.
 
-    None where the network does not know its law or its shear forces, or the modes have no shapes.
+    Returns (k,), Hz; None if the network does not know its law or its shear forces, or the modes
+    have no shapes.
     """
     shapes = modes.mode_shape
-    unknown = network.shear_growth is None or network.force_tangential is None
-    if unknown or shapes is None or shapes.shape[1:] != (network.n_particles, 6):
+    if network.shear_growth is None or network.force_tangential is None:
+        return None
+    if shapes is None or shapes.shape[1:] != (network.n_particles, 6):
         return None
     square = (2 * np.pi * modes.frequency) ** 2
-    square += _projected(modes, ContactOperator(network, pre_stress="law"))
-    square -= _projected(modes, ContactOperator(network))
+    square += _project(modes, ContactOperator(network, pre_stress="law"))
+    square -= _project(modes, ContactOperator(network))
     shifted: Floats = np.sqrt(np.maximum(square, 0)) / (2 * np.pi)
     return shifted - modes.frequency
 
 
 def decay_rates(modes: ModeSet, network: Network, damping: ContactDamping) -> Floats:
-    """Shape (k,), 1/s: decay of the amplitude of elastic modes, for modes it does not mix.
+    """Compute the decay rates of elastic modes whose shapes the damping does not change.
 
     Parameters
     ----------
     modes : ModeSet
         k elastic modes with their shapes.
     network : Network
-        The packing that they are of.
+        The packing of these modes.
     damping : ContactDamping
         Ratios of the dashpots, normal and tangential.
 
     Returns
     -------
     ndarray (k,)
-        1/s; half the rate at which energy is lost.
+        Decay of the amplitude, 1/s; half the rate at which energy is lost.
 
     Raises
     ------
     InputError
-        Where the mode shapes were not kept, or are of another packing.
+        If the mode shapes were not kept, or belong to another packing.
 
     Examples
     --------
@@ -65,10 +67,10 @@ def decay_rates(modes: ModeSet, network: Network, damping: ContactDamping) -> Fl
     (True, (4,))
     """
     modes.shapes(network)
-    return _projected(modes, ContactOperator(damping.dashpots(network))) / 2
+    return _project(modes, ContactOperator(damping.dashpots(network))) / 2
 
 
-def _projected(modes: ModeSet, operator: ContactOperator) -> Floats:
-    """Shape (k,): phi . K phi of each mode shape."""
+def _project(modes: ModeSet, operator: ContactOperator) -> Floats:
+    """Return phi . K phi of each mode shape, (k,)."""
     phi = np.ascontiguousarray(modes.shapes().reshape(len(modes.frequency), -1).T)
     return np.einsum("ik,ik->k", phi, operator.apply(phi))

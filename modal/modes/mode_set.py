@@ -1,11 +1,11 @@
-"""Modes of a network and their file format "granular-modes", version 1 (one definition)."""
+"""The modes of a network, and their file format "granular-modes", version 1, defined here."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 
@@ -21,102 +21,122 @@ from modal.tools.errors import InputError
 
 SCHEMA = "granular-modes"
 VERSION = 1
-WHOLE_NUMBERS = {"certified", "missing", "floppy_modes", "unstable_modes"}
-"""Attributes of a list, the first of them 0 or 1."""
+WHOLE_NUMBER_ATTRIBUTES = {"certified", "missing", "floppy_modes", "unstable_modes"}
+"""Attributes of a list that are whole numbers; `certified` is 0 or 1."""
 OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
 """Columns of a list of modes, besides its frequencies."""
+MIN_MOTION_SQUARED = 1e-18
+"""Square of a displacement, relative to the largest of the mode, below which a particle is at
+rest and its motion has no direction: the middle layer of an antisymmetric mode moves by round-off.
+"""
+
+ChoiceKind = Literal["lowest", "highest", "between", "all"]
+"""The modes that a list can be of."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Which modes were asked for: the lowest or highest so many, an interval, or all.
+    """The modes that were requested.
 
-    kind: lowest, highest, between or all; count, of the first two; low, high, Hz, of an interval.
+    `count` is the number of the lowest or highest modes; `low` and `high`, Hz, are the ends of an
+    interval.
     """
 
-    kind: str
+    kind: ChoiceKind
     count: int = 0
     low: float = 0.0
     high: float = np.inf
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """What a file says of it: the kind, its limits, and all of it in words as `interval`."""
-        said: dict[str, Any] = {"interval": self.kind, "choice": self.kind}
+        """The attributes in a file: the kind, its limits, and all of it in words as `interval`."""
+        attributes: dict[str, Any] = {"interval": self.kind, "choice": self.kind}
         if self.kind == "between":
-            limits = {"low": self.low, "high": self.high}
-            return said | {"interval": f"{self.low:g} {self.high:g}"} | limits
-        if self.count:
-            said |= {"interval": f"{self.kind} {self.count}", "count": self.count}
-        return said
+            attributes["interval"] = f"{self.low:g} {self.high:g}"
+            attributes["low"] = self.low
+            attributes["high"] = self.high
+        elif self.count:
+            attributes["interval"] = f"{self.kind} {self.count}"
+            attributes["count"] = self.count
+        return attributes
 
     @classmethod
     def of_attributes(cls, attributes: Mapping[str, Any]) -> Choice:
-        """From a file's attributes; of a file that has `interval` alone, from its words."""
-        first, *last = str(attributes.get("interval", "all")).split()
-        if not last:
-            return cls(first)
-        if first in ("lowest", "highest"):
-            return cls(first, int(last[0]))
-        low, high = attributes.get("low", first), attributes.get("high", last[0])
+        """Read the attributes of a file; if it has `interval` alone, read its words.
+
+        Raises ValueError if a number cannot be read.
+        """
+        first, *rest = str(attributes.get("interval", "all")).split()
+        kind = cast(ChoiceKind, first)
+        if not rest:
+            return cls(kind)
+        if kind in ("lowest", "highest"):
+            return cls(kind, int(rest[0]))
+        low = attributes.get("low", first)
+        high = attributes.get("high", rest[0])
         return cls("between", low=float(low), high=float(high))
 
     @classmethod
     def of_interval(cls, low: float, high: float) -> Choice:
-        """From `low` to below `high`, Hz; InputError where there is nothing between."""
+        """Return the choice of modes from `low` to below `high`, Hz; InputError if it is empty."""
         if high == np.inf:
-            raise InputError("input", "an interval without an end", remedy="ask for all modes")
+            raise InputError("interval", "an interval without an end", remedy="ask for all modes")
         low, high = map(float, frequencies((low, high)))
         if high <= low:
-            empty = f"the interval {low:g} to {high:g} Hz is empty"
-            raise InputError("input", f"{empty}", remedy="give the lower end first")
+            raise InputError(
+                "interval",
+                f"the interval {low:g} to {high:g} Hz is empty",
+                remedy="give the lower end first",
+            )
         return cls("between", low=low, high=high)
 
     def part(self, frequency: Floats, zero: float) -> slice:
-        """Which of all frequencies, ascending, Hz, are asked for.
+        """Return which of all frequencies (m,), ascending, Hz, are in the choice.
 
-        Those up to `zero` belong to modes that are no elastic ones: the lowest, and those of an
+        Those up to `zero` belong to modes that are not elastic; the lowest modes, and those of an
         interval, are without them.
         """
-        first, last = int((frequency <= zero).sum()), len(frequency)
+        first_elastic = int((frequency <= zero).sum())
         if self.kind == "lowest":
-            return slice(first, first + self.count)
+            return slice(first_elastic, first_elastic + self.count)
         if self.kind == "between":
-            first = max(int((frequency < self.low).sum()), first)
+            first = max(int((frequency < self.low).sum()), first_elastic)
             return slice(first, max(first, int((frequency < self.high).sum())))
-        return slice(last - self.count if self.kind == "highest" else 0, last)
+        if self.kind == "highest":
+            return slice(len(frequency) - self.count, len(frequency))
+        return slice(0, len(frequency))
 
 
 @dataclass(repr=False)
 class ModeSet(Drawn):
     """k modes in ascending order of frequency, as `modal.eigenmodes` finds them.
 
-    Of a crystal's degenerate pairs chi_z and rotation_share are those of travelling waves, while
-    the shapes are standing. Equations are those of Otsubo et al. 2017.
+    For degenerate pairs of a crystal, chi_z and rotation_share are those of travelling waves, while
+    the shapes are standing waves. Equations are those of Otsubo et al. 2017.
 
     Attributes
     ----------
     frequency : ndarray (k,)
-        Hz.
+        Natural frequencies, Hz.
     residual : ndarray (k,)
-        |A v - omega^2 v| / omega^2 of the unit vector v, with A = M^-1/2 K M^-1/2, which round-off
-        keeps above about eps |A| / omega^2.
+        |A v - omega^2 v| / omega^2 of the unit vector v, with A = M^-1/2 K M^-1/2; round-off keeps
+        it above about eps |A| / omega^2.
     chi_z, chi_z_chain : ndarray (k,)
-        Share of the motion along z (Eq. 2), over all particles and over the chain; NaN of the
-        latter without a chain.
+        Share of the motion along z (Eq. 2), over all particles and over the chain from wall to
+        wall; the latter is NaN without a chain.
     rotation_share : ndarray (k,)
-        Of rotations in the kinetic energy.
+        Share of rotations in the kinetic energy.
     mode_shape : ndarray (k, n, 6), kg^-1/2, or None
-        Displacements and turns, mass-normalised, where they were asked for.
+        Displacements and rotations, mass-normalised, if they were requested.
     resonance_frequency, resonance_wavenumber : ndarray (r,), Hz and 1/m, or None
-        Of the P-wave resonances r = 1, 2, ..., with the wave number pi r / L (Eq. 4).
+        Frequencies of the P-wave resonances r = 1, 2, ..., and wave numbers pi r / L (Eq. 4).
     resonance_shape : ndarray (r, nc), kg^-1/2, or None
-        Their z-component along the chain.
+        Displacements of the resonances along z, of the particles of the chain.
     attributes : dict
-        What was asked for, as words (interval) and as choice, count, low, high; certified, whether
-        an exact count says that the list is complete; uncertified_because, why it does not;
-        missing, how many modes were asked for and not found; solver; floppy_modes, unstable_modes;
-        shapes_left_out, why there are no mode shapes although they were asked for.
+        The request, as words (interval) and as choice, count, low, high; certified, whether an
+        exact count confirms that the list is complete; uncertified_because, why it does not;
+        missing, the number of requested modes that were not found; solver; floppy_modes,
+        unstable_modes; shapes_left_out, why there are no mode shapes although they were requested.
 
     Examples
     --------
@@ -140,88 +160,93 @@ class ModeSet(Drawn):
 
     @property
     def bytes(self) -> int:
-        """What its arrays take."""
+        """Memory of the arrays."""
         return sum(data.nbytes for data in vars(self).values() if isinstance(data, np.ndarray))
 
     @property
     def certified(self) -> bool:
-        """Whether an exact count says that no mode of the list is missing."""
+        """Whether an exact count confirms that no mode of the list is missing."""
         return bool(self.attributes.get("certified", False))
 
     @property
     def missing(self) -> int:
-        """How many modes were asked for and not found."""
+        """Number of requested modes that were not found."""
         return int(self.attributes.get("missing", 0))
 
     @property
     def floppy_modes(self) -> int:
-        """How many motions without energy the network has."""
+        """Number of motions of the network without energy."""
         return int(self.attributes.get("floppy_modes", 0))
 
     @property
     def unstable_modes(self) -> int:
-        """How many modes release energy: their omega^2 is negative."""
+        """Number of modes that release energy: their omega^2 is negative."""
         return int(self.attributes.get("unstable_modes", 0))
 
     def chi(self, axis: str) -> Floats:
-        """Shape (k,): share of the motion along x, y or z of each mode shape that is kept.
+        """Compute the share of the motion along x, y or z of each mode shape, (k,).
 
-        Along z it is `chi_z`, except of pairs of equal frequency that a crystal's lateral symmetry
-        gives: their shapes are standing waves, and `chi_z` is that of the travelling wave which the
-        two make together. InputError where the mode shapes were not kept.
+        Along z it is `chi_z`, except for pairs of equal frequency that follow from a crystal's
+        lateral symmetry: their shapes are standing waves, and `chi_z` is that of the travelling
+        wave which the two make together. Raises InputError if the mode shapes were not kept.
         """
         if axis not in ("x", "y", "z"):
-            raise InputError("input", f"axis {axis!r}", remedy="choose x, y or z")
+            raise InputError("axis", f"axis {axis!r}", remedy="choose x, y or z")
         return chi_z(self.shapes(), axis="xyz".index(axis))
 
     def shapes(self, network: Network | None = None) -> Floats:
-        """Shape (k, n, 6): the mode shapes; InputError where they were not kept.
+        """Return the mode shapes (k, n, 6), kg^-1/2.
 
-        With a `network` also where the modes are of another one.
+        Raises InputError if they were not kept, or are those of another packing than `network`.
         """
         if self.mode_shape is None:
             raise InputError(
-                "input", "no mode shapes were kept", remedy="ask for fewer modes, or with -o"
+                "no_mode_shapes",
+                "no mode shapes were kept",
+                remedy="ask for fewer modes, or with -o",
             )
         if network is not None:
-            noted = self.attributes.get("packing")
-            known = noted is None or network.matches(noted)
-            if not known or self.mode_shape.shape[1] != network.n_particles:
+            fingerprint = self.attributes.get("packing")
+            matches = fingerprint is None or network.matches(fingerprint)
+            if not matches or self.mode_shape.shape[1] != network.n_particles:
                 raise InputError(
                     "modes_of_another_network",
-                    "the modes are of another network, of other spheres, contacts, stiffnesses or "
-                    "forces",
-                    remedy="take those of this one",
+                    "the modes are of another network",
+                    "of other spheres, contacts, stiffnesses or forces",
+                    "take those of this one",
                 )
         return self.mode_shape
 
     def participation(self, network: Network) -> Floats:
-        """Shape (k,): share of the network's particles that take part in each mode, 0 to 1.
+        """Compute the share of the network's particles that take part in each mode, (k,), 0 to 1.
 
-        InputError where the mode shapes were not kept, or are of another packing.
+        Raises InputError if the mode shapes were not kept, or belong to another packing.
         """
         return participation_ratio(self.shapes(network), RootMass.of(network))
 
     def with_zero_modes(self, floppy: int, unstable: int) -> ModeSet:
-        """The list, which says how many motions are floppy and unstable unless it does already."""
+        """Note the numbers of floppy and unstable motions unless the list has them; return it."""
         self.attributes = {"floppy_modes": floppy, "unstable_modes": unstable} | self.attributes
         return self
 
     def __repr__(self) -> str:
         text = f"<ModeSet: {len(self.frequency)} modes"
         if len(self.frequency):
-            ends = (quantity(float(f), "Hz") for f in self.frequency[[0, -1]])
-            text += f" from {' to '.join(ends)}"
+            lowest = quantity(float(self.frequency[0]), "Hz")
+            highest = quantity(float(self.frequency[-1]), "Hz")
+            text += f" from {lowest} to {highest}"
         text += ", certified" if self.certified else ", not certified"
-        text += f", {self.missing} missing" * (self.missing > 0)
+        if self.missing > 0:
+            text += f", {self.missing} missing"
         return f"{text}; {self.floppy_modes} floppy modes>"
 
     def draw(self, ax: Any) -> None:
-        """Draw chi_z of each mode over its frequency, P-wave resonances apart."""
+        """Draw chi_z of each mode over its frequency, and the P-wave resonances apart."""
         ax.plot(self.frequency / 1e3, self.chi_z, ".", markersize=3, label="modes")
         if self.resonance_frequency is not None and len(self.resonance_frequency):
-            at = self.resonance_frequency / 1e3
-            ax.plot(at, np.ones(len(at)), "|", markersize=9, label="P-wave resonances")
+            resonances = self.resonance_frequency / 1e3
+            ones = np.ones(len(resonances))
+            ax.plot(resonances, ones, "|", markersize=9, label="P-wave resonances")
             ax.legend()
         ax.set(xlabel="frequency, kHz", ylabel=r"$\chi_z$", ylim=(-0.03, 1.06))
 
@@ -230,28 +255,26 @@ FORMAT = product_of(SCHEMA, ModeSet, others="attributes")
 
 
 def chi_z(shape: Array, particles: Ints | slice = slice(None), axis: int = 2) -> Floats:
-    """Shape (k,): Eq. 2, the mean over particles of u_z^2 / |u|^2 (translations only).
+    """Compute Eq. 2, the mean over particles of u_z^2 / |u|^2 (translations only), shape (k,).
 
-    With another `axis`, 0 or 1, the share along x or y, which tells S-waves as chi_z does P-waves.
-
-    Each particle's displacement is normalised by its own size, so that 1 means that every
-    particle moves along z only. The mean is over the particles that move: a particle at rest (below
-    1e-9 of the largest, such as the middle layer of an antisymmetric mode) has no direction.
+    The displacement of each particle is normalised by its own size; 1 therefore means that every
+    particle moves along z only. The mean is over the particles that move (`MIN_MOTION_SQUARED`).
+    Another `axis`, 0 or 1, gives the share along x or y, which tells S-waves as chi_z tells
+    P-waves.
     """
-    u2 = np.abs(shape[:, particles, :3]) ** 2
-    total = u2.sum(axis=2)
-    floor = 1e-18 * total.max(axis=1, keepdims=True)
-    moving = total > floor
-    share = np.divide(u2[:, :, axis], total, out=np.zeros_like(total), where=moving)
+    squares = np.abs(shape[:, particles, :3]) ** 2
+    total = squares.sum(axis=2)
+    moving = total > MIN_MOTION_SQUARED * total.max(axis=1, keepdims=True)
+    share = np.divide(squares[:, :, axis], total, out=np.zeros_like(total), where=moving)
     return share.sum(axis=1) / np.maximum(moving.sum(axis=1), 1)
 
 
 def participation_ratio(shape: Array, root: RootMass) -> Floats:
-    """Shape (k,): share of the particles that take part in modes of shapes (k, n, 6).
+    """Compute the share of the particles that take part in modes of shapes (k, n, 6), (k,).
 
-    (sum e)^2 / (n sum e^2), e each particle's kinetic energy, rotations included: 1 where all move
-    alike, 2/3 in a plane standing wave, 1/n where one moves alone (R. J. Bell and P. Dean, Discuss.
-    Faraday Soc. 50, 55, 1970). `root` is M^1/2.
+    This is (sum e)^2 / (n sum e^2), with the kinetic energy e of each particle, rotations included:
+    1 if all move alike, 2/3 in a plane standing wave, 1/n if one moves alone (R. J. Bell and P.
+    Dean, Discuss. Faraday Soc. 50, 55, 1970). `root` is M^1/2.
     """
     count, n, _ = shape.shape
     scaled = root.times(np.ascontiguousarray(shape.reshape(count, -1).T)).T
@@ -260,21 +283,21 @@ def participation_ratio(shape: Array, root: RootMass) -> Floats:
 
 
 def write_modes(path: str | Path, modes: ModeSet, made: Provenance | None = None) -> None:
-    """Write the modes atomically, and what they were made from.
+    """Write modes to a file atomically, with their provenance.
 
     Parameters
     ----------
     path : str or Path
-        `*.modes.h5`, replaced if it is there.
+        `*.modes.h5`, replaced if it exists.
     modes : ModeSet
-        A list of modes, with shapes where they are to be kept.
+        A list of modes, with shapes if these are to be kept.
     made : Provenance, optional
-        Command, sources and settings, kept with it.
+        Command, sources and settings, kept with the modes.
 
     Raises
     ------
     InputError
-        Where the file cannot be written.
+        If the file cannot be written.
 
     Examples
     --------
@@ -289,24 +312,24 @@ def write_modes(path: str | Path, modes: ModeSet, made: Provenance | None = None
 
 
 def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
-    """Read and validate modes.
+    """Read modes from a file and validate them.
 
     Parameters
     ----------
     path : str or Path
         `*.modes.h5`.
     shapes : bool, default True
-        Read the mode shapes, nearly all of a file, too.
+        Read the mode shapes, too, which are nearly all of a file.
 
     Returns
     -------
     ModeSet
-        The modes, as they were written.
+        The modes as they were written.
 
     Raises
     ------
     InputError
-        With one line for anything wrong with the file.
+        If the file is not valid, with one line about the first fault.
 
     Examples
     --------
@@ -317,25 +340,27 @@ def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
     >>> read_modes(path).certified
     True
     """
-    modes = ModeSet(**FORMAT.read(path, leave=() if shapes else ("mode_shape",)))
+    left_out = () if shapes else ("mode_shape",)
+    modes = ModeSet(**FORMAT.read(path, leave=left_out))
     with complete(path):
         Choice.of_attributes(modes.attributes)
-        for name in WHOLE_NUMBERS & modes.attributes.keys():
+        for name in WHOLE_NUMBER_ATTRIBUTES & modes.attributes.keys():
             modes.attributes[name] = int(modes.attributes[name])
     if (np.diff(modes.frequency) < 0).any():
         raise InputError(
-            "input", f"{path}: frequency is not in ascending order", remedy="make it again"
+            "not_ascending", f"{path}: frequency is not in ascending order", remedy="make it again"
         )
-    along = np.isnan(modes.chi_z_chain)
-    if along.any() and not along.all():
-        raise InputError("input", f"{path}: chi_z_chain is not finite", remedy="make it again")
+    without_chain = np.isnan(modes.chi_z_chain)
+    if without_chain.any() and not without_chain.all():
+        raise InputError("not_finite", f"{path}: chi_z_chain is not finite", remedy="make it again")
     return modes
 
 
 def read_z_shapes(path: str | Path) -> Floats | None:
-    """Shape (k, n), kg^-1/2: the displacements along z of the mode shapes; None without shapes.
+    """Read the displacements along z of the mode shapes, (k, n), kg^-1/2; None without shapes.
 
-    A sixth of the data: files hold the components apart. InputError for anything wrong.
+    They are a sixth of the data: files hold the components apart. Raises InputError if the file is
+    not valid.
     """
     others = FORMAT.columns.keys() - {"frequency", "mode_shape"}
     along_z = {"mode_shape": np.s_[:, :, 2]}
@@ -343,14 +368,17 @@ def read_z_shapes(path: str | Path) -> Floats | None:
     return shape
 
 
-def certificate(missing: int, because: str = "") -> dict[str, Any]:
-    """Attributes that say whether a list is complete, and how many modes it lacks.
+def certificate(missing: int, reason: str = "") -> dict[str, Any]:
+    """Return the attributes that say whether a list is complete, and how many modes it lacks.
 
-    `because` says why no count was made. A `missing` below zero is a count that contradicts.
+    `reason` says why no count was made. A `missing` below zero means that more modes were found
+    than the count allows.
     """
     if missing > 0:
-        because = f"{missing} modes are missing: not converged, or on an end to round-off"
+        reason = f"{missing} modes are missing: not converged, or on an end to round-off"
     if missing < 0:
-        because = f"{-missing} more modes were found than the exact count allows"
-    attributes = {"certified": not because, "missing": max(missing, 0)}
-    return attributes | ({"uncertified_because": because} if because else {})
+        reason = f"{-missing} more modes were found than the exact count allows"
+    attributes: dict[str, Any] = {"certified": not reason, "missing": max(missing, 0)}
+    if reason:
+        attributes["uncertified_because"] = reason
+    return attributes

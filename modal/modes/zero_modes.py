@@ -1,12 +1,12 @@
-"""Zero-energy motions of parts that nothing holds: found by structure, proved by small null spaces.
+"""Find the zero modes of loose parts from the structure of the contacts and small null spaces.
 
 A sphere with fewer than three contacts can turn or swing freely: six motions without a contact,
-three about a single contact point, one about the line through two. Taking such spheres away with
-their contacts leaves others with fewer than three, so the loose parts are peeled off, one layer
-after the other. Held by the rest, which is taken as fixed, each connected loose part is a small
-matrix; its null space, padded with zeros, is a null space of K, since K has no negative direction
-and no energy means no stretched contact. A cluster that no wall holds also moves as a whole.
-Whether the rest really is rigid is for the exact count of `modal.modes.collective` to say.
+three about a single contact point, one about the line through two. Removing such spheres with their
+contacts leaves others with fewer than three, so that loose parts are peeled off layer by layer.
+With the remaining spheres fixed, each connected loose part is a small matrix. Its null space,
+padded with zeros, is a null space of K: K has no negative direction, and no energy means no
+stretched contact. A cluster that no wall holds also moves as a whole. Whether the remaining spheres
+really are rigid is found by the exact count of `modal.modes.collective`.
 """
 
 from dataclasses import dataclass
@@ -27,23 +27,34 @@ from modal.system.assembly import stiffness_matrix
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Bools, Floats, Ints
 
-NEW = 1e-8
-"""A motion of which the modes known before leave less, of its square, is one of them."""
-HELD_BY = 3
-"""Contacts that hold a sphere in all six directions."""
+MIN_NEW_SHARE = 1e-8
+"""Share of the square of a motion that must be orthogonal to the known modes: a motion with less is
+a combination of these."""
+CONTACTS_OF_HELD_SPHERE = 3
+"""Number of contacts that hold a sphere in all six directions."""
 
 
 @dataclass(frozen=True)
 class FloppyModes:
-    """Zero modes; `basis` (size, z), sparse, orthonormal in the mass-scaled degrees of freedom.
+    """Zero modes, and the unstable modes that are held out of lists with them.
 
-    Its last columns are the `unstable` modes, which release energy. `kinds`: numbers of zero modes
-    by kind. `free_particles`: of particles without contacts. `loose_clusters`: of clusters that no
-    wall holds, or that slide along a wall without tangential springs. `hinged`: of loosely held
-    parts of clusters that touch a wall. `spinning`: rotations of particles without tangential
-    springs. `collective`: those of many spheres together, which an exact count has shown.
-    `counted`: whether it was made; without it there may be more than `total`. `whole`: whether no
-    loose part was too large to be looked at as a whole.
+    Attributes
+    ----------
+    basis : sparse matrix (size, z)
+        Orthonormal in the mass-scaled degrees of freedom; its last columns are the unstable modes,
+        which release energy.
+    kinds : dict
+        Numbers of zero modes: `free_particles`, of particles without contacts; `loose_clusters`, of
+        clusters that no wall holds, or that slide along a wall without tangential springs;
+        `hinged`, of loosely held parts of clusters that touch a wall; `spinning`, rotations of
+        particles without tangential springs; `collective`, motions of many spheres together, which
+        an exact count has shown.
+    counted : bool
+        Whether an exact count was made; without it there may be more than `total`.
+    whole : bool
+        Whether no loose part was too large to be analysed as a whole.
+    unstable : int
+        Number of unstable modes.
     """
 
     basis: sp.csc_matrix
@@ -59,116 +70,136 @@ class FloppyModes:
 
     @property
     def held(self) -> int:
-        """Number of all modes that are no elastic ones, and are held out of lists of these."""
+        """Number of zero and unstable modes, which are held out of lists of elastic modes."""
         return int(self.basis.shape[1])
 
 
 def by_structure(system: LinearSystem) -> FloppyModes:
-    """The zero modes that the structure of the contacts explains; looked for once for a network.
+    """Return the zero modes that the structure of the contacts shows; kept with the network.
 
-    Where motions may release energy, springs may balance others, and none is shown but motions
-    that no contact meets. How many there are beside these: `modal.modes.collective`.
+    Where motions may release energy, springs may balance each other, and only the motions that no
+    contact resists are returned. `modal.modes.collective` counts the others.
     """
-    return system.cached("floppy modes", lambda: _by_structure(system))
+    return system.cached("floppy modes", lambda: _find_by_structure(system))
 
 
-def _by_structure(system: LinearSystem) -> FloppyModes:
-    """As `by_structure`. Only the contacts of loosely held particles are assembled as a matrix."""
-    network, size, dof, zero = system.network, system.size, system.dof, system.zero_threshold
-    sure, touching = system.semidefinite, _touching(network)
+def _find_by_structure(system: LinearSystem) -> FloppyModes:
+    """Find the zero modes as `by_structure` does; only contacts of loose spheres are assembled."""
+    network = system.network
+    dof = system.dof
+    semidefinite = system.semidefinite
+    touching = _adjacency(network)
     n_clusters, cluster = connected_components(touching, directed=False)
     anchored = np.zeros(n_clusters, bool)
     anchored[cluster[network.particle_i[network.with_wall]]] = True
     touched = np.isin(np.arange(len(cluster)), [network.particle_i, network.particle_j])
-    loose = touched & ~keeping_contacts(network, HELD_BY) & sure
+    loose = touched & ~keeping_contacts(network, CONTACTS_OF_HELD_SPHERE) & semidefinite
     kinds = {"free_particles": dof * int((~touched).sum()), "loose_clusters": 0, "hinged": 0}
-    free = _rows(np.flatnonzero(~touched), dof)
-    rows, nulls, met = [free], [sp.identity(len(free))], np.repeat(touched, dof)
-    members = np.flatnonzero(loose)
-    place = np.full(network.n_particles, -1)
-    place[members] = np.arange(len(members))
-    local = _stiffness_among(system, members)
-    loose_parts, most = _loose_parts(touching, loose), system.limits.piece
-    for part in (p for whole in loose_parts for p in np.array_split(whole, -(-len(whole) // most))):
-        inside, index = _rows(place[part], dof), _rows(part, dof)
-        met[index] = False
-        square, vector = eigh(local[inside][:, inside].toarray(), check_finite=False)
-        null = vector[:, square <= zero]
-        kinds["hinged" if anchored[cluster[part[0]]] else "loose_clusters"] += null.shape[1]
-        rows.append(index)
-        nulls.append(null)
-    # An empty row elsewhere: a sphere without tangential springs turns freely.
-    largest = (
-        system.diagonal
-        if sure
-        else abs(system.assemble_dynamical_matrix()).max(axis=1).toarray().ravel()
-    )
-    spins = np.flatnonzero((largest <= zero) & met)
-    blocks = sp.block_diag([*nulls, sp.identity(len(spins))], format="coo")
-    at = np.concatenate([*rows, spins])[blocks.row], blocks.col
-    basis = sp.csc_matrix((blocks.data, at), shape=(size, blocks.shape[1]))
-    # Clusters at a wall are tried too: without tangential springs they slide along it.
-    for which in np.unique(cluster[touched & ~loose]) if sure else ():
-        rigid = _rigid_motions(system, touching, cluster == which)
-        rigid = rigid - basis @ (basis.T @ rigid)
-        square, vector = eigh(rigid.T @ rigid)
-        new = rigid @ vector[:, square > NEW] / np.sqrt(square[square > NEW])
-        kinds["loose_clusters"] += new.shape[1]
-        basis = sp.hstack([basis, sp.csc_matrix(new)], format="csc")
-    whole = sure and all(len(part) <= most for part in loose_parts)
+    free_rows = _rows(np.flatnonzero(~touched), dof)
+    rows = [free_rows]
+    null_spaces = [sp.identity(len(free_rows))]
+    in_rigid_part = np.repeat(touched, dof)
+    loose_spheres = np.flatnonzero(loose)
+    local_index = np.full(network.n_particles, -1)
+    local_index[loose_spheres] = np.arange(len(loose_spheres))
+    local_stiffness = _stiffness_among(system, loose_spheres)
+    loose_parts = _loose_parts(touching, loose)
+    for spheres in _pieces(loose_parts, system.limits.piece):
+        local_rows = _rows(local_index[spheres], dof)
+        piece_rows = _rows(spheres, dof)
+        in_rigid_part[piece_rows] = False
+        stiffness = local_stiffness[local_rows][:, local_rows].toarray()
+        square, vector = eigh(stiffness, check_finite=False)
+        null_space = vector[:, square <= system.zero_threshold]
+        kind = "hinged" if anchored[cluster[spheres[0]]] else "loose_clusters"
+        kinds[kind] += null_space.shape[1]
+        rows.append(piece_rows)
+        null_spaces.append(null_space)
+    # An empty row in the rigid part: a sphere without tangential springs turns freely.
+    if semidefinite:
+        largest_entry = system.diagonal
+    else:
+        matrix = system.assemble_dynamical_matrix()
+        largest_entry = abs(matrix).max(axis=1).toarray().ravel()
+    spins = np.flatnonzero((largest_entry <= system.zero_threshold) & in_rigid_part)
+    blocks = sp.block_diag([*null_spaces, sp.identity(len(spins))], format="coo")
+    entries = (np.concatenate([*rows, spins])[blocks.row], blocks.col)
+    basis = sp.csc_matrix((blocks.data, entries), shape=(system.size, blocks.shape[1]))
+    if semidefinite:
+        # Clusters at a wall are tried too: without tangential springs they slide along it.
+        for number in np.unique(cluster[touched & ~loose]):
+            rigid = _rigid_motions(system, touching, cluster == number)
+            rigid = rigid - basis @ (basis.T @ rigid)
+            square, vector = eigh(rigid.T @ rigid)
+            is_new = square > MIN_NEW_SHARE
+            new = rigid @ vector[:, is_new] / np.sqrt(square[is_new])
+            kinds["loose_clusters"] += new.shape[1]
+            basis = sp.hstack([basis, sp.csc_matrix(new)], format="csc")
+    whole = semidefinite and all(len(part) <= system.limits.piece for part in loose_parts)
     return FloppyModes(basis, kinds | {"spinning": len(spins), "collective": 0}, whole=whole)
 
 
-def _touching(network: Network) -> sp.csr_matrix:
-    """Shape (n, n): an entry at i, j for each contact of two spheres."""
-    pair, n = ~network.with_wall, network.n_particles
-    ends = network.particle_i[pair], network.particle_j[pair]
+def _pieces(parts: list[Ints], max_size: int) -> list[Ints]:
+    """Cut loose parts into pieces of at most `max_size` spheres."""
+    pieces = []
+    for part in parts:
+        count = -(-len(part) // max_size)
+        pieces.extend(np.array_split(part, count))
+    return pieces
+
+
+def _adjacency(network: Network) -> sp.csr_matrix:
+    """Return a matrix (n, n) with an entry at i, j for each contact of two spheres."""
+    is_pair = ~network.with_wall
+    n = network.n_particles
+    ends = (network.particle_i[is_pair], network.particle_j[is_pair])
     return sp.coo_matrix((np.ones(len(ends[0])), ends), shape=(n, n)).tocsr()
 
 
 def _rows(spheres: Ints, dof: int) -> Ints:
-    """Shape (dof k,): the rows of k spheres."""
+    """Return the rows (dof k,) of k spheres."""
     return (spheres[:, None] * dof + np.arange(dof)).ravel()
 
 
 def _stiffness_among(system: LinearSystem, spheres: Ints) -> sp.csr_matrix:
-    """M^-1/2 K M^-1/2 in the rows and columns of some spheres, all others held fast."""
-    network, dof = system.network, system.dof
+    """Return M^-1/2 K M^-1/2 in the rows and columns of some spheres, all others held fast."""
+    network = system.network
     chosen = np.zeros(network.n_particles, bool)
     chosen[spheres] = True
     near = chosen[network.particle_i] | (~network.with_wall & chosen[network.partner])
-    rows = _rows(spheres, dof)
-    K = stiffness_matrix(network.some(near), dof)[rows][:, rows]
-    return system.sqrt_mass.some(spheres, dof).around(K)
+    rows = _rows(spheres, system.dof)
+    K = stiffness_matrix(network.some(near), system.dof)[rows][:, rows]
+    return system.sqrt_mass.some(spheres, system.dof).around(K)
 
 
 def _loose_parts(touching: sp.csr_matrix, loose: Bools) -> list[Ints]:
-    """Connected parts of the loose spheres, as arrays of particle indices, neighbours together."""
+    """Return the connected parts of the loose spheres, as indices, with neighbours together."""
     spheres = np.flatnonzero(loose)
     if len(spheres) == 0:
         return []
     graph = touching[spheres][:, spheres]
-    part = connected_components(graph, directed=False)[1]
-    place = np.empty(len(spheres), int)
-    place[reverse_cuthill_mckee(graph)] = np.arange(len(spheres))
-    order = np.lexsort((place, part))
+    _, part = connected_components(graph, directed=False)
+    rank = np.empty(len(spheres), int)
+    rank[reverse_cuthill_mckee(graph)] = np.arange(len(spheres))
+    order = np.lexsort((rank, part))
     return np.split(spheres[order], np.cumsum(np.bincount(part))[:-1])
 
 
 def _rigid_motions(system: LinearSystem, touching: sp.csr_matrix, members: Bools) -> Floats:
-    """Shape (size, up to 6): unit mass-scaled rigid motions of one cluster that cost no energy.
+    """Return the unit, mass-scaled rigid motions of one cluster that cost no energy.
 
-    Rotations are about the cluster as its contacts join it, across periods; those that a cluster
-    connected to its own image does not allow are found by their energy, an omega^2 above `zero`,
-    and left out.
+    The shape is (size, up to 6). Rotations are about the cluster as its contacts join it, across
+    periods; those that a cluster connected to its own image does not allow have an omega^2 above
+    `zero_threshold`, and are left out.
     """
-    network, dof = system.network, system.dof
-    position = _unwrapped(network, touching, members)
+    network = system.network
+    dof = system.dof
+    position = _unwrap_positions(network, touching, members)
     position[members] -= position[members].mean(axis=0)
-    # To load the compiled loops takes longer than all else that is asked of a small packing.
+    # Loading the compiled loops takes longer than anything else in a small packing.
     product = system.dynamical_matrix if system.size <= system.limits.dense else system.operator
-    found = []
-    # One motion after the other: of millions of spheres six fill the memory.
+    free = []
+    # One motion after the other: six motions of millions of spheres fill the memory.
     for k in range(dof):
         motion = np.zeros((network.n_particles, dof))
         motion[members, k] = 1
@@ -177,25 +208,27 @@ def _rigid_motions(system: LinearSystem, touching: sp.csr_matrix, members: Bools
         vector = system.sqrt_mass.times(motion.ravel())
         vector /= norm(vector)
         if dot(vector, product @ vector) <= system.zero_threshold:
-            found.append(vector)
-    return np.column_stack(found) if found else np.empty((system.size, 0))
+            free.append(vector)
+    return np.column_stack(free) if free else np.empty((system.size, 0))
 
 
-def _unwrapped(network: Network, touching: sp.csr_matrix, members: Bools) -> Floats:
-    """Shape (n, 3), m: places of a cluster's spheres, followed from contact to contact."""
-    pair = ~network.with_wall
-    i, j = network.particle_i[pair], network.particle_j[pair]
-    branch = (network.lever_i - network.lever_j)[pair]
-    first, n = int(np.flatnonzero(members)[0]), network.n_particles
-    order, before = breadth_first_order(touching, first, directed=False)
-    place, back = np.zeros((n, 3)), np.arange(n)
-    back[order[1:]] = before[order[1:]]
+def _unwrap_positions(network: Network, touching: sp.csr_matrix, members: Bools) -> Floats:
+    """Return positions (n, 3), m, of a cluster's spheres, followed from contact to contact."""
+    is_pair = ~network.with_wall
+    i = network.particle_i[is_pair]
+    j = network.particle_j[is_pair]
+    branch = (network.lever_i - network.lever_j)[is_pair]
+    first = int(np.flatnonzero(members)[0])
+    order, predecessor = breadth_first_order(touching, first, directed=False)
+    position = np.zeros((network.n_particles, 3))
+    previous = np.arange(network.n_particles)
+    previous[order[1:]] = predecessor[order[1:]]
     for near, far, step in ((i, j, branch), (j, i, -branch)):
-        joins = back[far] == near
-        place[far[joins]] = step[joins]
-    place[first] = 0
-    # Each place is now relative to the sphere before; go on from there, twice as far every time.
-    while (back[order] != first).any():
-        place += place[back]
-        back = back[back]
-    return place
+        joins = previous[far] == near
+        position[far[joins]] = step[joins]
+    position[first] = 0
+    # Each position is now relative to the previous sphere; each round doubles the distance.
+    while (previous[order] != first).any():
+        position += position[previous]
+        previous = previous[previous]
+    return position

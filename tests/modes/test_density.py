@@ -215,7 +215,7 @@ def test_nothing_lies_above_the_top(packing, tolerance):
 def test_what_is_no_frequency_is_refused(packing, wrong, tmp_path, one_line):
     states = density_of_states(packing[0], resolution=5e4, tolerance=0.1)
     for ask in (states.density, states.count_below, states.reduced):
-        with pytest.raises(InputError, match="frequency"):
+        with pytest.raises(InputError):
             ask([wrong])
     path = tmp_path / "a.network.h5"
     write_network(path, packing[0])
@@ -243,5 +243,6 @@ def test_bad_input():
         for value in values:
             with pytest.raises(InputError):
                 density_of_states(network, **{name: value})
-    with pytest.raises(InputError, match="no stiffness"):
+    with pytest.raises(InputError) as refused:
         density_of_states(stiffer(network, 0, 0))
+    assert refused.value.code == "no_stiffness"

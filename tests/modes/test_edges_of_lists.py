@@ -65,8 +65,10 @@ def test_unstable_modes_are_counted_and_left_out_of_lists_at_any_size(cells, sol
         known, f = (each * abs(each) for each in (listed, found.frequency))
         assert f == pytest.approx(known, rel=2e-7, abs=1e-14 * elastic[-1] ** 2)
     for tolerance in (1e-3, 0.3):
-        with pytest.raises(InputError, match=rf"negative direction \({negative} unstable"):
+        with pytest.raises(InputError) as refused:
             modal.density_of_states(network, tolerance=tolerance)
+        assert refused.value.code == "unstable"
+        assert f"({negative} " in refused.value.problem
 
 
 @pytest.mark.parametrize("end", ["high", "low", "both"])
@@ -103,8 +105,9 @@ def test_a_count_on_a_mode_is_refused(network, solver):
     apart = np.flatnonzero((np.diff(square) > gap) & (square[:-1] > 10 * zero))
     for k, away in zip(apart[:: max(1, len(apart) // 6)], cycle([0.7, 0.0, -0.7]), strict=False):
         on, beside = frequency_of(square[k] + zero * np.array([away, 1.4]))
-        with pytest.raises(InputError, match="ask at a slightly different"):
+        with pytest.raises(InputError) as refused:
             modal.count_modes(network, on, solver=solver)
+        assert refused.value.code == "not_converged"
         assert modal.count_modes(network, beside, solver=solver) == k + 1
 
 
@@ -131,7 +134,7 @@ def test_the_threshold_of_zero_is_one(factor, cells):
     network = sliding(factor, cells)
     below, everything = int(factor < 1), LinearSystem.of(network)
     soft = factor * everything.zero_threshold
-    round_off = everything.size * np.finfo(float).eps * everything.bound
+    round_off = everything.size * np.finfo(float).eps * everything.row_sum_bound
     found = np.linalg.eigvalsh(everything.dynamical_matrix.toarray())[:2]
     assert found == pytest.approx(soft, rel=1e-4, abs=round_off) and round_off < 0.2 * soft
     for floppy in (
@@ -167,8 +170,11 @@ def test_all_modes_follow_the_time_that_is_given():
     network = repeat(diluted(0.1, 3, 3), 5, 5)
     rough = 1 + 0.1 * np.random.default_rng(1).random(network.n_contacts)
     network = replace(network, stiffness_normal=network.stiffness_normal * rough)
-    with pytest.raises(InputError, match=r"3.11 min here, .* of memory .* more hours than 0.01"):
+    with pytest.raises(InputError) as refused:
         modal.eigenmodes(network, all=True, hours=0.01)
+    assert refused.value.code == "too_large"
+    assert "3.11 min" in refused.value.problem
+    assert "0.01" in refused.value.remedy
 
 
 @pytest.mark.parametrize("layers", [4, 20])
@@ -183,8 +189,9 @@ def test_without_contacts_every_motion_is_free(layers, tmp_path, printed):
         found = modal.eigenmodes(network, **question)
         assert found.certified and found.floppy_modes == size
     for question in ({"lowest": 1}, {"highest": 1}):
-        with pytest.raises(InputError, match=rf"no spring holds any of the {size} motions"):
+        with pytest.raises(InputError) as refused:
             modal.eigenmodes(network, **question)
+        assert refused.value.code == "no_stiffness"
     path = tmp_path / "free.network.h5"
     write_network(path, network)
     assert printed("count", path, "--at", 1)["floppy_modes"] == size

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.two_ways
 def residual_promised(system: LinearSystem, found: ModeSet) -> np.ndarray:
     """Bound of the residuals of a search: a residual r of (A - sigma)^-1 below TOLERANCE theta
     leaves |A v - omega^2 v| = |(A - sigma) r / theta| <= |A| TOLERANCE, in units of omega^2."""
-    return TOLERANCE * system.bound / (2 * np.pi * found.frequency) ** 2
+    return TOLERANCE * system.row_sum_bound / (2 * np.pi * found.frequency) ** 2
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

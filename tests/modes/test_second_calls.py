@@ -82,7 +82,7 @@ def test_factors_go_with_their_network_and_large_ones_at_once(made, monkeypatch)
     del network
     gc.collect()
     assert made.count("given back") == made.count("made")
-    monkeypatch.setattr("modal.system.linear_system.KEPT", 0.0)
+    monkeypatch.setattr("modal.system.linear_system.MAX_CACHED_BYTES", 0.0)
     network = gallery.fcc(cells=(4, 4, 8))
     for one, other in zip(first, answers(network), strict=True):
         np.testing.assert_array_equal(one, other)
