@@ -68,7 +68,7 @@ def measure_of_moduli(
         fastest = moduli.velocities(ALONG_Z)[0]
         if not value > MIN_RELATIVE_VELOCITY * fastest:
             return unknown(unit, Caveat("no_stiffness"))
-    caveats = [Caveat("moduli", {"text": remark}) for remark in moduli.remarks()]
+    caveats = [Caveat(remark.code, {"text": remark.text}) for remark in moduli.remarks()]
     size = MODULUS_POWER[unit] * abs(value)
     parts = {"fit": size * moduli.error, "length": 2 * size * moduli.asymmetry}
     return Value(value, unit, parts, (*caveats, *packing.of_one_sample))

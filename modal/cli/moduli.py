@@ -29,7 +29,7 @@ def run(options: Options) -> Result:
         name = " ".join(f"{x:g}" for x in vector)
         directions[name] = tuple(vector)
     moduli = elastic_moduli(packing_of(options), **chosen_for(elastic_moduli, options))
-    options.remarks.extend(moduli.remarks())
+    options.remarks.extend(map(str, moduli.remarks()))
     if options.output:
         write_moduli(options.output, moduli, options.made)
     velocities = {}

@@ -1,9 +1,10 @@
-"""The error of moduli by overlaps that are known to few digits, from the packing's own response.
+"""Estimate the error of moduli by overlaps that are known to few digits.
 
 The overlaps are perturbed at random once more by as much as they are off already, and the moduli
-computed again. To second order this moves them, in the mean and in their scatter, as the digits
-have: of 400 spheres with an error of 7 % of the overlaps V_P by -0.39 +- 0.07 %, where positions
-with all digits say -0.34 +- 0.10 %; with 15 % by -1.1 +- 0.3 and -1.2 +- 0.1 %.
+computed again. To second order this changes them, in mean and scatter, as the lost digits have
+done: in a packing of 400 spheres with an error of 7 % of the overlaps it changes V_P by -0.39 +-
+0.07 %, and positions with all digits give -0.34 +- 0.10 %; with an error of 15 % these are -1.1 +-
+0.3 % and -1.2 +- 0.1 %.
 """
 
 from collections.abc import Callable
@@ -14,24 +15,24 @@ import numpy as np
 from modal.packing.network import Network
 from modal.packing.precision import with_perturbed_overlaps
 
-DRAWS = 3
-"""Perturbed packings: each costs as much as the moduli do."""
-COVER = 2.0
-"""Times the root mean square of so few draws: contains nine deviations in ten."""
+PERTURBED_PACKINGS = 3
+"""Number of perturbed packings: each costs as much as the moduli."""
+COVERAGE_FACTOR = 2.0
+"""Multiple of the root mean square of so few packings that contains nine deviations in ten."""
 SEED = 1
-"""Of the perturbations, so that the same packing has the same error each time."""
+"""Seed of the perturbations, so that a packing has the same error each time."""
 
 
 class IsotropicModuli(Protocol):
-    """What is compared."""
+    """The moduli that are compared."""
 
     @property
     def bulk_modulus(self) -> float:
-        """K, Pa."""
+        """Bulk modulus, Pa."""
 
     @property
     def shear_modulus(self) -> float:
-        """G, Pa."""
+        """Shear modulus, Pa."""
 
 
 def modulus_error_by_digits(
@@ -39,12 +40,12 @@ def modulus_error_by_digits(
 ) -> float:
     """Return the relative error of the moduli of a network by the digits of its overlaps.
 
-    That of the bulk or of the shear modulus, whichever is larger; `measure` finds the moduli of
-    the perturbed packings.
+    The error is that of the bulk or of the shear modulus, whichever is larger; `measure` computes
+    the moduli of the perturbed packings.
     """
     random = np.random.default_rng(SEED)
     squares = []
-    for _ in range(DRAWS):
+    for _ in range(PERTURBED_PACKINGS):
         perturbed = measure(with_perturbed_overlaps(network, random))
         squares.append(
             max(
@@ -52,4 +53,4 @@ def modulus_error_by_digits(
                 (perturbed.shear_modulus / moduli.shear_modulus - 1) ** 2,
             )
         )
-    return COVER * float(np.sqrt(np.mean(squares)))
+    return COVERAGE_FACTOR * float(np.sqrt(np.mean(squares)))

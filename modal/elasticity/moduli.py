@@ -1,20 +1,20 @@
-"""The elastic stiffness tensor of a packing, from the static response of its springs.
+"""Compute the elastic stiffness tensor of a packing from the static response of its springs.
 
-Under a uniform strain E the spheres first follow it, which stores the affine energy V E C_aff E/2;
-then they move and turn until they are in balance, and give back part of it:
+Under a uniform strain E the spheres first follow the strain, which stores the affine energy
+V E C_aff E / 2; then they move and turn until they are in balance, and release a part of it:
 
     V C_ab = d_a . k d_b - f_a . K^-1 f_b
 
-with d_a what strain a does to the contacts, f_a the forces and torques that it leaves on the
-spheres (K. Walton, J. Mech. Phys. Solids 35, 213, 1987, for the affine part; C. S. Maloney and A.
-Lemaitre, Phys. Rev. E 74, 016118, 2006, for the rest). It is evaluated as the energy itself, whose
-error is the square of that of the motion. The file of it is "granular-moduli"
+with d_a the motion of the contacts by strain a, and f_a the forces and torques that it leaves on
+the spheres (K. Walton, J. Mech. Phys. Solids 35, 213, 1987, for the affine part; C. S. Maloney and
+A. Lemaitre, Phys. Rev. E 74, 016118, 2006, for the rest). The sum is evaluated as the energy
+itself, whose error is the square of that of the motion. The file format is "granular-moduli"
 (`docs/formats.md`).
 """
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +31,7 @@ from modal.packing.network import Network
 from modal.packing.precision import overlap_error
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import volume_between_walls
+from modal.system.contacts import PreStress, Sliding
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.arrays import Floats
@@ -46,14 +47,32 @@ MOTIONS = {
     "rotation": Column("non_affine/rotation", "f", (6, "n", 3), "rad", optional=True),
 }
 TOLERANCE = 1e-6
-"""Relative error of the moduli that is asked for; mostly they are far more exact."""
-COPIES = 2
-"""Of the motions under six strains, that are kept for the next question: the residual beside."""
-UNEVEN = 0.01
-"""Asymmetry of a bulk from which it is said. Of 20 slabs, 20 to 80 D long, cut from repeats of
-cells with known moduli, V_P was off by 0.8 times it in the mean square, at most by 1.8 times."""
-SOFT = 1e-9
-"""Of the largest affine modulus: below this a strain costs no energy. Round-off leaves 1e-15."""
+"""Default relative error of the moduli; mostly they are far more exact."""
+CACHED_COPIES = 2
+"""Arrays of the size of the motions under six strains that a network keeps: motion and residual."""
+UNEVEN_ASYMMETRY = 0.01
+"""Asymmetry of a bulk above which a remark is made. Of 20 slabs, 20 to 80 D long, cut from repeats
+of cells with known moduli, V_P was off by 0.8 times the asymmetry in the mean square, at most by
+1.8 times."""
+MAX_SOFT_SHARE = 1e-9
+"""Stiffness of a strain that costs no energy, divided by the largest affine one. Round-off leaves
+1e-15."""
+POLAR_ANGLES = 16
+AZIMUTHS = 32
+"""Directions over which `debye_level` averages: off by 1e-12 where the anisotropy is 0.17."""
+
+
+class Remark(NamedTuple):
+    """A fact to know before the moduli are quoted: a code for programs and a text for readers.
+
+    The codes are "soft_strain", "walls_in_moduli" and "uneven_bulk".
+    """
+
+    code: str
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
 
 
 @dataclass(frozen=True, repr=False)
@@ -63,34 +82,36 @@ class ElasticModuli(Drawn):
     Attributes
     ----------
     stiffness : ndarray (6, 6)
-        Pa, spheres free to move and turn.
+        Stiffness with spheres free to move and turn, Pa.
     affine : ndarray (6, 6)
-        Pa, if all followed the strain: an upper bound.
+        Stiffness if all spheres followed the strain, Pa: an upper bound.
     density : float
-        Of the force-bearing spheres, kg/m^3.
+        Density of the force-bearing spheres, kg/m^3.
     region : str
-        What these are of: a whole cell, the bulk of a slab, or a slab with its walls.
+        Region of these numbers: a whole cell, the bulk of a slab, or a slab with its walls.
     whole : ndarray (6, 6)
-        Pa, of a slab with its walls, else the same as `stiffness`.
+        Stiffness of a slab with its walls, Pa; otherwise equal to `stiffness`.
     error : float
-        Of the moduli, relative, from the residual of the response; of overlaps that are known to
-        few digits also from these (`modal.elasticity.few_digits`).
+        Relative error of the moduli from the residual of the response and, if overlaps are known to
+        few digits, from these digits (`modal.elasticity.few_digits`).
     asymmetry : float
-        Of the measured stiffness of a bulk, |C - C^T| / |C|, which its finite length leaves; 0
-        elsewhere.
+        |C - C^T| / |C| of the measured stiffness of a bulk, which its finite length leaves; 0 for
+        other regions.
     products, solver : int, str
-        Products with K, and what solved.
-    pre_stress, stressed : str, ndarray (3, 3, 3, 3) Pa or None
-        With the forces that the contacts carry, by these terms; velocities are then of it, all else
-        is of springs.
+        Number of products with K, and name of the solver.
+    pre_stress : str
+        Terms of the carried forces in `stressed` (`modal.system.contacts.PreStress`).
+    stressed : ndarray (3, 3, 3, 3), Pa, or None
+        Stiffness with the carried forces; velocities follow from it, everything else from the
+        springs alone.
     non_affine : ndarray (6, n, 6) or None
-        What each sphere moves and turns beyond a unit strain, m and rad, if asked.
+        Motion of each sphere beyond a unit strain, m and rad, if requested.
 
     Examples
     --------
     >>> import modal
-    >>> found = modal.elastic_moduli(modal.fcc(cells=(2, 2, 4), periodic_z=True))
-    >>> found.region, found.stiffness.shape
+    >>> moduli = modal.elastic_moduli(modal.fcc(cells=(2, 2, 4), periodic_z=True))
+    >>> moduli.region, moduli.stiffness.shape
     ('cell', (6, 6))
     """
 
@@ -108,11 +129,13 @@ class ElasticModuli(Drawn):
     non_affine: Floats | None = None
 
     def __array__(self, dtype: type | None = None, copy: bool | None = None) -> Floats:
-        """The stiffness tensor itself, where an array is expected."""
+        """Return the stiffness tensor, where an array is expected."""
         return np.array(self.stiffness, dtype=dtype)
 
     def velocities(self, direction: ArrayLike) -> Floats:
-        """Shape (3,), m/s, the fastest first: the longest waves along a direction (3,).
+        """Return the velocities (3,), m/s, of the longest waves along a direction (3,).
+
+        The fastest comes first.
 
         >>> import modal
         >>> crystal = modal.fcc(cells=(2, 2, 4), periodic_z=True)
@@ -122,18 +145,18 @@ class ElasticModuli(Drawn):
         return self.waves(direction)[0]
 
     def waves(self, direction: ArrayLike) -> tuple[Floats, Floats]:
-        """Velocities (3,), m/s, and unit vectors (3, 3), in rows, along which the spheres move."""
-        known = self.stiffness if self.stressed is None else self.stressed
-        return plane_waves(known, self.density, direction)
+        """Return velocities (3,), m/s, and unit vectors of motion (3, 3) of the waves, in rows."""
+        stiffness = self.stiffness if self.stressed is None else self.stressed
+        return plane_waves(stiffness, self.density, direction)
 
     @property
     def bulk_modulus(self) -> float:
-        """K, Pa, of the nearest isotropic solid."""
+        """Bulk modulus K of the nearest isotropic solid, Pa."""
         return isotropic_mean(self.stiffness)[0]
 
     @property
     def shear_modulus(self) -> float:
-        """G, Pa, of the nearest isotropic solid."""
+        """Shear modulus G of the nearest isotropic solid, Pa."""
         return isotropic_mean(self.stiffness)[1]
 
     @property
@@ -144,7 +167,7 @@ class ElasticModuli(Drawn):
 
     @property
     def anisotropy(self) -> float:
-        """How far the stiffness is from an isotropic one, 0 to 1; see `plane_waves`."""
+        """Distance of the stiffness from an isotropic one, 0 to 1; see `plane_waves`."""
         return anisotropy(self.stiffness)
 
     @property
@@ -160,46 +183,52 @@ class ElasticModuli(Drawn):
 
     @property
     def debye_level(self) -> float:
-        """Modes per m^3 and Hz over f^2, 1/(m^3 Hz^3), of the longest waves: 4 pi sum of 1 / V^3.
+        """Modes of the longest waves per m^3 and Hz, divided by f^2: 4 pi times the sum of 1 / V^3.
 
-        The mean of 1 / V^3 over all directions is a Gauss sum of 16 by 32 of them, off by 1e-12
-        where the anisotropy is 0.17. InputError where a strain costs no energy.
+        In 1/(m^3 Hz^3). The mean of 1 / V^3 over all directions is a Gauss sum. Raises InputError
+        if a strain costs no energy.
         """
         if len(self.soft_strains()):
             raise UnavailableError(
                 "unstable", "the packing is not stable", "some waves have no velocity, nor a level"
             )
-        height, weight = np.polynomial.legendre.leggauss(16)
+        cosines, weights = np.polynomial.legendre.leggauss(POLAR_ANGLES)
+        azimuths = 2 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
         total = 0.0
-        for z, share in zip(height, weight / 64, strict=True):
-            for a in 2 * np.pi * np.arange(32) / 32:
-                x, y = np.sqrt(1 - z**2) * np.array([np.cos(a), np.sin(a)])
+        for z, share in zip(cosines, weights / (2 * AZIMUTHS), strict=True):
+            for azimuth in azimuths:
+                x, y = np.sqrt(1 - z**2) * np.array([np.cos(azimuth), np.sin(azimuth)])
                 total += share * float((1 / self.velocities((x, y, z)) ** 3).sum())
         return 4 * np.pi * total
 
     def soft_strains(self) -> Floats:
-        """Shape (k, 6): unit strains that cost no energy, or give some back: the cell is unstable.
+        """Return the unit strains (k, 6) that cost no energy, or release some in an unstable cell.
 
-        With springs alone none gives energy back; none at all is what a solid has.
+        With springs alone none releases energy; a solid has no soft strain.
         """
         value, vector = np.linalg.eigh(self.stiffness)
-        return vector.T[value <= SOFT * np.linalg.eigvalsh(self.affine)[-1]]
+        return vector.T[value <= MAX_SOFT_SHARE * np.linalg.eigvalsh(self.affine)[-1]]
 
-    def remarks(self) -> list[str]:
-        """What a reader should know: strains that nothing resists, walls or ends in the result."""
-        soft = (STRAINS[int(np.argmax(abs(strain)))] for strain in self.soft_strains())
-        said = [f"not stable: a strain, mostly {most}, costs no energy" for most in soft]
+    def remarks(self) -> list[Remark]:
+        """List what a reader should know: soft strains, and walls or ends in the result."""
+        remarks = []
+        for strain in self.soft_strains():
+            largest = STRAINS[int(np.argmax(abs(strain)))]
+            text = f"not stable: a strain, mostly {largest}, costs no energy"
+            remarks.append(Remark("soft_strain", text))
         if self.region == "slab with walls":
-            said.append(
+            text = (
                 "too short for a bulk, or walls that slide: these are moduli of packing and walls "
                 "together"
             )
-        if self.asymmetry > UNEVEN:
-            said.append(
+            remarks.append(Remark("walls_in_moduli", text))
+        if self.asymmetry > UNEVEN_ASYMMETRY:
+            text = (
                 f"not symmetric by {self.asymmetry:.1%}: the bulk is not even along z; its moduli "
                 "may be off by twice that; take a longer packing, or one whose walls hold it firmly"
             )
-        return said
+            remarks.append(Remark("uneven_bulk", text))
+        return remarks
 
     def __repr__(self) -> str:
         return (
@@ -211,8 +240,8 @@ class ElasticModuli(Drawn):
     def draw(self, ax: Any) -> None:
         """Draw the three velocities over the direction in the plane of x and z."""
         angle = np.linspace(0, np.pi, 91)
-        along = np.column_stack([np.sin(angle), 0 * angle, np.cos(angle)])
-        lines = ax.plot(np.degrees(angle), [self.velocities(n) for n in along])
+        directions = np.column_stack([np.sin(angle), 0 * angle, np.cos(angle)])
+        lines = ax.plot(np.degrees(angle), [self.velocities(n) for n in directions])
         for line, name in zip(lines, ("fastest", "second", "slowest"), strict=True):
             line.set_label(name)
         ax.set(xlabel="angle from z towards x, degrees", ylabel="velocity, m/s", ylim=(0, None))
@@ -227,18 +256,18 @@ def elastic_moduli(
     network: Network,
     *,
     tolerance: float = TOLERANCE,
-    pre_stress: str = "none",
-    sliding: str = "elastic",
+    pre_stress: PreStress = "none",
+    sliding: Sliding = "elastic",
     solver: str | None = None,
     non_affine: bool = False,
 ) -> ElasticModuli:
-    """The elastic stiffness of a packing against small strains: 21 moduli, and wave velocities.
+    """Compute the elastic stiffness of a packing: 21 moduli, and wave velocities.
 
-    Six unit strains are put on the packing, its spheres move and turn into balance on the springs
-    of their contacts, and the energy says how stiff the whole is. For cells periodic in all
-    directions, and for slabs between walls with periods along x and y: there the moduli are those
-    of the bulk, five diameters away from the walls, if there is one and the walls grip. Spheres
-    that nothing holds take no part.
+    Six small unit strains are put on the packing, its spheres move and turn into balance on the
+    springs of their contacts, and the stiffness follows from the energy. The packing is a cell
+    periodic in all directions, or a slab between walls with periods along x and y; the moduli of a
+    slab are those of the bulk, five diameters away from the walls, if there is one and the walls
+    grip. Spheres that nothing holds take no part.
 
     Parameters
     ----------
@@ -247,26 +276,26 @@ def elastic_moduli(
     tolerance : float, default 1e-6
         Relative error of the modulus of each strain.
     pre_stress : str, default "none"
-        The forces that contacts carry change stiffnesses by some stress over modulus; with
-        "normal", "full" or "law" the velocities of a cell periodic in all directions have that
+        The forces that contacts carry change stiffnesses by some stress divided by modulus; with
+        "normal", "full" or "law" the velocities of a cell periodic in all directions include this
         change, to first order (`modal.elasticity.strain`).
     sliding : str, default "elastic"
-        As of `modal.eigenmodes`.
+        As in `modal.eigenmodes`.
     solver : str, optional
-        "pardiso" or "gradients"; by default what is likely to be faster.
+        "pardiso" or "gradients"; by default the one that is likely to be faster.
     non_affine : bool, default False
-        Keep what the spheres do beyond the strain, motions without energy taken out.
+        Keep the motion of the spheres beyond the strain, without motions that cost no energy.
 
     Returns
     -------
     ElasticModuli
-        `C` (6, 6) Pa; `bulk_modulus`, `shear_modulus` Pa, `poisson`; `velocities(direction)` (3,)
-        m/s.
+        `stiffness` (6, 6) Pa; `bulk_modulus`, `shear_modulus` Pa, `poisson`;
+        `velocities(direction)` (3,) m/s.
 
     Raises
     ------
     InputError
-        For a packing that cannot be strained.
+        If the packing cannot be strained, or is no solid.
 
     Examples
     --------
@@ -278,12 +307,33 @@ def elastic_moduli(
     """
     if not 0 < tolerance < 1:
         raise InputError(
-            "input", f"tolerance {tolerance:g}", "outside 0 to 1", "it is relative to the moduli"
+            "tolerance",
+            f"tolerance {tolerance:g}",
+            "outside 0 to 1",
+            "it is relative to the moduli",
         )
-    whole_network = network
-    chosen_solver = solver
-    carrying = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding)
-    network, walls = carrying.network, has_walls(carrying)
+    moduli = _compute(
+        LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding),
+        tolerance,
+        solver,
+        non_affine,
+    )
+    if not overlap_error(network):
+        return moduli
+
+    def measure(perturbed: Network) -> ElasticModuli:
+        return elastic_moduli(perturbed, tolerance=tolerance, sliding=sliding, solver=solver)
+
+    error_by_digits = modulus_error_by_digits(network, moduli, measure)
+    return replace(moduli, error=float(np.hypot(moduli.error, error_by_digits)))
+
+
+def _compute(
+    stressed_system: LinearSystem, tolerance: float, solver: str | None, non_affine: bool
+) -> ElasticModuli:
+    """Compute the moduli of a system as `elastic_moduli` does, without the error by digits."""
+    network = stressed_system.network
+    walls = has_walls(stressed_system)
     volume = volume_between_walls(network)
     density = float(network.mass[force_bearing(network)].sum()) / volume
     if network.with_wall.all() or density == 0:
@@ -294,70 +344,72 @@ def elastic_moduli(
         )
     system = LinearSystem.of(network)
     coupling = system.put_on(UNIT_STRAINS)
-    load, stored = coupling.push.toarray(), np.diag(coupling.held)
-    most = stored.max()
-    if not most > 0:
+    load = coupling.push.toarray()
+    affine_energy = np.diag(coupling.held)
+    largest_energy = affine_energy.max()
+    if not largest_energy > 0:
         raise UnavailableError(
             "no_stiffness", "no contact resists a strain", "the packing has no stiffness"
         )
     bulk = Bulk.of(network) if walls else None
 
-    def left(work: Floats, least: float) -> Floats:
-        """Twice the energies (6,), J, that the motion has left of the affine ones."""
-        return np.maximum(stored - work, least * most)
+    def remaining_energy(work: Floats, min_share: float) -> Floats:
+        """Return twice the energies (6,), J, that the motion leaves of the affine ones."""
+        return np.maximum(affine_energy - work, min_share * largest_energy)
 
-    def allowed(work: Floats) -> Floats:
-        """Error of the energies (6,), J; what is measured of the motion is off by its root."""
+    def allowed_error(work: Floats) -> Floats:
+        """Return the allowed error of the energies (6,), J."""
         if bulk:
-            return (tolerance * left(work, MIN_STRAIN_SHARE)) ** 2 / most
-        # What is left is a difference, which round-off of the affine energy blurs.
-        return np.maximum(tolerance * left(work, SOFT), np.finfo(float).eps * most)
+            # The stiffness of a bulk is measured on the motion, whose error is the square root.
+            return (tolerance * remaining_energy(work, MIN_STRAIN_SHARE)) ** 2 / largest_energy
+        # The energy that is left is a difference, which round-off of the affine energy blurs.
+        round_off = np.finfo(float).eps * largest_energy
+        return np.maximum(tolerance * remaining_energy(work, MAX_SOFT_SHARE), round_off)
 
-    found, solver = system.cached(
+    solution, used_solver = system.cached(
         f"balance under strains to {tolerance!r}, {solver}",
-        lambda: steady_motion(system, coupling, allowed, solver),
-        COPIES * load.nbytes,
+        lambda: steady_motion(system, coupling, allowed_error, solver),
+        CACHED_COPIES * load.nbytes,
     )
-    motion, work = found.motion, np.einsum("ik,ik->k", load, found.motion)
-    whole = (coupling.held - load.T @ motion - motion.T @ found.residual) / volume
-    measured = whole = (whole + whole.T) / 2
-    followed, region = coupling.held / volume, "slab with walls" if walls else "cell"
-    error = found.energy_error / left(work, SOFT)
+    motion = solution.motion
+    work = np.einsum("ik,ik->k", load, motion)
+    whole = (coupling.held - load.T @ motion - motion.T @ solution.residual) / volume
+    whole = (whole + whole.T) / 2
+    measured = whole
+    affine = coupling.held / volume
+    region = "slab with walls" if walls else "cell"
+    error = solution.energy_error / remaining_energy(work, MAX_SOFT_SHARE)
     in_bulk = stiffness_of(network, bulk, motion) if bulk else None
     if bulk and in_bulk:
-        measured, followed = in_bulk
-        density, region = bulk.density(network), "bulk"
-        error = np.sqrt(found.energy_error * most) / left(work, MIN_STRAIN_SHARE)
-    beyond, stressed = None, None
-    if non_affine or pre_stress != "none":
+        measured, affine = in_bulk
+        density = bulk.density(network)
+        region = "bulk"
+        motion_error = np.sqrt(solution.energy_error * largest_energy)
+        error = motion_error / remaining_energy(work, MIN_STRAIN_SHARE)
+    beyond = None
+    stressed = None
+    if non_affine or stressed_system.pre_stress != "none":
         beyond = _without_floppy(system, motion)
-        stressed = None if pre_stress == "none" else stressed_stiffness(carrying, beyond)
-    moduli = ElasticModuli(
-        (measured + measured.T) / 2,
-        followed,
-        density,
-        region,
-        whole,
-        float(error.max()),
-        float(np.linalg.norm(measured - measured.T) / np.linalg.norm(measured)),
-        found.products,
-        solver,
-        pre_stress,
-        stressed,
-        beyond if non_affine else None,
+    if beyond is not None and stressed_system.pre_stress != "none":
+        stressed = stressed_stiffness(stressed_system, beyond)
+    return ElasticModuli(
+        stiffness=(measured + measured.T) / 2,
+        affine=affine,
+        density=density,
+        region=region,
+        whole=whole,
+        error=float(error.max()),
+        asymmetry=float(np.linalg.norm(measured - measured.T) / np.linalg.norm(measured)),
+        products=solution.products,
+        solver=used_solver,
+        pre_stress=stressed_system.pre_stress,
+        stressed=stressed,
+        non_affine=beyond if non_affine else None,
     )
-    if not overlap_error(whole_network):
-        return moduli
-
-    def measure(perturbed: Network) -> ElasticModuli:
-        return elastic_moduli(perturbed, tolerance=tolerance, sliding=sliding, solver=chosen_solver)
-
-    by_digits = modulus_error_by_digits(whole_network, moduli, measure)
-    return replace(moduli, error=float(np.hypot(moduli.error, by_digits)))
 
 
 def _without_floppy(system: LinearSystem, motion: Floats) -> Floats:
-    """Shape (6, n, 6): the motions (6n, 6) without what costs no energy."""
+    """Return motions (6n, 6) without their parts that cost no energy, shape (6, n, 6)."""
     scaled = system.sqrt_mass.times(motion)
     basis = by_structure(system).basis
     scaled -= basis @ (basis.T @ scaled)
@@ -365,14 +417,15 @@ def _without_floppy(system: LinearSystem, motion: Floats) -> Floats:
 
 
 def write_moduli(path: str | Path, moduli: ElasticModuli, made: Provenance | None = None) -> None:
-    """Write the moduli atomically, and the non-affine motions if there are any."""
-    values, beyond = dict(vars(moduli)), moduli.non_affine
-    if beyond is not None:
-        values |= {"displacement": beyond[:, :, :3], "rotation": beyond[:, :, 3:]}
+    """Write moduli to a file atomically, with the non-affine motions if there are any."""
+    values = dict(vars(moduli))
+    if moduli.non_affine is not None:
+        values["displacement"] = moduli.non_affine[:, :, :3]
+        values["rotation"] = moduli.non_affine[:, :, 3:]
     FORMAT.write(path, values, made)
 
 
 def read_moduli(path: str | Path) -> ElasticModuli:
-    """Read and validate, without the non-affine motions; InputError for anything wrong."""
-    said = FORMAT.read(path, leave=MOTIONS)
-    return ElasticModuli(**{name: said[name] for name in said if name not in MOTIONS})
+    """Read moduli without the non-affine motions; raise InputError if the file is not valid."""
+    columns = FORMAT.read(path, leave=MOTIONS)
+    return ElasticModuli(**{name: columns[name] for name in columns if name not in MOTIONS})

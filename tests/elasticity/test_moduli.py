@@ -181,31 +181,54 @@ def test_a_cell_that_resists_nothing_says_so(solver):
     pytest.importorskip("pypardiso" if solver == "pardiso" else "numpy")
     loose = stiffer(polydisperse(periodic_z=True, n=60), 1, 0)
     found = elastic_moduli(loose, solver=solver)
-    assert len(found.soft_strains()) == 6 and len(found.remarks()) == 6
+    assert len(found.soft_strains()) == 6
+    assert [remark.code for remark in found.remarks()] == ["soft_strain"] * 6
 
 
-def test_what_cannot_be_strained_is_refused():
-    crystal = gallery.fcc(cells=(2, 2, 6))
-    within = crystal.with_contacts(crystal.cell_shift[:, 0] == 0)
-    free = replace(within, cell_periodic=np.array([False, True, False]))
-    loose = crystal.with_contacts(crystal.particle_j != -2)
-    nothing = crystal.with_contacts(np.arange(0))
-    walls = crystal.with_contacts(crystal.with_wall)
-    for network, words in (
-        (free, "no strain xx .*not periodic along x"),
-        (loose, "no strain zz .*two walls"),
-        (nothing, "no strain zz .*two walls"),
-        (replace(nothing, cell_periodic=np.ones(3, bool)), "no sphere bears"),
-        (walls, "no sphere bears"),
-    ):
-        with pytest.raises(InputError, match=words) as raised:
-            elastic_moduli(network)
-        assert "\n" not in str(raised.value)
-    with pytest.raises(InputError, match="tolerance 0"):
-        elastic_moduli(crystal, tolerance=0.0)
-    for wrong in ((0, 0, 0), "z"):
-        with pytest.raises(InputError, match="not all zero"):
-            elastic_moduli(crystal).velocities(wrong)
+CRYSTAL = gallery.fcc(cells=(2, 2, 6))
+WITHOUT_CONTACTS = CRYSTAL.with_contacts(np.arange(0))
+NOT_PERIODIC = replace(
+    CRYSTAL.with_contacts(CRYSTAL.cell_shift[:, 0] == 0),
+    cell_periodic=np.array([False, True, False]),
+)
+
+
+@pytest.mark.parametrize(
+    ("network", "code"),
+    [
+        pytest.param(NOT_PERIODIC, "not_periodic", id="free along x"),
+        pytest.param(
+            CRYSTAL.with_contacts(CRYSTAL.particle_j != -2), "no_walls", id="one wall is loose"
+        ),
+        pytest.param(WITHOUT_CONTACTS, "no_walls", id="no contacts between walls"),
+        pytest.param(
+            replace(WITHOUT_CONTACTS, cell_periodic=np.ones(3, bool)),
+            "no_solid",
+            id="no contacts in a cell",
+        ),
+        pytest.param(
+            CRYSTAL.with_contacts(CRYSTAL.with_wall), "no_solid", id="contacts with walls alone"
+        ),
+    ],
+)
+def test_packing_that_cannot_be_strained_is_refused(network, code):
+    with pytest.raises(InputError) as refused:
+        elastic_moduli(network)
+    assert refused.value.code == code
+    assert "\n" not in str(refused.value)
+
+
+def test_tolerance_of_zero_is_refused():
+    with pytest.raises(InputError) as refused:
+        elastic_moduli(CRYSTAL, tolerance=0.0)
+    assert refused.value.code == "tolerance"
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 0), "z"])
+def test_direction_without_length_is_refused(direction):
+    with pytest.raises(InputError) as refused:
+        elastic_moduli(CRYSTAL).velocities(direction)
+    assert refused.value.code == "direction"
 
 
 def test_command_prints_what_the_function_finds(tmp_path, printed, cell):
