@@ -18,6 +18,7 @@ from analysis.table import Table
 from modal.packing.layers import Layers
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
+from modal.system.contacts import PreStress
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 from modal.waves.propagate import propagate
@@ -38,7 +39,12 @@ MAX_TIME_ERROR_IN_STEPS = 1e-6
 """Largest distance between two times that count as equal, in time steps."""
 STORED_MOTIONS = 4
 """Motions that are kept for the next comparisons; with every particle each takes GB."""
-PRE_STRESS_OF_WAVES = {"linear": "full", "exact": "full", "none": "none", "normal": "normal"}
+PRE_STRESS_OF_WAVES: dict[str, PreStress] = {
+    "linear": "full",
+    "exact": "full",
+    "none": "none",
+    "normal": "normal",
+}
 """Pre-stress of the linear waves that are compared; "exact" is exact in time."""
 RUNS_OF_ODD_PARTS = {"odd": ("run", "reverse"), "small_odd": ("small", "small_reverse")}
 """Pairs of runs of both signs whose mean, divided by the amplitude, is the odd part."""
@@ -166,7 +172,7 @@ class Agreement:
             )
         return factor
 
-    def linear(self, pre_stress: str = "full", *, exact_in_time: bool = False) -> Motion:
+    def linear(self, pre_stress: PreStress = "full", *, exact_in_time: bool = False) -> Motion:
         """Compute the linear wave at the run's times, with its time step or exact in time."""
         run = self.run
         interval = run.time_step * self.every

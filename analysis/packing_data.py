@@ -41,6 +41,7 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import Sample
 from modal.packing.summary import crystalline_shares
+from modal.system.contacts import PreStress
 from modal.system.linear_system import LinearSystem
 from modal.tools.errors import UnavailableError
 from modal.waves.defaults import PULSE_AMPLITUDE_IN_D, PULSE_FREQUENCY_IN_V_PER_D
@@ -349,7 +350,7 @@ class PackingData:
         return self.linear_wave(particles=self.every_particle)
 
     def linear_wave(
-        self, direction: Direction = "z", *, particles: bool = True, pre_stress: str = "none"
+        self, direction: Direction = "z", *, particles: bool = True, pre_stress: PreStress = "none"
     ) -> Signals:
         """Compute the linear wave of the contacts.
 

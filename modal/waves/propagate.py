@@ -8,6 +8,7 @@ import numpy as np
 
 from modal.packing.network import Network
 from modal.packing.sample import Sample
+from modal.system.contacts import PreStress, Sliding
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
@@ -82,8 +83,8 @@ def propagate(
     motion: Motion | None = None,
     interval: float | None = None,
     tolerance: float | None = None,
-    pre_stress: str = "none",
-    sliding: str = "elastic",
+    pre_stress: PreStress = "none",
+    sliding: Sliding = "elastic",
     particles: bool = False,
     direction: Direction = "z",
     damping: ContactDamping | None = None,
@@ -102,8 +103,8 @@ def propagate(
     motion: Motion | None = None,
     interval: float | None = None,
     tolerance: float | None = None,
-    pre_stress: str = "none",
-    sliding: str = "elastic",
+    pre_stress: PreStress = "none",
+    sliding: Sliding = "elastic",
     particles: bool = False,
     direction: Direction = "z",
     damping: ContactDamping | None = None,

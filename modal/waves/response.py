@@ -28,6 +28,7 @@ from modal.formats.product import Column, product_of
 from modal.formats.provenance import Provenance
 from modal.packing.network import Network
 from modal.solvers.factor import factorise
+from modal.system.contacts import PreStress, Sliding
 from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked, frequencies
@@ -182,8 +183,8 @@ def frequency_response(
     highest: float | None = None,
     resolution: float | None = None,
     tolerance: float = 1e-5,
-    pre_stress: str = "none",
-    sliding: str = "elastic",
+    pre_stress: PreStress = "none",
+    sliding: Sliding = "elastic",
     direction: Direction = "z",
     damping: ContactDamping | None = None,
 ) -> Response:
