@@ -131,7 +131,7 @@ class LinearSystem:
         pre_stress: PreStress = "none",
         solver: str | None = None,
         shapes: bool = True,
-        hours: float = LONGEST / 3600,
+        hours: float = MAX_SECONDS / 3600,
         limits: Limits = Limits(),
         damping: ContactDamping | None = None,
     ) -> LinearSystem:
