@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from analysis.case import cases_of_files
-from analysis.figures import FIGURES, compose
+from analysis.case import Case, cases_of_files
+from analysis.figures import FIGURES, Figure, compose
 from analysis.figures.looks import refuse_undrawable
 from analysis.figures.picture import read_picture
 from analysis.figures.render import save
@@ -12,9 +12,14 @@ from modal.cli.options import Option, Options, output_folder
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
 
-EPILOG = "\n".join(
-    f"{name}: {(of.__doc__ or name).splitlines()[0]}" for name, of in FIGURES.items()
-)
+
+def _describe(name: str, figure: Figure) -> str:
+    """Return the line of a figure in the help: its name, and its docstring without the verb."""
+    definition = (figure.__doc__ or name).splitlines()[0].removeprefix("Draw ")
+    return f"{name}: {definition}"
+
+
+EPILOG = "\n".join(_describe(name, figure) for name, figure in FIGURES.items())
 EXAMPLE = "figure dispersion mine.network.h5 -o pages"
 FILES = "packings, and what was made from them; what lies beside under their name is read"
 OPTIONS = [
@@ -25,19 +30,24 @@ OPTIONS = [
 
 
 def run(options: Options) -> None:
-    """Draw into --output, then print what the cases' reader should know."""
-    name, again = options.name, options.name.endswith(".csv")
-    if again and options.file:
-        raise InputError(
-            "cases_given", "a figure's CSV holds its cases already", remedy="leave FILE out"
-        )
-    if not again and not options.file:
-        raise InputError("no_file", "no file given", remedy="name a packing, or a figure's CSV")
-    cases = cases_of_files(options.file) if options.file else []
-    if again:
-        picture, stem = read_picture(name), Path(name).stem
+    """Draw into --output, then print what the cases' reader should know.
+
+    Raises InputError if files are missing or superfluous, or if the figure cannot be drawn.
+    """
+    name = options.name
+    cases: list[Case] = []
+    if name.endswith(".csv"):
+        if options.file:
+            raise InputError(
+                "cases_given", "a figure's CSV holds its cases already", remedy="leave FILE out"
+            )
+        picture = read_picture(name)
         refuse_undrawable(picture, name)
+        stem = Path(name).stem
     else:
+        if not options.file:
+            raise InputError("no_file", "no file given", remedy="name a packing, or a figure's CSV")
+        cases = cases_of_files(options.file)
         picture = compose(name, [PackingData.of(case) for case in cases])
         stem = ".".join([*(case.name for case in cases), name])
     paths = save(picture, Path(options.output) / stem)

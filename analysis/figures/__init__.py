@@ -1,18 +1,18 @@
-"""The figures: each a function from measured cases to a picture, drawn and tabulated."""
+"""Hold all figures: each a function from measured cases to a picture, drawn and tabulated."""
 
 from collections.abc import Callable
 from typing import Any
 
 from analysis.figures import cases as of_cases
 from analysis.figures import modes, spectra, waves
-from analysis.figures.picture import Picture, columns_for, merged
+from analysis.figures.picture import Panel, Picture, columns_for, merged
 from analysis.frame import frame_of
 from analysis.packing_data import PackingData
-from analysis.rows import row_of
+from analysis.rows import CaseResult, row_of
 from modal.tools.errors import InputError, refuse_unknown
 
 Figure = Callable[[Any], Any]
-"""Of cases or of one, to a picture, or its one panel."""
+"""A function of a frame of cases, or of one case, that returns a picture or its one panel."""
 OF_ROWS: tuple[Figure, ...] = (
     *(of_cases.velocity_cases, of_cases.highest_frequency, of_cases.low_pass_cases),
     *(of_cases.velocity_low_pass, of_cases.wavelength_cases, of_cases.gain_cases),
@@ -29,23 +29,47 @@ FIGURES = {figure.__name__: figure for figure in (*OF_CASES, *OF_ROWS)}
 
 
 def compose(name: str, cases: list[PackingData]) -> Picture:
-    """One figure of the given cases; InputError where its name or a product is missing.
+    """Return one figure of the given cases.
 
-    Of several cases those panels that have one title become one.
+    Of several cases, panels with the same title become one. Raises InputError if there is no such
+    figure, or if no case has what it shows.
     """
     refuse_unknown("figure", name, FIGURES)
-    rows = [row_of(m) for m in cases] if FIGURES[name] in OF_ROWS else []
-    each = [FIGURES[name](one) for one in ([frame_of(rows)] if rows else cases)]
-    picture, *others = [one if isinstance(one, Picture) else Picture([one]) for one in each]
-    if others:
-        panels = merged([panel for one in (picture, *others) for panel in one.panels])
-        picture = Picture(panels, picture.columns if picture.shape else columns_for(len(panels)))
+    figure = FIGURES[name]
+    rows: list[CaseResult] = []
+    if figure in OF_ROWS:
+        rows = [row_of(case) for case in cases]
+        picture = _as_picture(figure(frame_of(rows)))
+    else:
+        picture = _join([_as_picture(figure(case)) for case in cases])
     if not picture.shown:
-        what = ", ".join(dict.fromkeys(panel.ylabel or panel.title for panel in picture.panels))
-        why = next((f" ({note})" for row in rows for note in row.notes), "")
-        raise InputError(
-            "input",
-            f"{name}: nothing to draw, for no case here has {what}{why}",
-            remedy="add a longer packing",
-        )
+        _refuse_empty(name, picture, rows)
     return picture
+
+
+def _as_picture(drawn: Picture | Panel) -> Picture:
+    """Return what a figure has drawn as a picture."""
+    if isinstance(drawn, Panel):
+        return Picture([drawn])
+    return drawn
+
+
+def _join(pictures: list[Picture]) -> Picture:
+    """Return the pictures of several cases as one."""
+    first = pictures[0]
+    if len(pictures) == 1:
+        return first
+    panels = merged([panel for picture in pictures for panel in picture.panels])
+    if first.shape:
+        return Picture(panels, first.columns)
+    return Picture(panels, columns_for(len(panels)))
+
+
+def _refuse_empty(name: str, picture: Picture, rows: list[CaseResult]) -> None:
+    """Raise InputError for a picture without any point, with the first note of its cases."""
+    labels = ", ".join(dict.fromkeys(panel.ylabel or panel.title for panel in picture.panels))
+    notes = [note for row in rows for note in row.notes]
+    problem = f"{name}: nothing to draw, for no case here has {labels}"
+    if notes:
+        problem += f" ({notes[0]})"
+    raise InputError("nothing_to_draw", problem, remedy="add a longer packing")
