@@ -44,7 +44,6 @@ NOT_CONVERTED = {
     "tests/analysis/test_watch.py",
     "tests/elasticity/test_moduli.py",
     "tests/elasticity/test_slabs.py",
-    "tests/exchange/test_export.py",
     "tests/modes/test_density.py",
     "tests/modes/test_edges_of_lists.py",
     "tests/modes/test_effort.py",

@@ -177,19 +177,19 @@ def test_stresses_of_spheres_add_up_to_that_of_the_packing():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "name"),
+    ("arguments", "code", "name"),
     [
-        (("p.modes.h5", "--modes", "9", "-o", "p.xyz"), "--modes 9: the file has modes 1 to 3"),
-        (("p.modes.h5", "--frames", "4", "-o", "p.xyz"), "--modes K"),
-        (("p.modes.h5", "--frames", "0", "-o", "p.xyz"), "--frames 0"),
-        (("--frames", "4", "-o", "p.xyz"), "--modes, --frames and --scale"),
-        (("other.modes.h5", "-o", "p.xyz"), "other.network.h5"),
+        (("p.modes.h5", "--modes", "9", "-o", "p.xyz"), "no_such_mode", "--modes 9"),
+        (("p.modes.h5", "--frames", "4", "-o", "p.xyz"), "frames", "--frames"),
+        (("p.modes.h5", "--frames", "0", "-o", "p.xyz"), "frames", "--frames 0"),
+        (("--frames", "4", "-o", "p.xyz"), "no_product", "--frames"),
+        (("other.modes.h5", "-o", "p.xyz"), "other_packing", "other.network.h5"),
     ],
     ids=["no such mode", "several modes", "no frames", "nothing to animate", "other packing"],
 )
-def test_export_refuses_in_one_line(packing, one_line, monkeypatch, arguments, name):
+def test_export_refuses_in_one_line(packing, one_line, monkeypatch, arguments, code, name):
     _, folder = packing
     monkeypatch.chdir(folder)
     write_network("other.network.h5", modal.fcc(cells=(2, 2, 4)))
     main(["modes", "other.network.h5", "--highest", "1", "-o", "other.modes.h5"])
-    one_line(main, ["export", "p.network.h5", *arguments], name)
+    one_line(main, ["export", "p.network.h5", *arguments], name, code=code)
