@@ -41,17 +41,19 @@ def run(options: Options) -> int:
     study = Study(options.study)
     if options.file and not options.measure:
         raise InputError(
-            "input", "FILE is for --measure NAME", remedy="leave it out: --results are read"
+            "file_not_read", "FILE is for --measure NAME", remedy="leave it out: --results are read"
         )
     if options.measure:
         if not isinstance(options.output, NewFile):
-            raise InputError("input", f"-o {folder}: a result is a file", remedy="name it *.json")
+            raise InputError(
+                "output_name", f"-o {folder}: a result is a file", remedy="name it *.json"
+            )
         files = list(map(Path, options.file))
         measure_case(study, options.measure, files, products, folder, options.scatter)
         put(folder)
         return 0
     if not results.is_dir():
-        raise InputError("input", f"{results}: no such folder", remedy="give --results DIR")
+        raise InputError("no_folder", f"{results}: no such folder", remedy="give --results DIR")
     if options.case:
         table, notes = tabulate_case(study, results, options.case)
         put(f"{table.title}\n{table.text()}")

@@ -81,7 +81,9 @@ def _packing_beside(product: Path) -> Path:
             return product.parent / name
     told = " or ".join(names) or "of unknown name"
     raise InputError(
-        "input", f"{product}: its packing, {told}, is not beside it", remedy="name that as well"
+        "no_packing",
+        f"{product}: its packing, {told}, is not beside it",
+        remedy="name that as well",
     )
 
 
@@ -219,7 +221,9 @@ def _of_modes(
     if len(numbers) > fits:
         many = f"{len(numbers)} modes of {network.n_particles} spheres"
         raise InputError(
-            "input", f"{many} make too large a page", remedy=f"choose up to {fits} with --modes"
+            "too_many_modes",
+            f"{many} make too large a page",
+            remedy=f"choose up to {fits} with --modes",
         )
     index = np.array(numbers) - 1
     shape = moved[index][:, :, :3]

@@ -154,7 +154,7 @@ def test_errors_of_natural_frequencies_hold_the_exact_ones():
 
 def test_no_results_are_a_mistake_of_the_user(tmp_path, one_line):
     results = ["--results", tmp_path, "-o", tmp_path / "out"]
-    one_line(main, ["study", PAPER, *results], "no result of")
-    one_line(main, ["study", PAPER, "--results", tmp_path / "none"])
-    one_line(main, ["study", tmp_path / "none.yaml", *results])
+    one_line(main, ["study", PAPER, *results], code="no_results")
+    one_line(main, ["study", PAPER, "--results", tmp_path / "none"], code="no_folder")
+    one_line(main, ["study", tmp_path / "none.yaml", *results], code="no_file")
     assert not (tmp_path / "out").exists()

@@ -41,8 +41,9 @@ def test_factors_make_cases_and_settings_follow_them(tmp_path):
     (table,) = make_tables([spec], rules)
     # 500 + 10 times the seed: mean 520, standard error 10 / sqrt 3.
     assert table.rows[0] == ["0", "4", "520 ± 6", "3"] and len(table.rows) == 4
-    with pytest.raises(ValueError, match="means: cannot be made"):
+    with pytest.raises(InputError) as refused:
         make_tables([spec | {"columns": 3}], rules)
+    assert refused.value.code == "entry"
 
 
 def _of_sweep(name: str, case) -> CaseResult:

@@ -155,16 +155,16 @@ def test_nothing_comes_from_a_network(folder):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "code"),
     [
-        (["fcc.network.h5"], "neither signals nor modes"),
-        (["fcc.signals.h5", "fcc.network.h5", "--modes", "1"], "has a wave"),
-        (["fcc.signals.h5"], "is not beside it"),
+        (["fcc.network.h5"], "other_product"),
+        (["fcc.signals.h5", "fcc.network.h5", "--modes", "1"], "no_such_mode"),
+        (["fcc.signals.h5"], "no_packing"),
     ],
 )
-def test_mistakes_are_one_line(folder, arguments, words, one_line):
+def test_mistakes_are_one_line(folder, arguments, code, one_line):
     files = [folder[0] / a if a.endswith(".h5") else a for a in arguments]
-    one_line(main, ["watch", *files, "-o", folder[0] / "no.html"], words)
+    one_line(main, ["watch", *files, "-o", folder[0] / "no.html"], code=code)
     assert not (folder[0] / "no.html").exists()
 
 
