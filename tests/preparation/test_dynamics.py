@@ -28,7 +28,7 @@ STEP = time_step(3e5)
 
 
 def agitated(spheres=120, friction=0.3, speed=0.05, aspect=1.5, **mixture):
-    """Return a packing at 100 kPa whose spheres fly and spin: 2 um in 50 steps, overlaps of 1 um."""
+    """Return a packing at 100 kPa whose spheres fly by two overlaps in 50 steps, and spin."""
     random = np.random.default_rng(5)
     packed = random_sample(spheres, 1e5, aspect=aspect, tolerance=1e-3, **mixture)
     velocity, surface_velocity = speed * random.standard_normal((2, spheres, 3))
