@@ -48,7 +48,6 @@ class ProtocolNumbers(TypedDict, total=False):
     hot_stress: float
     damping: float
     residual: float
-    peak: float
     dilate: float
 
 
@@ -141,9 +140,10 @@ def pack(
         usual_stresses = STRESSES if friction else PRESSURES
         targets = [stress * hardness for stress in usual_stresses]
     _refuse_stresses(stresses, hardness)
+    relative_peak = PEAK
     if peak is not None:
         _refuse_peak(peak, targets, hardness)
-        protocol["peak"] = peak / hardness
+        relative_peak = peak / hardness
     _refuse_unequal_stresses(friction, stress_ratio, oedometric)
     if not 0 <= seed <= MAX_SEED:
         raise InputError("seed", f"seed {seed}", "outside 0 to 2^63 - 1", "give 0, 1, 2 ...")
@@ -162,7 +162,18 @@ def pack(
         if aspect is None:
             default_aspect = sound_aspect(spheres)
         width = width_of(spheres, aspect or default_aspect or 0.0)
-    study = Study(friction, spheres, width, seed, **protocol, **words)
+    study = Study(
+        friction,
+        spheres,
+        width,
+        seed,
+        peak=relative_peak,
+        sizes=words.get("sizes", ""),
+        densities=words.get("densities", ""),
+        walls=words.get("walls", ""),
+        solid=words.get("solid", ""),
+        **protocol,
+    )
     if default_aspect:
         say(f"{spheres} spheres: length over width {default_aspect:.3g}")
     made = study.provenance(COMMAND)
