@@ -363,7 +363,7 @@ def test_parts_of_killed_processes_are_removed(tmp_path):
         write_network(path, gallery.fcc(cells=(1, 1, 5)))
         assert not dead.exists() and living.exists() and elsewhere.exists()
     assert read_network(path).n_particles == 5
-    with pytest.raises(InputError):
+    with refusal("unreadable"):
         read_network(living)
 
 

@@ -258,14 +258,14 @@ NO_WAVES = [
     {"duration": np.inf},
 ]
 WRONG = [
-    (modal.eigenmodes, {"lowest": 3, "highest": 3}, None, "highest"),
+    (modal.eigenmodes, {"lowest": 3, "highest": 3}, "mode_choice", "highest"),
     (modal.eigenmodes, {"lowest": 3, "solver": "magic"}, "unknown_word", "'magic'"),
-    (modal.eigenmodes, {"lowest": 10_000}, None, "10000"),
+    (modal.eigenmodes, {"lowest": 10_000}, "mode_count", "10000"),
     (modal.eigenmodes, {"lowest": 2.5}, "argument", "lowest"),
-    (modal.eigenmodes, {"between": (1.0, 2.0, 3.0)}, None, ""),
+    (modal.eigenmodes, {"between": (1.0, 2.0, 3.0)}, "interval", ""),
     (modal.eigenmodes, {"between": 1e4}, "argument", "between"),
     (modal.eigenmodes, {"all": "no"}, "argument", "'no'"),
-    (modal.eigenmodes, {"below": np.inf}, None, ""),
+    (modal.eigenmodes, {"below": np.inf}, "interval", ""),
     (modal.count_modes, {"frequency": [np.nan]}, "frequency", "nan"),
     (modal.count_modes, {"frequency": [1e3, -5]}, "frequency", "-5"),
     (modal.count_modes, {"frequency": "low"}, "frequency", "'low'"),
@@ -297,7 +297,7 @@ WRONG = [
     (modal.read, {"path": 3}, "argument", "path"),
     (modal.read, {"path": __file__}, "unknown_file", "test_public_api.py"),
 ]
-"""A call, its arguments, the code of its refusal (None for any), and a name in its line."""
+"""A call, its arguments, the code of its refusal, and a name in its line."""
 
 
 @pytest.mark.parametrize(("call", "arguments", "code", "name"), WRONG)

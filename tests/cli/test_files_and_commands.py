@@ -72,8 +72,8 @@ WRONG = {
     f"info {'a' * 300}.h5": ("no_file", ""),
     "info ": ("empty_text", "network"),
     "import {folder} -o {folder}/a.network.h5": ("folder", ""),
-    "modes {file} --between 5 1": (None, ""),
-    "modes {file} --lowest 1000": (None, "144"),
+    "modes {file} --between 5 1": ("interval", ""),
+    "modes {file} --lowest 1000": ("mode_count", "144"),
     "modes {file} --lowest 1.5": ("command_line", "1.5"),
     "modes {file} --hours nan": ("command_line", "nan"),
     "modes {file} -o {folder}/result": ("file_ending", ".modes.h5"),
@@ -88,7 +88,7 @@ WRONG = {
     "pack --stress 1e5 -o {file}": ("not_a_folder", ""),
     "pack --spheres 0 --stress 1e5 -o {folder}/a": ("too_few_spheres", ""),
 }
-"""Command lines of careless users: code of the refusal (None for any), and a name in its line."""
+"""Command lines of careless users: code of the refusal, and a name in its line."""
 
 
 @pytest.mark.parametrize("command", WRONG)
@@ -131,7 +131,7 @@ def test_chain_through_contacts_without_length_ends():
     """Such networks are refused; the search for a chain ends by itself, too."""
     network = gallery.column(4)
     flat = network.unchecked(lever_i=0 * network.lever_i, lever_j=0 * network.lever_j)
-    with refusal(None):
+    with refusal("no_levers"):
         wall_to_wall_chain(flat)
 
 

@@ -101,7 +101,7 @@ def test_a_product_says_what_it_was_made_from_and_is_kept_until_that_changes(
     assert path.stat().st_mtime_ns != before
     assert read_provenance(path).settings[option[2:]] == new_value
     # Without a file there is nothing to keep.
-    one_line(main, [command, network, "--skip-current"])
+    one_line(main, [command, network, "--skip-current"], code="no_output")
 
 
 def test_a_file_takes_the_place_of_the_setting_that_it_gives(network, tmp_path):

@@ -112,7 +112,8 @@ def check_other_source(path, direction, one_line):
     """Waves that are not from wall to wall are refused where velocities are measured."""
     with refusal("other_source"):
         read_signals(path)
-    one_line(analysis_main, ["figure", "signals", "a.network.h5", path])
+    figure = ["figure", "signals", "a.network.h5", path]
+    one_line(analysis_main, figure, code="not_from_wall_to_wall")
     export = ["export", "a.network.h5", path, "-o", "a.xyz"]
     if direction == "torsion":
         one_line(main, export, code="torsion")
@@ -128,7 +129,7 @@ WRONG = [
     ("crystal", "wave --tolerance 1", "interval_or_tolerance"),
     ("crystal", "wave --time-step -1e-30", "time_step"),
     ("crystal", "wave --time-step 3e-7 --interval 1e-6", "time_step"),
-    ("crystal", "wave --damping -0.1 0", None),
+    ("crystal", "wave --damping -0.1 0", "damping_ratio"),
     ("crystal", "wave --damping 0.05 0.03 --time-step 1e-7", "damping"),
     ("crystal", "wave --cycles 0", "cycles"),
     ("crystal", "wave --motion step", "missing_option"),
@@ -152,7 +153,7 @@ WRONG = [
     ("cell", "response --highest 1e4", "no_source_wall"),
     ("crystal", "moduli --pre-stress normal", "pre_stress"),
 ]
-"""A packing, a command of a careless user, and the code of its refusal; None for any."""
+"""A packing, a command of a careless user, and the code of its refusal."""
 
 
 @pytest.mark.parametrize(("packing", "words", "code"), WRONG)

@@ -87,9 +87,9 @@ def test_absent_file_is_refused(tmp_path):
         (SampledMotion, (np.array([0.0, 1]), np.array([0, 1e-200])), "no_wave"),
         (SampledMotion, (["a", "b"], [0, 1]), "motion_samples"),
         (SampledMotion, (np.zeros((2, 2)), np.zeros((2, 2))), "motion_samples"),
-        (ContactDamping, (1e300, 0.0), None),
-        (ContactDamping, (0.0, -1e-9), None),
-        (ContactDamping, (np.nan, 0.0), None),
+        (ContactDamping, (1e300, 0.0), "damping_ratio"),
+        (ContactDamping, (0.0, -1e-9), "damping_ratio"),
+        (ContactDamping, (np.nan, 0.0), "damping_ratio"),
         (ContactDamping, (0.0, "much"), "argument"),
     ],
 )
