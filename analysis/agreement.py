@@ -38,16 +38,18 @@ MAX_RELATIVE_MOTION_DIFFERENCE = 1e-3
 MAX_TIME_ERROR_IN_STEPS = 1e-6
 """Largest distance between two times that count as equal, in time steps."""
 STORED_MOTIONS = 4
-"""Motions that are kept for the next comparisons; with every particle each takes GB."""
+"""Number of motions that are kept for the next comparisons; one with every particle takes GB."""
 PRE_STRESS_OF_WAVES: dict[str, PreStress] = {
     "linear": "full",
     "exact": "full",
     "none": "none",
     "normal": "normal",
 }
-"""Pre-stress of the linear waves that are compared; "exact" is exact in time."""
+"""Pre-stress of the linear waves that are compared, by their names; "exact" is the wave that is
+exact in time, the others have the time step of the run."""
 RUNS_OF_ODD_PARTS = {"odd": ("run", "reverse"), "small_odd": ("small", "small_reverse")}
-"""Pairs of runs of both signs whose mean, divided by the amplitude, is the odd part."""
+"""Pairs of runs with opposite motions of the wall. The mean of both motions, each divided by its
+amplitude with the sign, is the odd part: terms of even order in the amplitude cancel."""
 
 Motion = dict[str, Floats]
 """Displacements along the source's motion, divided by its amplitude, at the same times (nt,).
@@ -60,9 +62,9 @@ recorded them.
 class Difference(NamedTuple):
     """The difference of two motions: relative L2 norms over all times.
 
-    cause: why they differ, for a reader. chain, layers, particles: of the chain, of means of
-    layers, of all particles; median: of the median particle. names: of both motions, as in
-    `Comparison`.
+    cause: why they differ, for a reader. chain, layers, particles: differences of the chain, of
+    means over layers, of all particles; median: difference of the median particle. names: names of
+    both motions, as in `Comparison`.
     """
 
     cause: str
@@ -173,7 +175,7 @@ class Agreement:
         return factor
 
     def linear(self, pre_stress: PreStress = "full", *, exact_in_time: bool = False) -> Motion:
-        """Compute the linear wave at the run's times, with its time step or exact in time."""
+        """Compute the linear wave at the run's times, with the run's time step or exact in time."""
         run = self.run
         interval = run.time_step * self.every
         time_step = None

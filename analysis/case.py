@@ -1,4 +1,4 @@
-"""Hold the files of one packing: their kinds, their names, and what they contain, read on demand.
+"""Hold the files of one packing: their kinds, their names, and their contents, read on demand.
 
 The kind of a file follows from its schema; files belong together if they have the digest of one
 packing.
@@ -31,7 +31,7 @@ ABSENT = "what it is read from is not among the packing's files"
 
 
 class AbsentError(UnavailableError):
-    """Refuse because a file of the packing, or a wave, is not there."""
+    """Raised if a file of the packing, or a recorded wave, does not exist."""
 
     def __init__(self, problem: str = ABSENT, reason: str = "", remedy: str = "") -> None:
         super().__init__("absent", problem, reason, remedy)
@@ -40,7 +40,8 @@ class AbsentError(UnavailableError):
 PACKINGS = "network", "sample"
 """Kinds of files that hold a packing."""
 WAVES = "shear_yade.signals", "signals", "shear.signals"
-"""Kinds of recorded waves: an S-wave by YADE, the case's own run, the linear S-wave."""
+"""Kinds of recorded waves: an S-wave by YADE, the YADE run of the case with its P-wave, and the
+linear S-wave."""
 OTHER_WAVES = tuple(f"{run}.signals" for run in ("100kHz", "shear_yade", *OTHER_RUNS))
 """Kinds of further YADE runs of a case: with a pulse of 100 kHz, of an S-wave, and those that split
 the difference to the linear wave (`analysis.agreement.OTHER_RUNS`)."""
@@ -60,9 +61,9 @@ KINDS = (
     "moduli",
     *OTHER_WAVES,
 )
-"""All kinds of files of a case; the last word of a kind names its format."""
+"""All kinds of files of a case; the word behind the last dot names its format."""
 EARLY_SIGNALS_VERSION = "2"
-"""Version of signals that are no wave from wall to wall."""
+"""Version of files with signals whose wave is not recorded from wall to wall."""
 
 
 def _read_gain(path: Path) -> response.Response:
@@ -153,7 +154,7 @@ class Case:
 
     @property
     def there(self) -> list[str]:
-        """Return the kinds of the files that exist."""
+        """Return the kinds of the files of this case that exist."""
         return [kind for kind in KINDS if self.has(kind)]
 
     @cached_property
@@ -203,7 +204,7 @@ class Case:
         return self.contents[kind]
 
     def needed(self, kind: str) -> Any:
-        """Return the contents of a file that must exist; AbsentError without it."""
+        """Return the contents of a file; AbsentError if the file does not exist."""
         if not self.has(kind):
             raise AbsentError(f"{self.path(kind)}: no such file", remedy="make it before")
         return self.read(kind)

@@ -79,7 +79,7 @@ TEXTS: Final[Mapping[str, str]] = {
     "absent": "what it is read from is not among the packing's files",
     "not_kept": "not kept: {reason}",
 }
-"""Text of each code; its values stand in braces."""
+"""Text of each code; the names in braces stand for the values of the caveat."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Caveat:
         return TEXTS[self.code].format(**self.values)
 
     def as_json(self) -> dict[str, Any]:
-        """Return code, numbers and names, and the sentence."""
+        """Return the code, the numbers and names, and the sentence, as JSON has them."""
         values = {name: value for name, value in self.values.items() if name != "text"}
         return {"code": self.code, "values": plain(values), "text": str(self)}
 

@@ -24,12 +24,12 @@ from analysis.table import cell
 
 COLUMNS = ("theory", "modal", "linear", "yade")
 TABLE = Path(__file__).with_name("comparison.csv")
-"""A row a line: id, quantity, unit, the names of its numbers by theory, modes and a record's wave,
-and a note."""
+"""Table of compared quantities. Each line has an id, a quantity, its unit, the names of its numbers
+by theory, by modes and by the wave of a record, and a note."""
 RULE_QUANTITIES = "v_p_first_peaks_yade", "f_low_pass_2_yade", "f_low_pass_1_yade"
-"""Quantities that rules read from a record."""
+"""Quantities that a rule reads from a record: first peaks and thresholds of the amplitude."""
 Numbers = dict[str, float]
-"""Numbers by the names of `TABLE`, in the units there."""
+"""Numbers of a crystal, by the names that `TABLE` gives them and in the units of `TABLE`."""
 
 
 def compare(packing: PackingData) -> list[list[str]]:
@@ -100,7 +100,7 @@ def _by_modes(packing: PackingData) -> Numbers:
 
 
 def _by_wave(packing: PackingData, key: Producer) -> Numbers:
-    """Return the numbers of a record's wave."""
+    """Return the numbers of `TABLE` that the wave of a record gives."""
     numbers = {
         "arrival": _arrival_velocity(packing, key),
         "off_theory": _deviation_from_theory(packing, chain(packing, key)),

@@ -42,7 +42,7 @@ OUTCOMES: Final[Mapping[str, str]] = {
     "exceeded": "above the limit",
     "fallen_short": "below the limit",
 }
-"""Outcomes of steps by their codes."""
+"""Meanings of the outcomes of steps, by their codes."""
 
 WAVE_ENDS: Final[Mapping[str, str]] = {
     "range": "no higher frequency is read",
@@ -73,7 +73,7 @@ NUMBERS: Final[Mapping[str, str]] = {
     "spread": "spread of crossings and windows, divided by the frequency",
     "limit": "limit",
 }
-"""Numbers of steps by their names: what each of them is."""
+"""Meanings of the numbers of steps, by their names."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ class Explanation:
     caveats: Sequence[Caveat]
 
     def as_json(self) -> dict[str, Any]:
-        """Return all fields as JSON has them; of a part and of a caveat also its meaning."""
+        """Return all fields as JSON has them; parts and caveats come with their meanings."""
         return {
             "value": plain(self.value),
             "error": plain(self.error),
@@ -175,7 +175,10 @@ class Explanation:
         return "\n".join(lines)
 
     def _part_texts(self) -> list[str]:
-        """Return a line for each known part of the error; the largest number of an array."""
+        """Return a line of text for each known part of the error.
+
+        Of an array the largest number is shown.
+        """
         texts = []
         for name, part in self.parts.items():
             known = np.asarray(part, float)[np.isfinite(part)]

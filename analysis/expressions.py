@@ -1,4 +1,4 @@
-"""Expressions in a study's data: sums and comparisons of named numbers, and nothing else.
+"""Evaluate expressions in a study's data: sums and comparisons of named numbers, nothing else.
 
     friction + 0.1                                     a setting of a case
     100 * (v_p / v_p_theory - 1)                       a column of a table
@@ -25,11 +25,13 @@ import pandas as pd
 from modal.tools.errors import InputError
 
 MAX_LENGTH = 2000
-"""Characters: a selection that names each of a hundred cases has 1,000."""
+"""Largest number of characters of an expression: a selection that names each of a hundred cases has
+1,000."""
 MAX_DEPTH = 60
-"""Levels of an expression, a sum of so many terms: Python's parser ends far beyond."""
+"""Largest number of nested levels of an expression, as in a sum of so many terms. Python's parser
+allows far more."""
 Value = Any
-"""A float, a text, a truth value, or a column (a Series) of these."""
+"""The value of an expression: a float, a text, a truth value, or a column (a Series) of these."""
 ARITHMETIC: dict[type[ast.operator], Callable[[Value, Value], Value]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -52,13 +54,14 @@ FUNCTIONS: dict[str, Callable[..., Value]] = {
     "log10": np.log10,
     "sqrt": np.sqrt,
 }
-"""Of one number or column; `log` is the natural logarithm."""
+"""Functions that an expression may apply to a number or a column; `log` is the natural
+logarithm."""
 WORDS_FOR = {"dict": "lines NAME: VALUE", "list": "a list"}
-"""Texts that stand in an error for a value of several parts."""
+"""Words that stand in an error message in place of a value that has several parts."""
 
 
 class UnknownNameError(InputError):
-    """Refuse an expression with a name that no number has."""
+    """Raised for a name in an expression that stands for no number."""
 
 
 def evaluate(
@@ -145,7 +148,7 @@ def short(value: object, length: int = 60) -> str:
 
 
 class _Evaluation:
-    """The evaluation of one expression."""
+    """Evaluator of one expression."""
 
     def __init__(
         self,
@@ -158,7 +161,7 @@ class _Evaluation:
         self.functions = functions
 
     def value(self, node: ast.expr) -> Value:
-        """Return the value of one part."""
+        """Return the value of one part of the expression's syntax tree."""
         match node:
             case ast.Constant(value=bool() | str() as value):
                 return value
@@ -186,7 +189,7 @@ class _Evaluation:
         raise self._refusal(node)
 
     def _named(self, name: str) -> Value:
-        """Return the value of a name."""
+        """Return the value that a name stands for."""
         if name not in self.names:
             raise UnknownNameError(
                 "unknown_name",
@@ -208,7 +211,7 @@ class _Evaluation:
         raise self._refusal(node, "no number")
 
     def _truth(self, node: ast.expr) -> Value:
-        """Return the value of a part that must be true or false, of each case; unknown is false."""
+        """Return the truth value of a part, or one for each case; unknown counts as false."""
         value = self.value(node)
         if isinstance(value, bool):
             return value
@@ -217,7 +220,7 @@ class _Evaluation:
         raise self._refusal(node, "neither true nor false")
 
     def _joined(self, join: Callable[[Value, Value], Value], values: list[Value]) -> Value:
-        """Return several truth values as one."""
+        """Return several truth values joined to one by `join`, as by `and` or `or`."""
         first, *others = values
         for value in others:
             first = join(first, value)
@@ -231,13 +234,13 @@ class _Evaluation:
         return value
 
     def _comparison(self, node: ast.Compare) -> Value:
-        """Return whether each of a row of comparisons is true."""
+        """Return whether all comparisons of a chain such as 1 < x < 2 are true."""
         operands = [node.left, *node.comparators]
         pairs = zip(operands, node.ops, operands[1:], strict=False)
         return self._joined(operator.and_, [self._compared(*pair) for pair in pairs])
 
     def _compared(self, left: ast.expr, op: ast.cmpop, right: ast.expr) -> Value:
-        """Return one comparison."""
+        """Return the truth value of one comparison."""
         if isinstance(op, ast.In):
             return self._contained(left, right)
         if isinstance(op, ast.NotIn):
@@ -262,7 +265,7 @@ class _Evaluation:
         return self._has_text(self.value(right), value, right)
 
     def _has_text(self, whole: Value, part: Value, node: ast.expr) -> Value:
-        """Return whether a text, or each of a column, has another in it."""
+        """Return whether a text, or each text of a column, contains another text."""
         if isinstance(part, str) and isinstance(whole, str):
             return part in whole
         if not isinstance(part, str) or not isinstance(whole, pd.Series):
@@ -270,7 +273,7 @@ class _Evaluation:
         return whole.astype(str).str.contains(part, regex=False)
 
     def _call(self, node: ast.Call) -> Value:
-        """Return the value of a call; NAME.str.contains(TEXT) is `TEXT in NAME`."""
+        """Return the value of a function call; NAME.str.contains(TEXT) means `TEXT in NAME`."""
         match node:
             case ast.Call(
                 func=ast.Attribute(value=ast.Attribute(value=whole, attr="str"), attr="contains"),
@@ -283,7 +286,7 @@ class _Evaluation:
         raise self._refusal(node)
 
     def _called(self, name: str, node: ast.Call) -> Value:
-        """Return the value of a known function of numbers, or of the constants of a caption."""
+        """Return the value of a function in `FUNCTIONS`, or of one with constants in a caption."""
         function = self.functions[name]
         if self.functions is FUNCTIONS:
             if len(node.args) != 1 or node.keywords:
@@ -300,7 +303,7 @@ class _Evaluation:
     def _refusal(
         self, node: ast.expr, reason: str = "may not stand in an expression"
     ) -> InputError:
-        """Return the error of a part that may not stand in an expression."""
+        """Return the error for a part of the tree that may not stand in an expression."""
         part = short(ast.get_source_segment(self.text.strip(), node) or type(node).__name__)
         return InputError(
             "expression",
@@ -311,7 +314,7 @@ class _Evaluation:
 
 
 def _opposite(value: Value) -> Value:
-    """Return the opposite of a truth value, or of each in a column."""
+    """Return the negation of a truth value, or of each truth value in a column."""
     if isinstance(value, bool):
         return not value
     return ~value

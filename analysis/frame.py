@@ -19,7 +19,7 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 NO_COLUMN = "unknown"
-"""A name that no column has."""
+"""Name that stands for an unknown column: no column has it."""
 
 
 def frame_of(rows: Iterable[CaseResult], cases: pd.DataFrame | None = None) -> pd.DataFrame:
@@ -167,16 +167,22 @@ def mean_with_error(cases: pd.DataFrame, text: str) -> tuple[float, float]:
 
 
 class Errors(NamedTuple):
-    """Errors (k,) of an expression: of its quantities' independent parts, and of common parts."""
+    """Errors (k,) of an expression for k cases.
+
+    independent: from the errors that differ between cases; common: from the errors that all
+    packings share.
+    """
 
     independent: Floats
     common: Floats
 
 
 def _errors(cases: pd.DataFrame, text: str, value: pd.Series) -> Errors:
-    """Return the errors of an expression with the `value` (k,), by how much it changes with them.
+    """Return the errors of an expression with the `value` (k,) for k cases.
 
-    Quantities change by their independent errors one after the other, by common ones all at once.
+    `independent` is the root of the sum of squares of the changes when each quantity is increased
+    by its own error alone. `common` is the change when all quantities are increased by their common
+    errors at once.
     """
     names = {text}
     if text not in cases:
@@ -198,7 +204,7 @@ def _errors(cases: pd.DataFrame, text: str, value: pd.Series) -> Errors:
 
 
 def runs(cases: Iterable[int]) -> str:
-    """Return numbers of cases as text.
+    """Return numbers of cases as a text in which successive numbers are joined to ranges.
 
     >>> runs([1, 2, 3, 4, 7])
     '1-4, 7'
@@ -215,7 +221,7 @@ def runs(cases: Iterable[int]) -> str:
 
 
 def missing(frame: pd.DataFrame, text: str) -> str:
-    """Say what is not there for a quantity of these cases."""
+    """Say which numbers a quantity lacks in these cases."""
     texts = []
     without_result = frame[~frame["there"]]
     if len(without_result):
@@ -257,7 +263,7 @@ class Powers:
     table : DataFrame
         A line for each group, sorted by void ratio, with the columns of `GroupPower`.
     which_e : str
-        Of which states the void ratios are.
+        States to which the void ratios belong.
     whole : bool
         Whether no group and no case of any is missing.
     """
@@ -268,7 +274,10 @@ class Powers:
 
     @property
     def trend(self) -> tuple[float, float]:
-        """Return the slope of the power over e by least squares, and its error; NaN if unknown."""
+        """Return the slope of the exponents over void ratio, by least squares, and its error.
+
+        Both are NaN if unknown.
+        """
         line = straight_line(self.table["e"], self.table["power"])
         return float(line.slope), line.error
 
@@ -324,7 +333,7 @@ def powers(frame: pd.DataFrame, x: str, y: str) -> Powers:
 
 
 def _power_of_group(members: pd.DataFrame, by_state: bool) -> GroupPower:
-    """Fit the power law of a group, with the void ratio of its state or of its first case."""
+    """Fit the power law of a group, with the void ratio of the group's state or first case."""
     law = power_law(members["x"], members["y"])
     known = members[members["y"].notna()]
     if not np.isfinite(law.exponent):

@@ -12,10 +12,10 @@ from modal.tools.arrays import Array, Floats
 def mean_of_values(values: Sequence[Value]) -> Value:
     """Return the mean of a quantity over packings that have it, with its error and their scatter.
 
-    Arrays are interpolated at the frequencies of the first; the mean is NaN outside those of any
-    other. Samples may agree by chance: the error of the mean is at least that which follows from
-    the errors of the values. The part of an error that all packings share stays as large as its
-    largest.
+    Arrays are interpolated at the frequencies of the first packing; the mean is NaN where another
+    packing has no frequencies. Samples may agree by chance: the error of the mean is at least that
+    which follows from the errors of the values. The part of an error that all packings share does
+    not become smaller in the mean: the largest one is kept.
     """
     first = values[0]
     shape = np.shape(first.value)
@@ -44,12 +44,12 @@ def _grid_of(value: Value) -> Array:
 
 
 def _independent_square(value: Value) -> Any:
-    """Return the square of the error without the part that all packings share."""
+    """Return the square of the error that is left without the part that all packings share."""
     return value.error**2 - value.parts.get(COMMON, 0.0) ** 2
 
 
 def _on_first_grid(grids: Sequence[Array], numbers: Sequence[Any]) -> Floats:
-    """Interpolate the numbers of k packings at the first of their grids (n,): shape (k, n).
+    """Interpolate the numbers of k packings at the first packing's grid (n,); shape (k, n).
 
     NaN outside the grid of a packing.
     """

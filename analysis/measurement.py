@@ -287,7 +287,10 @@ def mean_of(measurements: Sequence[Measurement]) -> Measurement:
 
 
 def no_mean(measurements: Sequence[Measurement], apart: Sequence[Difference]) -> Measurement:
-    """Return unknown values, with the properties in which the packings differ."""
+    """Return values that are not known, because the packings are samples of different states.
+
+    The caveats name the properties in `apart`, in which the packings differ.
+    """
     caveat = Caveat("unlike", {"properties": "; ".join(map(str, apart))})
     values = {name: unknown(value.unit, caveat) for name, value in measurements[0].items()}
     return Measurement(values)

@@ -127,19 +127,19 @@ class PackingData:
     _results: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Refuse damaged waves at once."""
+        """Refuse damaged records when the packing is created."""
         for record in self.given or ():
             self._check(record, "a record")
 
     @classmethod
     def of(cls, case: Case, every_particle: bool = True) -> PackingData:
-        """Return the packing of a case, with the records among its files."""
+        """Return the packing of a case, with the recorded waves among the case's files."""
         network = read_remarked(case.packing_path, case.notes.append)
         return cls(network, None, case=case, every_particle=every_particle)
 
     @cached_property
     def crystal(self) -> bool:
-        """Tell whether it is an FCC crystal between walls, whose waves are known in theory."""
+        """Tell whether the packing is an FCC crystal between walls."""
         return self.walls and is_fcc(self.network)
 
     @cached_property
@@ -224,17 +224,20 @@ class PackingData:
 
     @property
     def affine_passage(self) -> float:
-        """Return the time, s, that this wave takes from wall to wall."""
+        """Return the time, s, that a P-wave with affine strain takes from wall to wall."""
         return self.network.length / self.affine_velocity
 
     @property
     def affine_frequency(self) -> float:
-        """Return V / D, Hz, with the velocity V of this wave and the mean diameter D."""
+        """Return V / D, Hz, with the velocity V of an affine P-wave and the mean diameter D."""
         return self.affine_velocity / self.diameter
 
     @cached_property
     def line(self) -> float:
-        """Return the width of a line, Hz, rounded to three digits.
+        """Return the full width of a single mode's line in spectra, Hz, rounded to three digits.
+
+        The highest frequency, to which the width is proportional, is a bound from an iteration, so
+        that further digits mean nothing.
 
         An iteration bounds the highest frequency, so that further digits mean nothing.
         """
@@ -258,7 +261,7 @@ class PackingData:
 
     @cached_property
     def of_one_sample(self) -> tuple[Caveat, ...]:
-        """Return the caveats of every quantity of this one packing."""
+        """Return the caveats that hold for every quantity of this one packing."""
         if self.crystal:
             return ()
         return caveats_of_state(self.network, self.unsettled)
@@ -324,7 +327,7 @@ class PackingData:
 
     @cached_property
     def yade(self) -> Signals | None:
-        """Return the recorded P-wave of a DEM run; None if it is a linear wave."""
+        """Return the recorded P-wave if a DEM run made it; None otherwise."""
         if self.recorded is not None and self.recorded.producer == "linear":
             return None
         return self.recorded
@@ -337,7 +340,7 @@ class PackingData:
 
     @cached_property
     def motion(self) -> Motion:
-        """Return how the source wall moves: as in the record, else `source`, else `pulse`."""
+        """Return the source wall's motion: that of a record, else `source`, else `pulse`."""
         if self.recorded is not None:
             return recorded_motion(self.recorded)
         return self.source or self.pulse
@@ -412,7 +415,7 @@ class PackingData:
 
     @property
     def shown(self) -> Signals:
-        """Return the recorded P-wave, or the linear one without a record."""
+        """Return the P-wave that figures show: the recorded one, else the linear one."""
         if self.recorded is None:
             return self.linear
         return self.recorded
@@ -432,9 +435,10 @@ class PackingData:
 
     @cached_on_packing
     def cut(self, key: str) -> Signals:
-        """Return a P-wave until the affine wave has come a third of the way back.
+        """Return a P-wave, cut when the affine wave has come a third of the way back.
 
-        The record of a run is returned in full; the linear wave beside it ends with it.
+        The record of a run is returned in full; the linear wave of the same packing is cut where
+        the run ends.
         """
         record = self.record(key)
         run = self.yade

@@ -37,7 +37,7 @@ def friction_of_compression(network: Network) -> float:
 
 
 def caveats_of_state(network: Network, unsettled: str) -> tuple[Caveat, ...]:
-    """Return the caveats of every quantity of one random packing.
+    """Return the caveats that hold for every quantity of one random packing.
 
     `unsettled` is the text of `why_unsettled`.
     """

@@ -12,15 +12,16 @@ from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
 RECORD_INTERVAL_IN_D_PER_V = 0.4
-"""Two times in a period of 1.25 V / D, which is above the frequency of all modes."""
+"""Time between two records, in D / V: so there are two records in a period of a wave of 1.25 V / D,
+a frequency above that of all modes."""
 RECORD_LENGTH_IN_PASSAGES = 1.5 * PASSAGES
 """Length of the record, in times that the affine wave takes from wall to wall."""
 MIN_V_S_OVER_V_P = 0.5
-"""The record of an S-wave is long enough for a wave that is slower by this factor."""
+"""Least ratio V_S / V_P for which the record of an S-wave is long enough."""
 MIN_RECORD_TIMES = 50
-"""A shorter record has no wave that could be followed."""
+"""Fewest times of a record in which a wave can be followed."""
 MIN_CHAIN_PARTICLES = 10
-"""Along fewer particles neither a velocity nor an attenuation can be fitted."""
+"""Fewest particles of a chain along which a velocity or an attenuation can be fitted."""
 
 
 def record_length(affine_passage: float, direction: str) -> float:
@@ -37,8 +38,8 @@ def record_length(affine_passage: float, direction: str) -> float:
 def record_interval(affine_frequency: float, recorded: Signals | None) -> float:
     """Return the time between two records of a computed wave, s.
 
-    `affine_frequency` is V / D, Hz. Beside a record the interval is one or several of its own, so
-    that both waves have common times.
+    `affine_frequency` is V / D, Hz. If there is a recorded wave, the interval is that of its
+    records or a multiple of it, so that both waves have common times.
     """
     interval = RECORD_INTERVAL_IN_D_PER_V / affine_frequency
     if recorded is None:

@@ -41,7 +41,8 @@ COLUMNS: Final[Mapping[str, tuple[str, float]]] = {
     "excess_largest": ("excess_peak", 1.0),
     "excess_largest_at": ("excess_peak_khz", 1e-3),
 }
-"""Column and factor of quantities whose column is not the name with an ending of `UNITS`."""
+"""Column and factor of the quantities whose column's name is not their name with an ending of
+`UNITS`."""
 UNITS: Final[Mapping[str, tuple[str, float]]] = {
     "m/s": ("_m_per_s", 1.0),
     "Hz": ("_khz", 1e-3),
@@ -54,36 +55,37 @@ RECORD_COPIES: Final[Mapping[str, str]] = {
     **{f"f_low_pass_{p}_of_record": f"f_low_pass_{p}_{{record}}" for p in PERCENT},
     **{f"lambda_{p}_of_record_over_d": f"lambda_{p}_{{record}}_over_d" for p in PERCENT},
 }
-"""Quantities of the record that a case has, and of which quantity each is a copy; `{record}` stands
-for the program that computed the record."""
+"""Quantities of the record that a case has, and the quantity of which each is a copy; `{record}`
+stands for the program that computed the record."""
 OF_RECORD: Final[Mapping[str, str]] = {
     "v_p_first_peaks_m_per_s": "v_p_first_peaks_{record}_m_per_s",
     **{f"f_low_pass_{p}_khz": f"f_low_pass_{p}_{{record}}_khz" for p in PERCENT},
     **{f"lambda_{p}_over_d": f"lambda_{p}_{{record}}_over_d" for p in PERCENT},
 }
-"""Columns of `RECORD_COPIES`, and the columns of which each is a copy."""
+"""Columns of `RECORD_COPIES`, and the column of which each is a copy."""
 PRODUCER_NAMES = {"yade": "YADE", "linear": "linear"}
 SCHEMA = "case_result"
 VERSION = 2
 COLUMN_VERSION = 1
-"""The version whose values are by column, without a unit: still read."""
+"""Version of result files that have values by column and without units; such files can still be
+read."""
 DIGITS = 12
-"""Significant digits that a result keeps of a number."""
+"""Number of significant digits of a number in a result."""
 CURVE_DIGITS = 6
-"""Significant digits that a result keeps of a number of a curve."""
+"""Number of significant digits of a number of a curve in a result."""
 COLUMN_DIGITS = 15
 """Significant digits of a number after a change of units: as many as a double holds of any decimal
 number, so that a number of so many digits comes back as it was."""
 FIRST_ORDERS = 5
-"""Resonances whose heights in the gain are shown."""
+"""Number of resonances whose heights in the gain are shown."""
 MAY_LACK = "signals", "highest.modes", "modes", "density", "structure", "response"
 """Kinds of files that a case may lack."""
 
 
 class Cell(NamedTuple):
-    """A number of a case in a column: value, error, and the part of it that all packings share.
+    """A number of a case in a column: value, error, and the error's part common to all packings.
 
-    All in the unit of the column; NaN if not known. An exact number has no error: NaN.
+    All are in the unit of the column, and NaN if not known. The error of an exact number is NaN.
     """
 
     value: float
@@ -158,7 +160,7 @@ class CaseResult:
 
     @classmethod
     def of(cls, packing: PackingData) -> CaseResult:
-        """Return the result of a case of which nothing has been measured."""
+        """Return a result of a case with no values as yet."""
         friction = packing.mu_comp
         if packing.crystal:
             friction = 0.0
@@ -208,13 +210,16 @@ class CaseResult:
 
     @property
     def group(self) -> str:
-        """Return the group of cases that figures join by lines: FCC, or a friction."""
+        """Return the group whose cases figures join by lines: FCC, or a friction coefficient."""
         if self.crystal:
             return "FCC"
         return f"random, mu_comp {self.mu_comp:g}"
 
     def add(self, packing: PackingData, names: Iterable[str]) -> None:
-        """Measure quantities by name; those of S-waves and moduli only if their files are there."""
+        """Measure quantities by name.
+
+        Those of S-waves and of moduli are left out if their files do not exist.
+        """
         thresholds = {name: key for key, (name, _) in LOW_PASS.items()}
         recorded = {"", *packing.shear}
         for name in names:
@@ -247,7 +252,10 @@ def paper_column(quantity: str, unit: str) -> tuple[str, float]:
 
 
 def _cell(value: Value, factor: float, exact_is_blank: bool) -> Cell:
-    """Return a value in the unit of its column; an exact one without error, if that is wanted."""
+    """Return a value in the unit of its column.
+
+    With `exact_is_blank`, a value that is exact has NaN as its error.
+    """
     error = value.error
     if exact_is_blank and not value.parts:
         error = np.nan
@@ -257,7 +265,7 @@ def _cell(value: Value, factor: float, exact_is_blank: bool) -> Cell:
 
 
 def _times(number: float, factor: float) -> float:
-    """Return a number times the factor of its unit, to `COLUMN_DIGITS`."""
+    """Return a number times the factor of its unit, to `COLUMN_DIGITS` digits."""
     if factor == 1:
         return float(number)
     return float(f"{number * factor:.{COLUMN_DIGITS}g}")
@@ -286,7 +294,7 @@ def row_of(packing: PackingData) -> CaseResult:
 
 
 def _add_curves(packing: PackingData, row: CaseResult) -> None:
-    """Add what figures over several cases draw."""
+    """Add the curves that figures over several cases draw."""
     spectrum_of_gain = gain.gain_of(packing)
     row.curves["gain"] = (spectrum_of_gain.frequency, spectrum_of_gain.gain)
     for order, height in enumerate(gain.orders(packing)[:FIRST_ORDERS], 1):
@@ -300,10 +308,12 @@ def _add_curves(packing: PackingData, row: CaseResult) -> None:
 
 
 def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:
-    """Return the name of one producer, and columns with `{record}` in them as those of it.
+    """Return the program whose records are compared, and the columns of this program.
 
-    The producer is YADE if all `records` are of it, otherwise the linear wave. Numbers of both are
-    never mixed, because they differ where contacts slide.
+    `{record}` in the names of `columns` stands for the program.
+
+    The program is YADE if YADE made all `records`, otherwise that of the linear wave. Numbers of
+    both are never mixed, because they differ where contacts slide.
 
     >>> of_one_producer(["yade", "linear"], "f_low_pass_2_{record}_khz")
     ('linear', 'f_low_pass_2_linear_khz')
@@ -315,7 +325,7 @@ def of_one_producer(records: Iterable[str], *columns: str) -> tuple[str, ...]:
 
 
 def write_result(path: Path, row: CaseResult) -> None:
-    """Write the result of a case; what is empty is left out, unknown numbers are null."""
+    """Write the result of a case; empty fields are left out, unknown numbers are null."""
     contents = {"schema": SCHEMA, "version": VERSION, **asdict(replace(row, values={}))}
     contents["values"] = {name: value.as_json() for name, value in row.values.items()}
     contents["curves"] = plain(contents["curves"], CURVE_DIGITS)
@@ -337,11 +347,11 @@ def read_result(path: str | Path) -> CaseResult:
 
 
 CURVES = {"gain": 2, "first": 1, "resonances": 2, "ridge": 3}
-"""Number of arrays of the curves that figures take apart; others may have any number."""
+"""Number of arrays of each curve that figures take apart; other curves may have any number."""
 CURVES_OF_GAIN = ("first", "resonances")
-"""Curves that a figure of the gain needs."""
+"""Curves that are needed to draw a figure of the gain."""
 COLUMN_FIELDS = {"value": float, "error": float, "common": float}
-"""Fields of a value in the version whose values are by column."""
+"""Fields of a value in files of version `COLUMN_VERSION`."""
 VALUE_FIELDS = {
     "value": float,
     "error": float,
@@ -379,7 +389,7 @@ def _parse(contents: Any) -> CaseResult:
 
 
 def _parse_value(cell: Any, place: str) -> Value:
-    """Return a value in SI units."""
+    """Return a value in SI units from the JSON of a result; `place` names it in errors."""
     numbers = fields_of(cell, VALUE_FIELDS, {"value", "unit", "parts"}, place)
     if numbers["unit"] not in ("", *UNITS):
         raise MismatchError(f"{place}.unit is {numbers['unit']!r}")
@@ -425,7 +435,7 @@ def _quantities_by_column() -> dict[str, tuple[str, str, float]]:
 
 
 def _split_column(column: str) -> tuple[str, str, float]:
-    """Return quantity, unit and factor of a column by its ending; without one no unit."""
+    """Return quantity, unit and factor of a column by its ending; an unknown ending has no unit."""
     for unit, (ending, factor) in UNITS.items():
         if ending and column.endswith(ending):
             return column.removesuffix(ending), unit, factor
@@ -433,7 +443,7 @@ def _split_column(column: str) -> tuple[str, str, float]:
 
 
 def _divided(number: float, factor: float) -> float:
-    """Return a number divided by the factor of its unit, to `COLUMN_DIGITS`."""
+    """Return a number divided by the factor of its unit, to `COLUMN_DIGITS` digits."""
     if factor == 1:
         return number
     return float(f"{number / factor:.{COLUMN_DIGITS}g}")
@@ -468,7 +478,7 @@ def _check(row: CaseResult) -> None:
 def read_results(folder: Path) -> list[CaseResult]:
     """Read all results in a folder, with the scatter of each case over those of other seeds.
 
-    Other seeds have folders `seed_*` of their own in it. A result that states its scatter keeps it
+    The results of other seeds lie in subfolders `seed_*`. A result that states its scatter keeps it
     if there is no other seed. Raises InputError for a file that is no result, and for two results
     of one case.
     """
@@ -489,7 +499,10 @@ def read_results(folder: Path) -> list[CaseResult]:
 
 
 def scatter_of_samples(packings: Sequence[CaseResult]) -> dict[str, float]:
-    """Compute the standard deviation of each column of the first over several packings of a case.
+    """Compute the standard deviation of each column of the first packing over all packings.
+
+    The packings are those of one case, of different seeds. Quantities of records are compared by
+    one program. Empty for a single packing.
 
     The numbers of its record are compared by one producer. Empty without another packing.
     """

@@ -1,8 +1,8 @@
-"""Compare packings: only samples of one state have a mean that says anything.
+"""Compare packings: a mean is meaningful only over samples of one state.
 
-The compared properties are measured on the contact networks; a note that a program left in a file
-counts only if nothing can be measured. If a packing does not have a property, the others are
-compared.
+The compared properties are measured on the contact networks; where nothing can be measured, the
+note that a program left in a file is compared. If a packing does not have a property, the others
+are compared.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -25,7 +25,7 @@ AXES = "xx", "yy", "zz", "yz", "zx", "xy"
 
 
 class Number(NamedTuple):
-    """A property of a packing, NaN where it is not known, and its standard error as a mean."""
+    """A property of a packing, and its standard error as a mean; NaN if it is not known."""
 
     value: float
     error: float = 0.0
@@ -38,7 +38,7 @@ class Property:
     Attributes
     ----------
     words : str
-        What it is, for people.
+        Description of the property, for messages.
     measure : callable
         Function that measures it on a contact network.
     tolerance : float
@@ -63,7 +63,7 @@ class Difference(NamedTuple):
     allowed: float
 
     def as_json(self) -> dict[str, Any]:
-        """Return its code and its numbers."""
+        """Return the code of the property and its numbers, as JSON has them."""
         return plain(self._asdict())
 
     def __str__(self) -> str:
@@ -83,7 +83,7 @@ def note(network: Network, name: str) -> float:
 
 
 def _ratio(above: Floats, below: Floats) -> Number:
-    """Return the ratio of two sums over spheres or contacts, with the error of drawing these."""
+    """Return the ratio of two sums over spheres or contacts, and its standard error."""
     if not len(above) or not below.sum() > 0:
         return UNKNOWN
     value = above.sum() / below.sum()
@@ -100,7 +100,7 @@ def _stress(network: Network) -> Floats:
 
 
 def _size_of_stress(network: Network) -> Number:
-    """Return the root mean square of the principal stresses, Pa; without forces the noted one."""
+    """Return the rms of the principal stresses, Pa; without forces the noted stress."""
     size = float(np.linalg.norm(_stress(network)) / np.sqrt(3))
     if np.isfinite(size):
         return Number(size)
@@ -160,7 +160,10 @@ def _stiffness_ratio(network: Network) -> Number:
 
 
 def _law(network: Network) -> Number:
-    """Measure force / (stiffness times overlap): 2/3 for the law of Hertz, 1 for a linear one."""
+    """Measure force / (stiffness times overlap), which tells the contact law.
+
+    It is 2/3 for the law of Hertz, and 1 for a linear one.
+    """
     ratio = force_ratio(network)
     if not len(ratio):
         return UNKNOWN
@@ -177,7 +180,7 @@ def _resistance_to_turning(network: Network) -> Number:
 
 
 def _coordination(network: Network) -> Number:
-    """Measure the contacts of a force-bearing sphere, which depend on friction and history."""
+    """Measure the mean number of contacts of force-bearing spheres, which tells their history."""
     bearing = force_bearing(network)
     if not bearing.any():
         return UNKNOWN
@@ -235,7 +238,7 @@ SAME_STATE: dict[str, Property] = {
     # Waves that fit across the cell set in at V / width.
     "width": Property("the width, D,", _width, 0.1),
 }
-"""Properties by their code; the comments say why samples may differ by so much."""
+"""Properties by their code; the comments give the reason for each tolerance."""
 State = Mapping[str, Number]
 """Properties of a packing by their code."""
 

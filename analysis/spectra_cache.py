@@ -31,16 +31,18 @@ SpectrumKind = Literal["response", "density", "structure"]
 """Kind of a spectrum, which is that of its file: gain, density of states, structure factor."""
 
 RESOLUTION = 0.376
-"""Resolution of the gain in units of f_1 = V / 2 L; maxima lie f_1 apart."""
+"""Resolution of the gain divided by f_1 = V / 2 L, the distance between two maxima."""
 MAX_GAIN_FREQUENCY_IN_V_PER_D = 0.5
-"""Highest frequency of the gain; the band of a crystal ends at 0.45."""
+"""Highest frequency of the gain, in V / D; the band of a crystal ends at 0.45."""
 DENSITY_TOLERANCE = 1e-3
 """Standard error of a count of modes, as a share of all modes."""
 ORDERS_WITHOUT_GAP = 30
-"""Orders of the structure factor up to here are all computed; above, each is a tenth higher."""
+"""Orders of the structure factor up to this one are all computed; above, each is a tenth higher
+than the one before."""
 ORDER_RATIO = 1.1
 MAX_FREQUENCY_IN_LAYER_PASSAGES = 0.75
-"""Highest frequency of the structure factor, times the passage, divided by the layers."""
+"""Highest frequency of the structure factor, times the time from wall to wall, divided by the
+number of layers."""
 
 
 class Maker(NamedTuple):
@@ -58,7 +60,11 @@ MAKERS: dict[SpectrumKind, Maker] = {
 
 
 def kept_file(packing: PackingData, kind: SpectrumKind) -> Any:
-    """Return the spectrum in a file: one that is given, or one in the folder `packing.keep`.
+    """Return the spectrum in a file: a file of the case, or one in the folder `packing.keep`.
+
+    In the folder, a file that is missing or out of date is written first. If it cannot be written,
+    the spectrum is returned nevertheless, and `packing.not_kept` says why. None if there is no file
+    and no folder. For a crystal only the response is kept in the folder.
 
     In that folder a file that is missing or out of date is written first. If it cannot be written,
     the spectrum is returned all the same, and `packing.not_kept` says why. None without a file and
@@ -119,7 +125,7 @@ def _provenance(case: Case, kind: SpectrumKind, settings: dict[str, Any]) -> Pro
 
 
 def as_read(kind: SpectrumKind, spectrum: Any) -> Any:
-    """Return a spectrum as its file would give it."""
+    """Return a spectrum with the digits that it has after being written and read again."""
     if kind != "density":
         return spectrum
     grid = spectrum.grid()

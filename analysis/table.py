@@ -12,7 +12,7 @@ import numpy as np
 from modal.formats.whole_file import write_text
 
 MIN_SHOWN_RELATIVE_ERROR = 1e-6
-"""A smaller uncertainty is not shown, as that of a natural frequency."""
+"""Smallest relative uncertainty that is shown; that of a natural frequency is smaller."""
 
 
 @dataclass
@@ -41,7 +41,10 @@ class Table:
         return "".join(f"{line}\n" for line in lines)
 
     def text(self) -> str:
-        """Return the table aligned for a terminal, without the title; first cells name the rows."""
+        """Return the table as aligned text for a terminal, without the title.
+
+        The first cell of a row is its name.
+        """
         from pandas import DataFrame  # other tables do not need it
 
         return DataFrame(self.rows, columns=self.header).set_index(self.header[0]).to_string()

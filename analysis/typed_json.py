@@ -16,15 +16,15 @@ import numpy as np
 from modal.tools.errors import InputError
 
 KINDS = {str: "a text", bool: "true or false", int: "a whole number"}
-"""Names of kinds in errors."""
+"""Names of the types of values, for error messages."""
 MAX_WHOLE_NUMBER_OF_DOUBLES = 1 << 53
-"""Doubles hold every whole number up to this one."""
+"""Whole number up to which doubles represent every whole number."""
 MAX_SHOWN_LENGTH = 30
-"""Length at which a value in an error is cut."""
+"""Number of characters at which a value is cut in an error message."""
 
 
 class MismatchError(ValueError):
-    """Refuse a value of another kind than that of its place."""
+    """Raised for a value whose type is not the one that its place in the file requires."""
 
 
 def parsed(text: str) -> Any:
@@ -167,7 +167,7 @@ def _number(value: Any, place: str) -> float:
 
 
 def _itself(value: Any, kind: Any, place: str) -> Any:
-    """Return a text, a whole number, or true or false."""
+    """Return the value itself if it is a text, a whole number, or true or false."""
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
         raise MismatchError(f"{place} is {_shown(value)}, not {KINDS[kind]}")
     if kind is str:

@@ -14,11 +14,13 @@ from modal.tools.arrays import Floats
 from modal.tools.display import plain, quantity, scaled
 
 MAX_LISTED_NUMBERS = 3
-"""Numbers over frequency that are all printed; of longer arrays the first and the last are."""
+"""Largest length of an array over frequency of which all numbers are printed; of longer arrays the
+first and the last are."""
 MIN_PRINTED_RELATIVE_ERROR = 1e-6
-"""A smaller error is not printed."""
+"""Smallest relative error that is printed."""
 COMMON = "length"
-"""The part of an error that all packings share, as that they are short: no mean makes it less."""
+"""Name of the part of an error that all packings share, such as that of their short length: a mean
+over packings does not reduce it."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class Value:
 
     @property
     def error(self) -> Any:
-        """Return the standard error, in the unit of the value; 0 if exact for its packing.
+        """Return the standard error, in the unit of the value; 0 for an exact value.
 
         It is the root of the sum of squares of all parts but `samples`. If samples scatter by more,
         the other parts are contained in their scatter, which is the error then.
@@ -104,7 +106,7 @@ class Value:
         return replace(self, caveats=tuple(dict.fromkeys((*self.caveats, *caveats))))
 
     def explain(self) -> Explanation:
-        """Return how the value, or that it is not known, comes about; `str()` of it is its text.
+        """Return how the value comes about, or why it is not known; `str()` of it is a text.
 
         >>> print(Value(776.4, "m/s", {"fit": 3.0, "window": 4.0}).explain())
         776.4 ± 5.0 m/s
@@ -224,12 +226,12 @@ def _number_of_json(number: Any) -> Any:
 
 
 def unknown(unit: str, *caveats: Caveat, steps: tuple[Step, ...] = ()) -> Value:
-    """Return no value, why it is not known, and the steps that led there."""
+    """Return a value that is not known, with the reasons and the steps that led there."""
     return Value(np.nan, unit, {"fit": np.nan}, caveats, steps=steps)
 
 
 def estimate(value: float, error: float = np.nan, common: float = 0.0) -> Value:
-    """Return a number of a case, whose columns say the units, with its error where that is known.
+    """Return a number of a case with its error if this is known; the column's name says its unit.
 
     `common` is the part of the error that all packings of the kind share.
 
@@ -243,7 +245,7 @@ def estimate(value: float, error: float = np.nan, common: float = 0.0) -> Value:
 
 
 def hertz(frequency: float) -> str:
-    """Return a frequency as it stands in a caveat.
+    """Return a frequency as text, in the form that caveats use.
 
     >>> hertz(10490.0)
     '10.5 kHz'

@@ -24,7 +24,7 @@ OF_NETWORK = RULES["of_network"]
 FURTHER = RULES["further_waves"]
 COLUMNS = RULES["columns"]
 FULL = 35201
-"""Number of spheres of the packings that costs.tsv is about."""
+"""Number of spheres of the packings for which costs.tsv lists costs."""
 DEFAULTS_OF_YADE = {"fraction": 0.05, "passage": 1.0}
 """Values that yade_scripts/wave.py uses for columns that a line does not have."""
 LINEAR_INTERVAL = 1e-6
@@ -98,13 +98,16 @@ class Commands:
         return quoted(*words, "-o", self.walk_folder(walk))
 
     def shape_of(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the settings of a case that shape its compression."""
+        """Return the settings of a case that its compression depends on."""
         unused = FRICTION_PARAMETERS if row["mu_comp"] == 0 else ()
         settings = {name: row.get(name) for name in COLUMNS["walk"] if name not in unused}
         return {name: value for name, value in settings.items() if value is not None}
 
     def line(self, case: str, *parts: str, run: str = "") -> dict[str, Any]:
-        """Return what a case has of these parts of `COLUMNS`, as one line of a table.
+        """Return the settings of a case in the columns of `COLUMNS`, for a table of one line.
+
+        `parts` select groups of the columns. `run` names a further wave of the case, which changes
+        some of the cells.
 
         `run` names a further wave, which changes some of the cells.
         """
@@ -145,7 +148,7 @@ class Commands:
         return f"unset ${{!WAVE_@}}; {make_folder}; {link}; {wave} && {move}"
 
     def product(self, case: str, kind: str) -> str:
-        """Return the file of a case's product."""
+        """Return the path of the file of a case's product of one kind."""
         return f"{self.folder}/{case}.{kind}.h5"
 
     def relax_command(self, case: str, state: str) -> str:
@@ -156,7 +159,10 @@ class Commands:
         return f"{command} --skip-current"
 
     def network_command(self, rule: str, case: str, packing: str = "network") -> str:
-        """Return the command of one of the rules `OF_NETWORK`, for a network or a sample."""
+        """Return the command of a rule that needs a packing alone, one of `OF_NETWORK`.
+
+        `packing` tells whether the rule takes the case's network or its sample.
+        """
         command = OF_NETWORK[rule]["command"]
         parts = {
             "folder": quoted(self.folder),
@@ -182,7 +188,10 @@ class Commands:
         return round(slowest * (REFERENCE_STRESS / row["stress"]) ** (1 / 6), 7)
 
     def linear_wave_options(self, case: str, durations: float, options: str = "") -> str:
-        """Return the options of a linear wave like the case's, `durations` of a P-wave long."""
+        """Return the options of a linear wave with the settings of the case's wave.
+
+        The wave is as long as `durations` passages of a P-wave.
+        """
         row = self.rows[case]
         direction = row.get("direction", "z")
         if direction != "z":
@@ -203,7 +212,7 @@ class Commands:
 
 
 def quoted(*words: object) -> str:
-    """Return words quoted for the shell and for `in_turn`, whatever characters they have."""
+    """Return words as one text, quoted for the shell and for `in_turn` whatever they contain."""
     return " ".join(quote(str(word)) for word in words)
 
 
@@ -223,7 +232,7 @@ def write_line(line: Mapping[str, Any], path: str) -> str:
 
 
 def environment() -> str:
-    """Return the shell's command that passes the caller's variables WAVE_* on to YADE's waves."""
+    """Return the shell's text that passes the caller's variables WAVE_* on to YADE's waves."""
     names = sorted(name for name in os.environ if name.startswith("WAVE_") and name.isidentifier())
     settings = [f"{name}={quote(os.environ[name])}" for name in names]
     return f"export {' '.join(settings)}" if settings else ":"

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 MENDABLE = "2"
-"""Exit status of a run if each failed job says what its user can do."""
+"""Exit status of a run in which the log of each failed job says what the user can do."""
 FAILED = "1"
 """Exit status of any other run that fails."""
 ERROR_MARK = "error: "
-"""Beginning of the line of a log that says what its user can do."""
+"""Beginning of the line of a log that says what the user can do about a failure."""
 
 
 def write_failures(folder: Path, started: float) -> None:

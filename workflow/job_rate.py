@@ -10,7 +10,7 @@ submissions a second.
 from typing import Any
 
 LIMITER = "job_rate_limiter"
-"""Attribute of Snakemake's scheduler; None means no limit."""
+"""Attribute of Snakemake's scheduler that holds the limit; None means no limit."""
 
 
 def remove_job_rate_limit(scheduler: Any) -> None:

@@ -40,7 +40,7 @@ WORDS_BEHIND_NAMES = {
     *(kind.split(".")[0] for rule in OF_NETWORK.values() for kind in rule["makes"]),
     *(*FURTHER, "network", "agreement", "json", "log", "tsv"),
 }
-"""Words that follow a case's name in the names of its files."""
+"""Words that follow the name of a case in the names of its files."""
 RESERVED_END = rf"\.({'|'.join(map(re.escape, sorted(WORDS_BEHIND_NAMES)))})|\dPa"
 """Pattern of ends of names that belong to files of cases, or to states."""
 ANY = "[^/]+"
@@ -108,7 +108,10 @@ class Jobs(Commands):
         self.cases = _choose_cases(config.get("cases"), self.rows)
 
     def _complete_row(self, number: int, row: dict[str, Any], spheres: int) -> None:
-        """Add a case's number, and the study's defaults; a reduced one has `spheres`."""
+        """Add a case's number and the study's defaults to its settings.
+
+        A case of a reduced study has the number of `spheres`.
+        """
         settings = self.study.settings
         full_spheres = row.setdefault("spheres", settings["spheres"])
         row["case"] = number
@@ -225,7 +228,7 @@ class Jobs(Commands):
 
     @cached_property
     def forgotten(self) -> list[str]:
-        """Return the cases whose packings are removed as soon as they are measured.
+        """Return the cases whose packings are removed as soon as they are measured, to save space.
 
         Raises InputError if the study has several stresses, or cases without friction.
         """
@@ -250,13 +253,13 @@ class Jobs(Commands):
         return kinds or ["sample"]
 
     def outputs(self, rule: str) -> list[str]:
-        """Return the files of a rule that needs a network alone, each as a pattern of its cases."""
+        """Return the files that a rule for a network alone makes, as patterns over its cases."""
         kinds = OF_NETWORK[rule]["cases"]
         cases = self.pattern(case for case, row in self.rows.items() if row["kind"] in kinds)
         return [self.product(f"{{case,{cases}}}", kind) for kind in OF_NETWORK[rule]["makes"]]
 
     def product_commands(self, case: str) -> list[str]:
-        """Return the commands that make all that a case's result is measured from."""
+        """Return the commands that make all products that a case's result is measured from."""
         kind = self.rows[case]["kind"]
         kinds = self.product_kinds(case)
         has_wave = "signals" in kinds
@@ -285,7 +288,8 @@ class Jobs(Commands):
     def result_inputs(self, case: str) -> list[str]:
         """Return the files that a case's result is made of.
 
-        They are those of its kinds of product, and those on request that exist.
+        They are the files of the kinds of product that a result needs, and the existing ones of the
+        products that are made on request.
         """
         files = [self.product(case, kind) for kind in dict.fromkeys(self.product_kinds(case))]
         further = [self.product(case, kind) for kind in ON_REQUEST]
@@ -300,7 +304,10 @@ class Jobs(Commands):
         return []
 
     def measure_commands(self, case: str, files: Sequence[str]) -> list[str]:
-        """Return the commands that measure a case from its files, and make these, if at once."""
+        """Return the commands that measure a case from its files.
+
+        If one process makes and measures a case, they also make these files.
+        """
         words = ["analysis", "study", self.study.path, *files, "--measure", case]
         words += ["--products", self.folder, "-o", f"{self.results}/{case}.json"]
         if self.seed is not None and not self.study.settings["measure"]:
@@ -329,8 +336,8 @@ class Jobs(Commands):
     def page_inputs(self) -> list[str]:
         """Return the results that the page is made of.
 
-        They are those of all cases and states, and those of other seeds and of agreements that
-        exist.
+        They are the results of all cases and states, and the existing ones of other seeds and of
+        comparisons with the linear wave.
         """
         files = [f"{self.results}/{case}.json" for case in self.cases]
         files += [f"{self.results}/{state}.json" for state in self._states_of_page()]
@@ -339,10 +346,10 @@ class Jobs(Commands):
         return files
 
     def _states_of_page(self) -> list[str]:
-        """Return the names of states that are no cases but stand on the page.
+        """Return the names of states that are not cases of the study but are shown on the page.
 
         No compression is made for such a state alone: where all cases of a compression start from
-        finished samples, the state counts only if it has one, too.
+        finished samples, the state is shown only if it has a finished sample, too.
         """
         if self.seed is not None:
             return []
@@ -363,7 +370,7 @@ class Jobs(Commands):
         return None
 
     def targets(self) -> list[str]:
-        """Return the requested files, according to the cases and the stage."""
+        """Return the files to be made for the requested cases up to the requested stage."""
         if self.stage == "page":
             return [f"{self.folder}/study/study.html"]
         if self.stage == "result":
@@ -405,7 +412,7 @@ def one_of(names: Iterable[str]) -> str:
 
 
 def refuse_other_path(name: str, path: object) -> None:
-    """Raise InputError for a path that rules and commands cannot contain as it is."""
+    """Raise InputError for a path with characters that rules and commands cannot contain."""
     if not (isinstance(path, str) and PLAIN_PATH.fullmatch(path)):
         raise InputError(
             "path", f"{name} {short(path)}", remedy="give a path of letters, digits and _ . - + /"
@@ -434,7 +441,7 @@ def _choose_cases(words: Any, rows: Mapping[str, Any]) -> list[str]:
 
 @cache
 def _noted(path: Path, name: str) -> float | None:
-    """Return what a sample notes of itself in its study; None if that cannot be read."""
+    """Return a number that a sample notes in its group `study`; None if it cannot be read."""
     try:
         with h5py.File(path) as file:
             return float(file["study"].attrs[name])

@@ -26,11 +26,12 @@ from modal.tools.workload import memory_at_hand
 RULES_OF_YADE = ("crystal", "network", "yade_wave", "further_wave", "states")
 """Rules that may need YADE."""
 MANY_CASES = 300
-"""Number of cases whose jobs take more than some seconds to plan, so that a line says so."""
+"""Number of cases from which on planning the jobs takes more than some seconds, so that a line
+announces it."""
 CLUSTER_JOBS = 20
 """Jobs at a time on a cluster, if the caller does not say how many."""
 SECONDS_BETWEEN_LOOKS = 10
-"""Time between two looks at the queue of a cluster."""
+"""Time between two looks at the queue of a cluster, s."""
 
 
 def main(profile: str, only: str, jobs_at_a_time: str, *settings: str) -> int:
@@ -120,7 +121,7 @@ def _install_yade_if_needed(snakemake: list[str], configuration: list[str]) -> i
 
 
 def _forget_incomplete_page(jobs: Jobs) -> None:
-    """Remove a page that lacks cases, so that these are tried again."""
+    """Remove a page that lacks cases, so that the run tries to make these cases again."""
     absent = Path(jobs.results, "absent.csv")
     if absent.exists():
         absent.unlink()

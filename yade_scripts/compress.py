@@ -4,7 +4,7 @@
     yade-batch own.table yade_scripts/compress.py
 
 Columns `sizes` ("lognormal_0.2", "two_2_0.5", with the quotes), `densities` ("2230_7800") and
-`walls` ("2.1e11_0.3") make a mixture (`modal.preparation.sizes`).
+`walls` ("2.1e11_0.3") make a mixture (as in `modal.preparation.sizes`).
 
 Writes a state at each stress, products/compression_mu0.4/STRESSPa.sample.h5, and a checkpoint from
 which a killed compression goes on. The environment variable WAVE_PRODUCTS names another folder. The

@@ -68,7 +68,7 @@ class ContactWatch:
             yield (contact.id1, contact.id2), contact
 
     def follow(self):
-        """Add the slip since the last step of the contacts that may slip."""
+        """Add the slip of the last step, and its energy, for the contacts that may slip."""
         before = self._last_slips
         self._last_slips = {}
         for key, contact in self._followed.items():
@@ -112,7 +112,7 @@ class ContactWatch:
         return f"of {len(self.depth)} contacts {opened}; {slid}"
 
     def _describe(self, verb, keys):
-        """Return how many contacts these are, and the depths of the first, mm."""
+        """Return how many contacts `keys` has, as text, with the depths of the first ones in mm."""
         text = f"{len(keys)} {verb}"
         depths = sorted(1e3 * self.depth[key] for key in keys if key in self.depth)
         if depths:

@@ -23,7 +23,8 @@ CONTACTS = ("FrictPhys", "MindlinPhys", "CohFrictPhys")
 UNSUPPORTED = ("kr", "ktw", "adhesionForce")
 """Attributes of contacts other than CohFrictPhys that no spring of a network represents."""
 FLAT = 1e-6
-"""Largest x or y of a wall's normal, and distance, in radii, of contacts from the wall's plane."""
+"""Largest x or y component of a wall's unit normal for which the wall counts as flat. Also the
+largest distance, in radii, of a contact point from the wall's plane."""
 SLIDING_SHARE = 1 - 1e-9
 """Share of the friction limit from which a contact slides: YADE cuts shear forces to round-off."""
 
@@ -60,12 +61,12 @@ def describe_springs(contacts, sign, normal, i, j, radius):
 
 
 def is_unbound(phys):
-    """Return whether a contact has no cohesion, or none any more."""
+    """Return whether a contact has never had cohesion, or has lost its cohesion."""
     return getattr(phys, "cohesionBroken", True)
 
 
 def describe_rotation_springs(contacts):
-    """Return stiffnesses (m,) against rolling and twisting, N m/rad; empty if no law has them.
+    """Return stiffnesses (m,) against rolling and twisting, N m/rad; empty if no contact has them.
 
     Cohesive-frictional contacts have them while they hold, if `momentRotationLaw` is set, and all
     of them with the law's `always_use_moment_law`. The limits of their moments are not examined.
@@ -146,7 +147,7 @@ def contact_network(n, study, provenance):
 
 
 def _read_clumps(ids):
-    """Return mass, centre and tensor of inertia of clumps, as YADE has them."""
+    """Return mass, kg, centre, m, and tensor of inertia, kg m^2, of clumps, as YADE has them."""
     states = [O.bodies[clump_id].state for clump_id in ids]
     axes = np.array([state.ori.toRotationMatrix() for state in states]).reshape(-1, 3, 3)
     inertia = np.array([state.inertia for state in states])
@@ -185,7 +186,7 @@ def _name(contact):
 
 
 def _refuse_unknown(contact):
-    """Raise InputError for a contact that is more than springs with friction."""
+    """Raise InputError for a contact that cannot be represented by springs with friction."""
     kind = type(contact.phys).__name__
     if kind not in CONTACTS:
         raise InputError(

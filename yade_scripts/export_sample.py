@@ -38,13 +38,13 @@ MAX_RESIDUAL = 1e-7
 nm in the run without a wave, a sphere in contacts far less. Compressions end at 1e-3, relax at
 1e-10."""
 COLLIDER_MARGIN = 0.05
-"""Reach of the collider around each sphere, radii."""
+"""Distance around each sphere in which YADE's collider looks for contacts, in radii."""
 NOISE_STEPS = 1500
 """Steps of the run without a wave: at 100 kPa some 1.5 ms, twice the time that a wave takes."""
 STEPS_PER_CHECK = 100
 """Steps between two measurements of the displacements."""
 NEGLIGIBLE_DISPLACEMENT = 2.5e-12
-"""Displacement, m, below which the noise need not be known better: 1e-3 of the default
+"""Displacement, m, below which the noise need not be known more exactly: 1e-3 of the default
 amplitude."""
 
 readParamsFromTable(noTableOk=True, unknownOk=True, case=30, mu_wave=0.5, stress=1e5)
@@ -54,10 +54,10 @@ from yade.params.table import case, mu_wave, stress  # noqa: E402
 def measure_noise(network):
     """Return bounds, m, of the motion along z of a layer's mean and of a firmly held sphere.
 
-    They hold for a run of NOISE_STEPS. What moves spheres is the net force that the sample has
-    left. A sphere under a constant force moves no further than a free one, whose displacement grows
-    with the square of time. The run therefore ends early, and the displacements are multiplied by
-    that square, if the product is negligible.
+    The bounds hold for a run of NOISE_STEPS. Spheres move because of the net forces that the sample
+    has left. A sphere under a constant force moves no further than a free one, whose displacement
+    grows with the square of time. The run therefore ends early, and the displacements are
+    extrapolated with the square of time, if the result is negligible.
     """
     n = network.n_particles
     layers = Layers(network)
@@ -109,7 +109,7 @@ def refuse_unsettled(stresses, unbalanced, path):
 
 
 def main():
-    """Export the sample unless its network exists, made from it with these settings."""
+    """Export the sample unless a network made from it with these settings exists."""
     folder = products_folder()
     sample_path = folder / f"case{case:02d}.sample.h5"
     path = folder / f"case{case:02d}.network.h5"

@@ -36,7 +36,8 @@ TINY_TIME_STEP = 1e-15
 CELL_MARGIN_RADII = 20
 """Length of the cell along z beyond the walls: long enough not to matter."""
 MODULUS_FACTOR = math.sqrt(2)
-"""Factor of the moduli of a contact with a wall that corrects the effective radius of a box."""
+"""Factor on the moduli of a contact with a wall. It makes up for the effective radius that YADE
+uses for a box."""
 
 
 def products_folder():
@@ -54,13 +55,13 @@ def is_product_current(path, made, read):
 
 
 def compute_box_material(spheres, wall):
-    """Return the material with which a box resists `spheres` as a flat `wall` does.
+    """Return the material of a box that resists `spheres` as a flat `wall` of its material does.
 
-    All materials are `Elasticity`; None is a wall of the spheres' material. YADE gives a sphere on
-    a box the effective radius R/2 of two spheres, where a flat wall has R. The contact therefore
-    needs sqrt(2) times the moduli, 1/E* = (1 - nu^2)/E + (1 - nu'^2)/E', and G* likewise. For a
-    wall of the spheres' material this is a box of E / (sqrt(2) - 1). A wall more than 1 + sqrt(2)
-    times stiffer than the spheres needs a negative modulus, which is valid in this sum.
+    All materials are `Elasticity`; `wall` is None for a wall of the spheres' material. YADE gives a
+    sphere on a box the effective radius R/2 of two spheres, where a flat wall has R. The contact
+    therefore needs sqrt(2) times the moduli, 1/E* = (1 - nu^2)/E + (1 - nu'^2)/E', and G* likewise.
+    For a wall of the spheres' material this is a box of E / (sqrt(2) - 1). A wall more than 1 +
+    sqrt(2) times stiffer than the spheres needs a negative modulus, which is valid in this sum.
     """
     if wall is None:
         return Elasticity(spheres.young / (MODULUS_FACTOR - 1), spheres.poisson)
@@ -75,7 +76,11 @@ def compute_box_material(spheres, wall):
 
 
 def _compute_box_modulus(equal_modulus, wall_modulus):
-    """Return the modulus of a box, Pa, from those of a contact of spheres and one with the wall."""
+    """Return the Young's or shear modulus of a box, Pa.
+
+    `equal_modulus` is the effective modulus of a contact of two spheres, `wall_modulus` that of a
+    contact of a sphere with the wall.
+    """
     # Twice the modulus of two equal bodies is what one of them adds to the sum of compliances.
     return 1 / (1 / (MODULUS_FACTOR * wall_modulus) - 1 / (2 * equal_modulus))
 
@@ -167,7 +172,9 @@ def set_engines(*, margin=0.01, damping=0.0):
 
 
 def call_before_motion(action=None):
-    """Have YADE call `action` between forces and motion instead of an earlier one; None for none.
+    """Have YADE call `action` between computing forces and moving spheres; None for no call.
+
+    The action replaces an earlier one.
 
     It is called at every step, or at each `iterPeriod` of the engine "control". YADE searches the
     names of the main script for the functions that it calls.
@@ -206,7 +213,7 @@ def wall_faces(n):
 
 
 def cell_side():
-    """Return the lateral size of the periodic cell, (2,), m."""
+    """Return the lateral sides (2,), m, of the periodic cell."""
     return O.cell.hSize[0][0], O.cell.hSize[1][1]
 
 

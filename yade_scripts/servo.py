@@ -9,7 +9,7 @@ from yade_scripts.scene import call_before_motion, cell_side, wall_faces
 from yade_scripts.state import build_scene, read_scene, resume_cell
 
 MARGIN = 0.1
-"""Reach of the collider around each sphere, radii."""
+"""Distance around each sphere in which YADE's collider looks for contacts, in radii."""
 
 
 def principal_stresses(n):
@@ -89,7 +89,7 @@ class Scene:
         deform(self._n, self._control.follow(self.stress()))
 
     def advance(self, count, dt, every):
-        """Take `count` steps of `dt`, s; the rates are set after `every` of them."""
+        """Take `count` steps of `dt`, s; the control sets the rates once in `every` steps."""
         O.dt = dt
         O.labeledEngine("control").iterPeriod = every
         if not self.steps:

@@ -76,13 +76,14 @@ def canonical_contacts(ids, periods):
 
 
 def read_scene(sample, *, moving):
-    """Return the present state of the scene that was built of `sample`; with motion if `moving`.
+    """Return the scene that was built of `sample` as a sample of its present state.
 
-    Positions are wrapped into the cell, and velocities, which contain the affine motion of the
-    cell, are changed accordingly. Shear forces keep their tangential part; the law lets a normal
-    part of second order creep in. The motion of the last step has not reached the contacts yet: a
-    step without motion opens and closes them at the present positions. Their shear forces lack the
-    increment of that step, which the first step after `resume_cell` adds.
+    With `moving` the sample has velocities and the strain rate. Positions are wrapped into the
+    cell, and velocities, which contain the affine motion of the cell, are changed accordingly. Only
+    the tangential part of shear forces is kept, because the law lets a normal part of second order
+    build up. Contacts do not know the motion of the last step yet: a step without motion opens and
+    closes them at the present positions. Their shear forces lack the increment of that step, which
+    the first step after `resume_cell` adds.
     """
     n = len(sample.position)
     call_before_motion()  # no control in the step without motion
@@ -115,7 +116,7 @@ def read_scene(sample, *, moving):
 
 
 def _strain_cell(power):
-    """Strain the cell by one step at its present rate (power 1), or take it back (-1)."""
+    """Strain the cell by one step at its present rate (power 1), or undo such a step (power -1)."""
     size = O.cell.hSize
     for axis in range(3):
         size[axis, axis] *= (1 + O.dt * O.cell.velGrad[axis, axis]) ** power
@@ -123,7 +124,7 @@ def _strain_cell(power):
 
 
 def resume_cell():
-    """Take back one step of the cell's strain, before the first step of a sample in motion.
+    """Undo one step of the cell's strain, before the first step of a sample in motion.
 
     `O.dt` must be set. YADE strains the cell at the beginning of a step, after the spheres have
     moved at the end of the step before; in a sample both have moved.

@@ -27,7 +27,7 @@ STEP = 5e-11
 """Displacement h, m; rotations are h / radius. Both errors, (h / overlap)^2 / 24 and
 eps radius / h, are below 1e-8."""
 TIME_STEP = 1e-9
-"""Time step, s; only its product with the velocity enters the law."""
+"""Time step, s; forces depend only on its product with the velocity."""
 NO_SLIDING = 1e6
 """Coefficient of friction that no contact reaches."""
 

@@ -75,7 +75,7 @@ from yade.params import table  # noqa: E402
 OPTIONAL_SETTINGS = ("duration", "damping")
 """Settings that may be absent."""
 COLLIDER_MARGIN = 0.01
-"""Reach of the collider around each sphere, radii."""
+"""Distance around each sphere in which YADE's collider looks for contacts, in radii."""
 
 
 def read_text(name):

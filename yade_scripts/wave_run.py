@@ -17,18 +17,20 @@ from yade_scripts.scene import call_before_motion
 from yade_scripts.servo import wall_stresses
 
 CONTACT_CHECKS = 40
-"""Checks of all contacts in a run: few, since a check costs as much as a step."""
+"""Number of times in a run that all contacts are checked: few, since a check costs as much as a
+step."""
 MIN_CORRELATION = -0.5
-"""Least correlation of the velocities of two steps. It is the cosine of the phase of a mode in one
-step: 0.5 or more for all modes at half the limit, and -1 for a mode that grows."""
+"""Least correlation of the velocities of two successive steps in a stable run. The correlation of a
+mode is the cosine of its change of phase in one step: 0.5 or more for all modes at half the limit
+of the time step, and -1 for a mode that grows."""
 MAX_AMPLITUDES = 100.0
-"""Displacement, in amplitudes of the wall, beyond which the time step is unstable."""
+"""Largest displacement, divided by the amplitude of the wall, in a stable run."""
 MIN_AMPLITUDE = 1e-9
-"""Amplitude, m, to which this limit refers at least: a wall may not move at all."""
+"""Least amplitude, m, that `MAX_AMPLITUDES` multiplies: a wall may not move at all."""
 UNSTABLE = "the time step is unstable"
-"""Reason of the refusals of a run."""
+"""Text of the reason with which a run is refused."""
 LOWER_FRACTION = "lower WAVE_FRACTION"
-"""Remedy of the refusals of a run."""
+"""Text of the remedy with which a run is refused."""
 
 
 class WaveRun:
@@ -39,11 +41,11 @@ class WaveRun:
     network : Network
         Network of the scene, with n particles.
     motion : motion of the wall
-        Its displacement over time.
+        Displacement of the source wall over time.
     axis : int
         0, 1 or 2.
     steps : int
-        Number of steps of O.dt.
+        Number of time steps `O.dt`.
     every : int
         Steps between two records.
     every_particle : bool
@@ -96,7 +98,10 @@ class WaveRun:
         call_before_motion(self._drive)
 
     def _drive(self):
-        """Record state k, and set the wall's velocity for step k + 1, between forces and motion."""
+        """Record the present state, and set the wall's velocity for the next step.
+
+        YADE calls this at each step between computing forces and moving spheres.
+        """
         if self._step in (self.quiet_step, self.steps):
             self._elastic_energy = self._compute_stored_energy()
         self.watch.follow()
@@ -147,7 +152,7 @@ class WaveRun:
             )
 
     def _print_progress(self, name, seconds):
-        """Print how far the run is after some seconds, and how long it may still take."""
+        """Print, after some `seconds`, how far the run is and how long it may still take."""
         seconds_left = seconds * (self.steps / self._step - 1)
         print(
             f"{name}: wave, step {self._step} of {self.steps}, {duration(seconds_left)} to go",
@@ -155,7 +160,7 @@ class WaveRun:
         )
 
     def balance(self, fraction):
-        """Return the energy balance; `fraction` is the time step divided by its limit."""
+        """Return the run's energy balance; `fraction` is the time step divided by its limit."""
         energy, end_energy = self._energies
         dissipated_before, dissipated = self._dissipated
         slid = len(self.watch.slid)
@@ -211,7 +216,7 @@ class WaveRun:
         return self._law.normElastEnergy() + self._law.shearEnergy
 
     def _read_scaled_velocities(self):
-        """Return velocities (n, 6) half a step ago, times the square root of mass or inertia."""
+        """Return velocities (n, 6) half a step ago, times the root of mass or inertia; sqrt(J)."""
         rows = []
         for state in self._states:
             sqrt_mass = math.sqrt(state.mass)

@@ -16,8 +16,9 @@ COMMANDS = {
     "agreement": "when a DEM run is in doubt: against the linear wave, by cause",
     "study": "of many packings: tables, figures, targets, one page; its stages",
 }
-"""Commands, and when to use each. The module of each has its name in this room, is loaded when it
-is called, and has what modules of `modal.cli` have: `EXAMPLE`, `OPTIONS`, `run`."""
+"""Commands, and when to use each. The module of a command has the name of the command and lies in
+this folder. It is loaded when the command is called, and defines `EXAMPLE`, `OPTIONS` and `run`, as
+the modules of `modal.cli` do."""
 
 
 USED_FOR = {
@@ -45,9 +46,10 @@ def parser(called: str = "") -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; exit status 0, 2 with one line on stderr for a user's mistake.
+    """Run one command and return its exit status.
 
-    And 3 where something asked for is missing, which stderr has named.
+    The status is 0 if all is well; 2, with one line on stderr, for a user's mistake; and 3 if
+    something that was asked for is missing, which stderr has named.
     """
     words = sys.argv[1:] if argv is None else argv
     try:

@@ -15,7 +15,7 @@ from modal.formats.whole_file import write_text
 
 EXAMPLE = "measure mine.network.h5 --quick"
 ENDINGS_LEFT_OUT_OF_HELP = "_yade", "_linear", "_over_d"
-"""Endings of the names of quantities of one record, which the help does not list."""
+"""Endings of names that the help leaves out: the quantities of one record, or in units of D."""
 
 
 def _help_line(quantity: Quantity) -> str:

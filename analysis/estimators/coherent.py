@@ -18,35 +18,34 @@ from modal.tools.arrays import Ints
 from modal.waves.signals import Signals
 
 DECAY = 4.0
-"""eta T: the cut at the record's end is damped to e^-4."""
+"""Damping eta T of the window over a record of length T: at the record's end it is e^-4."""
 STRETCH = (0.1, 0.6)
-"""Part of the length that is used: beyond the near field of the source wall, and where the
-reflection has not come."""
+"""Ends of the stretch of layers that is used, in parts of the length: it lies beyond the near field
+of the source wall, and the reflection has not reached it."""
 PASSAGES = 1.3
-"""Longest record, in passages of the measured wave: the reflection is at 0.6 L after 1.4. A record
-of 1.73 passages gives V_P 0.4 % too high, one of 1.95 passages 0.9 %."""
+"""Longest record, in times that the wave takes from wall to wall: the reflection reaches 0.6 L
+after 1.4 of them. A record of 1.73 gives V_P 0.4 % too high, one of 1.95 gives 0.9 %."""
 MIN_CORRELATION = 0.9
 """Least correlation of neighbouring layers for which a wave number is known."""
 MIN_LAYERS = 3
 SPACING_PASSES = 4
-"""Passes that correct the wave number for unequal distances of layers."""
+"""Number of passes that correct the wave number for unequal distances of layers."""
 SKIPPED_FREQUENCIES = 2
-"""Lowest frequencies that are left out of the extrapolation to zero."""
+"""Number of the lowest frequencies that are left out when velocities are extrapolated to zero."""
 MIN_FREQUENCIES = 5
 """Fewest frequencies from which the velocity is extrapolated."""
 
 WaveEnd = Literal["range", "incoherent", "backward", "few_layers"]
-"""Which rule ends the coherent wave towards high frequencies.
+"""The rule that ends the coherent wave towards high frequencies.
 
 range: the highest frequency that is read. incoherent: neighbouring layers correlate by less than
 `MIN_CORRELATION`. backward: the wave number does not rise with frequency. few_layers: too few
-layers for any wave.
-"""
+layers for any wave."""
 
 
 @dataclass(frozen=True)
 class Coherent:
-    """The coherent wave over frequency; NaN where none is left.
+    """The coherent wave over frequency; NaN above the frequency where it ends.
 
     Attributes
     ----------
@@ -129,7 +128,10 @@ def coherent_wave(
 
 
 def _end_rule(incoherent: np.ndarray, lost: np.ndarray) -> WaveEnd:
-    """Return the rule that ends the wave at the first frequency where it is `lost` (nf,)."""
+    """Return the rule that ends the wave at the first frequency where it is `lost` (nf,).
+
+    `incoherent` (nf,) tells where neighbouring layers do not correlate.
+    """
     if not lost.any():
         return "range"
     if incoherent[np.argmax(lost)]:

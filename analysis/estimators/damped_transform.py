@@ -9,8 +9,8 @@ without assuming the law, and continued to the real frequency axis: cos(kappa l)
 pure sine (an eigenmode) has this ratio too, so modes are measured in the same way.
 
 Least squares of the ratio is biased by noise, which is in the numerator and the denominator. The
-equation is therefore weighted by U[n] as its neighbours two to forty layers away predict it from
-the G of the pass before. Their noise is independent: this is an instrumental variable, as in
+equation is therefore weighted by a prediction of U[n] from layers two to forty away, with the G of
+the pass before. Their noise is independent: this is an instrumental variable, as in
 errors-in-variables regression.
 """
 
@@ -23,13 +23,13 @@ from modal.tools.errors import UnavailableError
 from modal.waves.signals import Signals
 
 INSTRUMENT_REACH = 40
-"""Layers up to this distance predict the displacement of a layer."""
+"""Distance, in layers, up to which other layers predict the displacement of a layer."""
 LAST_LAYER = 120
-"""Layers that are used; the record has little motion of those farther from the source."""
+"""Number of layers from the source that are used; layers farther away have little motion."""
 FIRST_PASSES = 3
-"""Passes with the nearest-neighbour law, which find the band."""
+"""Number of passes that fit the law of nearest neighbours, in order to find the band."""
 PASSES = 6
-"""All passes; those after the first have the full order."""
+"""Number of all passes; those after `FIRST_PASSES` fit a polynomial of the full order."""
 FREQUENCIES = 160
 LOWEST_FREQUENCY_RATIO = 0.02
 """Lowest frequency, relative to the highest one."""
@@ -37,19 +37,22 @@ FIRST_BAND_RATIO = 0.9
 """Highest frequency before the band is known, relative to the end of the pulse's spectrum, which is
 twice the pulse's frequency."""
 BAND_RATIO = 1.02
-"""Highest frequency once the band edge is known, relative to it."""
+"""Highest frequency once the band edge is known, divided by the band edge."""
 MODE_ORDER = 3
 """Order of the polynomial that is fitted to modes, which have no noise."""
 MAX_PHASE_RATIO = 0.9
 """Largest wave number, relative to pi / l, at which a relation is compared with Eq. 9."""
 MIN_PARTICLES = 10
-"""Particles of the shortest chain that is evaluated."""
+"""Fewest particles of a chain that is evaluated."""
 UNEVEN = 0.1
-"""Largest deviation of a spacing from the mean, relative to it; a missing particle doubles one."""
+"""Largest deviation of a spacing of the chain from the mean spacing, divided by the mean; where a
+particle is missing the spacing is twice as large."""
 MAX_INITIAL_DISPLACEMENT = 0.15
-"""Largest mean displacement where the record begins, relative to the largest displacement."""
+"""Largest mean displacement at the first time of a record, divided by the largest displacement; a
+record with a larger one does not begin at rest."""
 MIN_CLIPPED_SAMPLES = 3
-"""Samples at exactly the largest value, which no wave has by chance."""
+"""Number of samples at exactly the largest value from which on a record counts as clipped: no wave
+has so many by chance."""
 
 
 @dataclass(frozen=True)
@@ -107,8 +110,8 @@ def neighbour_ratio(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the ratio G (k,) of neighbours and its weight (k,) from transforms U (k, nc).
 
-    G is that of least squares, or, with an estimate `cosine` (k,) of G, that of the instrument
-    which the estimate predicts.
+    Without `cosine`, G is fitted by least squares. With an estimate `cosine` (k,) of G, it is
+    fitted with the instrumental variable that the estimate predicts.
     """
     reach = min(INSTRUMENT_REACH, field.shape[1] // 5)
     middle = np.arange(reach, min(LAST_LAYER, field.shape[1] - reach))
@@ -125,10 +128,10 @@ def neighbour_ratio(
 def _predict_from_neighbours(
     field: np.ndarray, middle: np.ndarray, reach: int, cosine: np.ndarray
 ) -> np.ndarray:
-    """Return the displacement (k, m) of the `middle` layers (m,), predicted from others.
+    """Return the displacement (k, m) of the `middle` layers (m,), predicted from other layers.
 
-    The others are 2 to `reach` layers away: U[n+j] + U[n-j] = 2 T_j(G) U[n], with the Chebyshev
-    polynomials T_j.
+    The other layers are 2 to `reach` layers away: U[n+j] + U[n-j] = 2 T_j(G) U[n], with the
+    Chebyshev polynomials T_j.
     """
     prediction = np.zeros_like(field[:, middle])
     total = np.zeros(len(cosine))
@@ -275,8 +278,8 @@ def layer_distance(signals: Signals) -> float:
 def rms_deviation(measured: Dispersion, velocity: float, f_low_pass: float) -> float:
     """Return the RMS relative deviation of omega(kappa) from Eq. 9.
 
-    Eq. 9 is omega = 2 pi f_low_pass sin(kappa l / 2), with l = velocity / (pi f_low_pass), m/s and
-    Hz. They are compared up to kappa l = `MAX_PHASE_RATIO` pi.
+    Eq. 9 of the paper is omega = 2 pi f_low_pass sin(kappa l / 2), with l = velocity / (pi
+    f_low_pass), m/s and Hz. They are compared up to kappa l = `MAX_PHASE_RATIO` pi.
     """
     distance = velocity / (np.pi * f_low_pass)
     kappa = np.linspace(0.02, MAX_PHASE_RATIO, 200) * np.pi / distance

@@ -46,7 +46,7 @@ class Line:
 
     @property
     def error(self) -> float:
-        """Return the standard error of the slope."""
+        """Return the standard error of the line's slope."""
         return float(np.sqrt(self.covariance[0, 0]))
 
     def at(self, x: float) -> tuple[float, float]:
@@ -56,7 +56,7 @@ class Line:
         return float(value), float(np.sqrt(gradient @ self.covariance @ gradient))
 
     def distance(self, x: float, value: float, error: float) -> float:
-        """Return how far a fitted point lies from the offset, in standard errors of the difference.
+        """Return how far a fitted point lies from the line's offset, in standard errors.
 
         The point at x, with its `value` and `error`, has drawn the line towards itself: offset and
         point share a part of their errors, whose covariance is that of the line's values at 0 and

@@ -21,7 +21,8 @@ from modal.waves.signals import Signals
 MAX_UNEVENNESS_IN_RADII = 1e-3
 """Largest range of z in one layer, and of the distances between layers, in radii."""
 MAX_SLANT_ERROR = 1e-2
-"""Largest deviation of nz^2 from 1/2, the value in FCC, for contacts between two layers."""
+"""Largest deviation of nz^2 from 1/2, the value in FCC, for contacts between two layers; nz is the
+z component of the unit normal."""
 MIN_SLANT = 0.1
 """Least |nz| of a contact between two layers."""
 MAX_RELATIVE_SPREAD = 0.01

@@ -6,8 +6,9 @@ at which the amplitude falls to 2 % (or 1 %) of the maximum value, where it no l
 distance; the record ends before the reflection. Here the map has the chain's force-bearing
 particles, the maximum is that of the whole map, the record ends after `PASSAGES` of the measured
 wave, and the value is the median over one stretch of the chain, equal for all thresholds. The free
-choices of the rule are whose displacement is taken, relative to what, and how long the record is:
-`Passband` varies each of them. The unbiased band edge of a crystal is in `damped_transform`.
+choices of the rule are the displacement that is taken (that of the chain or of layers), the maximum
+to which the threshold is relative, and the length of the record: `Passband` varies each of them.
+The unbiased band edge of a crystal is in `damped_transform`.
 """
 
 from dataclasses import dataclass, replace
@@ -25,27 +26,31 @@ from modal.packing.rattlers import force_bearing
 from modal.waves.signals import Signals
 
 Whose = Literal["chain", "layers"]
-"""Whose displacement is taken."""
+"""The displacement that the threshold rule takes: that of the chain or of layers."""
 Reference = Literal["map", "own"]
-"""Whether thresholds are relative to the maximum of the whole map, or of each own spectrum."""
+"""The maximum that a threshold is relative to: that of the whole map ("map"), or that of each
+particle's own spectrum ("own")."""
 WHOSE: tuple[Whose, ...] = ("chain", "layers")
 REFERENCES: tuple[Reference, ...] = ("map", "own")
 
 THRESHOLDS = (0.02, 0.01, 0.03, 0.05)
-"""Amplitudes at f_low-pass, relative to the maximum; the paper's two come first."""
+"""Amplitudes at f_low-pass, divided by the maximum; the two that the paper uses come first."""
 PASSAGES = 0.95
 """Longest record, in passages of the long waves from wall to wall: the front is then at 0.95 L."""
 OTHER_PASSAGES = (0.7, 1.15, 1.73)
-"""Lengths of record that are tried beside it."""
+"""Lengths of record, in passages, that are tried beside `PASSAGES`."""
 CRYSTAL_STRETCH = (0.05, 0.15)
-"""Part of a crystal's length whose median counts. The value falls from the source on, because the
-waves of the band edge are slow and the record is short (section 5.1)."""
+"""Ends of the stretch of a crystal over which the median is taken, in parts of the length. The
+value falls from the source on, because the waves of the band edge are slow and the record is short
+(Otsubo et al. 2017, section 5.1)."""
 STRETCH = (0.5, 0.6)
-"""Part of the length of other packings whose median counts."""
+"""Ends of the stretch of other packings over which the median is taken, in parts of the length."""
 NEAR_FIELD = 0.02
-"""Part of the length next to the source wall that never counts: the wall's near field."""
+"""Length of the source wall's near field, which is never used, divided by the length of the
+packing."""
 MAX_PLATEAU_CHANGE = 0.1
-"""Largest relative change to the stretches before and behind of a value on a plateau."""
+"""Largest relative difference between the medians of a stretch and of its neighbours for which the
+value counts as a plateau."""
 CRYSTAL_RANGE_IN_V_PER_D = 0.7
 """Highest frequency that is computed for a crystal, in V_P / D; its band ends at 0.45."""
 RANGE_IN_V_PER_D = 0.4
@@ -54,15 +59,16 @@ SOURCE_THRESHOLDS = 3.0
 """Least amplitude of the source at f_low-pass, relative to the source's largest amplitude and in
 thresholds. With less, the end of the source's own spectrum is seen."""
 KNOWN_RANGE = 0.9
-"""Part of the computed frequencies in which a crossing must lie, so that nothing more follows."""
+"""Part of the computed frequencies in which a crossing must lie: beyond it, the curve could rise
+again where nothing was computed."""
 OVERSAMPLING = 4
-"""Frequencies per reciprocal length of the record."""
+"""Number of computed frequencies per 1 / T, where T is the length of the record."""
 PARTICLES_TOGETHER = 4096
 """Particles whose spectra are computed in one product, which bounds the memory."""
 MIN_PARTICLES = 3
-"""Fewest particles of a stretch that need a value."""
+"""Fewest particles with a value from which the median of a stretch is taken."""
 MIN_PARTICLES_OF_COLUMN = 5
-"""Fewest particles in the stretch that make a column count."""
+"""Fewest particles in the stretch for which a column is used."""
 
 
 def last_crossing(
@@ -185,7 +191,10 @@ def at_stretch(
 def _known_values(
     distance: np.ndarray, values: np.ndarray, length: float, stretch: tuple[float, float]
 ) -> tuple[np.ndarray, int]:
-    """Return the finite values (k,) on a stretch, in parts of `length`, and its particles."""
+    """Return the finite values (k,) on a stretch, and the number of particles on the stretch.
+
+    The ends of the `stretch` are in parts of `length`.
+    """
     low, high = stretch
     inside = (distance >= max(NEAR_FIELD, low) * length) & (distance < high * length)
     return values[inside & np.isfinite(values)], int(inside.sum())
@@ -256,7 +265,7 @@ class Passband:
         self._maps: list[StoredMap] = []
 
     def end(self, record: Signals, passages: float = PASSAGES) -> float:
-        """Return the time, s, of so many `passages` after the start, or of the record's end."""
+        """Return the time, s, a number of `passages` after the start, or the record's end."""
         duration = passages * self.network.length / self.velocity
         return min(float(record.time[-1]), sets_out(record) + duration)
 
@@ -265,7 +274,7 @@ class Passband:
         return (self.end(record) - sets_out(record)) * self.velocity / self.network.length
 
     def map(self, record: Signals, whose: Whose = "chain", passages: float = PASSAGES) -> Map:
-        """Return the map of a record that is cut for the rule."""
+        """Return the map of a record, which is cut to a number of `passages`."""
         for stored in self._maps:
             if stored.record is record and (stored.whose, stored.passages) == (whose, passages):
                 return stored.map
@@ -290,7 +299,7 @@ class Passband:
     def _spectra(
         self, record: Signals, displacement: np.ndarray, passages: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the `spectra` of displacements (nt, p) of a record that is cut for the rule."""
+        """Return the `spectra` of displacements (nt, p), cut to a number of `passages`."""
         end = self.end(record, passages)
         count = int((record.time <= end * (1 + 1e-9)).sum())
         return spectra(record.time[:count], displacement[:count], self.highest)
@@ -326,7 +335,7 @@ class Passband:
 
     @cached_property
     def low_pass(self) -> list[Value]:
-        """Return f_low-pass, Hz, by the paper's choices from the linear wave, cut as the run is."""
+        """Return f_low-pass, Hz, by the paper's choices from the linear wave, cut as YADE's run."""
         return self.with_chain_scatter(self.edges(self.wave, passages=self.common))
 
     def with_chain_scatter(self, edges: list[Value]) -> list[Value]:
@@ -339,7 +348,10 @@ class Passband:
 
     @property
     def common(self) -> float:
-        """Return the length, in passages, to which run and wave are cut: at most `PASSAGES`."""
+        """Return the length, in passages, to which YADE's run and the linear wave are both cut.
+
+        It is at most `PASSAGES`.
+        """
         if self.run is None:
             return PASSAGES
         return min(PASSAGES, self.passages(self.run))
@@ -412,7 +424,7 @@ class Passband:
 
 
 def columns_of(network: Network, particles: np.ndarray) -> list[np.ndarray]:
-    """Return the rows of the `particles` (p,) that stand in each column a diameter wide."""
+    """Return, for each column a diameter wide, which of the `particles` (p,) stand in it."""
     diameter = 2 * float(network.radius.mean())
     # The width of a crystal's cell is slightly less than whole diameters under pressure.
     cells = np.maximum(1, (network.cell_size[:2] / diameter + 0.05).astype(int))

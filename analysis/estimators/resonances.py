@@ -15,15 +15,16 @@ from analysis.estimators.structure_factor import standing_waves
 from modal.packing.network import Network
 
 MIN_SHARE = 0.25
-"""A standing wave whose largest share is smaller belongs to no mode."""
+"""Smallest largest share with which a standing wave belongs to a mode; with a smaller one it
+belongs to none."""
 HIGHEST_ORDER = 40
 FITTED_ROWS = slice(1, 10)
 """Rows of the orders r = 2 ... 10, to which the velocity of long waves is fitted."""
 MIN_FITTED_ORDERS = 5
 MIN_ORDER = 0.6
-"""Lowest order, pi / length, of a fitted sine; a longer one could be an offset as well."""
+"""Lowest order r = kappa L / pi of a fitted sine; a longer sine could be an offset as well."""
 ORDER_OFFSETS = np.linspace(-0.5, 0.5, 101)
-"""Orders of the fitted sines, relative to the whole number r."""
+"""Differences between the orders of the fitted sines and the whole number r."""
 
 
 @dataclass(frozen=True)
@@ -96,9 +97,9 @@ def fitted_wavenumbers(shape: np.ndarray, depth: np.ndarray, length: float) -> n
 def long_wave_velocity(frequency: np.ndarray, wavenumber: np.ndarray) -> tuple[float, float]:
     """Return V_P of the longest waves and its standard error, m/s.
 
-    It is the V of omega / kappa = V (1 + b kappa^2), fitted to r = 2 ... 10. `frequency` (R,), Hz,
-    and `wavenumber` (R,), 1/m, are those of r = 1 ... R. NaN if R is below ten, or if fewer than
-    `MIN_FITTED_ORDERS` of the nine are known.
+    V is fitted in omega / kappa = V (1 + b kappa^2) to the orders r = 2 ... 10. `frequency` (R,),
+    Hz, and `wavenumber` (R,), 1/m, are those of r = 1 ... R. NaN if R is below ten, or if fewer
+    than `MIN_FITTED_ORDERS` of the nine are known.
     """
     if len(frequency) < FITTED_ROWS.stop:
         return np.nan, np.nan

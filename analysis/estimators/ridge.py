@@ -18,25 +18,26 @@ from analysis.estimators.source_motion import at_rest
 from modal.waves.signals import Signals
 
 POINTS = 260
-"""Wave numbers of the ridge."""
+"""Number of wave numbers for which the frequency of the ridge is sought."""
 HIGHEST_WAVENUMBER_RATIO = 1.3
 """Highest wave number, relative to that of two particles per wavelength."""
 LONG_WAVES = slice(POINTS // 50, POINTS // 10)
-"""Points from which the velocity of long waves is taken."""
+"""Points of the ridge from which the velocity of long waves is taken."""
 MIN_TIMES = 16
 PADDING = 4
-"""Length of the padded record, in lengths of the record."""
+"""Length of the record after zeros are appended, divided by the original length."""
 EDGE_RANGE = 0.25
-"""Part of the edge's wave number, to both sides, whose points decide where the edge is."""
+"""Distance from the edge's wave number, divided by it, within which points on both sides decide
+where the edge is."""
 MIN_POINTS_BELOW_EDGE = 4
 MIN_AGREEMENT = 0.9
-"""Least agreement of the senses of turning around the edge: 1 if all points below it turn forward
-and all above it backward."""
+"""Least agreement of the senses of turning around the edge, for which the edge counts. The
+agreement is 1 if all points below the edge turn forward and all above it backward."""
 CURVE_DEGREE = 4
 MIN_CURVE_POINTS = 12
-"""Fewest points for a curve of the fourth degree."""
+"""Fewest points to which a curve of the fourth degree is fitted."""
 CURVE_PASSES = 4
-"""Fits of the curve, each without the outliers of the one before."""
+"""Number of fits of the curve; each leaves out the outliers of the fit before."""
 CURVE_SAMPLES = 2001
 OUTLIER_DISTANCE = 4.0
 """Distance from the curve, relative to the median distance, beyond which a point is an outlier."""

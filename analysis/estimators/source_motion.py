@@ -2,8 +2,9 @@
 
 The wave is linear in the motion. Under a window exp(-eta t), whose value at the record's end is
 negligible, the transforms of two records have the same ratio as the transforms of their motions.
-Where the recorded motion has next to nothing of a frequency, the new record gets nothing of it: the
-ratio is that of least squares, P S* / (|S|^2 + e^2), with e a small part of the largest |S|.
+Frequencies that the recorded motion S hardly contains cannot be recovered, and the new record lacks
+them: the ratio for the new motion P is that of least squares, P S* / (|S|^2 + e^2), with e a small
+part of the largest |S|.
 """
 
 from collections.abc import Callable
@@ -25,9 +26,11 @@ SPLINE_DEGREE = 5
 """Degree of the curve through the recorded displacements; with ten of them in a period its error is
 1e-5."""
 DECAY = 6.0
-"""eta T of the window. The record is padded to 2 T, so that what wraps round is damped to e^-12."""
+"""Damping eta T of the window over the record's length T. The record is padded to 2 T, so that what
+wraps round is damped to e^-12."""
 MIN_SPECTRUM_RATIO = 1e-3
-"""e, relative to the largest |S|: frequencies that have less of the motion are not sent."""
+"""The e of the ratio P S* / (|S|^2 + e^2), divided by the largest |S|: frequencies with a smaller
+|S| do not pass into the new record."""
 FOLLOWS_MOTION = (
     "chain_displacement",
     "layer_displacement",
@@ -99,14 +102,17 @@ def recorded_motion(record: Signals) -> Motion:
 
 
 def sets_out(record: Signals) -> float:
-    """Return the last time, s, at which the source wall of a record has not moved yet."""
+    """Return the last time, s, at which the source wall of a record has not begun to move."""
     distance = abs(record.source_displacement)
     first_moved = int(np.argmax(distance > MOTION_TOLERANCE * distance.max()))
     return float(record.time[max(first_moved - 1, 0)])
 
 
 def at_rest(record: Signals) -> float:
-    """Return the first time, s, from which on the source wall stands still; 0 if it never moves."""
+    """Return the time, s, from which on the source wall of a record stays at rest.
+
+    The time is 0 if the wall never moves.
+    """
     displacement = record.source_displacement
     distance = abs(displacement - displacement[-1])
     moving = np.flatnonzero(distance > MOTION_TOLERANCE * np.ptp(displacement))
@@ -118,8 +124,8 @@ def at_rest(record: Signals) -> float:
 def as_of_pulse(record: Signals, pulse: Pulse) -> Signals:
     """Return the record that a pulse of the same wall would have given.
 
-    Amplitude and frequency become those of the pulse. The displacement of the source shows what the
-    recorded motion has sent of the pulse.
+    Amplitude and frequency become those of the pulse. The displacement of the source shows which
+    part of the pulse the recorded motion contained.
     """
     time = record.time
     count = 2 * len(time)

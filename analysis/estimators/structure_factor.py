@@ -45,11 +45,13 @@ POWER_RANGE = (0.7, 1.3)
 SMALLEST_WIDTH_RATIO = 0.5
 """Least width, relative to the resolution, that counts as a width of the wave."""
 LOST_WIDTH_RATIO = 0.5
-"""A width below this part of the largest one at lower frequencies is no width of a ridge."""
+"""A width below this part of the largest width at lower frequencies is not that of a ridge: the
+maximum is a single line of noise."""
 LINES_PER_RESOLUTION = 5
-"""Frequencies per width of a line."""
+"""Number of computed frequencies within the full width of a single mode's line."""
 HIGHEST_FREQUENCY_RATIO = 0.999
-"""Highest frequency, relative to that of the spectral bound, where the density diverges."""
+"""Highest frequency, divided by that of the spectral bound: at the bound the Chebyshev expansion
+diverges."""
 
 
 @dataclass(frozen=True)
@@ -88,9 +90,9 @@ class Scattering:
 
     @property
     def limit(self) -> float:
-        """Return the Ioffe-Regel frequency, Hz: the first that pi times the width reaches.
+        """Return the Ioffe-Regel frequency, Hz: the lowest one that is equal to pi times the width.
 
-        NaN if the width reaches it nowhere, or at the first point already.
+        NaN if pi times the width is below the frequency everywhere, or above it at the first point.
         """
         excess = np.pi * self.width / self.frequency
         beyond = np.flatnonzero(excess >= 1)
@@ -103,8 +105,8 @@ class Scattering:
     def of_waves(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return frequency, Hz, width, Hz, and mean free path, D, up to the Ioffe-Regel frequency.
 
-        They end before it where the width falls below half of its largest: the maximum is then no
-        ridge but a single line of noise.
+        The arrays end earlier where the width falls below `LOST_WIDTH_RATIO` of the largest width
+        at lower frequencies: there the maximum is not a ridge but a single line of noise.
         """
         largest_width = np.maximum.accumulate(self.width)
         lost = np.append(self.width < LOST_WIDTH_RATIO * largest_width, True)
@@ -198,7 +200,7 @@ FORMAT = product_of(SCHEMA, StructureFactor)
 
 
 def _patterns(network: Network, waves: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Return patterns (6n, d w), scaled by M^1/2, of force-bearing spheres.
+    """Return patterns (6n, d w) of force-bearing spheres, scaled by M^1/2.
 
     Each of the `waves` (n, w) moves spheres along each of the `directions` (d, 3).
     """
@@ -342,7 +344,10 @@ def _moments(
     waves_together: int,
     count: int,
 ) -> np.ndarray:
-    """Return the first `count` Chebyshev moments of each pattern of the `waves` (R, ...).
+    """Return the first `count` Chebyshev moments of the displacement pattern of each wave.
+
+    `waves` (R, ...) are the orders or wave vectors; `patterns` returns the displacement patterns
+    (6n, ...) of some of them; `waves_together` waves are computed at once.
 
     `patterns` returns the patterns of some of the waves; `waves_together` are computed at once.
     """

@@ -18,13 +18,13 @@ in Fig. 5."""
 MIN_TIMES = 5
 """Fewest times to which a line is fitted."""
 MIN_PARTICLES_OF_COLUMN = 10
-"""Fewest particles with a known time that make a column count."""
+"""Fewest particles with a known time for which a column is used."""
 MIN_MOTION_RATIO = 1e-3
 """Largest displacement of a particle, relative to the largest of the chain, up to which the wave
 has not reached the particle."""
 MAX_RELATIVE_ERROR = 0.2
-"""Largest standard error of a velocity, relative to it. Times that scatter more belong to no wave
-that travels from the source."""
+"""Largest standard error of a velocity, divided by the velocity. Times that scatter more do not
+come from a wave that travels from the source."""
 ARRIVAL_LEVEL = 0.05
 """Displacement, relative to a particle's largest, at which the wave arrives at the particle."""
 WALL_MOVES_LEVEL = 0.1

@@ -14,8 +14,8 @@ from modal.tools.errors import UnavailableError
 from modal.waves.signals import Signals
 
 STRETCH = (0.1, 0.6)
-"""Part of the length that is used: beyond the near field of the source wall, and where the wave
-front has passed when the record ends."""
+"""Ends of the stretch that is used, in parts of the length: it lies beyond the near field of the
+source wall, and the wave front has passed it when the record ends."""
 SEARCH_RANGE = (0.6, 2.5)
 """Bounds of the search, relative to the wave number of the long waves at the same frequency."""
 SEARCH_POINTS = 400
@@ -26,7 +26,7 @@ space is computed."""
 FADED_SHARE = 0.2
 """Part of the record and of the chain, at their ends, that the taper of the map fades out."""
 PADDING = 4
-"""Length of the padded record and chain, in lengths of the originals."""
+"""Length of record and chain after zeros are appended, divided by the original lengths."""
 
 
 def chain_wavenumber(
@@ -71,9 +71,9 @@ def chain_wavenumber(
 
 
 def end_taper(count: int) -> Floats:
-    """Return a taper (count,) for what begins at rest: 1, then a squared cosine that falls to 0.
+    """Return a taper (count,) for data that begin at rest: 1, then a squared cosine down to 0.
 
-    The fall takes the last `FADED_SHARE`, a fifth.
+    The cosine covers the last `FADED_SHARE` of the data, a fifth.
     """
     fall = np.cos(np.linspace(-4, 1, count) * np.pi / 2) ** 2
     return np.where(np.arange(count) < (1 - FADED_SHARE) * count, 1, fall)

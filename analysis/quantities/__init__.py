@@ -1,6 +1,6 @@
-"""What can be measured of a packing: one registry, in which each quantity is one function.
+"""Measure quantities of a packing: one registry, in which each quantity is one function.
 
-A further quantity is one more function with `@quantity(...)` in one of the modules of this room.
+To add a quantity, write a function decorated with `@quantity(...)` in a module of this folder.
 """
 
 from importlib import import_module

@@ -42,14 +42,15 @@ divided by sum e^2, with e the energy that each dissipates.
 COUNTED = "slipping_share", "opening_share", "slip_sharing"
 """Quantities without an error: exact for their packing."""
 INTERVALS_PER_LINEAR_INTERVAL = 2
-"""Records per interval of the linear wave: the second harmonic has eight records a period."""
+"""Number of records in the interval between two records of the linear wave: the second harmonic
+then has eight records a period."""
 
 
 class Responses(NamedTuple):
-    """What waves that are pushed both ways do, each over the amplitudes (na,).
+    """Results of two waves with opposite motions of the wall, each over the amplitudes (na,).
 
-    The fields are the quantities of `AMPLITUDE`. error: of the time steps, and of what the packing
-    does without a wave.
+    The fields are the quantities of `AMPLITUDE`. error: the error from the time steps and from the
+    packing's motion without a wave.
     """
 
     odd_part: Floats

@@ -13,12 +13,13 @@ from modal.packing.state import coordination_without_rattlers
 
 ALONG_Z = (0, 0, 1)
 MIN_RELATIVE_VELOCITY = 1e-5
-"""Divided by the velocity of the fastest wave. A slower wave has no stiffness beyond round-off,
-1e-10 of that of the fastest."""
+"""Least velocity divided by that of the fastest wave. A slower wave has a stiffness below 1e-10 of
+that of the fastest, which is round-off."""
 MODULUS_POWER = {"Pa": 1.0, "1": 1.0, "m/s": 0.5}
-"""Power of the moduli with which a number grows, by its unit: its relative error is as much."""
+"""Power of the moduli to which a number is proportional, by its unit. The relative error of the
+number is the relative error of the moduli times this power."""
 MEASURED_BY_DEFAULT = "bulk_modulus", "shear_modulus"
-"""Those of `OF_MODULI` that are measured without a request."""
+"""Quantities of `OF_MODULI` that are measured without a request."""
 
 
 def _bulk_over_affine(moduli: ElasticModuli) -> float:
@@ -59,8 +60,8 @@ def measure_of_moduli(
     """Measure a number that follows from the moduli, in a unit of `MODULUS_POWER`.
 
     Its error is that of the solver (`fit`) and that of the ends of the slab in which the moduli are
-    measured (`length`): in slabs of repeated cells, whose stiffness is known, the stiffness was off
-    by twice its asymmetry.
+    measured (`length`): in tests with slabs of repeated cells, whose stiffness is known, the error
+    of the stiffness was twice its asymmetry.
     """
     moduli = packing.moduli
     value = float(function(moduli))

@@ -29,7 +29,10 @@ WITHOUT_OVERLAPS = ("void_ratio", "crystalline_share")
 
 
 def relative_error_by_digits(network: Network, name: str, unit: str) -> float:
-    """Return the relative error of a quantity in this unit; 0 if all digits are known."""
+    """Return the relative error of a quantity that few digits of overlaps cause.
+
+    `unit` is the unit of the quantity. The error is 0 if all digits are known.
+    """
     error = overlap_error(network)
     if name in WITHOUT_OVERLAPS or not error:
         return 0.0
@@ -46,7 +49,7 @@ def relative_error_by_digits(network: Network, name: str, unit: str) -> float:
 
 
 def with_digits(value: Value, network: Network, name: str, unit: str) -> Value:
-    """Return the value with the error by the digits of overlaps, and a caveat."""
+    """Return the value with the error that few digits of overlaps cause, and a caveat."""
     relative = relative_error_by_digits(network, name, unit)
     if not relative or not value.known:
         return value

@@ -20,7 +20,7 @@ a resonance between two held walls, 1 the next maximum."""
 
 @cached_on_packing
 def gain_of(packing: PackingData) -> Response:
-    """Return the response to P-waves from wall to wall without damping; it has the gain factor."""
+    """Return the undamped response to P-waves from wall to wall, which has the gain factor."""
     packing.require_walls()
     return kept_file(packing, "response") or compute_spectrum(packing, "response")
 
@@ -45,7 +45,8 @@ def passage(packing: PackingData) -> float:
 def first_resonance(packing: PackingData) -> float:
     """Return the frequency f_1 of the first P resonance, Hz.
 
-    It is that of the first standing wave, or V_P / 2 L of the longest waves if none is known.
+    It is the frequency of the first standing wave among the modes; if this is not known, it is V_P
+    / 2 L, with the velocity V_P of the longest waves.
     """
     frequency = standing_waves(packing)[0]
     if len(frequency):

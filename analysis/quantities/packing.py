@@ -18,7 +18,7 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
 
 MAX_RELATIVE_RADIUS_DIFFERENCE = 1e-9
-"""Radii that differ by less are equal: a file may round them."""
+"""Largest relative difference of two radii that count as equal: a file may round them."""
 
 
 def _measure_coordination(network: Network) -> float:
@@ -105,7 +105,7 @@ EXACT: dict[str, tuple[Callable[[Network], float], str]] = {
         "radius in it",
     ),
 }
-"""Numbers that are exact for the packing: the function of its network, and the definition."""
+"""Numbers that follow exactly from the packing: the function of its network, and the definition."""
 
 
 def _exact(function: Callable[[Network], float]) -> Callable[[PackingData], Value]:
@@ -163,7 +163,7 @@ def void_ratio_of_bulk(packing: PackingData) -> Value:
 
 @on_request("1", definition="largest deviation of a principal stress from its target")
 def stress_error(packing: PackingData) -> Value:
-    """Measure how far the principal stresses are from the one that the packing's notes state."""
+    """Measure how far the principal stresses are from the stress that the packing's notes state."""
     target = note(packing.network, "stress")
     if not target > 0:
         return unknown("1", Caveat("no_stated_stress"))

@@ -22,12 +22,13 @@ from analysis.spectra_cache import SpectrumKind
 from analysis.value import Value, estimate
 
 LOW = 0.05
-"""Share of the highest frequency below which modes move along z together; 10 of 216 kHz in the
-paper."""
+"""Share of the highest frequency below which modes move the spheres along z together; in the paper
+10 of 216 kHz."""
 HIGH = 0.07
-"""Share of the highest frequency above which modes no longer do; 15 of 216 kHz in the paper."""
+"""Share of the highest frequency above which modes no longer move the spheres along z together; in
+the paper 15 of 216 kHz."""
 PERCENT = "2", "1", "3"
-"""The first thresholds of f_low-pass in per cent, as names of quantities have them."""
+"""The first thresholds of f_low-pass in per cent, written as in the names of quantities."""
 LAST_RESONANCE_OF_CRYSTAL = 200
 """Order of the last P resonance of the paper's crystals, which have 200 layers."""
 MAPS: dict[str, tuple[Whose, Reference]] = {
@@ -35,20 +36,21 @@ MAPS: dict[str, tuple[Whose, Reference]] = {
     "own_": ("chain", "own"),
     "layers_": ("layers", "map"),
 }
-"""Rules of f_low-pass by their part of a name: whose motion, relative to which maximum."""
+"""Variants of the f_low-pass rule by their part of a quantity's name: whose displacement is taken,
+and the maximum that thresholds are relative to."""
 RECORD_WORDS: dict[Producer, str] = {"yade": "run", "linear": "linear wave"}
 """Programs that compute a record, and what definitions call their record."""
 
 Measure = Callable[[PackingData], float | Value]
 Function = TypeVar("Function", bound=Measure)
 CASE_QUANTITIES: list[str] = []
-"""Names of the quantities of this module, in the order of a result."""
+"""Names of the quantities of this module, in the order in which results list them."""
 
 
 def case_quantity(
     unit: str, definition: str, name: str = "", spectrum: SpectrumKind | Literal[""] = ""
 ) -> Callable[[Function], Function]:
-    """Register a quantity on request, and list it among those of a case's result."""
+    """Register a function as a quantity on request that is listed in a case's result."""
 
     def register(function: Function) -> Function:
         key = name or getattr(function, "__name__", "")
@@ -84,13 +86,13 @@ def v_p_first_peaks_columns(packing: PackingData) -> Value:
 
 @case_quantity("m/s", "2 L f_1 of the first resonance (Eqs. 3, 4)")
 def v_p_modes_first(packing: PackingData) -> float:
-    """Measure V_P by the first P resonance."""
+    """Measure V_P, m/s, by the frequency of the first P resonance."""
     return 2 * packing.network.length * _resonance(packing, 1).value
 
 
 @case_quantity("m/s", "V_P of modes, kappa = pi r / L, by omega = V kappa (1 + b kappa^2)")
 def v_p_modes_eq_4(packing: PackingData) -> Value:
-    """Measure V_P by the standing waves, with their wave numbers by Eq. 4."""
+    """Measure V_P by the standing waves among the modes, with their wave numbers by Eq. 4."""
     return estimate(*long_wave_velocity(*spectrum.standing_waves(packing)))
 
 
@@ -99,13 +101,13 @@ case_quantity("m/s", "V_P of modes, kappa fitted", "v_p_modes_fitted")(spectrum.
 
 @case_quantity("m/s", "V_P of even strains")
 def v_p_emt_contacts(packing: PackingData) -> float:
-    """Return V_P of an affine strain."""
+    """Return V_P, m/s, if the mean strain is imposed on all contacts."""
     return packing.affine_velocity
 
 
 @case_quantity("m/s", "V_P of the lattice")
 def v_p_theory(packing: PackingData) -> float:
-    """Return V_P of a crystal's lattice."""
+    """Return V_P, m/s, of the lattice of layers of a crystal."""
     return packing.lattice.velocity
 
 
@@ -157,13 +159,13 @@ def resonances_found(packing: PackingData) -> float:
 
 @case_quantity("Hz", "end of a crystal's band, modes")
 def band_edge_modes(packing: PackingData) -> float:
-    """Measure the end of a crystal's band by its modes."""
+    """Measure the frequency, Hz, at which a crystal's band ends, by its modes."""
     return spectrum.modal_dispersion(packing).low_pass_frequency
 
 
 @case_quantity("Hz", "end of a crystal's band, lattice")
 def band_edge_theory(packing: PackingData) -> float:
-    """Return the end of the band of a crystal's lattice."""
+    """Return the frequency, Hz, at which the band of a crystal's lattice ends."""
     return packing.lattice.low_pass_frequency
 
 
@@ -205,13 +207,13 @@ case_quantity("Hz", "highest frequency of a mode with chi_z above 0.9", "chi_z_p
 
 @case_quantity("1", "largest gain", spectrum="response")
 def gain_maximum(packing: PackingData) -> float:
-    """Measure the largest gain."""
+    """Measure the largest gain: stress at the receiver wall divided by that at the source wall."""
     return float(np.max(gain.gain_of(packing).gain))
 
 
 @case_quantity("Hz", "width of its lines", spectrum="response")
 def gain_resolution(packing: PackingData) -> float:
-    """Return the width of the gain's lines."""
+    """Return the full width of a resonance's line in the gain, Hz."""
     return gain.gain_of(packing).resolution
 
 
@@ -225,7 +227,7 @@ case_quantity("1", "power of f in the ridge's width there", "ridge_width_power")
 
 @case_quantity("Hz", "the Ioffe-Regel frequency of a kept structure factor")
 def ioffe_regel_of_ridge(packing: PackingData) -> float:
-    """Measure the Ioffe-Regel frequency by a file with the structure factor."""
+    """Measure the Ioffe-Regel frequency, Hz, from a file with the structure factor."""
     return scattering.whole_ridge(packing).limit
 
 
@@ -243,7 +245,7 @@ def excess_largest(packing: PackingData) -> float:
 
 @case_quantity("Hz", "where it is")
 def excess_largest_at(packing: PackingData) -> float:
-    """Measure the frequency of this largest ratio."""
+    """Measure the frequency, Hz, of the largest ratio of density of states to plane waves."""
     return float(_excess(packing).peak_frequency)
 
 
@@ -267,13 +269,13 @@ def energy_gap(packing: PackingData) -> float:
 
 @case_quantity("1", "contacts that opened")
 def contacts_opened(packing: PackingData) -> float:
-    """Return the contacts that opened in the run."""
+    """Return the number of contacts that opened in the run."""
     return _energy(packing, "opened")
 
 
 @case_quantity("1", "contacts that slid")
 def contacts_slid(packing: PackingData) -> float:
-    """Return the contacts that slid in the run."""
+    """Return the number of contacts that slid in the run."""
     return _energy(packing, "slid")
 
 
@@ -281,7 +283,8 @@ def contacts_slid(packing: PackingData) -> float:
 def yade_less_linear_layers(packing: PackingData) -> float:
     """Compute the relative L2 difference of run and linear wave over all common times.
 
-    The motions are means of layers; of a crystal, and if these are not recorded, those of a chain.
+    The compared motions are means over layers; for a crystal, and if layers are not recorded, they
+    are those of the chain.
     """
     run = packing.record("yade")
     linear = packing.linear
@@ -298,7 +301,7 @@ def yade_less_linear_layers(packing: PackingData) -> float:
 
 @case_quantity("1", "passages of the record")
 def record_passages(packing: PackingData) -> float:
-    """Return the length of the record that the threshold rule reads, in passages."""
+    """Return the length of the record that the threshold rule reads, in passages of the wave."""
     return passband.passband(packing).common
 
 
@@ -315,7 +318,7 @@ def _resonance(packing: PackingData, order: int) -> Value:
 
 
 def _largest_chi(packing: PackingData, low: float, high: float, chain: bool = True) -> float:
-    """Return the largest chi_z between two shares of the highest frequency."""
+    """Return the largest chi_z of modes between two shares of the highest frequency."""
     highest = spectrum.f_max(packing)
     return spectrum.largest_chi(packing, low * highest, high * highest, chain)[0]
 
@@ -332,7 +335,7 @@ def _energy(packing: PackingData, name: str) -> float:
 
 
 class Threshold(NamedTuple):
-    """One value of the threshold rule: of which record, by which choice, at which threshold."""
+    """One choice of the threshold rule: the record, the displacement and maximum, the threshold."""
 
     producer: Producer
     whose: Whose
@@ -364,10 +367,10 @@ def _shear_low_pass(packing: PackingData, key: str) -> Value:
 
 
 class RecordQuantity(NamedTuple):
-    """A quantity that is measured of the record of each program.
+    """A quantity that is measured on the record of each program.
 
-    name and key (the record's name, as in `PackingData.record`) have the program's name in place of
-    `{}`.
+    In `name` and `key`, `{}` stands for the program. The key is the record's name, as in
+    `PackingData.record`.
     """
 
     name: str
@@ -395,7 +398,8 @@ RECORD_QUANTITIES = (
     ),
 )
 LOW_PASS: dict[str, tuple[str, str]] = {}
-"""Names of f_low-pass, and of lambda / D there, by threshold, rule and program, as in "2_yade"."""
+"""Names of the quantities f_low-pass and lambda / D at f_low-pass, by threshold, rule and program,
+as in "2_yade"."""
 SHEAR: dict[str, str] = {}
 """Quantities of S-waves, and the program whose record they need."""
 
@@ -421,7 +425,7 @@ def _register_record_quantities(producer: Producer) -> None:
 
 
 def _register_thresholds(producer: Producer) -> None:
-    """Register f_low-pass and the wavelength there by each rule and threshold."""
+    """Register f_low-pass, and the wavelength at f_low-pass, for each rule and threshold."""
     for rule, (whose, reference) in MAPS.items():
         for index, percent in enumerate(PERCENT):
             key = f"{percent}_{rule}{producer}"
@@ -442,8 +446,8 @@ for _producer in RECORD_WORDS:
     _register_record_quantities(_producer)
     _register_thresholds(_producer)
 OF_MODULI = "bulk_modulus", "shear_modulus", "poisson", "v_p_moduli", "v_s_moduli"
-"""Quantities of a result that need a file with moduli."""
+"""Quantities of a case's result that need a file with moduli."""
 OF_PACKING = "void_ratio", "coordination", "coordination_of_bearing", "v_p_static"
-"""Quantities of a result that need the packing alone."""
+"""Quantities of a case's result that need the packing alone."""
 OF_CASE = *OF_PACKING, *CASE_QUANTITIES, *OF_MODULI
-"""Quantities of a case's result, as far as its files are there."""
+"""Quantities of a case's result, as far as the files that they need exist."""

@@ -21,9 +21,11 @@ QUICK = (
     *("void_ratio", "coordination", "crystalline_share"),
     *("v_p", "v_s", "low_pass", "highest_frequency"),
 )
-"""Quantities that need one wave or less. For 35,201 spheres they take half a minute together."""
+"""Quantities that need at most one computed wave. For 35,201 spheres they take half a minute
+together."""
 CODES_OF_MISTAKES = "argument", "unknown_word"
-"""Codes of refusals that only the call of a quantity can cause, and no file and no packing."""
+"""Codes of refusals that only a mistake in the code of a quantity can cause, not a file or a
+packing."""
 Function = TypeVar("Function", bound=Callable[[PackingData], Value | float])
 
 
@@ -62,8 +64,8 @@ class Quantity:
         InputError
             If a file is the reason that it cannot be measured.
         RuntimeError
-            If the quantity itself is wrong, which no user can mend: it measures in another unit, or
-            calls a function with arguments that this refuses.
+            If the code of the quantity is wrong, which no user can mend: it measures in another
+            unit, or calls a function with arguments that the function refuses.
         """
         try:
             result = self.measure(packing)
@@ -139,4 +141,4 @@ def quantity(
 
 
 on_request = partial(quantity, on_request=True)
-"""`quantity` for one that is measured only if its name is given."""
+"""Decorator like `quantity`, for a quantity that is measured only if its name is given."""

@@ -19,15 +19,17 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
 
 MAX_NEPERS = 8.0
-"""Largest decay over the part of the length that is read. Beyond it the wave is smaller than what
-the window leaves of the cut at the record's end."""
+"""Largest decay, as an exponent, over the part of the length that is read. Beyond it the wave is
+smaller than what the window leaves of the cut at the record's end."""
 MIN_WAVELENGTH_IN_DIAMETERS = 4.0
-"""Shortest plane waves whose lines are read."""
+"""Wavelength of the shortest plane waves whose line widths are read, in mean diameters."""
 MIN_SOURCE_SHARE = 0.02
-"""Where the source's amplitude is a smaller share of its largest one, the source sends nothing."""
+"""Least amplitude of the source at a frequency, divided by its largest one; below it the source
+counts as sending nothing."""
 LIMIT_LINE_IN_LINES = 2.0
-"""Width of the lines in which the Ioffe-Regel limit is sought, in those of the whole ridge. There
-the ridge is a third as wide as its frequency, hence as a tenth of the highest frequency."""
+"""Width of the lines in which the Ioffe-Regel limit is sought, divided by that of the lines of the
+whole ridge. At the limit the ridge is a third as wide as its frequency, hence as a tenth of the
+highest frequency."""
 MAX_FREQUENCY_OF_RIDGE_IN_V_PER_D = 0.75
 """Highest frequency of the structure factor in which the limit is sought."""
 WAVES_OF_RIDGE = 8
@@ -38,9 +40,9 @@ WAVES_OF_RIDGE = 8
 def attenuation_of(packing: PackingData) -> tuple[Value, Floats]:
     """Measure the decay of the coherent amplitude, 1/m, and the group velocity (k,), m/s.
 
-    Both are read at independent frequencies. A window of another damping cuts the record elsewhere
-    and passes other noise: the error is how much it changes the value, at a frequency or at its
-    neighbours. A bias that grows with the square of the damping is as large.
+    Both are read at independent frequencies. The error is the change of the value, at a frequency
+    or at its neighbours, under a window of another damping, which cuts the record elsewhere and
+    passes other noise. A bias that grows with the square of the damping is as large as this change.
     """
     wave, weaker, stronger = coherents(packing)
     step = wave.frequency[1] - wave.frequency[0]
@@ -82,7 +84,7 @@ def _highest_sent(packing: PackingData, highest: float) -> float:
 
 @quantity("1/m", definition="decay of the coherent wave's amplitude along z, over frequency")
 def attenuation(packing: PackingData) -> Value:
-    """Measure the attenuation of means over layers, after a pulse of the wall."""
+    """Measure the attenuation, 1/m, of layers' mean motion after a pulse of the wall."""
     return attenuation_of(packing)[0]
 
 
@@ -112,7 +114,8 @@ def quality(packing: PackingData) -> Value:
 def ioffe_regel(packing: PackingData) -> Value:
     """Measure the Ioffe-Regel frequency between two standing waves.
 
-    The error is half of the distance of these waves.
+    The two waves are neighbours between whose frequencies the limit lies. The error is half of the
+    distance of these frequencies.
     """
     if packing.crystal:
         return unknown("Hz", Caveat("crystal"))
@@ -131,11 +134,11 @@ def ioffe_regel(packing: PackingData) -> Value:
 def scattering_of_pulse(packing: PackingData) -> Value:
     """Measure the width of the line of a decaying pulse over frequency.
 
-    v is the measured group velocity, with which the energy travels. A wave that fades as
-    exp(-alpha x) in space fades as exp(-alpha v t) in time, and its line is alpha v / pi wide.
-    Under the window exp(-eta t) the wave number is smaller by eta d alpha / d omega, and the error
-    of the slowness is the derivative of that. It is a part of the error and not corrected, because
-    two derivatives are noise.
+    v is the measured group velocity, with which the energy travels. A wave that fades as exp(-alpha
+    x) in space fades as exp(-alpha v t) in time, and its line is alpha v / pi wide. Under the
+    window exp(-eta t) the wave number is smaller by eta d alpha / d omega, and the error of the
+    slowness is the derivative of this change. This error is stated as a part of the error and not
+    corrected, because two derivatives are noise.
     """
     alpha, velocity = attenuation_of(packing)
     assert alpha.at is not None
@@ -190,8 +193,8 @@ for _wave, _polarisation in (("p", "L"), ("s", "T")):
 def scattering(packing: PackingData) -> Scattering:
     """Measure the width of the ridge of standing waves over frequency, up to its limit.
 
-    A few waves over all wavelengths come first. If the width reaches the frequency among them, the
-    result is that of more waves on both sides of this limit.
+    A few waves of all wavelengths are computed first. If the Ioffe-Regel limit lies among them,
+    more waves on both sides of the limit give the result.
     """
     velocity = v_p(packing).value
     structure = kept_file(packing, "structure")

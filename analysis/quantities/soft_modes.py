@@ -57,7 +57,7 @@ def first_wave(packing: PackingData) -> Value:
 
 
 def _over_modes(packing: PackingData, numbers: Floats) -> Value:
-    """Return a number (k,) of each mode below the first wave, over their frequencies."""
+    """Return a number (k,) of each mode below the first wave, as a value over their frequencies."""
     return Value(numbers, "1", {}, packing.of_one_sample, soft_modes(packing).frequency)
 
 

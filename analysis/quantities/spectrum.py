@@ -28,21 +28,22 @@ DEFAULT_LOWEST_MODES = 40
 MIN_MODES_BELOW_PEAK = 30
 """Modes below a peak of D(f) / f^2. Among fewer modes each single one makes a peak."""
 MIN_STEPS_OF_DENSITY = 10
-"""Steps between the frequencies of a density below which modes of zero frequency are seen: 2.5
-widths of the line of a single mode; a width has four frequencies (`modal.modes.density`)."""
+"""Number of frequency steps next to zero in which a density of states shows modes of zero
+frequency: 2.5 widths of the line of a single mode, as a width has four frequencies
+(`modal.modes.density`)."""
 COMPARED_SHARE_OF_HIGHEST = 0.1
-"""Packings are compared at this share of the highest frequency."""
+"""Share of the highest frequency at which the densities of states of packings are compared."""
 SAME_FREQUENCY = 1e-6
-"""Relative difference of two frequencies that are those of one mode in two lists."""
+"""Largest relative difference of two frequencies in two lists that count as those of one mode."""
 MIN_CHI_OF_P_WAVE = 0.9
 """Least chi_z of a mode that counts as a P-wave, from Otsubo et al. (2017)."""
 MAX_BRANCH_SHARE_OF_HIGHEST = 0.15
-"""The modes of a narrow cell are listed up to this share of the highest frequency."""
+"""Share of the highest frequency up to which the modes of a narrow cell are listed."""
 
 
 @cached_on_packing
 def density(packing: PackingData) -> tuple[Floats, Floats, Floats]:
-    """Return frequencies (n,), Hz, modes per Hz (n,) and modes below (n,) of the whole spectrum."""
+    """Return frequencies (n,), Hz, modes per Hz (n,) and modes below each (n,)."""
     kept = kept_file(packing, "density")
     if kept is not None:
         return kept
@@ -51,7 +52,7 @@ def density(packing: PackingData) -> tuple[Floats, Floats, Floats]:
 
 @cached_on_packing
 def highest(packing: PackingData) -> ModeSet:
-    """Return the highest modes of a file, with their shapes; else the highest mode without."""
+    """Return the highest modes of a file, with shapes; else the highest mode, without its shape."""
     if packing.case.has("highest.modes"):
         return packing.case.read("highest.modes")
     return eigenmodes(taken_as_exact(packing.network), highest=1, certify=False, shapes=False)
@@ -95,7 +96,7 @@ def lowest_modes(packing: PackingData) -> tuple[ModeSet, Floats, list[Caveat]]:
 
 @cached_on_packing
 def standing(packing: PackingData) -> resonant.Standing | None:
-    """Find the modes of a file that bear the standing waves of a random packing.
+    """Find, in a random packing, the mode with the largest share of each standing wave.
 
     None for a crystal and without shapes of modes.
     """
@@ -108,7 +109,10 @@ def standing(packing: PackingData) -> resonant.Standing | None:
 
 @cached_on_packing
 def standing_waves(packing: PackingData) -> tuple[Floats, Floats]:
-    """Return f_r, Hz, and kappa_r, 1/m, (Eq. 4) of the standing P-waves that files tell.
+    """Return f_r, Hz, and kappa_r, 1/m, (Eq. 4) of the standing P-waves that the files contain.
+
+    They are the pure modes of a crystal, else the modes with the largest share of each wave. Where
+    such modes are not known, they come from the ridge of the structure factor.
 
     They are the pure modes of a crystal, else the modes that bear the waves. Beyond the last such
     mode, and without shapes of modes, they are the ridge of the structure factor.
@@ -167,10 +171,9 @@ def f_max(packing: PackingData) -> float:
 
 
 def highest_seat(packing: PackingData) -> tuple[float, float]:
-    """Return how many spheres move in the highest mode, and the contacts of one of them.
+    """Return how many spheres move in the highest mode, and the contacts of the one moving most.
 
-    The first number is the participation of translations. The second belongs to the sphere that
-    moves most.
+    The first number is the participation number of the translations.
     """
     modes = packing.case.needed("highest.modes")
     if modes.mode_shape is None:
@@ -181,7 +184,9 @@ def highest_seat(packing: PackingData) -> tuple[float, float]:
 
 
 def natural_frequency(frequency: float, *lists: ModeSet | None) -> Value:
-    """Return a natural frequency, Hz, with the error from its residual in the first list with it.
+    """Return a natural frequency, Hz, with the error that its residual bounds.
+
+    The residual is that of the first of the `lists` that contains the frequency.
 
     A is symmetric, so that |A v - omega^2 v| of a unit vector v bounds the distance of omega^2 from
     an eigenvalue. The relative error of the frequency is half of the relative residual.
@@ -232,7 +237,7 @@ def chi_between(
 def largest_chi(
     packing: PackingData, low: float, high: float, chain: bool = True
 ) -> tuple[float, str]:
-    """Return the largest chi_z between two frequencies, Hz, and a text on the modes."""
+    """Return the largest chi_z between two frequencies, Hz, and a text that describes the modes."""
     frequency, chi = chi_between(packing, low, high, chain)
     if not len(frequency):
         return np.nan, ""
@@ -255,8 +260,8 @@ def mean_chi(packing: PackingData, low: float, high: float) -> Value:
 def last_pure(packing: PackingData) -> Value:
     """Measure the highest frequency, Hz, of a mode whose chain has chi_z above 0.9.
 
-    Each resonance has one such mode, so that their distance is the error. `AbsentError` if the list
-    of modes ends less than two of these distances above.
+    Each resonance has one such mode, so that the distance between two of them is the error.
+    `AbsentError` if the list of modes ends less than two of these distances above the last one.
     """
     frequency, chi = chi_between(packing, 0, np.inf, chain=True)
     last = max(frequency[chi > MIN_CHI_OF_P_WAVE], default=np.inf)
@@ -358,7 +363,8 @@ def excess_peak(packing: PackingData) -> Value:
 def resonances(packing: PackingData) -> Value:
     """Find the frequencies of standing P-waves among the lowest modes.
 
-    They are the pure modes of a crystal, else the modes that bear the largest share of each wave.
+    They are the frequencies of the pure modes of a crystal, else of the modes with the largest
+    share of each wave.
     """
     modes, along_z, caveats = lowest_modes(packing)
     frequency = modes.resonance_frequency
@@ -378,7 +384,7 @@ def chi_z(packing: PackingData) -> Value:
 
 @on_request("1", definition="chi_z of every mode up to 1.5 V_P / W, W the cell's width")
 def chi_z_of_branches(packing: PackingData) -> Value:
-    """Measure chi_z of all spheres, for the modes at which further waves begin in a narrow cell.
+    """Measure chi_z of all spheres, for the modes at which further branches begin in a narrow cell.
 
     In a cell that is W wide further waves begin at V_S / W and V_P / W.
     """

@@ -33,26 +33,32 @@ FIT_ORDERS = {"z": (2, 3), "x": (5, 6), "y": (5, 6)}
 order whose value differs from it by the error. Layers rotate as they slide, so that S-waves need a
 higher order."""
 MIN_SHEAR_WAVELENGTH_IN_DIAMETERS = 8.0
-"""An S-wave of a random packing counts as long from this wavelength on."""
+"""Least wavelength, in mean diameters, at which an S-wave of a random packing counts as long."""
 OTHER_DECAYS = DECAY - 1, DECAY + 1
-"""Dampings of two further windows; how much the results differ tells the error of the window."""
+"""Dampings eta T of two further windows; the difference of the results is the error that the choice
+of the window makes."""
 MAX_FREQUENCY_IN_V_PER_D_OF_CRYSTAL = 0.5
-"""The coherent wave is read up to here: the band of a crystal ends at 0.45."""
+"""Highest frequency, in V / D, up to which the coherent wave of a crystal is read: its band ends at
+0.45."""
 MAX_FREQUENCY_IN_V_PER_D_OF_RANDOM = 0.2
-"""The coherent wave of a random packing is lost far below."""
+"""Highest frequency, in V / D, up to which the coherent wave of a random packing is sought, far
+above the frequency at which it is lost."""
 MIN_LENGTH_IN_DIAMETERS = 15.0
-"""In shorter random packings the longest waves do not fit between the walls, and velocities are too
-high. Packings of friction 0.2, 8.7 D wide, of three seeds each, were compared with packings of 39
-D: V_P was higher by 12, 5 and 3 % at 10, 11 and 14 D (in one by 15 %), V_S by 12, 7 and 8 % (in one
-by 20 %); at 16 to 25 D they were higher by 1 to 3 % and by 0 %."""
+"""Least length of a random packing, in mean diameters, in which the longest waves fit between the
+walls; in shorter packings velocities are too high. Packings of friction 0.2, 8.7 D wide, of three
+seeds each, were compared with packings of 39 D: V_P was higher by 12, 5 and 3 % at 10, 11 and 14 D
+(in one by 15 %), V_S by 12, 7 and 8 % (in one by 20 %); at 16 to 25 D they were higher by 1 to 3 %
+and by 0 %."""
 RELATIVE_EXCESS_IN_SHORT_PACKING = 0.15
-"""Error of a velocity in a packing shorter than that."""
+"""Relative error of a velocity in a packing shorter than `MIN_LENGTH_IN_DIAMETERS`."""
 LOW_ORDER = 10
-"""Frequencies up to that of the standing wave r = 10, wavelength L / 5, count as low."""
+"""Highest order of the frequencies that count as low: that of the standing wave r = 10, with the
+wavelength L / 5."""
 LOST = "no coherent wave goes through enough of the packing to be read"
 MAX_VELOCITY_IN_CRYSTAL = 1.1
-"""Divided by the V_P of its lattice. A faster wave is noise, which is what remains if the pulse is
-far outside the band, as when its frequency is given in kHz instead of Hz."""
+"""Largest velocity divided by the V_P of the crystal's lattice. A faster wave is noise, which is
+what remains if the pulse is far outside the band, as when its frequency is given in kHz instead of
+Hz."""
 
 
 @cached_on_packing
@@ -100,10 +106,11 @@ def coherents(packing: PackingData) -> list[Coherent]:
 def longest(packing: PackingData, key: str) -> Value:
     """Measure the velocity of the longest waves of a record, m/s.
 
-    The error combines that of the fit and that of the window, which changes a velocity in
-    proportion to its damping: the part is the change from no damping to the usual one. It was
-    tested on 30 velocities in slabs 45 to 90 D long, cut from repeated cells whose V follows from
-    the moduli: the errors of the fit were a third of the true errors, this part was 1.1 of them.
+    The error combines that of the fit and that of the window. The window changes a velocity in
+    proportion to its damping, and its part of the error is the change from no damping to the usual
+    one. In a test with 30 velocities in slabs 45 to 90 D long, cut from repeated cells whose V
+    follows from the moduli, the errors of the fit were a third of the true errors, and those of the
+    window 1.1 times the true errors.
     """
     record = packing.record(key)
     if key == "yade" and not packing.crystal and record.layer_displacement is None:
@@ -162,9 +169,9 @@ def _value_of_arrivals(velocity: float, error: float, scatter: float = 0.0) -> V
 
 @cached_on_packing
 def first_peak(packing: PackingData, key: str) -> Value:
-    """Measure dL/dt of a record's first peaks over the middle half of the chain, m/s.
+    """Measure the velocity of a record's first peaks over the middle half of the chain, m/s.
 
-    The error of a P-wave includes that of the choice of the chain.
+    The error of a P-wave includes the scatter between chains.
     """
     record = packing.record(key)
     walls = packing.network.wall_position
@@ -187,10 +194,10 @@ def columns(packing: PackingData, key: str) -> tuple[float, float]:
 
 
 def of_frequency(packing: PackingData, frequency: float) -> tuple[Caveat, ...]:
-    """Return the caveats of what is read at a frequency, Hz.
+    """Return the caveats of a quantity that is read at a frequency, Hz.
 
-    One of them says if the wave is longer than the cell is wide. Its length follows from V_P, and
-    no wave of this frequency is shorter.
+    One caveat says if the wave is longer than the cell is wide. The wavelength is estimated from
+    V_P.
     """
     wavelength = v_p(packing).value / frequency / packing.diameter
     if packing.crystal or not wavelength > packing.width:
@@ -228,7 +235,10 @@ def _measure_long_waves(packing: PackingData, key: str) -> Value:
 
 
 def _velocity_by_moduli(packing: PackingData, polarisations: slice) -> Value:
-    """Return the mean velocity, m/s, of plane waves along z by the moduli, of some polarisations.
+    """Return the mean velocity, m/s, of plane waves along z by the moduli.
+
+    The `polarisations` select velocities of `ElasticModuli.velocities`, which descend: the first is
+    that of the P-wave.
 
     The velocities of `ElasticModuli.velocities` descend: the first is that of the P-wave.
     """

@@ -2,7 +2,7 @@
 
 `{{ value('case06', 'void_ratio') }}` in a sentence is that number with its error: between double
 braces stands an expression (`analysis.expressions`) that calls one of a few functions. So no number
-is typed, and none outlives the results that it came from.
+is typed by hand, and each follows the present results.
 """
 
 import re
@@ -30,7 +30,7 @@ OTHER_MARKS = ("{{", "}}", "{%", "{#")
 class Captions:
     """The functions that a sentence may call on the cases of a frame.
 
-    What is not known of any case is `UNKNOWN`.
+    `UNKNOWN` stands for a number that is not known of any case.
     """
 
     def __init__(self, frame: pd.DataFrame) -> None:
@@ -38,7 +38,10 @@ class Captions:
         self._functions = {name: getattr(self, name) for name in FUNCTIONS}
 
     def __call__(self, text: str) -> str:
-        """Return the sentence with its numbers; InputError if its braces are no expressions."""
+        """Return the sentence with its numbers filled in.
+
+        Raises InputError if the text in double braces is not an expression.
+        """
         rest = PLACE.sub("", text)
         if any(mark in rest for mark in OTHER_MARKS):
             raise InputError(
@@ -53,7 +56,7 @@ class Captions:
         return str(evaluate(place[1], {}, self._functions))
 
     def value(self, case: str, quantity: str) -> str:
-        """Return a quantity of one case, with its error if that is known."""
+        """Return a quantity of one case as text, with its error if that is known."""
         line = self.frame.loc[self.frame.index == case]
         values = numbers(line, quantity)
         errors = spreads(line, quantity)
@@ -73,13 +76,13 @@ class Captions:
         return f"{low} to {high}"
 
     def power(self, x: str, y: str, which: str) -> str:
-        """Return the exponent of y over x through all cases of a selection, with its error."""
+        """Return the exponent, with its error, of a power law y(x) through a selection of cases."""
         cases = select(self.frame, which)
         law = power_law(numbers(cases, x), numbers(cases, y))
         return number(law.exponent, law.error) or UNKNOWN
 
     def powers(self, x: str, y: str, which: str = RANDOM) -> str:
-        """Return the range of the exponents of y over x within the groups of a selection."""
+        """Return the range of the exponents of power laws y(x) within each group of a selection."""
         exponents = powers(select(self.frame, which), x, y).table["power"]
         if exponents.empty:
             return UNKNOWN
@@ -91,7 +94,7 @@ class Captions:
         return f"{len(select(cases, test))} of {len(cases)}"
 
     def trends(self, quantity: str, x: str, through: str, to: str) -> str:
-        """Extrapolate, at each stress, a quantity over x from some cases to other cases.
+        """Extrapolate a quantity linearly in x, at each stress, from cases `through` to cases `to`.
 
         The value of the straight line comes with its standard error. Beside it stand the value of
         the line through the quantity's logarithm, which shows how much the form of the curve

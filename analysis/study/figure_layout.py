@@ -25,12 +25,13 @@ from analysis.table import cell
 from modal.tools.errors import InputError
 
 Spec = Mapping[str, Any]
-"""A figure as the file of figures describes it."""
+"""Description of a figure, as the file of figures has it."""
 MARKERS = tuple(STRESS_MARKS.values())
 WIDTH_IN_INCHES = {1: 8, 2: 10, 3: 12}
 """Width of a figure, by its number of columns of panels."""
 MAX_PROCESSES = 4
-"""Processes that draw at once. Each takes 250 MB, so that memory limits them, not cores."""
+"""Largest number of processes that draw at once. Each takes 250 MB, so that memory is the limit,
+not the number of cores."""
 
 
 class DrawnFigure(NamedTuple):

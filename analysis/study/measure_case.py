@@ -25,9 +25,9 @@ from modal.formats.whole_file import sha256
 from modal.tools.errors import InputError
 
 MAX_RESONANCES = 10
-"""Rows of the table of resonances; higher ones overlap in most packings."""
+"""Number of rows of the table of resonances; higher resonances overlap in most packings."""
 QUANTITIES_OF_STATE = ("void_ratio", "coordination")
-"""Quantities of a state that is no case."""
+"""Quantities of a state during a compression that is not a case of the study."""
 QUANTITIES_OF_OTHER_SEEDS = (
     *("particles", "length_over_d", "void_ratio", "coordination", "f_max"),
     *("v_p_first_peaks_yade", "v_p_first_peaks_linear"),
@@ -152,7 +152,10 @@ def _pad(cells: list[str]) -> list[str]:
 
 
 def _describe_edge(edge: Value) -> str:
-    """Return a threshold's frequency in kHz, marked if it stands on no plateau; else the reason."""
+    """Return a threshold's frequency in kHz, or the reason why there is none.
+
+    A frequency that stands on no plateau is marked.
+    """
     text = number(1e-3 * edge.value, 1e-3 * edge.error)
     if not text:
         return "".join(f"none: {caveat}" for caveat in edge.caveats)

@@ -32,7 +32,7 @@ from modal.formats.whole_file import write_text
 from modal.tools.errors import InputError
 
 FILES_OF_EVERY_STUDY = ("table1", "targets", "second_verdicts", "absent", "study")
-"""Names of files that every study has, so that its own tables and figures must not."""
+"""Names of files that every study has; the study's own tables and figures must have other names."""
 SPLIT_PREFIX = "split_"
 """Beginning of the names of tables that compare YADE with the linear wave of one case."""
 PROVENANCE_HEADER = ["file", "SHA-256, first 16 digits", "command", "made from"]
@@ -163,7 +163,7 @@ def _known_values(cases: pd.DataFrame) -> dict[str, dict[str, Any]]:
 
 
 def _is_plain(value: Any) -> bool:
-    """Tell whether a page can show a value: a text or a number."""
+    """Tell whether a value is one that a page can show: a text or a number."""
     return isinstance(value, str | int | float | np.number)
 
 

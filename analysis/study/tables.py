@@ -25,10 +25,11 @@ from analysis.table import Table, cell, number
 from modal.tools.errors import InputError
 
 Spec = Mapping[str, Any]
-"""A table as the file of tables describes it."""
+"""Description of a table, as the file of tables has it."""
 TableKind = Literal["means", "limit", "laws", "checks", "side_by_side", "columns", "says"]
 TABLE_KINDS: tuple[TableKind, ...] = get_args(TableKind)
-"""Keys that name the kind of a table; of several the first one counts."""
+"""Keys that name the kind of a table; if a table has several, the first one in this order is
+used."""
 Cells = tuple[list[str], list[list[str]]]
 """A header, and lines of the same length."""
 ALWAYS_SHOWN = ("void_ratio", "coordination_number", "v_p_static_m_per_s", *OF_RECORD)
@@ -42,7 +43,7 @@ NAMES_OF_COLUMNS = {
     "record": "record",
     "unsettled": "settled",
 }
-"""Columns of the frame that the table of all numbers begins with, and their names there."""
+"""Columns with which the table of all numbers begins, and their names in that table."""
 
 
 def make_tables(specs: Sequence[Spec], rules: Rules) -> list[Table]:
@@ -150,8 +151,8 @@ def tabulate_means(spec: Spec, cases: pd.DataFrame) -> Cells:
 def tabulate_limits(spec: Spec, cases: pd.DataFrame) -> Cells:
     """Return the limits of means over cases as x goes to zero, by a straight line.
 
-    Beside each stand the mean at the x nearest to `own`, and how far the line without that mean
-    is from it.
+    Beside each limit stand the mean at the x nearest to `own`, and its distance from a line that is
+    fitted without this mean.
     """
     by = spec["limit"]["by"]
     cases = cases.assign(x=numbers(cases, spec["limit"]["x"]))
@@ -210,7 +211,7 @@ def tabulate_laws(spec: Spec, cases: pd.DataFrame) -> Cells:
 
 
 def tabulate_checks(spec: Spec, rules: Rules) -> Cells:
-    """Return rules side by side: each line applies the same checks to its own quantities."""
+    """Return a table of rules side by side: each line applies the same checks to its quantities."""
     checks = spec["checks"]
     lines = []
     for row in checks["rows"]:
