@@ -53,7 +53,7 @@ def caveats_of_state(network: Network, unsettled: str) -> tuple[Caveat, ...]:
         caveats.append(Caveat("crystalline", {"share": share}))
     thirds = remark_on_thirds(network)
     if thirds.applies:
-        caveats.append(Caveat("uneven", {"text": thirds.text}))
+        caveats.append(Caveat("uneven", {"text": thirds.text, "excess": thirds.number}))
     return tuple(caveats)
 
 

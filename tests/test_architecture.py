@@ -37,11 +37,6 @@ ORDER = {
 }
 """Rooms and modules from the ground up: each imports from those before it alone."""
 NOT_CONVERTED = {
-    "tests/analysis/test_analysis_cli.py",
-    "tests/analysis/test_analysis_report.py",
-    "tests/analysis/test_plane_waves.py",
-    "tests/analysis/test_study.py",
-    "tests/analysis/test_watch.py",
     "tests/preparation/test_compress.py",
     "tests/preparation/test_dynamics.py",
     "tests/preparation/test_equilibrium.py",

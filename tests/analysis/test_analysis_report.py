@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from exact_crystal import CHAIN, LENGTH, record, write_crystal
 from packings import slender
+from refusals import refusal
 from scipy.special import ndtr
 
 from analysis.__main__ import main
@@ -22,7 +23,6 @@ from modal.packing.network import write_network
 from modal.packing.state import affine_stiffness, affine_velocity
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.operator import ContactOperator
-from modal.tools.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,7 @@ def test_picture_survives_its_file(tmp_path):
     write_picture(tmp_path / "b.csv", read_picture(tmp_path / "a.csv"))
     assert (tmp_path / "a.csv").read_text() == (tmp_path / "b.csv").read_text()
     (tmp_path / "c.csv").write_text("not,a,figure\n")
-    with pytest.raises(InputError, match="not the CSV of a figure"):
+    with refusal("figure", "c.csv"):
         read_picture(tmp_path / "c.csv")
 
 
