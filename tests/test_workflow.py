@@ -498,7 +498,11 @@ def test_the_batch_system_pbs_gives_a_job_its_minutes():
 @pytest.mark.parametrize(
     ("raised", "status", "first"),
     [
-        ("InputError('no_file', 'no such sample', remedy='make it')", 2, "error: no such sample; make it"),
+        (
+            "InputError('no_file', 'no such sample', remedy='make it')",
+            2,
+            "error: no such sample; make it",
+        ),
         ("ValueError('operands could not be broadcast')", 1, "Traceback (most recent call last):"),
     ],
 )
