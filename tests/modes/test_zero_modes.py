@@ -14,7 +14,7 @@ import modal
 from modal.modes.collective import counted_floppy, every_floppy
 from modal.modes.counts import count_below, counts_below
 from modal.modes.eigenmodes import modes_of
-from modal.modes.zero_modes import _touching, by_structure
+from modal.modes.zero_modes import _adjacency, by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
 from modal.solvers.factor import SOLVERS, Cost, available
@@ -33,7 +33,7 @@ def zero_modes(system: LinearSystem) -> int:
 def without_walls(system: LinearSystem) -> int:
     """The same of the spheres that no contacts join to a wall."""
     network = system.network
-    part = connected_components(_touching(network), directed=False)[1]
+    part = connected_components(_adjacency(network), directed=False)[1]
     rows = np.repeat(~np.isin(part, part[network.particle_i[network.with_wall]]), system.dof)
     square = np.linalg.eigvalsh(system.dynamical_matrix.toarray()[rows][:, rows])
     return int((square < 1e-11 * system.row_sum_bound).sum())
