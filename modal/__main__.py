@@ -12,13 +12,14 @@ from modal.tools.interrupted import end_at_interrupt
 __all__ = ["main"]
 
 OBJECTS_BETWEEN_COLLECTIONS = 100_000
-"""Number of new objects after which garbage is collected; Python itself takes 700."""
+"""Number of new objects after which Python collects garbage; its own default is 700."""
 
 
 def main(argv: Sequence[str] | None = None, package: str = "modal") -> int:
     """Run one command and return the exit status.
 
-    Without `argv` the process is a program of its own, which Ctrl-C ends in one line.
+    Without `argv` the function reads the process's command line, and Ctrl-C ends the process with
+    one line.
     """
     if argv is None:
         prepare_process()
@@ -27,7 +28,7 @@ def main(argv: Sequence[str] | None = None, package: str = "modal") -> int:
 
 
 def prepare_process() -> None:
-    """Prepare the process of a program, before modules that take time to load."""
+    """Let Ctrl-C end the process in one line, collect garbage less often, delay imports."""
     end_at_interrupt()
     # Libraries make objects by the hundred thousand and hardly any garbage: collect it less often,
     # and not at the end of the program, which after compiled loops would take 0.3 s.
@@ -39,7 +40,8 @@ def prepare_process() -> None:
 def _load_when_used(*parts: str) -> None:
     """Delay loading parts of numpy until they are used, in this program alone.
 
-    scipy names each part of numpy, which loads it; these take a sixth of a short command's time.
+    scipy refers to each part of numpy when it is imported, which loads that part. Loading all parts
+    takes a sixth of a short command's time.
     """
     import numpy
 

@@ -81,7 +81,7 @@ def _diameters(network: Network) -> str:
 
 
 def _cell(network: Network) -> str:
-    """Return the sides of the cell, and what ends it along z."""
+    """Return a text with the sides of the cell, and with what bounds the cell along z."""
     sides = " x ".join(quantity(side, "m") for side in network.cell_size)
     if network.cell_periodic[2]:
         return f"{sides}, periodic along z"

@@ -23,9 +23,9 @@ OPTIONS = (
     output("*.vtu or *.xyz", (".vtu", ".xyz"), required=True),
 )
 MAX_FRAMES = 10_000
-"""Largest number of frames: more would fill the disk."""
+"""Largest number of frames of an animation: more would fill the disk."""
 WAVE_FRAMES = 50
-"""Default number of frames of a wave: two seconds of a film."""
+"""Default number of frames of a wave's animation: two seconds of a film."""
 
 
 def run(options: Options) -> Result:
@@ -75,8 +75,8 @@ def _mode_fields(
 ) -> tuple[dict[str, Array], picture.Motion]:
     """Return the fields of the chosen modes, and the motion of the mode to be animated.
 
-    `shapes` (k, n, 6) has all modes; `numbers` are those chosen, from 1. The motion is empty
-    without a number of `frames`.
+    `shapes` (k, n, 6) are those of all modes; `numbers`, from 1, are those of the chosen modes. The
+    motion is empty if `frames` is None.
     """
     fields = dict[str, Array]()
     for number in numbers:

@@ -14,17 +14,17 @@ from modal.packing.state import has_forces, stress_tensor
 from modal.system.contacts import GROWTH, SHEAR, TANGENTS, contact_tangent
 
 MIN_TERM_SHARE = 1e-14
-"""Smallest share of K that is not round-off."""
+"""Smallest relative change of K by a term of a law that is not round-off."""
 MAX_WEIGHED_CONTACTS = 50_000
-"""Largest number of contacts on which the terms of a law are weighed: their matrices fill half a
-gigabyte."""
+"""Largest number of contacts on whose matrices the terms of a law are compared: the matrices fill
+half a gigabyte."""
 EXAMPLE = "import spheres.csv --contacts contacts.csv -o mine.network.h5"
 FILE_HELP = "dump custom, *.restart of MercuryDPM, or *.csv of spheres"
 PROGRAM_OPTIONS = {
     name: Option(f"--{name}", option.metavar, option.text, kind=option.kind)
     for name, option in all_options().items()
 }
-"""Options of the programs that packings are from, by name."""
+"""Options of the import for other programs' packings, by name."""
 OPTIONS = (
     Option("file", "", FILE_HELP, kind=str),
     *PROGRAM_OPTIONS.values(),
@@ -43,7 +43,7 @@ def run(options: Options) -> Result:
 
 
 def summary_of(imported: ImportResult) -> dict[str, Any]:
-    """Return spheres, contacts, stresses, balance, digits, sliding, and the law with its terms.
+    """Return what an import found: spheres, contacts, stresses, balance, digits, law and its terms.
 
     `remarks` are those of the import, then those that `info` has on any network.
     """
@@ -74,7 +74,8 @@ def law_term_sizes(network: Network) -> dict[str, float]:
     """Return the relative change of K by each term of the law: a root mean square over entries.
 
     Rotations count as arcs of the mean radius. Terms that the law does not have, or whose forces
-    are not known, are left out. Of many contacts evenly spaced ones are taken.
+    are not known, are left out. Of more than `MAX_WEIGHED_CONTACTS` contacts, evenly spaced ones
+    are taken.
     """
     every = 1 + (network.n_contacts - 1) // MAX_WEIGHED_CONTACTS
     network = network.some(np.arange(0, network.n_contacts, every))

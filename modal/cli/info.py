@@ -14,7 +14,7 @@ from modal.system.linear_system import LinearSystem
 
 BULK_PREFIX = "crystalline_share"
 BULK_SUFFIXES = ("_of_bulk", "_along_z")
-"""Names of results on order, and on how the bulk differs along z, begin or end in these."""
+"""Beginnings and endings of the names of results on order and on the change of the bulk along z."""
 LAYERS_HELP = "write stress, void ratio ... of layers along z, *.csv"
 EXAMPLE = "info mine.network.h5"
 OPTIONS = (
@@ -22,7 +22,8 @@ OPTIONS = (
     Option("--layers", "FILE", LAYERS_HELP, kind=NewFile, endings=(".csv",)),
 )
 STAGE_PREFIXES = ("steps_", "seconds_", "contacts_")
-"""Notes that `pack` leaves of each stage of a loading path begin in these; only --json has them."""
+"""Beginnings of the notes that `pack` writes for each stage of a loading path; only --json shows
+them."""
 
 
 def run(options: Options) -> Result:
@@ -61,7 +62,7 @@ def run(options: Options) -> Result:
 
 
 def _is_about_bulk(name: str) -> bool:
-    """Return whether a result is on order, or on how the bulk differs along z."""
+    """Return whether a result is about crystalline order, or about the bulk's change along z."""
     return name.startswith(BULK_PREFIX) or name.endswith(BULK_SUFFIXES)
 
 
@@ -72,7 +73,7 @@ def _particles_with_few_contacts(network: Network) -> list[int]:
 
 
 def _notes_to_show(study: dict[str, str], result: dict[str, Any]) -> dict[str, str]:
-    """Return the notes of a file, without what the result has, stages and stresses."""
+    """Return the notes of a file that the result does not contain, without stages and stresses."""
     hidden = ["stress_"]
     if "mu_comp" in study:
         hidden += STAGE_PREFIXES

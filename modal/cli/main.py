@@ -123,7 +123,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: Options, words: Sequence[str]) -> Result:
-    """Return the result of a command, or of its product if that is current and to be kept."""
+    """Run a command and return its result.
+
+    If its product is current and to be kept, return the result of that product instead.
+    """
     command = command_of(options.command)
     options.made = None
     options.remarks = []

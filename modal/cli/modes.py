@@ -47,7 +47,7 @@ read_product = read_modes
 
 
 def current_result(options: Options) -> Result:
-    """Return how many modes a list lacks that is kept, for the exit status."""
+    """Return how many modes a list that is kept lacks; the exit status depends on this number."""
     return {"missing": read_modes(options.output).missing}
 
 
@@ -95,7 +95,7 @@ def run(options: Options) -> Result:
 
 
 def _say_what_is_left_out(modes: ModeSet, path: str | None) -> None:
-    """Print why a list is not certified, and what it and its file do not have."""
+    """Print why a list is not certified, and what the list and its file do not contain."""
     reason = modes.attributes.get("uncertified_because", "")
     if reason:
         say(f"not certified: {reason}")

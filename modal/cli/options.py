@@ -19,15 +19,16 @@ from modal.tools.errors import InputError, refuse_unknown
 from modal.tools.visible import visible
 
 Options = argparse.Namespace
-"""Values of a command line by the names of options, with `made`, `remarks` and `groups`."""
+"""Values of a command line by the names of options. The attributes `made`, `remarks` and `groups`
+are added."""
 Result = dict[str, Any]
-"""Results of a command by name."""
+"""Results of a command by their names."""
 
 REQUIRED = {"required": True}
 """Setting of argparse for an option that must be given."""
 FALLS_SHORT_STATUS = 3
-"""Exit status if a product is written but falls short: a list of modes that lacks some, a sample
-that has not come to rest within the tolerance."""
+"""Exit status if a product is written but falls short of the request: a list of modes that lacks
+some, or a sample that has not come to rest within the tolerance."""
 PACKING_ENDINGS = (".network.h5", ".sample.h5")
 """Endings of the names of packings, by which they are recognised; other products are recognised by
 their content."""
@@ -41,17 +42,17 @@ PRODUCT_ENDINGS = (
 )
 """Endings of names that say what a file holds."""
 FILES_FIRST = "; files stand before the options"
-"""Hint if an option with several values may have taken a file."""
+"""Hint in the message if an option with several values may have taken a file as one of them."""
 
 
 class Option(NamedTuple):
-    """An option of a command, or a file by its place.
+    """An option of a command, or a file that is given by its position.
 
     `text` is its help, to which the default is added. `kind` converts what was typed: a function, a
-    tuple of words to choose from, or bool for an option without a value. A tuple as `metavar` names
-    that many values; a `metavar` that ends in ... stands for any number of them. The name of a file
-    to be written must end in one of the `endings`, if there are any. `more` are further settings of
-    argparse.
+    tuple of words to choose from, or bool for an option without a value. A tuple as `metavar`
+    stands for as many values as it has names; a `metavar` that ends in ... stands for any number of
+    values. The name of a file to be written must end in one of the `endings`, if there are any.
+    `more` are further settings of argparse.
     """
 
     name: str
@@ -109,7 +110,7 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-(\.?\d|inf|nan)")  # -1e5 is no option
 
     def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:
-        """Parse as argparse does, but refuse unknown words here, where the command is known."""
+        """Parse as argparse does, but refuse unknown words in the command's own parser."""
         options, unknown = super().parse_known_args(*args, **kwargs)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}{self._hint(unknown[0])}")
@@ -154,7 +155,7 @@ def read_whole_number(text: str) -> int:
 
 
 def choice_reader(words: tuple[str, ...]) -> Callable[[str], str]:
-    """Return a function that passes these words on and refuses all others."""
+    """Return a function that returns a word if it is one of these, and raises an error if not."""
 
     def read_choice(text: str) -> str:
         try:
@@ -183,8 +184,9 @@ def new_file_reader(endings: tuple[str, ...]) -> Callable[[str], NewFile]:
 def add_command(commands: Any, name: str, module: ModuleType, *more: Option) -> None:
     """Add a command to subparsers of argparse, with the options of its module and `more`.
 
-    The first line of the module's docstring is its description. Its help ends in `EXAMPLE`, which
-    is what one types after the program's name, after an `EPILOG` if there is one.
+    The first line of the module's docstring is its description. Its help ends in the module's
+    `EPILOG`, if there is one, and in its `EXAMPLE`, which is what one types after the program's
+    name.
     """
     description = (module.__doc__ or name).split("\n")[0].rstrip(".")
     help_line = description[0].lower() + description[1:]
@@ -329,7 +331,7 @@ def _check_new_file(path: NewFile, read_files: Sequence[str]) -> None:
 
 
 def has_ending(path: str, endings: Sequence[str]) -> bool:
-    """Return whether a name ends in one of the `endings`, or says nothing else than its format.
+    """Return whether a name has one of the `endings`, or an ending that names only the format.
 
     A product may be called results.h5, but not results.modes.h5 if it holds signals; packings are
     recognised by their ending, and need it.
@@ -367,12 +369,12 @@ def chosen_for(function: Callable[..., Any], options: Options) -> dict[str, Any]
 
 
 def typed(name: str) -> str:
-    """Return the option of this name, as it is typed."""
+    """Return the option with a Python name as the user types it, such as --skip-current."""
     return "--" + name.replace("_", "-")
 
 
 def refused(error: InputError, words: Sequence[str]) -> int:
-    """Print an error in one line, and as JSON if the `words` of the command ask for it.
+    """Print an error in one line, and as JSON if the `words` of the command ask for JSON.
 
     Return the exit status.
     """

@@ -37,7 +37,7 @@ FRICTION_OPTIONS = {
 }
 """Option and help of each number of the protocol that a study may change."""
 SOLID = {name: getattr(GLASS, name) for name in (*ELASTIC, "density")} | {"radius": RADIUS}
-"""Default numbers of the spheres, each of which has an option of its name."""
+"""Default numbers of the spheres; for each there is an option of the same name."""
 ASPECT_HELP = (
     f"length over width (default {ASPECT:g}, or less so that the width is "
     f"{MIN_WIDTH_IN_DIAMETERS:g} diameters, at least 1)"
@@ -105,11 +105,11 @@ STUDY_NAMES = (
     *MIXTURE,
     *FRICTION_PARAMETERS,
 )
-"""Options that are passed on under their names."""
+"""Names of options that are passed to a `Study` as arguments of the same names."""
 
 
 def option_of(name: str) -> str:
-    """Return the option that sets a number of the protocol, as it is typed.
+    """Return the option that sets a number of the protocol, as the user types it.
 
     >>> option_of("hot_stress"), option_of("residual")
     ('--agitation-stress', '--residual')
@@ -120,7 +120,7 @@ def option_of(name: str) -> str:
 
 
 def shortfall(study: Mapping[str, Any], stress_ratio: float | None) -> str:
-    """Return a sentence about how near a state came to its stresses and to balance."""
+    """Return a sentence that says how far a state is from its stresses and from balance."""
     reached = f"stresses off by {study['stress_error']:.1e}, net forces {study['unbalanced']:.1e}"
     if stress_ratio is not None:
         ratio = study["stress_ratio"]
@@ -189,7 +189,7 @@ def _refuse_unused(options: Options, study_arguments: Mapping[str, Any]) -> None
 
 
 def _solid(options: Options) -> list[Any] | None:
-    """Return the numbers of the spheres and their contact model, or None for those of glass."""
+    """Return the numbers of the spheres and their contact model; None for the default glass."""
     numbers = chosen(options, *SOLID)
     model = options.contact_model or []
     if model == [HERTZ_MINDLIN]:

@@ -1,4 +1,4 @@
-"""Options and functions that commands about a packing share: its file, its springs, frequencies."""
+"""Options and functions that several commands share: a packing's file, its springs, frequencies."""
 
 from modal.cli.options import SKIP, Option, Options, output
 from modal.exchange.registry import read_remarked
@@ -31,7 +31,7 @@ def springs(product_ending: str = "") -> tuple[Option, ...]:
 
 
 def packing_of(options: Options, *, waves: bool = False) -> Network:
-    """Read the packing of the command's file, and add remarks on it to the command's.
+    """Read the packing of the command's file, and add remarks about the packing to the options.
 
     With `waves` the packing must be long enough for waves along z.
     """
@@ -39,7 +39,10 @@ def packing_of(options: Options, *, waves: bool = False) -> Network:
 
 
 def remark_on_ends(options: Options, frequency: float, below: bool, above: bool) -> None:
-    """Remark on a frequency, Hz, `below` the first or `above` the highest mode: perhaps in kHz."""
+    """Add a remark on a frequency, Hz, outside the spectrum: it may have been meant in kHz.
+
+    `below` tells that it is below the first mode, `above` that it is above the highest.
+    """
     if below or above:
         where = "below the first" if below else "above the highest"
         options.remarks.append(f"{quantity(frequency, 'Hz')} lies {where} mode: is it in Hz?")

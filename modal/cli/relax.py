@@ -22,9 +22,9 @@ OPTIONS = (
     SKIP,
 )
 MIN_REPORTED_STRESS_CHANGE = 5e-3
-"""Change of a stress at a fixed cell, divided by the largest stress, from which on it is reported:
-the export from YADE then refuses a sample. Settled packings of 35,201 spheres change by up to
-0.7 %."""
+"""Change of a stress at a fixed cell, divided by the largest stress, from which on the change is
+reported: the export from YADE refuses a sample with a larger one. Settled packings of 35,201
+spheres change by up to 0.7 %."""
 STEPS_BETWEEN_LINES = 1000
 """Number of steps after which a line says how far the sample has come."""
 
@@ -32,7 +32,7 @@ read_product = read_sample
 
 
 def current_result(options: Options) -> Result:
-    """Return whether a sample is at rest that is kept, for the exit status."""
+    """Return whether a sample that is kept is at rest; the exit status depends on the answer."""
     return {"at_rest": bool(read_sample(options.output).study.get("at_rest", True))}
 
 
@@ -88,7 +88,7 @@ def run(options: Options) -> Result:
 
 
 def _say_residual(state: Equilibrium) -> None:
-    """Print what is left of the net forces if it is more than the tolerance."""
+    """Print the residual of the net forces if it is more than the tolerance."""
     if not state.at_rest:
         say(
             f"tolerance not reached: residual {state.residual:.1e}, of a single sphere "
@@ -110,7 +110,7 @@ def _largest_change(before: Any, after: Any) -> float:
 def _with_parent(made: Provenance, parent: dict[str, Any]) -> dict[str, Any]:
     """Return the provenance of a relaxed sample, with that of the sample it was made from.
 
-    The latter is seldom kept as a file.
+    The original sample is seldom kept as a file, so that its provenance must be copied.
     """
     (source,) = made.sources
     of_parent = {}

@@ -1,7 +1,7 @@
 """How a command's result looks on a terminal: groups of names and quantities, in columns.
 
-This module knows no single command: the end of a result's name tells its unit, as in `stress_pa`. A
-command with a long result sorts it into titled groups.
+The module contains nothing about single commands: the end of a result's name tells its unit, as in
+`stress_pa`. A command with a long result sorts it into titled groups.
 """
 
 import json
@@ -28,11 +28,11 @@ UNITS = {
 }
 """Unit of a result by the end of its name; longer ends come first."""
 WITHOUT_PREFIX = ("kg/m^3", "m/s", "m/s^2")
-"""Units that get no prefix."""
+"""Units whose values are shown without a prefix such as k or M."""
 DIGITS = {"Hz": 6}
-"""Digits of a unit's values: frequencies are the results with the most certain digits."""
+"""Number of digits by unit: frequencies are the results with the most certain digits."""
 USUAL_DIGITS = 4
-"""Digits of values in other units."""
+"""Number of digits of values in other units."""
 MAX_NUMBERS_IN_LINE = 3
 """Largest length of lists that do not stand side by side in columns. Twice as many numbers are
 shown of a longer list in one line."""
@@ -42,7 +42,7 @@ MAX_TEXT_WIDTH = 60
 """Number of characters up to which several texts stand in one line."""
 INDENT = "  "
 COST = ("seconds", "peak_memory_bytes")
-"""Results that stand in the last line."""
+"""Results that are shown in the last line: time and memory."""
 
 
 def put(text: object, end: str = "\n") -> None:
@@ -138,7 +138,7 @@ def _side_by_side_columns(members: dict[str, Any]) -> dict[str, list[float]]:
 
 
 def label_and_unit(name: str) -> tuple[str, str]:
-    """Return the name of a result as people read it, and the unit of its values or ""."""
+    """Return the label of a result for people, and the unit of its values, "" without one."""
     for end, unit in UNITS.items():
         if name.endswith(end):
             return name.removesuffix(end).replace("_", " "), unit
@@ -146,7 +146,7 @@ def label_and_unit(name: str) -> tuple[str, str]:
 
 
 def _value_lines(value: Any, unit: str) -> list[str]:
-    """Return what stands behind a name: one line, or several of texts and of named values."""
+    """Return the text for a result's value: one line, or several for texts and named values."""
     if isinstance(value, dict) and value:
         rows = [(_key(key), ", ".join(_value_lines(item, unit))) for key, item in value.items()]
         return table(rows).split("\n")
@@ -179,7 +179,7 @@ def _matrix_lines(rows: list[list[float]], unit: str) -> list[str]:
 
 
 def _key(name: str) -> str:
-    """Return the name of a value among others; a number is a frequency in Hz."""
+    """Return the label of one of several named values; a number is a frequency in Hz."""
     try:
         return quantity(float(name), "Hz", DIGITS["Hz"])
     except ValueError:
@@ -196,7 +196,7 @@ def _is_numbers(value: Any) -> bool:
 
 
 def _numbers_line(values: list[float], unit: str) -> str:
-    """Return numbers in one line; of many, the first and the last."""
+    """Return numbers as one line of text; of many numbers, the first and the last ones."""
     if len(values) > 2 * MAX_NUMBERS_IN_LINE:
         first = _numbers_line(values[:MAX_NUMBERS_IN_LINE], unit)
         last = _numbers_line(values[-MAX_NUMBERS_IN_LINE:], unit)

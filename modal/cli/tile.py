@@ -13,9 +13,9 @@ from modal.tools.errors import InputError
 from modal.tools.workload import refuse_above_memory
 
 SAMPLE_BYTES_PER_SPHERE = 100.0
-"""Memory for each sphere of a repeated sample without shear, measured."""
+"""Memory for each sphere of a repeated sample without shear forces, as measured."""
 NETWORK_BYTES_PER_SPHERE = 1500.0
-"""Memory for each sphere of a repeated network, or of a sample with shear, measured."""
+"""Memory for each sphere of a repeated network, or of a sample with shear forces, as measured."""
 EXAMPLE = "tile mine.network.h5 --repeat 2 2 -o wide.network.h5"
 OPTIONS = (
     NETWORK,
@@ -27,7 +27,7 @@ read_product = read
 
 
 def run(options: Options) -> Result:
-    """Write the repeated packing; a sample stays one if the name of FILE says so."""
+    """Write the repeated packing; a sample is written as a sample if the name of FILE says so."""
     n_x, n_y = options.repeat
     source = options.network
     target = options.output

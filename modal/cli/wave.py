@@ -30,7 +30,7 @@ from modal.waves.sources import Plane, Point, Source, Wall
 
 
 class MotionKind(NamedTuple):
-    """A kind of motion of the source: what makes it, and the options for its arguments."""
+    """A kind of motion of the source: the function that makes it, and the options it takes."""
 
     make: Callable[..., Motion]
     options: tuple[str, ...]
@@ -44,7 +44,7 @@ MOTIONS = {
 }
 """Motions of the source by the words of --motion, and that of --motion-file."""
 MAX_NOISE = 0.01
-"""Largest motion without a wave, divided by the wave's, about which nothing is said."""
+"""Largest motion without a wave, divided by the wave's motion, for which no remark is made."""
 EXAMPLE = "wave mine.network.h5 --duration 4e-4 -o mine.signals.h5"
 AMPLITUDE_HELP = (
     f"half the wall's stroke, m (default: {PULSE_AMPLITUDE_IN_D:g} D, at most "
@@ -66,7 +66,7 @@ MOTION_OPTIONS = (
     Option("--last-frequency", "HZ", "at the end of a chirp"),
     Option("--sweep", "S", "how long a chirp lasts, or a step rises"),
 )
-"""Arguments of motions."""
+"""Options for the arguments of all motions of the source."""
 DEFAULTS_FROM_PACKING = ("amplitude", "input_frequency")
 """Arguments of motions with a default that follows from the packing."""
 WHICH_MOTION = (
@@ -147,7 +147,10 @@ def motion_name(options: Options) -> str:
 
 
 def check_motion(options: Options) -> None:
-    """Raise InputError for options of another motion, and for options that the motion lacks."""
+    """Raise InputError for options of another motion than the chosen one.
+
+    The same holds for options that the chosen motion needs and that are not given.
+    """
     name = motion_name(options)
     names = MOTIONS[name].options
     for option in MOTION_OPTIONS:

@@ -1,10 +1,10 @@
-"""What the forces of moving contacts follow from, and the law of their shear forces.
+"""Compute the geometry and the motion at contacts of moving spheres, and their shear forces.
 
-A contact with history has a shear force. A step turns it with its contact and with the spin of its
-two spheres, adds kt times the shear displacement, the first step of a contact included, and cuts
-it at the friction limit. With Hertz and Mindlin this is the law of YADE term by term (its
-`ScGeom`, without the variant against ratcheting, and `Law2_ScGeom_MindlinPhys_Mindlin`), and that
-of `modal.system.contacts` with finite increments.
+A contact with history has a shear force. In a step, this force is turned with the contact and with
+the mean spin of the two spheres; kt times the shear displacement of the step is added, also in the
+first step of a contact; and the force is cut at the friction limit. With Hertz and Mindlin this is
+the law of YADE term by term (its `ScGeom`, without the variant against ratcheting, and
+`Law2_ScGeom_MindlinPhys_Mindlin`), and that of `modal.system.contacts` with finite increments.
 
 The law is written once, for numbers and for arrays: the compiled loop over contacts
 (`modal.dem.forces`) and numpy (`modal.dem.forces_by_arrays`) both call it. A vector is a tuple or
@@ -21,13 +21,14 @@ from modal.tools.arrays import Floats, Ints
 from modal.tools.loops import cross, dot, elementwise, plus
 
 UPRIGHT = np.zeros(2)
-"""Lean of a period along z that stands upright, m."""
+"""Displacement along x and y, m, of the upper end of a period along z that is perpendicular to x
+and y."""
 PERIODS, SOURCE, LEAN, TURN = range(4)
-"""Rows of the change of a cell in a step, see `ShearStep`."""
+"""Rows of the array that describes the change of a cell in a step, see `ShearStep`."""
 
 
 class Geometry(NamedTuple):
-    """Where spheres and walls are, and the list of their contacts.
+    """Positions of spheres and walls, and the list of their contacts.
 
     position (n, 3), m. ends (m, 2): the two spheres i and j of a contact, or a sphere and the code
     of a wall. shift (m, 3): the periods by which j is displaced, 0 for walls. cell (5,), m: the
@@ -97,10 +98,10 @@ class Totals(NamedTuple):
 
 
 class RelativeMotion(NamedTuple):
-    """How the two ends of a contact move; all four are vectors.
+    """Relative motion of the two ends of a contact; all four fields are vectors.
 
-    approach: velocity of j minus velocity of i, m/s. spin_sum: of both ends, rad/s. spin_j, rad/s.
-    gained, m: what the periods between i and j have gained in the step.
+    approach: velocity of j minus velocity of i, m/s. spin_sum: sum of the spins of both ends,
+    rad/s. spin_j: spin of j, rad/s. gained: change of the periods between i and j in the step, m.
     """
 
     approach: Any
@@ -113,8 +114,8 @@ class RelativeMotion(NamedTuple):
 def shear_increment(normal, lever, longer, motion, time_step):
     """Return the shear displacement of a contact in a step, a vector, m.
 
-    `lever`, m, is the distance of sphere i from the middle of the overlap; that of j is by `longer`
-    larger: 0 for equal spheres.
+    `lever`, m, is the distance from the centre of sphere i to the middle of the overlap; the
+    distance of sphere j is larger by `longer`, m, which is 0 for equal spheres.
     """
     moved = plus(motion.approach, lever, cross(normal, motion.spin_sum))
     moved = plus(moved, longer, cross(normal, motion.spin_j))
@@ -126,7 +127,8 @@ def shear_increment(normal, lever, longer, motion, time_step):
 def turn_shear(shear, normal_before, normal, spin_sum, time_step):
     """Return the shear force, N, turned with its contact, then with the mean spin of the ends.
 
-    s + (before x normal) x s, then + (spin before) x s; zero for a contact that has just closed.
+    With s the shear force and n the normals, s becomes s + (n_before x n) x s, and then turns about
+    n by the mean spin along it. The result is zero for a contact that has just closed.
     """
     shear = plus(plus(shear, dot(shear, normal_before), normal), -dot(shear, normal), normal_before)
     angle = 0.5 * time_step * dot(normal_before, spin_sum)
@@ -142,7 +144,7 @@ def friction_share(shear, limit):
 
 @elementwise
 def shear_work(before, trial, after, stiffness):
-    """Return the energy that a step stores in a contact's shear force, and that slip dissipates, J.
+    """Return the energies, J, that a step stores in a contact's shear force and loses by slip.
 
     `before` and `after` are the forces, N, `trial` is the force without slip.
     """

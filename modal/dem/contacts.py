@@ -1,7 +1,7 @@
 """Keep the contacts of spheres that move: the list of near pairs, and the history of contacts.
 
-The list of nearby pairs holds while no sphere has gone far; a new list takes over the normals and
-shear forces of the contacts that go on. The forces are computed in `modal.dem.forces`.
+The list of near pairs is valid until a sphere has moved far. A new list takes over the normals and
+shear forces of the contacts that still exist. The forces are computed in `modal.dem.forces`.
 """
 
 from __future__ import annotations
@@ -21,13 +21,16 @@ from modal.tools.errors import InputError
 from modal.tools.slabs import SLABS, slabs_of
 
 SKIN = 0.03
-"""First reach of the list of pairs beyond touch, in diameters of the largest sphere."""
+"""Initial distance beyond touch up to which pairs are listed, in diameters of the largest
+sphere."""
 MAX_SKIN = 0.24
-"""Largest reach: long lists cost time in every step."""
+"""Largest distance beyond touch up to which pairs are listed, in diameters of the largest sphere:
+long lists cost time in every step."""
 MIN_LIST_STEPS = 50
-"""A list that has lasted fewer steps is followed by one of twice the reach."""
+"""Number of steps below which a list of pairs has been valid too shortly: the next list reaches
+twice as far."""
 UNCHANGED_CELL = np.zeros((4, 3))
-"""Change of a cell whose periods and walls rest, see `modal.dem.contact_step.ShearStep`."""
+"""Change of a cell whose periods and walls do not move, see `modal.dem.contact_step.ShearStep`."""
 
 
 class _Slips(NamedTuple):
@@ -159,7 +162,7 @@ class MovingContacts:
             self.work[:, 0] = (self._shear**2).sum(axis=1) / (2 * network.stiffness_tangential)
 
     def _list_pairs(self) -> None:
-        """List the pairs in reach, with the history of those that touch."""
+        """List the pairs within reach, with the normals and shear forces of those that touch."""
         if self._list_steps < MIN_LIST_STEPS:
             self.skin = max(self.skin, min(2 * self.skin, MAX_SKIN))
         inside, periods = self._wrap_positions()
@@ -184,7 +187,7 @@ class MovingContacts:
         self._moved = math.hypot(*self.lean)
 
     def _transfer_history(self, ends: Ints, shift: Ints) -> None:
-        """Give a new list the history of the contacts that go on."""
+        """Copy the normals and shear forces of contacts that still exist to a new list of pairs."""
         touched = self._normal.any(axis=1)
         old_keys = _contact_keys(self._ends[:, 0], self._ends[:, 1], self._shift)
         new_keys = _contact_keys(ends[:, 0], ends[:, 1], shift)
@@ -228,7 +231,7 @@ class MovingContacts:
     def touch(
         self, velocity: Floats | None = None, dt: float = 0.0, change: Floats = UNCHANGED_CELL
     ) -> None:
-        """Compute the forces at the present positions, which `velocity` (n, 6) led to in `dt`, s.
+        """Compute the forces at the present positions, to which `velocity` (n, 6) led in `dt`, s.
 
         `change` (4, 3) is how the cell has changed in the step, see
         `modal.dem.contact_step.ShearStep`. InputError if a sphere has moved by more than
@@ -267,7 +270,10 @@ class MovingContacts:
         self.elastic_energy = totals.elastic_energy
 
     def _update_list(self, dt: float) -> None:
-        """List the pairs anew if others may touch by now; `dt` is the last time step, s."""
+        """Make a new list of pairs if pairs that are not listed may touch by now.
+
+        `dt` is the last time step, s.
+        """
         stretch = self.lengths / self._listed_lengths
         longest_paths(self.position, self._listed_position, stretch, self._paths)
         moved = float(self._paths.max())
@@ -305,7 +311,8 @@ class MovingContacts:
         """Subtract from every shear force its part along the contact normal.
 
         Turning keeps a force perpendicular to its contact to first order; over many steps a part
-        along the normal of second order gathers. A sample's shear forces have none.
+        along the normal, of second order, builds up. The shear forces that a sample stores have no
+        such part.
         """
         along = (self._shear * self._normal).sum(axis=1)
         self._shear -= along[:, None] * self._normal
@@ -320,8 +327,8 @@ class MovingContacts:
     def slips(self) -> tuple[Ints, Floats, Ints]:
         """Return ends (k, 2), dissipated energy (k,), J, and row (k,) of contacts that have slid.
 
-        Contacts that have opened, or come and gone, since the start are included; they have no
-        order. The rows are those in the sample, -1 for contacts that it did not have.
+        Contacts that have opened, or come and gone, since the start are included; they are in no
+        particular order. The rows are those in the sample, -1 for contacts that it did not have.
         """
         slid = self.work[:, 1] != 0
         ends = self._ends[slid]
@@ -348,7 +355,7 @@ class MovingContacts:
         return float(self.work[:, 1].sum() + of_open)
 
     def sample(self) -> Sample:
-        """Return the sample as it is now, at rest."""
+        """Return the present state as a sample at rest."""
         position, periods = self._wrap_positions()
         bare = replace(
             self._sample,

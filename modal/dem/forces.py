@@ -1,8 +1,8 @@
 """Compute the forces of all contacts by a compiled loop: normal forces, and shear with friction.
 
-A contact model (`modal.packing.contact_models`) gives the normal force; the loop is compiled for
-its class. The law of shear forces is in `modal.dem.contact_step`. Without history contacts have
-normal forces alone. The lever arms of a contact end in the middle of its overlap.
+A contact model (`modal.packing.contact_models`) gives the normal force; the loop is compiled anew
+for each class of model. The law of shear forces is in `modal.dem.contact_step`. Without history
+contacts have normal forces alone. The lever arms of a contact end in the middle of its overlap.
 """
 
 from __future__ import annotations
@@ -119,10 +119,10 @@ def _add_forces_by_slabs(
     slabs, position, ends, shift, cell, walls, radius, laws, velocity, time_step, change, friction,
     normal, shear, work, load, stiffness,
 ):  # fmt: skip
-    """Fill `load` and `stiffness`, and return the sums of `Totals` as an array.
+    """Fill `load` and `stiffness`, slab after slab, and return the sums of `Totals` as an array.
 
-    The arguments are those of `forces_by_loop`, with the tuples written out. Of all slabs the even
-    ones share no sphere, nor do the odd ones.
+    The arguments are those of `forces_by_loop`, with the tuples written out. No two even slabs
+    share a sphere, nor do two odd ones.
     """
     load[:] = 0
     stiffness[:] = 0
@@ -142,7 +142,7 @@ def _add_forces_by_slabs(
 
 
 class _Motion(NamedTuple):
-    """The fields of `ShearStep` besides the history; None without one."""
+    """The fields of `ShearStep` besides the history."""
 
     velocity: Floats | None
     time_step: float | None
@@ -152,13 +152,13 @@ class _Motion(NamedTuple):
 
 @inlined
 def _vector(values, row, first):
-    """Return three columns of a row from `first` on."""
+    """Return the vector (x, y, z) in three columns of a row of `values`, from column `first` on."""
     return values[row, first], values[row, first + 1], values[row, first + 2]
 
 
 @inlined
 def _add_torque(load, sphere, lever, moment):
-    """Add the torque of a shear force at the end of a lever to the load of a sphere."""
+    """Add the torque that a shear force exerts at the end of a lever to the load of a sphere."""
     load[sphere, 3] += lever * moment[0]
     load[sphere, 4] += lever * moment[1]
     load[sphere, 5] += lever * moment[2]
@@ -166,7 +166,7 @@ def _add_torque(load, sphere, lever, moment):
 
 @inlined
 def _set(values, row, vector):
-    """Write a vector into a row."""
+    """Write a vector (x, y, z) into a row of an array."""
     values[row, 0] = vector[0]
     values[row, 1] = vector[1]
     values[row, 2] = vector[2]
@@ -174,7 +174,7 @@ def _set(values, row, vector):
 
 @inlined
 def _branch_vector(position, shift, cell, c, i, j):
-    """Return the vector from sphere i to the image of sphere j that contact c joins it with, m."""
+    """Return the vector, m, from sphere i to the image of sphere j at which contact c lies."""
     up = shift[c, 2]
     x = position[j, 0] - position[i, 0] + shift[c, 0] * cell[0] + up * cell[3]
     y = position[j, 1] - position[i, 1] + shift[c, 1] * cell[1] + up * cell[4]
@@ -184,7 +184,7 @@ def _branch_vector(position, shift, cell, c, i, j):
 
 @inlined
 def _gain_of_periods(shift, change, c):
-    """Return what the periods between the ends of contact c have gained in the step, m."""
+    """Return by how much the periods between the ends of contact c have changed in the step, m."""
     up = shift[c, 2]
     x = shift[c, 0] * change[PERIODS, 0] + up * change[LEAN, 0]
     y = shift[c, 1] * change[PERIODS, 1] + up * change[LEAN, 1]
@@ -192,11 +192,13 @@ def _gain_of_periods(shift, change, c):
 
 
 def _list_candidates(first, last, geometry, normal, rows):
-    """Write the contacts of a slab that are at walls, touch or have touched into `rows` (m,).
+    """Write the numbers of a slab's contacts that must be computed into `rows` (m,).
 
-    Return the end of what was written, which begins at `first`. Which pairs of a list touch looks
-    like chance: this loop has no branch that a processor could guess wrongly, where the forces of
-    all others would make it wait twice.
+    These are the contacts with walls, and the pairs that touch or have touched.
+
+    The numbers are written from `first` on, and the end of the written part is returned. Whether a
+    pair touches is unpredictable for a processor: this loop has no branch, so that wrong
+    predictions cost no time.
     """
     position, ends, shift, cell, _, radius = geometry
     end = np.uint64(first)
@@ -220,7 +222,8 @@ def _add_forces_of_slab(
     """Add the forces of contacts `first` to `last` - 1 to `load`, and write their `totals`.
 
     `laws` are the numbers of both contact laws, `rows` (m,) is memory for the contacts of the slab.
-    The history stands in single arguments: numba leaves out what depends on one that is None.
+    The arrays of the history are single arguments, because numba leaves out the code that depends
+    on an argument that is None.
     """
     # Arrays are taken from the tuples once: in the loop each access would count references.
     position, ends, shift, cell, walls, radius = geometry

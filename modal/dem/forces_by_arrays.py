@@ -1,6 +1,6 @@
-"""Forces of all contacts by numpy: the fallback without numba, and the oracle of the loop.
+"""Forces of all contacts by numpy: the fallback without numba, and the reference for the loop.
 
-It takes about ten times as long as the compiled loop of `modal.dem.forces`.
+This takes about ten times as long as the compiled loop of `modal.dem.forces`.
 """
 
 from __future__ import annotations
@@ -32,9 +32,10 @@ from modal.tools.loops import cross, dot, plus
 class _Contacts(NamedTuple):
     """The contacts that touch.
 
-    rows (k,): their rows in the list. i, j (k,): sphere, and sphere or wall. pair (k,): whether j
-    is a sphere. partner (k,): j, or 0 for a wall. overlap, distance (k,), m. normal (3, k): unit
-    vectors from i to j. radius_i, radius_j (k,), m; that of a wall means nothing.
+    rows (k,): rows of these contacts in the list of pairs. i, j (k,): sphere, and sphere or wall.
+    pair (k,): whether j is a sphere. partner (k,): j, or 0 for a wall. overlap, distance (k,), m.
+    normal (3, k): unit vectors from i to j. radius_i, radius_j (k,), m: radii; the radius of a wall
+    has no meaning.
     """
 
     rows: Ints
@@ -153,7 +154,7 @@ def _touching_contacts(geometry: Geometry) -> _Contacts:
 
 
 def _from_axis(geometry: Geometry, step: ShearStep, spheres: Ints) -> Array:
-    """Return x and y (2, k), m, of spheres from the line about which the source wall turns."""
+    """Return the lateral positions (2, k), m, of spheres relative to the turning wall's axis."""
     away: Array = (geometry.position[spheres, :2] - step.change[TURN, 1:]).T
     return away
 
@@ -181,7 +182,7 @@ def _advance_shear(
     normal_force: Floats,
     stiffness: Any,
 ) -> _Shear:
-    """Return the shear forces after a step, and note the history of all contacts in `step`.
+    """Return the shear forces after a step, and store them and the normals in `step`.
 
     `normal_force` (k,), N; `stiffness` (k,), N/m, is tangential.
     """

@@ -2,10 +2,10 @@
 
 One step is that of YADE: forces at the present positions, strain rates from the control, then
 `NewtonIntegrator` in a homothetic cell. Velocities contain the motion of the cell, rate times
-position, and jump with the rate; Cundall's local damping opposes the rest of the motion (in YADE's
-form, with the half step of the acceleration). The walls are the faces of boxes, one radius thick to
-each side of their centres, which move with the cell along z and rest across it; a cell without
-walls has a period along z like the others.
+position, and change at once when the rate changes; Cundall's local damping acts on the motion
+relative to the cell (in YADE's form, with the half step of the acceleration). The walls are the
+faces of boxes, one radius thick to each side of their centres, which move with the cell along z and
+rest across it; a cell without walls has a period along z like the others.
 """
 
 from __future__ import annotations
@@ -22,21 +22,19 @@ from modal.tools.arrays import Floats
 from modal.tools.loops import by_parts, elementwise
 
 STIFFNESS_PER_MASS = 0.3
-"""Squared time step of dynamic relaxation times the sum of kn of a sphere, divided by its mass. For
-each contact kn (n.d)^2 + kt |d_t|^2 is at most 2 kn (u_i^2 + u_j^2) + 4 kt (u_t^2 + (R theta)^2)
-summed over both ends; with kt <= 0.9 kn and inertia 2/5 m R^2 the largest omega^2 is below 9 times
-this ratio, the limit of leapfrog is 4."""
+"""Squared time step of dynamic relaxation times the sum of kn of a sphere, divided by the sphere's
+mass."""
 MIN_STIFFNESS_RATIO = 0.02
-"""Least stiffness, divided by the mean, from which a sphere's mass follows: free spheres must not
-be light when they meet others."""
+"""Least stiffness of a sphere, divided by the mean, from which its mass is computed: free spheres
+must not be too light when they meet others."""
 LOCAL_DAMPING = 0.3
 AT_REST = np.zeros(3)
-"""Strain rates of a cell that rests."""
+"""Strain rates of a cell that does not deform."""
 
 
 @elementwise
 def damp(acceleration, velocity, dt, damping):
-    """Return what local damping leaves of an acceleration; the velocity is relative to the cell."""
+    """Return an acceleration after local damping; the velocity is relative to the cell."""
     work = acceleration * (velocity + 0.5 * dt * acceleration)
     # The sign of the work is random: without a branch the processor guesses nothing wrongly.
     return acceleration * (1 - damping * (1.0 * (work > 0) - (work < 0)))
@@ -58,7 +56,10 @@ def advance_along_axis(x, v, residue, acceleration, rate_before, rate, dt, dampi
 def _advance_part(
     first, last, _, position, velocity, load, rates_before, rates, dt, damping, masses, residue
 ):  # fmt: skip
-    """Move the spheres from `first` to `last` - 1; a loop for threads takes no named tuples."""
+    """Move the spheres from `first` to `last` - 1 by one leapfrog step.
+
+    Arguments are single arrays, because loops over threads take no named tuples.
+    """
     for i in range(first, last):
         inverse_mass = 1 / masses[i, 0]
         inverse_inertia = 1 / masses[i, 1]
@@ -110,13 +111,13 @@ Control = Callable[[Floats], Floats]
 
 
 class DampedMotion:
-    """Dynamic relaxation: spheres move, from rest, until what drives them has died.
+    """Dynamic relaxation: spheres move, from rest, until the net forces have vanished.
 
     Only the end matters here, not the motion: each sphere has a mass in proportion to the stiffness
     of its contacts, so that all of them move as fast as the time step allows (Otter, Proc. Inst.
     Civ. Eng. 35, 633, 1966), with the local damping of Cundall (1987). Slow motions, the longest
-    waves along a packing, are left to a solver that knows its springs: a drag that stopped them
-    would delay loose spheres that have some micrometres to go.
+    waves along a packing, are left to a solver that knows its springs: a drag that damped these
+    motions would delay loose spheres, which may have to move by micrometres.
     """
 
     def __init__(self, contacts: MovingContacts) -> None:
@@ -226,7 +227,7 @@ class Dynamics:
         self.masses = np.column_stack(sample.masses)
 
     def place_source(self, displacement: Floats) -> None:
-        """Move the source wall of a cell at rest to a `displacement` (6,) from its first position.
+        """Move the source wall of a cell at rest to a `displacement` (6,) from its first place.
 
         The wall moves along x, y and z, m, or turns about z, rad, and takes along the `carried`
         spheres; in a cell without walls it is the end of the period along z, which does not turn.
@@ -252,7 +253,7 @@ class Dynamics:
         return moved
 
     def holding_load(self) -> Floats:
-        """Return the forces, N, and the torque about z, N m, that hold the source: (6,).
+        """Return the force, N, and the torque, N m, (6,) that hold the source wall in its place.
 
         The forces of the last step are used.
         """
@@ -264,7 +265,7 @@ class Dynamics:
         return total
 
     def _from_axis(self) -> Floats:
-        """Return x and y (2, k), m, of the carried spheres from the line of the turn."""
+        """Return lateral positions (2, k), m, of the carried spheres from the axis of the turn."""
         away: Floats = (self.contacts.position[self.carried, :2] - self.axis).T
         return away
 
@@ -308,7 +309,7 @@ class Dynamics:
     def find_forces(self, dt: float) -> None:
         """Compute the forces at the present positions, to which a step `dt`, s, has led.
 
-        With 0 contacts open and close, and nothing else changes.
+        With `dt` = 0 contacts open and close, and nothing else changes.
         """
         contacts = self.contacts
         change = np.zeros((4, 3))

@@ -14,12 +14,13 @@ from modal.tools.loops import by_parts, compiled, compiled_part, fingerprint, nu
 from modal.tools.slabs import SLABS
 
 MAX_CELLS_PER_SPHERE = 100
-"""With more cells for each sphere a tree is used: the cells would take more memory than spheres."""
+"""Largest number of grid cells for each sphere. If there are more, a tree is used, because the
+cells would take more memory than the spheres."""
 _NEIGHBOUR_ROWS = np.array([(0, 0), (1, 0), (-1, 1), (0, 1), (1, 1)])
-"""Steps along y and z from a row of cells along x to itself and to half of those around it: the
-others have this one among theirs."""
+"""Steps along y and z from a row of cells along x to itself and to half of the rows around it. The
+pairs with the other half are found from those rows."""
 MAX_RUNS = 15
-"""Largest number of runs near a cell: five rows, in each at most three periods."""
+"""Largest number of runs of cells near a cell: five rows, and in each at most three periods."""
 
 
 def contacts_in_reach(
@@ -73,7 +74,7 @@ def contacts_in_reach(
 
 
 def _sort_by_key(key, count):
-    """Return the rows (n,) in the order of their keys (n,), and where each key begins.
+    """Return the rows (n,) sorted by their keys (n,), and the position where each key begins.
 
     Keys are 0 to `count` - 1; the second array ends with n.
     """
@@ -89,12 +90,14 @@ def _sort_by_key(key, count):
 
 
 def _list_runs(cell, count, first, periodic_z, runs):
-    """Fill `runs` (15, 5) with those of the points near a cell, its own first; return their number.
+    """Fill `runs` (15, 5) with the runs of points near a cell; return their number.
+
+    The first run contains the cell itself.
 
     A run is the points of a cell and its neighbours in one row along x, which follow each other in
     memory: the first point, the end, and the periods (x, y, z) by which its cells are displaced.
-    `count` (3,) are the cells along each axis, `first` the first point of each cell. Half of the
-    cells around are listed, as the others have this one among theirs.
+    `count` (3,) are the cells along each axis, `first` the first point of each cell. Only half of
+    the cells around are listed; the pairs with the other half are found from those cells.
     """
     x = cell % count[0]
     y = cell // count[0] % count[1]
@@ -126,7 +129,7 @@ def _list_runs(cell, count, first, periodic_z, runs):
 def _list_pairs_of_part(
     begin, end, points, cell, order, first, count, lengths, reach, periodic_z, ends, shift
 ):  # fmt: skip
-    """Write the pairs of points `begin` to `end` - 1 into `ends` and `shift`; return their number.
+    """Write pairs of points `begin` to `end` - 1 into `ends` and `shift`; return their number.
 
     If `ends` has no rows, return an upper bound of the number instead. The points (n, 3), m, are
     sorted by their cells (n,); `order` (n,) is the sphere of each.
@@ -228,8 +231,9 @@ def longest_paths_by_arrays(
 ) -> None:
     """Fill `longest` (k,), m, with how far spheres have moved from `start` (n, 3), m.
 
-    `stretch` (3,) multiplies the start. The compiled loop writes the longest path of each part; the
-    largest of them is for numpy, which unlike the loops of threads does not pass over NaN.
+    `stretch` (3,) multiplies the start. The compiled loop writes the longest path of each of k
+    parts. The caller takes their maximum with numpy, which unlike the compiled loop does not ignore
+    NaN.
     """
     longest[:] = np.sqrt(((position - stretch * start) ** 2).sum(axis=1)).max(initial=0.0)
 

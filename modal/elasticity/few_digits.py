@@ -1,10 +1,10 @@
 """Estimate the error of moduli by overlaps that are known to few digits.
 
-The overlaps are perturbed at random once more by as much as they are off already, and the moduli
-computed again. To second order this changes them, in mean and scatter, as the lost digits have
-done: in a packing of 400 spheres with an error of 7 % of the overlaps it changes V_P by -0.39 +-
-0.07 %, and positions with all digits give -0.34 +- 0.10 %; with an error of 15 % these are -1.1 +-
-0.3 % and -1.2 +- 0.1 %.
+The overlaps are perturbed at random by as much as their error, and the moduli are computed again.
+To second order the moduli change, in mean and scatter, by as much as the lost digits have changed
+them: in a packing of 400 spheres with an error of 7 % of the overlaps the perturbation changes V_P
+by -0.39 +- 0.07 %, and positions with all digits give -0.34 +- 0.10 %; with an error of 15 % these
+are -1.1 +- 0.3 % and -1.2 +- 0.1 %.
 """
 
 from collections.abc import Callable
@@ -18,13 +18,14 @@ from modal.packing.precision import with_perturbed_overlaps
 PERTURBED_PACKINGS = 3
 """Number of perturbed packings: each costs as much as the moduli."""
 COVERAGE_FACTOR = 2.0
-"""Multiple of the root mean square of so few packings that contains nine deviations in ten."""
+"""Factor on the root mean square over the perturbed packings: nine errors in ten are smaller than
+the product."""
 SEED = 1
 """Seed of the perturbations, so that a packing has the same error each time."""
 
 
 class IsotropicModuli(Protocol):
-    """The moduli that are compared."""
+    """Moduli of an isotropic solid, which are compared for a packing and its perturbed copies."""
 
     @property
     def bulk_modulus(self) -> float:
@@ -38,7 +39,7 @@ class IsotropicModuli(Protocol):
 def modulus_error_by_digits(
     network: Network, moduli: IsotropicModuli, measure: Callable[[Network], IsotropicModuli]
 ) -> float:
-    """Return the relative error of the moduli of a network by the digits of its overlaps.
+    """Return the relative error of a network's moduli that the few digits of its overlaps cause.
 
     The error is that of the bulk or of the shear modulus, whichever is larger; `measure` computes
     the moduli of the perturbed packings.

@@ -49,17 +49,19 @@ MOTIONS = {
 TOLERANCE = 1e-6
 """Default relative error of the moduli; mostly they are far more exact."""
 CACHED_COPIES = 2
-"""Arrays of the size of the motions under six strains that a network keeps: motion and residual."""
+"""Number of arrays that a network keeps, each of the size of the motions under six strains: motion
+and residual."""
 UNEVEN_ASYMMETRY = 0.01
 """Asymmetry of a bulk above which a remark is made. Of 20 slabs, 20 to 80 D long, cut from repeats
 of cells with known moduli, V_P was off by 0.8 times the asymmetry in the mean square, at most by
 1.8 times."""
 MAX_SOFT_SHARE = 1e-9
-"""Stiffness of a strain that costs no energy, divided by the largest affine one. Round-off leaves
-1e-15."""
+"""Stiffness of a strain, divided by the largest affine stiffness, below which the strain counts as
+costing no energy. Round-off leaves 1e-15."""
 POLAR_ANGLES = 16
 AZIMUTHS = 32
-"""Directions over which `debye_level` averages: off by 1e-12 where the anisotropy is 0.17."""
+"""Number of directions over which `debye_level` averages; the error is 1e-12 at an anisotropy of
+0.17."""
 
 
 class Remark(NamedTuple):
@@ -145,7 +147,10 @@ class ElasticModuli(Drawn):
         return self.waves(direction)[0]
 
     def waves(self, direction: ArrayLike) -> tuple[Floats, Floats]:
-        """Return velocities (3,), m/s, and unit vectors of motion (3, 3) of the waves, in rows."""
+        """Return velocities (3,), m/s, of the waves along a direction, and their motions (3, 3).
+
+        The rows of the second array are the unit vectors along which the spheres move.
+        """
         stiffness = self.stiffness if self.stressed is None else self.stressed
         return plane_waves(stiffness, self.density, direction)
 
@@ -204,13 +209,13 @@ class ElasticModuli(Drawn):
     def soft_strains(self) -> Floats:
         """Return the unit strains (k, 6) that cost no energy, or release some in an unstable cell.
 
-        With springs alone none releases energy; a solid has no soft strain.
+        With springs alone no strain releases energy; a solid has no soft strain.
         """
         value, vector = np.linalg.eigh(self.stiffness)
         return vector.T[value <= MAX_SOFT_SHARE * np.linalg.eigvalsh(self.affine)[-1]]
 
     def remarks(self) -> list[Remark]:
-        """List what a reader should know: soft strains, and walls or ends in the result."""
+        """Return the remarks: on soft strains, and on walls or ends that affect the result."""
         remarks = []
         for strain in self.soft_strains():
             largest = STRAINS[int(np.argmax(abs(strain)))]
@@ -331,7 +336,7 @@ def elastic_moduli(
 def _compute(
     stressed_system: LinearSystem, tolerance: float, solver: str | None, non_affine: bool
 ) -> ElasticModuli:
-    """Compute the moduli of a system as `elastic_moduli` does, without the error by digits."""
+    """Compute the moduli as `elastic_moduli` does, without the error from few digits."""
     network = stressed_system.network
     walls = has_walls(stressed_system)
     volume = volume_between_walls(network)
@@ -354,11 +359,11 @@ def _compute(
     bulk = Bulk.of(network) if walls else None
 
     def remaining_energy(work: Floats, min_share: float) -> Floats:
-        """Return twice the energies (6,), J, that the motion leaves of the affine ones."""
+        """Return twice the energies (6,), J, that six strains store once the spheres have moved."""
         return np.maximum(affine_energy - work, min_share * largest_energy)
 
     def allowed_error(work: Floats) -> Floats:
-        """Return the allowed error of the energies (6,), J."""
+        """Return the errors (6,), J, that are allowed in twice the energies of the six strains."""
         if bulk:
             # The stiffness of a bulk is measured on the motion, whose error is the square root.
             return (tolerance * remaining_energy(work, MIN_STRAIN_SHARE)) ** 2 / largest_energy
@@ -409,7 +414,7 @@ def _compute(
 
 
 def _without_floppy(system: LinearSystem, motion: Floats) -> Floats:
-    """Return motions (6n, 6) without their parts that cost no energy, shape (6, n, 6)."""
+    """Return motions (6n, 6) without the parts that cost no energy, as an array (6, n, 6)."""
     scaled = system.sqrt_mass.times(motion)
     basis = by_structure(system).basis
     scaled -= basis @ (basis.T @ scaled)

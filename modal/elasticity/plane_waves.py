@@ -12,7 +12,7 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 INDEX = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-"""Place of each pair of axes in Voigt's order."""
+"""Index in Voigt's order of each pair of axes."""
 
 
 def unit_vector(direction: ArrayLike) -> Floats:
@@ -79,7 +79,9 @@ def isotropic_mean(stiffness: Floats) -> tuple[float, float]:
 
 
 def anisotropy(stiffness: Floats) -> float:
-    """Return the distance of a stiffness (6, 6) from its nearest isotropic tensor, over its norm.
+    """Return the distance of a stiffness (6, 6) from the nearest isotropic tensor, relative.
+
+    It is divided by the norm of the stiffness.
 
     The norm is the Euclidean one of tensors; the result is 0 for an isotropic solid (M. Moakher and
     A. N. Norris, J. Elasticity 85, 215, 2006).

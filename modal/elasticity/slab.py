@@ -3,8 +3,8 @@
 The strains xx, yy and xy are those of the cell everywhere; zz, yz and zx differ from layer to layer
 and are measured in the bulk, as the slopes of the layers' mean motion. The stress in the bulk is
 that of its contacts, each counted with the share of its branch that lies there. Stresses and
-strains of six cases give the stiffness of the bulk. The bulk ends softly, over some diameters, so
-that single layers at its edge hardly matter, even in a crystal.
+strains of the six load cases give the stiffness of the bulk. The bulk ends softly, over some
+diameters, so that single layers at its edge hardly matter, even in a crystal.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
 
 SOFT_END_DIAMETERS = 4.0
-"""Depth over which the bulk begins and ends, mean diameters."""
+"""Depth over which the weight of the bulk falls from 1 to 0 at its two ends, in mean diameters."""
 MIN_STRAIN_SHARE = 1e-3
-"""Least share of a strain between the walls that must reach the bulk."""
+"""Least share of the strain between the walls that must reach the bulk."""
 MIN_LAYERS = 5
-"""Layers of the bulk below which a slope across them says little."""
+"""Least number of layers of the bulk for which a slope across them is meaningful."""
 MOTION_TOLERANCE = 1e-6
 """Relative error of the motion under a wall, in the norm of its energy."""
 
 
 @dataclass(frozen=True)
 class Bulk:
-    """The bulk of a slab, from `low` to `high`, m, with soft ends of depth `fade`, m."""
+    """The bulk of a slab, from `low` to `high`, m, whose weight falls to 0 over `fade`, m."""
 
     low: float
     high: float
@@ -46,7 +46,7 @@ class Bulk:
 
     @classmethod
     def of(cls, network: Network) -> Bulk | None:
-        """Find the bulk beyond the zones of both walls; None if there is hardly any."""
+        """Find the bulk beyond the zones of both walls; None if the packing is too short."""
         diameter = 2 * float(network.radius.mean())
         wall_zone = WALL_ZONE_IN_DIAMETERS * diameter
         low, high = network.wall_position + np.array([wall_zone, -wall_zone])
@@ -60,7 +60,7 @@ class Bulk:
         return self.high - self.low - self.fade
 
     def below(self, z: Floats) -> Floats:
-        """Return the length of the bulk, m, below the heights z, m."""
+        """Return the length of the bulk, m, that lies below the heights z, m."""
         up = np.clip((z - self.low) / self.fade, 0, 1)
         down = np.clip((z - self.high) / self.fade + 1, 0, 1)
         flat = np.clip(z, self.low + self.fade, self.high - self.fade) - self.low - self.fade
@@ -94,7 +94,7 @@ class Bulk:
     def growth(self, layers: Layers, motion: Floats) -> float:
         """Return the mean growth along z of the layers' motion.
 
-        It differs from the slope of a straight line where the bulk is not even.
+        The growth differs from the slope of a straight line where the bulk is not even.
         """
         start = layers.position[:-1]
         rise = np.diff(layers.position)
@@ -105,10 +105,10 @@ class Bulk:
 def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, Floats] | None:
     """Return the stiffness of the bulk and its affine stiffness, shape (6, 6) each, Pa.
 
-    The first is stress over strain, not quite symmetric. The affine stiffness is that of spheres
-    that all follow the strain, from its energy: such spheres are not in balance, and the torques on
-    them would make a stress unsymmetric. None if some strain hardly reaches the bulk, because walls
-    that slide or yield take it up.
+    The stiffness is stress divided by strain, and not quite symmetric. The affine stiffness is that
+    of spheres that all follow the strain, computed from its energy: such spheres are not in
+    balance, and the torques on them would make the stress unsymmetric. None if some strain hardly
+    reaches the bulk, because walls that slide or yield take it up.
 
     `motion` (6n, 6), m and rad per unit strain, is that of the spheres beyond the mean strain.
     """
@@ -140,9 +140,9 @@ def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, 
 
 
 class StaticVelocity(NamedTuple):
-    """The P-wave of infinite length in the bulk of a slab.
+    """Velocity and modulus of P-waves of infinite length in the bulk of a slab.
 
-    velocity, m/s; modulus of P-waves, Pa; error of the velocity, m/s.
+    velocity: m/s. modulus: P-wave modulus, Pa. error: error of the velocity, m/s.
     """
 
     velocity: float
@@ -153,11 +153,11 @@ class StaticVelocity(NamedTuple):
 def static_velocity(network: Network) -> StaticVelocity:
     """Measure velocity and modulus of P-waves in the bulk, in the limit of long waves.
 
-    The source wall is pushed. In the mean nothing moves sideways, so that this one load tells the
-    modulus: the stress over the strain of the bulk. The velocity is sqrt(modulus / density). Its
-    error is half the difference that the mean strain makes in place of the slope; the two differ
-    where the bulk is not even. InputError if the packing is too short or carries no force from wall
-    to wall.
+    The source wall is pushed. In the mean nothing moves sideways, so that this one load gives the
+    P-wave modulus: the stress divided by the strain of the bulk. The velocity is sqrt(modulus /
+    density). The strain is the slope of the mean motion of layers. The error is half of the change
+    if the mean strain takes the place of the slope; the two differ where the bulk is not even.
+    InputError if the packing is too short or carries no force from wall to wall.
     """
     system = LinearSystem.of(network)
     bulk = Bulk.of(network)

@@ -3,8 +3,8 @@
 Conjugate gradients run with one of two preconditioners. A factor of K with a very small shift takes
 a few steps; it is used if PARDISO is installed and the factor costs less than it saves. Otherwise
 the inverse of each sphere's own block of K takes some hundreds of steps. Both work on the
-mass-scaled matrix A = M^-1/2 K M^-1/2, so that parts that nothing holds stay where the load leaves
-them.
+mass-scaled matrix A = M^-1/2 K M^-1/2, so that motions without energy, which the load does not
+drive, stay zero.
 """
 
 from collections.abc import Callable
@@ -22,19 +22,20 @@ from modal.tools.errors import refuse_unknown
 from modal.tools.memory import memory_at_hand
 
 SOLVERS = ("pardiso", "gradients")
-"""A factor of K, or the spheres' own blocks, as the preconditioner."""
+"""Names of the preconditioners: a factor of K, or the inverses of the spheres' own blocks."""
 SHIFT_SHARE = 1e-8
 """Shift of the factor below zero, divided by the largest diagonal entry of A. The softest elastic
-motion of 150 layers lies at 1e-5 of that entry, motions without energy at zero."""
+motion of 150 layers has an eigenvalue of 1e-5 of that entry, motions without energy have zero."""
 LOOK_BACK_STEPS = {"pardiso": 1, "gradients": 30}
-"""Steps over which the error is measured."""
+"""Number of steps of conjugate gradients over which the error is measured, by the
+preconditioner."""
 MAX_PRODUCTS = 20000
 LOAD_ROUNDINGS = 10.0
 """Round-off of a load, in units of machine epsilon times the size of its terms."""
 MAX_FACTOR_OPERATIONS = 6e11
-"""Multiplications of a factor, about a minute; a factor that takes more is not used."""
+"""Largest number of multiplications of a factor that is used, about a minute."""
 MAX_FACTOR_MEMORY_SHARE = 0.8
-"""Share of the free memory; a factor that takes more is not used."""
+"""Largest share of the free memory that a factor may take."""
 
 
 def steady_motion(
@@ -97,7 +98,7 @@ def steady_motion(
 
 
 def _faster_solver(system: LinearSystem) -> str:
-    """Return the solver that is likely to be faster."""
+    """Return the name of the solver that is likely to be faster."""
     cost = factorisation(system, kept=True)
     fits = cost.bytes < MAX_FACTOR_MEMORY_SHARE * memory_at_hand()
     if fits and cost.operations < MAX_FACTOR_OPERATIONS and available("pardiso"):
@@ -108,8 +109,8 @@ def _faster_solver(system: LinearSystem) -> str:
 def _own_blocks(system: LinearSystem) -> Factor:
     """Return the inverse of A's diagonal blocks, one for each sphere, each shifted a little.
 
-    Without the shift rattlers would have no stiffness, and smooth spheres only round-off against
-    turning.
+    Without the shift the blocks of rattlers would be singular, and those of smooth spheres would
+    have only round-off as stiffness against turning.
     """
     n = system.network.n_particles
 

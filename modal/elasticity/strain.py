@@ -30,11 +30,11 @@ from modal.tools.errors import InputError, UnavailableError
 STRAINS = ("xx", "yy", "zz", "yz", "zx", "xy")
 """Names of the strains, in Voigt's order."""
 AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-"""For each strain: the axis along which points move, and that along which the motion grows."""
+"""For each strain: the axis along which points move, and the axis along which the motion grows."""
 ALL_GRADIENTS = Gradients(np.eye(9).reshape(9, 3, 3))
 """The nine gradients du_k / dx_l; l varies faster."""
 UNIT_STRAINS = Gradients(ALL_GRADIENTS.gradient[[3 * moving + along for moving, along in AXES]])
-"""The six unit strains, which all spheres follow; shear strains are angles."""
+"""The six unit strains that the spheres follow; shear strains are angles."""
 
 
 def has_walls(system: LinearSystem) -> bool:

@@ -30,16 +30,16 @@ from modal.exchange.text import (
 from modal.tools.arrays import Bools, Floats, Ints
 
 Item = Literal["ATOMS", "ENTRIES"]
-"""What the rows of a dump are, as its header says."""
+"""What the rows of a dump describe, according to its header: spheres or entries of contacts."""
 
 UNITS = {"si": SI, "cgs": Units(1e-2, 1e-3, 1.0), "micro": Units(1e-6, 1e-15, 1e-6)}
 """SI values of the programs' systems of units; `lj` has none."""
 UNITS_RELATIVE_TOLERANCE = 1e-9
-"""Relative difference of typed units that counts as none."""
+"""Relative difference of two units below which they count as equal."""
 ITEMS = {"ATOMS": "spheres (dump custom)", "ENTRIES": "contacts (dump local)"}
-"""What the rows below these headers are, for messages."""
+"""Descriptions of the rows below these headers, for messages."""
 MAX_LISTED_STEPS = 5
-"""Most steps that a message lists."""
+"""Largest number of steps that a message lists."""
 FORMAT_G_DIGITS = 6
 """Significant digits of the format %g, with which LIGGGHTS writes bounds. Bounds with fewer digits
 were chosen by somebody, bounds with more were written in full."""
@@ -56,9 +56,9 @@ MASS_COLUMNS = ("mass", "rmass", "density")
 ONLY_TYPE = 1
 """The type of spheres of a dump without types."""
 TYPED_WALL = "--wall"
-"""The name of walls that are typed on the command line."""
+"""Option on the command line that gives a wall; used as the wall's name."""
 OTHER_WALLS = ("xplane", "yplane", "zcylinder")
-"""Walls that no network has."""
+"""Styles of walls that a network cannot represent."""
 
 RECIPES: dict[int, Sequence[str]] = {
     4: ("patom1", "patom2", "ptype1", "ptype2"),
@@ -67,7 +67,8 @@ RECIPES: dict[int, Sequence[str]] = {
     25: list_liggghts_columns(),
     32: list_liggghts_columns(tuple(LIGGGHTS_WIDTHS)),
 }
-"""Columns of `write_contacts.lmp`, of a usual recipe, and of LIGGGHTS, by their number."""
+"""Columns that a dump of contacts has in usual recipes, by their number: those of
+`write_contacts.lmp`, of a usual recipe of LAMMPS, and of LIGGGHTS."""
 QUANTITIES: dict[str, Sequence[str]] = {
     "force": ("force",),
     "shear": ("p1", "p2", "p3"),
@@ -75,16 +76,17 @@ QUANTITIES: dict[str, Sequence[str]] = {
     "whole": list_liggghts_columns(["force"]),
     "parts": list_liggghts_columns(["force_normal", "force_tangential"]),
 }
-"""Forces of contacts, and the columns that have them; `whole` and `parts` are of LIGGGHTS."""
+"""Columns that hold each quantity of contacts; the quantities `whole` and `parts` are of
+LIGGGHTS."""
 FORCES = {"force", "whole", "parts"}
-"""Quantities of which a dump of contacts must have one."""
+"""Quantities that hold normal forces: a dump of contacts must have one of them."""
 
 WallLaw = Callable[[int], ProgramLaw]
-"""The law between a wall and a kind of sphere."""
+"""Function that returns the law between a wall and a type of sphere."""
 
 
 class Wall(NamedTuple):
-    """A wall: z, m, the law between it and a kind of sphere, and the ID of its fix."""
+    """A wall: z, m, the law between the wall and a type of sphere, and the ID of its fix."""
 
     z: float
     law: WallLaw
@@ -110,8 +112,8 @@ class FrameHead:
     periodic : ndarray (3,) of bool
         Axes with a period.
     rounding : ndarray (3,)
-        Unit of the last digit of bounds that the program has rounded, as LIGGGHTS does, else 0.
-        Contacts through a period are known no better.
+        Unit of the last digit of bounds that the program has rounded, as LIGGGHTS does, else 0. The
+        distance of a contact through a period has an error of this size.
     units : str
         Name of the units, if the dump has it (`dump_modify ... units yes`).
     """
@@ -176,7 +178,7 @@ def read_frame(path: str | Path, item: Item, step: int | None) -> Frame:
 
 
 def _refuse_times(path: str | Path, item: Item, step: int | None, steps: Sequence[int]) -> NoReturn:
-    """Raise InputError for a file that has no frame, or not the one that is wanted."""
+    """Raise InputError for a file without a frame, or without the one frame that is requested."""
     if not steps:
         remedy = "give a text dump of LAMMPS or LIGGGHTS"
         refuse(path, "no_item", f"no ITEM: {item}", remedy=remedy)
@@ -197,7 +199,7 @@ def _refuse_times(path: str | Path, item: Item, step: int | None, steps: Sequenc
 
 
 def _parse_head(path: str | Path, header: dict[str, list[list[str]]], line: int) -> FrameHead:
-    """Return what the header says; `header` has, for each ITEM, its title and its lines as words.
+    """Return the header of a frame; `header` has, for each ITEM, its title and its lines as words.
 
     Raises InputError if the header is incomplete, or if the box is triclinic.
     """
@@ -239,7 +241,7 @@ def _parse_head(path: str | Path, header: dict[str, list[list[str]]], line: int)
 
 
 def choose_units(path: Path, frame: Frame, typed: Units | None, script: Script) -> Units:
-    """Return the typed units, or those that log and dump name, or SI.
+    """Return the units: those typed, or those that log and dump name, or SI.
 
     Raises InputError if two of these differ, and for lj, which has no SI values.
     """
@@ -277,7 +279,7 @@ def list_missing_columns(rows: Rows) -> list[str]:
 
 
 class _ReadWall(NamedTuple):
-    """The planes of one fix, z in the file's units, their law, and the line that has them."""
+    """The planes of one fix: z in the file's units, their law, and the line that defines them."""
 
     heights: list[float]
     law: WallLaw
@@ -421,7 +423,7 @@ def _refuse_shapes(rows: Rows) -> None:
 
 
 def _choose_column(rows: Rows, names: Sequence[str]) -> str:
-    """Return the first of these columns that a dump has; the first one if it has none."""
+    """Return the first of the columns `names` that a dump has; the first name if it has none."""
     for name in names:
         if rows.has(name):
             return name

@@ -1,8 +1,8 @@
-"""Files that people take for a packing and that cannot be read: what each is, and what to do.
+"""Recognise files that people take for a packing and that cannot be read, and say what to do.
 
-One row of `FOREIGN` for each kind: the code of the error, what the file is, what to write in its
-place, and how it is known by its path and its first bytes. A row is asked only for files that no
-program of `modal.exchange.programs` knows, the first that fits counts.
+`FOREIGN` has one row for each kind of file: the code of the error, a description of the file, what
+to write in its place, and a test on its path and first bytes. The rows are used only for files that
+no program of `modal.exchange.programs` recognises, and the first row whose test is passed is taken.
 """
 
 import re
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class ForeignFile(NamedTuple):
-    """A kind of file that cannot be read: code of its error, what it is, what to do, its sign."""
+    """A kind of file that cannot be read: error code, description, remedy, and its test."""
 
     code: str
     description: str
@@ -21,12 +21,12 @@ class ForeignFile(NamedTuple):
 
 
 def begins(*beginnings: bytes) -> Callable[[Path, bytes], bool]:
-    """Return a sign: whether a file begins with one of these bytes, blanks left out."""
+    """Return a test of whether a file begins with one of these bytes, leading blanks left out."""
     return lambda path, head: head.lstrip().startswith(beginnings)
 
 
 def contains(*patterns: bytes) -> Callable[[Path, bytes], bool]:
-    """Return a sign: whether all these patterns (regular expressions) stand in the first bytes."""
+    """Return a test of whether all these regular expressions match within the first bytes."""
     return lambda path, head: all(re.search(pattern, head, re.MULTILINE) for pattern in patterns)
 
 
@@ -34,7 +34,7 @@ DUMP = (
     "`dump a all custom 1 x.atoms id type x y z radius mass`, "
     "`dump_modify a format float %.17g`, `run 0`"
 )
-"""The lines of a script of LAMMPS that write spheres as they can be read."""
+"""Lines of a LAMMPS script that write spheres in a form that can be read here."""
 IMPORT_DUMP = "import x.atoms with --log log.lammps"
 DUMP_OF_LIGGGHTS = (
     "dump as examples/packings/liggghts/pack.in does and import x.atoms with --log log.liggghts"
@@ -165,7 +165,7 @@ FOREIGN: list[ForeignFile] = [
 
 
 def foreign_file(path: Path, head: bytes) -> ForeignFile | None:
-    """Return what a file is by its first bytes, or None if no row knows it."""
+    """Return the kind of a file by path and first bytes; None if no row of `FOREIGN` fits."""
     for kind in FOREIGN:
         if kind.matches(path, head):
             return kind

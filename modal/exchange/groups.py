@@ -1,12 +1,12 @@
-"""Groups of atoms that a script of LAMMPS or LIGGGHTS defines, and which atoms may be in them.
+"""Find which atoms may be in the groups that a script of LAMMPS or LIGGGHTS defines.
 
 A log shows how groups are made of each other, of types and of numbers, and how many atoms each has,
 but not which atoms are in a region. So groups are sets of *possible atoms*. A possible atom is one
 combination of answers to the questions that distinguish the groups: is the atom of type 2, is it in
 the region slab, was it inserted later. Each new question doubles the possible atoms. The dump
-answers questions about types and numbers, which leaves the combinations that some atom has; a
-printed count of none or of all atoms excludes more. What holds for all possible atoms holds for all
-atoms, whichever are in the regions: a group and its complement contain all.
+answers questions about types and numbers, so that only the combinations that some atom has remain;
+a printed count of none or of all atoms excludes more. What holds for all possible atoms holds for
+all atoms, whichever are in the regions: a group and its complement contain all.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from modal.tools.arrays import Bools, Ints
 from modal.tools.errors import InputError
 
 MAX_QUESTIONS = 16
-"""Most questions about atoms: there are two to this power possible atoms at most."""
+"""Largest number of questions about atoms: there are at most two to this power possible atoms."""
 COLUMNS = {"type": "type", "id": "id", "molecule": "mol"}
-"""Columns of a dump that answer the questions of these styles of `group`."""
+"""Columns of a dump that decide whether an atom belongs to a group of these `group` styles."""
 COMBINING_STYLES = ("union", "subtract", "intersect")
-"""Styles of `group` whose words are names of groups."""
+"""Styles of `group` whose arguments are names of other groups."""
 CREATING = {"read_data", "read_restart", "create_atoms", "Created"}
 """First words of lines of a log that create atoms at once, or report it."""
 COMPARISONS: Mapping[str, Callable[[Ints, int], Bools]] = {
@@ -39,7 +39,7 @@ COMPARISONS: Mapping[str, Callable[[Ints, int], Bools]] = {
 
 
 class Answer(NamedTuple):
-    """An answered question: which possible atoms say yes, and which atoms (n,) of the dump do."""
+    """An answered question: possible atoms that answer yes, and such atoms (n,) of the dump."""
 
     of_possible_atoms: Bools
     of_atoms: Bools
@@ -94,7 +94,7 @@ class Groups:
         return self.members[name]
 
     def may_contain_atoms(self, chosen: Bools) -> bool:
-        """Tell whether an atom of the dump may be one of these possible atoms."""
+        """Tell whether some atom of the dump may be one of the `chosen` possible atoms."""
         likely = chosen & self.possible
         key_of_likely = np.zeros(int(likely.sum()), int)
         key_of_atom = np.zeros(self.count, int)
@@ -104,7 +104,7 @@ class Groups:
         return bool(np.isin(key_of_likely, key_of_atom).any())
 
     def _add_question(self) -> Bools:
-        """Double the possible atoms by a question; return those that say yes."""
+        """Double the possible atoms by a new question; return those whose answer is yes."""
         if self.questions >= MAX_QUESTIONS:
             raise InputError(
                 "held_bodies",
@@ -178,7 +178,7 @@ class Groups:
                 self._add_members(name, chosen)
 
     def _add_members(self, name: str, chosen: Bools) -> None:
-        """Add possible atoms to a group, which is new or has members already."""
+        """Add possible atoms to a group, which may be new."""
         if name in self.members:
             chosen = self.members[name] | chosen
         self.members[name] = chosen
@@ -198,7 +198,7 @@ class Groups:
     def _answer(self, style: str, words: Sequence[str]) -> Bools | None:
         """Return which atoms (n,) of the dump are in a group by type or number; None if unknown.
 
-        While atoms are inserted it is unknown which of them were there.
+        While atoms are inserted, it is unknown which of them existed when the group was defined.
         """
         column = self.columns.get(COLUMNS.get(style, ""))
         if column is None or self.growing or not words:
@@ -216,7 +216,7 @@ class Groups:
         return chosen
 
     def _apply_count(self, name: str, number: int) -> None:
-        """Exclude possible atoms by a printed number of atoms that is none or all of them."""
+        """Exclude possible atoms by a printed size of a group that is none or all of the atoms."""
         if name not in self.members:
             return
         if name in self.answers and number != self.answers[name].of_atoms.sum():

@@ -1,4 +1,4 @@
-"""HDF5 files that are no packing: this project's other products, and other programs' files."""
+"""Explain HDF5 files that are not a packing: other products of this project, or foreign files."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -18,7 +18,7 @@ KEEP_BESIDE_PACKING = (
 
 
 class OtherProduct(NamedTuple):
-    """A product that is no packing: what it is, and the command that takes it."""
+    """A product that is not a packing: its description, and the command that uses it."""
 
     description: str
     use: str
@@ -37,18 +37,18 @@ PRODUCTS = {
     "granular-moduli": OtherProduct("elastic moduli", KEEP_BESIDE_PACKING),
     "granular-frequency-response": OtherProduct("a frequency response", KEEP_BESIDE_PACKING),
 }
-"""Products that are no packing, by their schema."""
+"""Products of this project that are not a packing, by their schema."""
 NETWORK_DATASETS = (
     "particles/position, radius, mass, inertia, contacts/particle_i, particle_j, normal, lever_i, "
     "lever_j, stiffness_normal, stiffness_tangential, cell/size, cell/periodic, walls/position"
 )
 """Datasets that a network needs, for a message."""
 MAX_LISTED_GROUPS = 6
-"""Most groups of a foreign file that a message lists."""
+"""Largest number of groups of a foreign file that a message lists."""
 
 
 def refuse_other_hdf5(path: Path) -> None:
-    """Raise InputError, which says what the file is, for an HDF5 file that is no network."""
+    """Raise InputError, which says what the file is, for an HDF5 file that is not a network."""
     with open_h5(path) as file, complete(path):
         schema = file.attrs.get("schema")
         groups = list(file)

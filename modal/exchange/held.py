@@ -1,13 +1,14 @@
-"""Which spheres a script of LAMMPS or LIGGGHTS does not let move freely at the step of a dump.
+"""Find which spheres a LAMMPS or LIGGGHTS script does not let move freely at the step of a dump.
 
 The spheres of a network move and turn freely. A script may differ from that in two ways: by fixes
 that hold spheres (setforce, freeze, move, ...), and by integrating only some of the spheres (`fix
 ID GROUP nve/sphere`), or all without their rotations (`fix nve`).
 
-The run that wrote the dump decides. Its holding fixes count as they are. Which spheres are
-integrated is read from the last run, up to this one, that integrates any: scripts often end with
-the fix removed and `run 0`, which moves nothing and shows nothing, as does a script that only reads
-a state and dumps it. A `run 0` with rigid bodies alone shows nothing either.
+The run that wrote the dump decides. The fixes that hold spheres are those during this run. Which
+spheres are integrated is read from the last run, up to this one, that integrates any: scripts often
+end with the integrating fix removed and with `run 0`, which moves nothing. Such a run does not show
+which spheres are integrated; nor does a script that only reads a state and dumps it, nor a `run 0`
+with rigid bodies alone.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ from modal.exchange.text import Refusal
 from modal.tools.arrays import Ints
 
 ACCELERATED = re.compile("/(omp|kk|kk/host|kk/device|intel|opt|gpu)$")
-"""Ends of styles that do the same as the styles without them."""
+"""Endings of styles with the same effect as the styles without these endings."""
 INTEGRATING = re.compile(r"(nve|nvt|npt|nph|nvk|brownian)(/.*)?")
 """Fixes that move atoms by the forces on them."""
 TURNING = {"sphere", "asphere", "body", "superquadric", "nonspherical"}
 """Parts of the names of integrating fixes that also turn atoms by the torques on them."""
 NOT_FREE = ("nve/noforce", "nve/manifold/rattle")
-"""Fixes with the name of an integrating one that do not move atoms freely."""
+"""Fixes that are named like an integrating fix but do not move atoms freely."""
 REASON = "only packings whose spheres all move freely are known"
 REMEDY = (
     "let fix ID all nve/sphere move them, unfix what holds some, and dump again, or type --pair "
@@ -52,17 +53,17 @@ class Fix(NamedTuple):
 
     @property
     def is_rigid(self) -> bool:
-        """Tell whether it moves rigid bodies."""
+        """Tell whether the fix moves rigid bodies."""
         return self.style.split("/")[0] == "rigid"
 
     @property
     def integrates(self) -> bool:
-        """Tell whether it moves single atoms by the forces on them."""
+        """Tell whether the fix moves single atoms by the forces on them."""
         return INTEGRATING.fullmatch(self.style) is not None and self.style not in NOT_FREE
 
     @property
     def turns(self) -> bool:
-        """Tell whether it turns what it moves."""
+        """Tell whether the fix also turns the atoms that it moves."""
         return self.is_rigid or not TURNING.isdisjoint(self.style.split("/"))
 
 
@@ -105,7 +106,7 @@ class Run:
 
 
 class Hold(NamedTuple):
-    """How a fix holds spheres: a description of them, and whether NULL components are left free."""
+    """How a fix holds spheres: a description, and whether components that are NULL stay free."""
 
     description: str
     by_component: bool = False
@@ -150,8 +151,8 @@ def describe_held_spheres(fix: Fix) -> str:
 def find_run_of_dump(runs: Sequence[Run], step: int) -> int:
     """Return the index of the run that wrote a step; the last run if none is known to have.
 
-    The last step of one run is the first step of the next. The first run that could dump has
-    written it, or, if the log shows no dump, the later run.
+    The last step of one run is the first step of the next. Of two such runs the first one that
+    could dump has written the step; if the log shows no dump, the later run has.
     """
     candidates = [k for k, run in enumerate(runs) if run.includes(step)]
     dumping = [k for k in candidates if runs[k].dumps]
@@ -163,7 +164,7 @@ def find_run_of_dump(runs: Sequence[Run], step: int) -> int:
 
 
 class Motion(NamedTuple):
-    """How the spheres of a dump move: refusals if some are held, or do not turn freely."""
+    """Refusals if some spheres of a dump are held, or do not turn freely."""
 
     held: Refusal | None = None
     unturned: Refusal | None = None

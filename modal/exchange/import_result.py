@@ -1,10 +1,10 @@
-"""The contact network of a packing that another program has written.
+"""Build the contact network of a packing that another program has written.
 
 Overlaps come from the positions, or from the forces if these determine them better; stiffnesses
 follow from the law. Where a law computes stiffnesses from overlaps, the positions must determine
-the overlaps, and how well they do is noted in the network (`modal.packing.precision`). Where a
-table has the stiffnesses, positions only determine the normals. What was found is in
-`ImportResult`.
+the overlaps, and the error of the overlaps is noted in the network (`modal.packing.precision`).
+Where a table has the stiffnesses, positions only determine the normals. `ImportResult` also holds
+what the import has found and assumed.
 """
 
 from dataclasses import dataclass, field, replace
@@ -32,23 +32,23 @@ that are wider are certainly gaps."""
 MAX_NORMAL_ERROR_RAD = 5e-3
 """Largest angle by which few digits of positions may turn the normals of a table."""
 MIN_OVERLAP_IN_ERRORS = 0.1
-"""If no overlap exceeds this share of the error by digits, the positions are exact in few digits,
-as those of spheres that just touch on a lattice."""
+"""Share of the error by digits that some overlap must exceed. If none does, the positions are exact
+in few digits, as those of spheres that just touch on a lattice."""
 TYPE_BASE = 2**32
 """Larger than any type number: packs a pair of types into one integer."""
 MAX_OVERLAP_FACTOR = 10.0
 """Largest factor between the mean overlap of the forces and that of the positions. Beyond it the
 two are in different units."""
 SMALLEST_NUMBER = 1e-300
-"""A divisor in place of zero."""
+"""Number that replaces a divisor of zero."""
 
 OverlapSource = Literal["positions", "forces"]
-"""What overlaps were computed from."""
+"""The data that overlaps were computed from."""
 
 
 @dataclass
 class ImportResult:
-    """What an import has read and found.
+    """The network of an import, with what was found and assumed.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class ImportResult:
 
 
 class _ContactState(NamedTuple):
-    """What the law adds to m contacts: overlap, m, normal force, N, and columns of a network.
+    """Overlaps, forces and columns of m contacts that follow from the contact law.
 
     overlap_error: error of the overlaps divided by their median, 0 where it does not matter.
     sliding (m,): contacts at their limit of friction, or None if shear forces are unknown.
@@ -104,7 +104,7 @@ def build_network(
     contacts : Contacts or None
         The contacts; None seeks them among the positions.
     pair_law : callable or None
-        The law between two kinds; None if the contacts have their stiffnesses.
+        The law between two types of sphere; None if the contacts have their stiffnesses.
     bodies : Bodies or None
         Masses and tensors of rigid bodies; None computes them from the members.
 
@@ -148,7 +148,10 @@ def build_network(
 def _keep_stiffnesses(
     packing: Packing, listed: Contacts, geometry: ContactList, error: float
 ) -> _ContactState:
-    """Return contacts that have their stiffnesses; refuse positions that turn their normals."""
+    """Return the state of contacts whose stiffnesses are listed in the file.
+
+    Raises InputError if few digits of positions would turn the normals too far.
+    """
     if abs(geometry.overlap).max() >= MIN_OVERLAP_IN_ERRORS * error:
         reach, _ = packing.reach(listed.i, listed.j)
         distance = reach - geometry.overlap
@@ -162,7 +165,8 @@ def _apply_laws(
 ) -> _ContactState:
     """Return the overlaps, forces and stiffnesses of contacts by their laws.
 
-    Turns the normals of `geometry` to the lines of the contacts if overlaps follow from forces.
+    This turns the normals of `geometry` to the lines of the contacts if overlaps follow from
+    forces.
     """
     overlap = geometry.overlap
     overlaps_from: OverlapSource = "positions"
@@ -246,8 +250,8 @@ def _assign_laws(contacts: Contacts, packing: Packing, pair_law: PairLaw) -> Con
 def _select_contacts(listed: Contacts, packing: Packing, overlap: Floats) -> Bools:
     """Return which (m,) of the listed pairs are contacts.
 
-    Pairs inside one rigid body are none, nor spheres that do not touch; a pair that a table lists
-    with a stiffness is a contact. Raises InputError, with the line, for two spheres in one place,
+    Pairs inside one rigid body are not contacts, nor are spheres that do not touch, unless a table
+    lists the pair with a stiffness. Raises InputError, with the line, for two spheres in one place,
     and for a contact of spheres that lie apart.
     """
     reach, _ = packing.reach(listed.i, listed.j)
@@ -288,9 +292,9 @@ def _name_ends(contacts: Contacts, packing: Packing, row: int) -> str:
 
 
 def _overlap_error(packing: Packing, error: float, laws: ContactLaws, overlap: Floats) -> float:
-    """Return the error of overlaps divided by their median, or 0 if it changes nothing.
+    """Return the error of overlaps divided by their median, or 0 if the error does not matter.
 
-    It changes nothing if it is small, or if stiffnesses do not depend on overlaps and no two
+    The error does not matter if it is small, or if stiffnesses do not depend on overlaps and no two
     spheres lie so near to touching that the digits decide whether they do.
     """
     relative = error / float(np.median(overlap))
@@ -345,7 +349,7 @@ def _refuse_other_units(overlap_of_forces: Floats, overlap: Floats, name: str) -
 
 
 def _turn_to_lines(normal: Floats, line: Floats) -> None:
-    """Turn normals (m, 3) in place to lines (m, 3) that are not zero, keeping their senses.
+    """Turn normals (m, 3) in place to lines (m, 3) that are not zero; their senses are kept.
 
     Six digits of a force give a better direction than six digits of a position.
     """

@@ -1,7 +1,7 @@
-"""The commands that count in a log of LAMMPS or LIGGGHTS, with the values of variables.
+"""Read the commands that matter from a log of LAMMPS or LIGGGHTS, with variables replaced.
 
 These programs write a line that has variables (`$E`, `${name}`, `$(formula)`) as it stands in the
-script, and again each time that a variable is replaced. The last of these lines counts. If it is
+script, and again each time that a variable is replaced. The last of these lines is used. If it is
 absent, as in a script that never ran, the value is not known.
 """
 
@@ -15,11 +15,12 @@ from modal.exchange.held import ACCELERATED, HOLDING, INTEGRATING, Fix, Run
 from modal.exchange.text import Refusal, Words, read_lines, refuse
 
 VARIABLE = re.compile(r"\$(?:\{[^}]*\}?|\(.*\)|\w)", re.ASCII)
-"""A variable in a line of input."""
+"""Pattern of a variable in a line of input."""
 QUOTED = re.compile(r"\"[^\"]*\"|'[^']*'")
-"""Variables in quotes stay as they are; no line with quotes counts here."""
+"""Pattern of a text in quotes, in which variables stay as they are; no line with quotes matters
+here."""
 COMMANDS = ("units", "dimension", "pair_style", "pair_coeff", "bond_style", "unfix")
-"""Commands that count, beside fixes, computes and `neigh_modify exclude`."""
+"""Commands that are read, beside fixes, computes and `neigh_modify exclude`."""
 NO_BONDS = "bonds are no contacts that this project knows"
 NO_OTHER_WALLS = "walls of this kind are not known; only wall/gran with zplane is"
 REFUSED_FIXES = {
@@ -28,7 +29,7 @@ REFUSED_FIXES = {
     "wall": NO_OTHER_WALLS,
     "indent": NO_OTHER_WALLS,
 }
-"""Fixes that a network has nothing for, by their styles, and the reason."""
+"""Fixes that a network cannot represent, by their styles, and the reason."""
 LOCAL_COMPUTES = ("property/local", "pair/local", "pair/gran/local")
 """Computes whose columns a dump local may have; the last one is of LIGGGHTS."""
 LIGGGHTS_WIDTHS = {
@@ -47,17 +48,18 @@ LIGGGHTS_WIDTHS = {
 LIGGGHTS_DEFAULTS = ("pos", "vel", "id", "force", "torque", "history", "contactArea")
 """Values that `pair/gran/local` writes if none is named."""
 STYLES = ("wall/gran", "property/global", "rigid", *LOCAL_COMPUTES, *REFUSED_FIXES, *HOLDING)
-"""Fixes and computes that count, also with further words after a slash (`rigid/nve/small`)."""
+"""Styles of fixes and computes that are read, also with further words after a slash
+(`rigid/nve/small`)."""
 INSERTING_FIXES = ("pour", "deposit", "insert")
-"""Fixes that add atoms, of which there may be fewer during a run than at its end."""
+"""Fixes that add atoms: during a run there may be fewer atoms than at its end."""
 MIN_ATOMS_DURING_INSERTION = 0
-"""Smallest number of atoms while some are inserted: none may be there yet."""
+"""Smallest number of atoms while atoms are inserted: none may exist at first."""
 PROGRAMS = ("LAMMPS", "LIGGGHTS")
-"""First words of a log."""
+"""First words of the log of each program."""
 MATERIAL_PROPERTIES = ("youngsModulus", "poissonsRatio", "coefficientFriction")
 """Properties of a material of LIGGGHTS that its law depends on."""
 MAX_QUOTED_COMMAND = 80
-"""Characters of a command that a message quotes."""
+"""Largest number of characters of a command that a message quotes."""
 
 
 class Exclusion(NamedTuple):
@@ -110,7 +112,7 @@ class Script:
     changed : int
         Last step before the law or a wall changed.
     remarks : list of str
-        What is assumed where nothing says it.
+        Assumptions where the log says nothing.
     """
 
     place: str = "--pair"
@@ -155,7 +157,7 @@ class Script:
     def _refuse_outside(
         self, path: str | Path, name: str, number: int, printed: Sequence[int], *, may_exceed: bool
     ) -> None:
-        """Raise InputError for a number of the dump outside of those that the runs printed."""
+        """Raise InputError for a number of the dump outside the range that the runs printed."""
         if not printed or min(printed) <= number <= max(printed):
             return
         if number > max(printed) and may_exceed:
@@ -231,7 +233,7 @@ def _is_row(words: Sequence[str], columns: Sequence[str]) -> bool:
 
 
 def _read_row(script: Script, row: Mapping[str, str]) -> None:
-    """Take note of the step of a row, and of the number of atoms if it has one."""
+    """Store the step of a row, and the number of atoms if the row has it."""
     script.runs[-1].steps.append(int(row["Step"]))
     if row.get("Atoms", "").isdigit():
         script.atoms.append(int(row["Atoms"]))
@@ -281,7 +283,7 @@ def _apply_command(script: Script, words: list[str], place: str) -> None:
 
 
 def _note_motion(script: Script, words: list[str], place: str) -> None:
-    """Take note of fixes, dumps and runs, which show what moves when."""
+    """Store fixes, dumps and runs, which show which atoms move when."""
     match words:
         case ["fix", name, group, style, *rest]:
             script.fixes[name] = Fix(group, ACCELERATED.sub("", style), tuple(rest), place)
@@ -313,7 +315,7 @@ def _note_motion(script: Script, words: list[str], place: str) -> None:
 
 
 def _note_atoms(script: Script, words: list[str]) -> None:
-    """Take note of numbers of atoms, and of lines that define groups."""
+    """Store printed numbers of atoms, and lines that define groups."""
     match words:
         case ["group", _, _, *_] | [_, "atoms", "in", "group", _]:
             script.history.append(words)
@@ -337,7 +339,7 @@ def _note_atoms(script: Script, words: list[str]) -> None:
 
 
 def _note_exclusions(script: Script, words: list[str], place: str) -> None:
-    """Take note of the pairs that `neigh_modify exclude` leaves without contact."""
+    """Store the pairs that `neigh_modify exclude` leaves without contact."""
     if words[0] != "neigh_modify":
         return
     for word, style in zip(words, words[1:], strict=False):
@@ -348,7 +350,7 @@ def _note_exclusions(script: Script, words: list[str], place: str) -> None:
 
 
 def list_liggghts_columns(values: Sequence[str] = ()) -> list[str]:
-    """Return the columns of `pair/gran/local` with these values, in any order.
+    """Return the columns of `pair/gran/local` with these values; the order of `values` is free.
 
     >>> list_liggghts_columns(["delta", "id"])
     ['id1', 'id2', 'id3', 'delta1']
@@ -371,7 +373,7 @@ class _UnreplacedLine(NamedTuple):
 def _read_commands(path: str | Path) -> Iterator[tuple[int, list[str]]]:
     """Yield the number, from 1, and the words of each line without variables and comments.
 
-    Raises InputError for a line that may count, and whose variables have no value.
+    Raises InputError for a line that may matter and contains a variable without a value.
     """
     lines = read_lines(path)
     unreplaced: dict[str, _UnreplacedLine] = {}
@@ -415,7 +417,7 @@ def _match_replaced(text: str) -> re.Pattern[str]:
 
 
 def _may_count(words: list[str]) -> bool:
-    """Tell whether a line with variables may be one that counts."""
+    """Tell whether a line with variables may be one of the commands that are read."""
     command = words[0]
     style = words[3] if len(words) > 3 else ""
     if command == "fix" and INTEGRATING.fullmatch(style):

@@ -1,8 +1,8 @@
-"""What is particular to LAMMPS: its laws of contact, and its columns of contacts and walls.
+"""Read what is particular to LAMMPS: its laws of contact, and its columns of contacts and walls.
 
-Known are `granular` with hooke, hertz and hertz/material, tangential linear_history, mindlin and
-their variants, rolling sds, twisting sds and marshall; gran/hooke, gran/hooke/history and
-gran/hertz/history; `fix wall/gran` in the same words. Cohesion is refused by name: no spring of
+The known laws are `granular` with hooke, hertz and hertz/material, tangential linear_history,
+mindlin and their variants, rolling sds, twisting sds and marshall; gran/hooke, gran/hooke/history
+and gran/hertz/history; `fix wall/gran` in the same words. Cohesion is refused by name: no spring of
 this project has it.
 
 As in LAMMPS a type of pair_coeff is a number or a range (`*`, `n*`, `*n`, `m*n`), a range stands
@@ -39,7 +39,10 @@ from modal.tools.arrays import Floats, Ints
 
 
 class TangentialModel(NamedTuple):
-    """A tangential model: number of coefficients, growth of its stiffness with a, its memory."""
+    """A tangential model: number of coefficients, growth of its stiffness with a, and its memory.
+
+    a is the radius of the circle of contact.
+    """
 
     coefficients: int
     grows: bool
@@ -62,7 +65,7 @@ NORMAL = {"hooke": 2, "hertz": 2, "hertz/material": 3}
 
 
 class OlderStyle(NamedTuple):
-    """An older style of LAMMPS: the normal and the tangential model of `granular` in its place."""
+    """An older style of LAMMPS: the normal and the tangential model of `granular` that it means."""
 
     normal: str
     tangential: str
@@ -83,19 +86,19 @@ ROLLING_MODELS = ("none", "sds")
 TWISTING_MODELS = ("none", "sds", "marshall")
 """Twisting models of `granular` that are known."""
 EXAMPLE = '--pair "granular hertz/material 6e10 0 0.2 tangential mindlin NULL 0 0.3"'
-"""A law that a message gives as an example."""
+"""Example of a law that a message shows."""
 DEFAULT_UNITS = "lj"
-"""The units of a log that names none."""
+"""Name of the units if a log names none."""
 PLANES_PER_FIX = 2
-"""Planes of one fix wall/gran."""
+"""Number of planes of one fix wall/gran."""
 END_COLUMNS = ("patom1", "patom2")
 """Columns of the two ends of a contact."""
 MAX_TYPE = sys.maxsize
-"""The highest type, where a range does not name it."""
+"""Highest type where a range does not name its upper end."""
 
 
 class LeverArms(NamedTuple):
-    """The lever arms of motion and of torque."""
+    """The lever arms of the motion and of the torque at a contact."""
 
     motion: LeverArm
     torque: LeverArm
@@ -105,7 +108,7 @@ class LeverArms(NamedTuple):
 class _GranularOptions:
     """The options of `pair_style granular`, stiffnesses in the units of the file.
 
-    tangential is NaN if it follows from the material.
+    The tangential stiffness is NaN if it follows from the material.
     """
 
     tangential: float = 0.0
@@ -120,7 +123,7 @@ class _GranularOptions:
 def parse_granular(words: Sequence[str], place: str, arms: LeverArms, units: Units) -> ProgramLaw:
     """Return the law of `pair_style granular`, from its words after the types.
 
-    `place` says in a message where the words stand. Raises InputError for words that are none of a
+    `place` names the file and line in messages. Raises InputError for words that are not those of a
     known law.
     """
     line = Words(words, place, "give the whole line, with values")
@@ -169,7 +172,7 @@ def parse_granular(words: Sequence[str], place: str, arms: LeverArms, units: Uni
 
 
 def _parse_options(line: Words) -> _GranularOptions:
-    """Return the options of `pair_style granular`; take all words of the line."""
+    """Return the options of `pair_style granular`, and remove all words from `line`."""
     options = _GranularOptions()
     while line.remaining:
         match line.take("an option", OPTIONS):
@@ -197,7 +200,7 @@ def _parse_options(line: Words) -> _GranularOptions:
 
 
 def _take_sds_stiffness(line: Words, name: str) -> float:
-    """Take stiffness, damping and limit of an sds model; return its stiffness.
+    """Remove stiffness, damping and limit of an sds model from the line; return its stiffness.
 
     Without a limit above 0 the spring has no force; a negative stiffness is returned to be refused.
     """
@@ -210,7 +213,7 @@ def _take_sds_stiffness(line: Words, name: str) -> float:
 def parse_older_style(style: str, words: Sequence[str], place: str, units: Units) -> ProgramLaw:
     """Return the law of one of `OLDER_STYLES`, from its words Kn Kt gn gt mu dampflag.
 
-    It is the law of `granular` in other words, with arms as long as the radii.
+    The law is one of `granular` with other words, with lever arms as long as the radii.
     """
     line = Words(words, place, "give Kn Kt gamma_n gamma_t xmu dampflag")
     normal, tangential, _, _, friction = line.take_numbers(style, 5, null=True)
@@ -311,7 +314,7 @@ def _read_pair_coefficients(script: Script, units: Units) -> list[_PairCoefficie
 
 
 def read_wall_law(line: Words, script: Script, units: Units, pair_law: PairLaw) -> WallLaw:
-    """Return the law of a wall, which stands before its zplane and is the same for all types."""
+    """Return the law of a wall, whose words stand before zplane; it is the same for all types."""
     style, *words = line.remaining
     law = parse_law(style, words[: words.index("zplane")], line.place, units, is_wall=True)
     return lambda kind: law
@@ -359,9 +362,9 @@ def find_wall_contacts(
 ) -> WallContacts:
     """Return the contacts with walls, from the columns f_ID[1] to f_ID[4] of the spheres.
 
-    `fixes` are the IDs of the log's walls. A dump that has none of them is older than the log's
-    end, or their IDs are not known: then all such columns count. Raises InputError for columns that
-    are missing, or that are not those of a wall.
+    `fixes` are the IDs of the log's walls. If a dump has the columns of none of them, it is older
+    than the log's end, or the IDs are not known: then all columns of this form are used. Raises
+    InputError for columns that are missing, or that are not those of a wall.
     """
     order = np.argsort(frame.rows.read("id")[:, 0], kind="stable")
     parts = [
@@ -383,7 +386,7 @@ def _wall_columns(name: str) -> list[str]:
 
 
 def _choose_wall_fixes(rows: Rows, fixes: Sequence[str]) -> Sequence[str]:
-    """Return the IDs of the fixes whose columns count; see `find_wall_contacts`."""
+    """Return the IDs of the fixes whose columns are used; see `find_wall_contacts`."""
     started = re.findall(r"f_(\w+)\[1\]", " ".join(rows.columns))
     complete = [name for name in started if rows.has(*_wall_columns(name))]
     if set(fixes) & set(complete):

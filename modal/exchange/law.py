@@ -1,12 +1,13 @@
-"""Laws of contact of other programs: force and stiffness of an overlap, and what shear remembers.
+"""Describe contact laws of other programs: force and stiffness of an overlap, memory of shear.
 
 The normal force is N = k overlap, or k sqrt(R*) overlap^(3/2) (Hertz), with R* = R_i R_j / (R_i +
-R_j), at a flat wall R. The tangential stiffness is a constant, or grows with the radius a =
-sqrt(R* overlap) of the circle of contact. Programs differ in what a contact remembers of its shear:
-the force (as this project's YADE runs do), or the displacement, by which the force changes when the
-circle grows although nothing shears. They differ in the lever arms of motion and torque, too. Some
-laws resist rolling, by a spring on arcs of the radius R*, and twisting, by a spring on the angle,
-on arcs of R*, or (Marshall) by half the tangential coefficient times a^2.
+R_j), at a flat wall R. The tangential stiffness is a constant, or grows with the radius a = sqrt(R*
+overlap) of the circle of contact. Programs differ in what a contact remembers of its shear. If it
+is the force, as in this project's YADE runs, the force stays when the overlap changes. If it is the
+displacement, the force changes with the circle of contact although nothing shears. They differ in
+the lever arms of motion and torque, too. Some laws resist rolling, by a spring on arcs of the
+radius R*, and twisting, by a spring on the angle, on arcs of R*, or (Marshall) by half the
+tangential coefficient times a^2.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.errors import InputError
 
 ShearMemory = Literal["force", "displacement", "displacement, shrunk on unloading"]
-"""What a contact remembers of its shear."""
+"""The quantity by which a contact remembers its shear."""
 LeverArm = Literal["radius less half the overlap", "radius"]
 """Distance from the centre of a sphere to the point where a contact moves or turns it."""
 
@@ -31,7 +32,7 @@ SHRINKING_DISPLACEMENT: ShearMemory = "displacement, shrunk on unloading"
 MIDDLE_ARM: LeverArm = "radius less half the overlap"
 RADIUS_ARM: LeverArm = "radius"
 RELATIVE_LIMIT_TOLERANCE = 1e-6
-"""A shear force slides if it is nearer than this to friction times normal force, relative."""
+"""Relative distance from the friction limit below which a shear force counts as sliding."""
 
 
 class Units(NamedTuple):

@@ -1,9 +1,9 @@
-"""What is particular to LIGGGHTS: its law, its walls, and the columns of its contacts.
+"""Read what is particular to LIGGGHTS: its law, its walls, and the columns of its contacts.
 
-The law is `model hertz` with `tangential history`: N = 4/3 E* sqrt(R* overlap) overlap and 8 G*
-sqrt(R* overlap), with the memory of the shear displacement. `model hooke` computes its stiffness
-from masses and a velocity that is typed in, and is refused. Contacts come from `compute
-pair/gran/local`; the forces at walls are not dumped.
+The law is `model hertz` with `tangential history`: N = 4/3 E* sqrt(R* overlap) overlap and a
+tangential stiffness of 8 G* sqrt(R* overlap), with the memory of the shear displacement. `model
+hooke` computes its stiffness from masses and a velocity that is typed in, and is refused. Contacts
+come from `compute pair/gran/local`; the forces at walls are not dumped.
 """
 
 from collections.abc import Sequence
@@ -21,17 +21,17 @@ EXAMPLE = (
     '--pair "gran model hertz tangential history youngsModulus 6e10 poissonsRatio 0.2 '
     'coefficientFriction 0.3"'
 )
-"""A law that a message gives as an example."""
+"""Example of a law that a message shows."""
 TYPED_WALL_EXAMPLE = '--wall "type N zplane LOW HIGH"'
-"""A wall that a message gives as an example."""
+"""Example of a wall that a message shows."""
 DEFAULT_UNITS = "si"
-"""The units of a log that names none."""
+"""Name of the units if a log names none."""
 PLANES_PER_FIX = 1
-"""Planes of one fix wall/gran."""
+"""Number of planes of one fix wall/gran."""
 END_COLUMNS = ("id1", "id2")
 """Columns of the two ends of a contact."""
 MODELS_SWITCHED_OFF = {"cohesion": "off", "rolling_friction": "off", "surface": "default"}
-"""Models that do more than springs, and the word that switches each off."""
+"""Models with forces that springs cannot represent, and the word that switches each off."""
 
 
 def convert_contacts(dumped: DumpedContacts, packing: Packing, units: Units) -> Contacts:
@@ -54,7 +54,7 @@ def convert_contacts(dumped: DumpedContacts, packing: Packing, units: Units) -> 
 def find_wall_contacts(
     frame: Frame, packing: Packing, units: Units, walls: Walls, fixes: Sequence[str]
 ) -> WallContacts:
-    """Return the contacts with walls, from positions; their forces follow from the law."""
+    """Return the contacts with walls, found from positions; their forces follow from the law."""
     contacts = packing.touching()
     at_wall = contacts.j < 0
     i = contacts.i[at_wall]
@@ -123,7 +123,7 @@ def _refuse_other_models(line: Words) -> None:
 def read_wall_law(line: Words, script: Script, units: Units, pair_law: PairLaw) -> WallLaw:
     """Return the law between a wall and a kind of sphere.
 
-    The wall is of the type that its line names, or else of the type of each sphere.
+    The material of the wall is the type that its line names, or else the type of the sphere.
     """
     if "type" not in line:
         script.remarks.append(

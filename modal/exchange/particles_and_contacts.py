@@ -15,8 +15,8 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Bools, Floats, Ints
 
 MIN_PERIOD_IN_DIAMETERS = 2.0
-"""A period must exceed this many of the largest diameters: in a shorter one a sphere could touch
-another sphere and its image."""
+"""Least period, in diameters of the largest sphere: in a shorter one a sphere could touch another
+sphere and also its image."""
 MAX_DISTANCE_OUTSIDE_IN_RADII = 1e-3
 """Distance, in largest radii, by which a centre may lie outside the cell, as rounding may do."""
 WALLS = (SOURCE_WALL, RECEIVER_WALL)
@@ -191,7 +191,7 @@ class Packing:
                 )
 
     def refuse(self, wrong: Bools, code: str, problem: str, remedy: str) -> None:
-        """Raise InputError, with its number, for the first sphere that is `wrong` (n,)."""
+        """Raise InputError, with its number, for the first sphere where `wrong` (n,) is True."""
         if wrong.any():
             sphere = self.number[np.argmax(wrong)]
             refuse(self.name, code, f"sphere {sphere} {problem}", remedy=remedy)
@@ -207,10 +207,12 @@ class Packing:
             return between(ends, self.position, self.cell.periods, planes, self.radius)
 
     def distance_error(self, shift: Ints) -> Floats:
-        """Return the errors (m,), m, of the distances of contacts over these periods (m, 3).
+        """Return the errors (m,), m, of the distances of contacts, from the digits of positions.
 
-        They are root mean squares, from the digits of both positions and, for a contact through a
-        period, of the two bounds.
+        `shift` (m, 3) are the periods that the contacts cross.
+
+        The errors are root mean squares; for a contact through a period they include the digits of
+        the two bounds.
         """
         from_bounds = np.where(shift == 0, 0.0, self.cell.rounding).max(axis=1, initial=0.0)
         return np.hypot(self.step, from_bounds) / np.sqrt(6)
@@ -225,7 +227,7 @@ class Packing:
         return normal_force, force + normal_force[:, None] * normal
 
     def reach(self, i: Ints, j: Ints) -> tuple[Floats, Floats]:
-        """Return the sums of radii (m,) and the effective radii (m,), m.
+        """Return the sums of radii (m,) and the effective radii (m,), m, of pairs.
 
         At a wall both are the sphere's radius.
         """
@@ -237,7 +239,7 @@ class Packing:
         return total, effective
 
     def touching(self) -> Contacts:
-        """Return all contacts by overlap, through all periods, and at walls."""
+        """Return all contacts: overlapping pairs, also through periods, and overlaps with walls."""
         low = np.where(self.cell.periodic, self.cell.low, self.position.min(axis=0))
         walls = np.array(self.cell.walls)
         with np.errstate(invalid="ignore", divide="ignore"):  # two in one place are refused later
@@ -305,7 +307,7 @@ class Contacts:
     def refuse(
         self, wrong: Bools, code: str, problem: Callable[[int], str], remedy: str, name: str
     ) -> None:
-        """Raise InputError for the first contact that is `wrong` (m,).
+        """Raise InputError for the first contact where `wrong` (m,) is True.
 
         `problem` is a function of the contact's index. The message begins with the line of the
         contact, or with `name` if the contact is not listed.
@@ -324,7 +326,7 @@ def _join(first: Floats | None, second: Floats | None) -> Floats | None:
 
 
 PairLaw = Callable[[int, int], ProgramLaw]
-"""The law between two kinds of spheres, or between a wall, whose code is negative, and a kind."""
+"""Function that returns the law between two types; a negative type is the code of a wall."""
 
 
 def find_ends(

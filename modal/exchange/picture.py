@@ -32,24 +32,24 @@ from modal.waves.signals import EARLY_PLANE_SCHEMA, Signals, read_signals
 from modal.waves.signals import SCHEMA as SIGNALS_SCHEMA
 
 MAX_SHOWN_DISPLACEMENT_IN_RADII = 0.5
-"""Largest displacement in a frame, in mean radii, unless a scale is given: visible, and spheres
-stay beside their neighbours."""
+"""Largest displacement in a frame, in mean radii, unless a scale is given: it is visible, and
+spheres stay beside their neighbours."""
 VOIGT = (0, 1, 2, 1, 2, 0), (0, 1, 2, 2, 0, 1)
 """Rows and columns of xx yy zz yz zx xy."""
 
 Motion = list[tuple[float, Floats]]
-"""Times, s, and displacements (n, 3), m, or kg^-1/2 of a mode."""
+"""List of times, s, and displacements (n, 3), in m for a wave and in kg^-1/2 for a mode."""
 Fields = dict[str, Array]
 """Fields (n,) or (n, k) of n points or lines, by their names."""
 Frames = Iterable[tuple[float, Floats, Fields]]
-"""Times, s, positions (n, 3), m, and fields of the spheres."""
+"""Sequence of times, s, positions (n, 3), m, and fields of the spheres."""
 
 
 class SphereMotion(NamedTuple):
-    """How every sphere moves in a wave or in modes.
+    """Motion of every sphere in a wave or in modes.
 
-    product: the wave or the modes. displacement: (nt, n), m, of a wave, or shapes (k, n, 6) of
-    modes. numbers: of the chosen modes, from 1; empty for a wave.
+    product: the wave or the modes. displacement: displacements (nt, n), m, of a wave, or shapes (k,
+    n, 6) of modes. numbers: numbers of the chosen modes, from 1; empty for a wave.
     """
 
     product: Signals | ModeSet
@@ -129,7 +129,7 @@ def sphere_stress(network: Network) -> Floats:
 
 
 def _add_products(total: Floats, spheres: Array, lever: Floats, force: Floats) -> None:
-    """Add the products (m, 3, 3) of levers and forces (m, 3) to the totals (n, 3, 3) of spheres."""
+    """Add the products (m, 3, 3) of levers and forces (m, 3) to the sums (n, 3, 3) of spheres."""
     np.add.at(total, spheres, lever[:, :, None] * force[:, None, :])
 
 
@@ -178,7 +178,7 @@ def displace_spheres(
 ) -> Frames:
     """Yield a frame of spheres, displaced by `scale` times their motion, for each time.
 
-    By default the largest displacement is half a mean radius.
+    By default the scale makes the largest displacement half a mean radius.
     """
     largest = max(float(np.linalg.norm(moved, axis=1).max()) for _, moved in motion)
     if scale is None:
@@ -240,7 +240,10 @@ def _write_mesh(path: Path, points: Floats, shape: str, cells: Array, fields: Fi
 
 
 def write_xyz(path: Path, network: Network, frames: Frames, *, series: bool) -> list[str]:
-    """Write all frames, one or a `series`, into one file of extended XYZ; return its name."""
+    """Write frames into one file of extended XYZ; return its name.
+
+    A `series` has many frames, otherwise there is one.
+    """
     text = io.StringIO()
     for time, position, fields in frames:
         columns: Fields = {"pos": position} | fields
@@ -289,4 +292,4 @@ def _join_numbers(numbers: Floats) -> str:
 
 
 WRITERS = {".vtu": write_vtk, ".xyz": write_xyz}
-"""Functions that write a picture, by the end of the name."""
+"""Functions that write a picture, by the ending of the file's name."""

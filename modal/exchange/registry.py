@@ -33,9 +33,9 @@ class Option:
     Attributes
     ----------
     text : str
-        What it is, for the help.
+        Description of the option, for the help.
     metavar : str or tuple of str
-        How it is typed, for the help.
+        Placeholder of the option's value in the help.
     kind : type
         Type of its value.
     """
@@ -46,7 +46,7 @@ class Option:
 
 
 def all_programs() -> Iterator[ModuleType]:
-    """Yield the modules of all programs; a file is of one of them alone.
+    """Yield the modules of all programs; a file belongs to at most one of them.
 
     This project's own module comes first: for its files no other is loaded.
     """
@@ -82,7 +82,10 @@ def find_program(path: Path) -> ModuleType:
 
 
 def all_options() -> dict[str, Option]:
-    """Return the options of all programs by name; of several with one name the first one."""
+    """Return the options of all programs by name.
+
+    If several programs have an option of one name, the first is returned.
+    """
     options: dict[str, Option] = {}
     for program in all_programs():
         options = dict(program.OPTIONS) | options

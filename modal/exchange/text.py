@@ -20,25 +20,24 @@ from modal.tools.errors import InputError
 from modal.tools.memory import memory_at_hand
 
 MAX_QUOTED_CHARACTERS = 60
-"""Longest piece of a file that a message quotes."""
+"""Largest number of characters of a file that a message quotes."""
 SHORT_MANTISSA_BITS = 16
-"""A number whose mantissa fits into these bits counts as exact. Of numbers that were rounded to the
-24 bits of single precision only one in 2^8 has so short a mantissa."""
+"""Number of bits; a number whose mantissa fits into these bits counts as exact."""
 MAX_LINE_CHARACTERS = 1_000_000
-"""Longest line that is read. Rows have some hundred numbers, lines of a script some thousand
-characters."""
+"""Largest number of characters of a line. Rows have some hundred characters, lines of a script some
+thousand."""
 MAX_MEMORY_SHARE = 0.5
-"""Share of the free memory that the texts of rows may fill: their numbers take as much again."""
+"""Largest share of the free memory for the texts of rows: their numbers take as much again."""
 TEXT_OVERHEAD_BYTES = 64
 """Memory that Python needs for a text in a list, beside the characters of the text."""
 SAMPLED_ROWS = 500
 """Number of rows whose texts show how many digits a program has written."""
 MIN_DOUBLE_PRECISION_DIGITS = 9
-"""Numbers with fewer significant digits hold no more than single precision does."""
+"""Least number of significant digits of a number that needs double precision."""
 SINGLE_PRECISION_DIGITS = 7
 """Significant decimal digits of a number in single precision."""
 MAX_SINGLE_PRECISION = 1e38
-"""Larger numbers overflow in single precision."""
+"""Number above which numbers overflow in single precision."""
 MAX_EXACT_INTEGER = 2**53
 """Largest whole number up to which double precision holds every whole number."""
 
@@ -75,7 +74,7 @@ def refuse(
 
 
 class Refusal(NamedTuple):
-    """A refusal that is kept until it is clear whether the fault counts.
+    """A refusal that is stored until it is clear whether the fault matters.
 
     place: the file and the line, or the option. The rest is that of `InputError`.
     """
@@ -187,7 +186,8 @@ class Rows:
     def require(self, names: Iterable[str], remedy: str, known: Iterable[str] = ()) -> None:
         """Raise InputError, with the line of the header, for the first column that is missing.
 
-        `known` are the names of columns that are there; by default those of the header.
+        `known` are the names that the message lists as existing columns; by default those of the
+        header.
         """
         columns = tuple(known) or self.columns
         listed = (self.separator or " ").join(columns)
@@ -212,7 +212,7 @@ class Rows:
         remedy: str = "",
         column: str = "",
     ) -> None:
-        """Raise InputError, with the line, for the first row that is `wrong` (n,).
+        """Raise InputError, with the line, for the first row where `wrong` (n,) is True.
 
         `problem` may be a function of the row's index, from 0.
         """
@@ -294,7 +294,7 @@ class Rows:
         return numbers.astype(np.int64)
 
     def count_digits(self, *names: str) -> int:
-        """Return the most significant digits of a number in these columns of the first rows."""
+        """Return the largest number of significant digits in these columns of the first rows."""
         indices = [self.columns.index(name) for name in names]
         texts = []
         for row in self.texts[:SAMPLED_ROWS]:
@@ -327,7 +327,7 @@ class Rows:
 
 
 def count_significant_digits(texts: Sequence[str]) -> int:
-    """Return the most significant digits of numbers as written; 7 if they were single precision.
+    """Return the largest number of significant digits in texts; 7 for single precision.
 
     >>> count_significant_digits(["0.01200", "1.25e-3", "7"])
     4
@@ -353,7 +353,7 @@ def count_significant_digits(texts: Sequence[str]) -> int:
 
 
 def count_written_digits(texts: Iterable[str]) -> int:
-    """Return the most digits that a number has in its text, without leading zeros; 1 at least."""
+    """Return the largest number of digits in a text, without leading zeros; at least 1."""
     most = 1
     for text in texts:
         mantissa = text.strip().lower().partition("e")[0].lstrip("+-")
@@ -445,7 +445,7 @@ class Words:
         return numbers
 
     def words_after(self, name: str, count: int) -> list[str]:
-        """Return the `count` words after a name; raise InputError if they are missing."""
+        """Return the `count` words that follow a name; raise InputError if they are missing."""
         if name not in self.remaining:
             self.refuse("missing_word", f"no {name} in it")
         first = self.remaining.index(name) + 1

@@ -15,9 +15,11 @@ from modal.tools.arrays import Array
 from modal.tools.errors import InputError
 
 MAX_NOTE_BYTES = 1 << 20
-"""Largest attribute: a note is a word or a list of numbers; what is larger should be a dataset."""
+"""Largest size of an attribute, bytes: a note is a word or a list of numbers, and larger data
+should be a dataset."""
 MAX_TEXTS = 1000
-"""Most texts in one attribute: all of them may point to one long text of a small file."""
+"""Largest number of texts in one attribute: all of them may point to one long text of a small
+file."""
 NUMBER_KINDS = "biufc"
 """Kinds of NumPy arrays of numbers that a note may be."""
 
@@ -77,7 +79,7 @@ def _read(node: h5py.Group | h5py.Dataset, name: str) -> Any:
 
 
 def _too_large(node: h5py.Group | h5py.Dataset, name: str) -> InputError:
-    """Return the error for an attribute that is too large for a note."""
+    """Return the error for an attribute that is too large to be a note."""
     problem = f"attribute {name} of {node.name} is too large for a note"
     return InputError("huge_note", problem, remedy="keep it as a dataset")
 

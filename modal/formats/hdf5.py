@@ -33,7 +33,7 @@ _HEAP_HEADER_BYTES = 16
 _HDF5_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError)
 """Exceptions that h5py raises for a file that it cannot read."""
 _NO_LOCK_ERRORS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
-"""Error numbers of a disk without locks."""
+"""Error numbers of a disk that does not support locks."""
 _INCOMPLETE_ERRORS = (
     *(AttributeError, KeyError, IndexError, TypeError, ValueError),
     *(OverflowError, RecursionError),  # of a whole number too large, of JSON in JSON in JSON

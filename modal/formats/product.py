@@ -35,10 +35,10 @@ from modal.tools.errors import InputError
 from modal.tools.units import plain_numbers, says
 
 Kind = Literal["f", "i", "b", "c"]
-"""Kind of the numbers of a column: floating-point, integer, boolean, complex."""
+"""Kind of the numbers of a column: floating-point (f), integer (i), boolean (b), complex (c)."""
 
 CREATOR = "granular-wave-modes"
-"""The attribute `creator` of all files."""
+"""Value of the attribute `creator` in all files."""
 FORMAT_ATTRIBUTES = ("schema", "schema_version", "creator", PACKING_DIGEST)
 """Attributes of the format itself, which every product has."""
 
@@ -65,22 +65,24 @@ NUMBER_TYPES: Mapping[str, NumberType] = {
 """Number types by the kind of a column. Complex numbers are stored as (..., 2), real and imaginary
 part."""
 UNIT_ATTRIBUTES = ("unit", "units")
-"""Names of attributes, in small letters, that have the unit of a dataset."""
+"""Names, in small letters, of attributes that state the unit of a dataset."""
 PACKING_ATTRIBUTES = {"scale_factor": 1.0, "add_offset": 0.0}
-"""Attributes by which other programs pack numbers, and their values if nothing is packed."""
+"""Attributes by which other programs scale stored numbers, and their values if nothing is
+scaled."""
 MISSING_ATTRIBUTES = ("_FillValue", "missing_value")
 """Attributes with a number that stands for a missing one."""
 MIN_INTEGER_BYTES = 4
-"""Integers of this width keep it in memory: six times a number of contacts fits."""
+"""Bytes of an integer that is kept in memory as in the file: six times a number of contacts must
+fit."""
 
 
 class Column(NamedTuple):
     """A dataset of a format.
 
-    dataset: its path in the file. kind: of its numbers. shape: lengths; a length with a name is the
-    same in all columns of a file. unit: SI unit. optional: whether a file may lack it. finite:
-    whether all numbers must be finite. since: lowest version of a file that has the column; a
-    program that does not know it refuses the file.
+    dataset: its path in the file. kind: the kind of its numbers. shape: lengths; a length with a
+    name is the same in all columns of a file. unit: SI unit. optional: whether a file may lack it.
+    finite: whether all numbers must be finite. since: lowest version of a file that has the column;
+    a program of an earlier version refuses such a file.
     """
 
     dataset: str
@@ -117,9 +119,9 @@ class Column(NamedTuple):
     ) -> Array:
         """Return a dataset, or what is like an array, as an array of this column.
 
-        `indices` select the part that is read. Lengths with a name are those in `lengths`; new ones
-        are added. In memory integers of 4 bytes keep their width: six times a number fits. Raises
-        InputError if the data do not fit the column.
+        `indices` select the part that is read. Lengths with a name must be those in `lengths`; new
+        names are added to it. Integers of 4 bytes keep their width in memory. Raises InputError if
+        the data do not fit the column.
         """
         is_stored = isinstance(data, h5py.Dataset)
         if not is_stored:
@@ -140,7 +142,10 @@ class Column(NamedTuple):
 
 
 def _shape_fits(shape: tuple[int, ...], expected: tuple[int | str, ...]) -> bool:
-    """Tell whether a shape is as expected; a length that is still a name may be any."""
+    """Tell whether a shape is as expected.
+
+    An expected length that is a name stands for any length.
+    """
     if len(shape) != len(expected):
         return False
     return all(
@@ -150,7 +155,7 @@ def _shape_fits(shape: tuple[int, ...], expected: tuple[int | str, ...]) -> bool
 
 
 def _to_array(data: Any) -> Array:
-    """Return data as an array; an array of no kind that a column has if they are none."""
+    """Return data as an array; data that are no numbers give an array that no column accepts."""
     try:
         return np.asarray(data)
     except (TypeError, ValueError):  # rows of different lengths, or members that are no numbers
@@ -159,7 +164,7 @@ def _to_array(data: Any) -> Array:
 
 @dataclass(frozen=True)
 class Product:
-    """A format of files.
+    """A file format: its columns and attributes, and functions to write and read files.
 
     Attributes
     ----------
@@ -317,7 +322,9 @@ def stored(
     finite: bool = True,
     since: int = 1,
 ) -> Column:
-    """Return a column in a folder, "" for none, with the name of its field or this `name`.
+    """Return a column in a `folder` of the file, with the name of its field or this `name`.
+
+    The folder "" is the file's root. The other arguments are those of `Column`.
 
     The other arguments are those of `Column`.
     """

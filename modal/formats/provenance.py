@@ -37,14 +37,14 @@ NETWORK_SCHEMA = "granular-contact-network"
 DISTRIBUTIONS = ("granular-wave-modes", "numpy", "scipy", "h5py")
 """Packages whose versions a product names, if they are installed."""
 DIGEST_DIGITS_SHOWN = 8
-"""Digits of a digest in messages."""
+"""Number of digits of a digest that messages show."""
 
 
 @dataclass(frozen=True)
 class Source:
     """A file that a product was made from: its role, its name without folder, its digest.
 
-    A file under another name is an equal source.
+    Two sources with equal digests are equal, whatever their names.
     """
 
     role: str
@@ -202,7 +202,7 @@ def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) 
     """Return the provenance of what a command of modal writes, from its parsed options.
 
     Names of files to write, and options that only change what is printed, are no settings. A file
-    replaces the setting with the name of its role.
+    that an option names is recorded as a source, not as a setting.
     """
     settings = {}
     for name, value in options.items():
@@ -271,8 +271,8 @@ class Change:
     """A difference between what a product was made from and what it should be made from.
 
     kind: "no_settings" if the product does not say its settings; "setting" and "source" for a
-    setting or a source that differs. name: of the setting, or the role of the source. old, new:
-    their values; "absent" if there is none.
+    setting or a source that differs. name: name of the setting, or role of the source. old, new:
+    values before and now; "absent" if there is none.
     """
 
     kind: Literal["no_settings", "setting", "source"]
@@ -340,7 +340,7 @@ def is_current(
 
 
 def set_aside(path: str | Path) -> None:
-    """Rename a stale product, so that nobody takes it for the new one if that cannot be made."""
+    """Rename a stale product, so that it is not mistaken for the new one if making that fails."""
     path = Path(path)
     if path.exists():
         os.replace(path, path.with_name(path.name + ".stale"))

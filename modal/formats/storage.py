@@ -1,4 +1,4 @@
-"""What an HDF5 file may hide: numbers of other files, numbers never written, and far too many.
+"""Refuse HDF5 files whose numbers are in other files, were never written, or are far too many.
 
 A product is one file that holds all of its numbers, so that its checksum covers all of them. HDF5
 lets a dataset stand for numbers in other files (external links, external storage, virtual
@@ -15,7 +15,8 @@ from modal.tools.errors import InputError
 from modal.tools.workload import refuse_above_memory
 
 MAX_COMPRESSION = 1100
-"""Most bytes of numbers from one stored byte: zlib, HDF5's own compression, has 1032 at most."""
+"""Largest ratio of the bytes of numbers to stored bytes: zlib, HDF5's own compression, reaches
+1032."""
 UNCHECKED_BYTES = 1 << 24
 """Size of numbers up to which any compression is accepted: other kinds compress equal numbers more
 than zlib."""
@@ -30,7 +31,7 @@ def refuse_links(file: h5py.File) -> None:
 
 
 def walk(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset | None]]:
-    """Yield the path and the node of all that a file has; None for neither group nor dataset.
+    """Yield the path and the node of everything in a file; None for a node of another kind.
 
     Raises InputError for a link out of the file, and for a group with a second name, or in a
     circle: its datasets would have further paths that are not checked.
@@ -84,7 +85,10 @@ def _address(group: h5py.Group) -> tuple[int, ...]:
 
 
 def refuse_hidden(dataset: h5py.Dataset, name: str) -> None:
-    """Raise InputError if not all numbers of a dataset are in the file, or more than can be."""
+    """Raise InputError if some numbers of a dataset are not in the file, or if there are too many.
+
+    Too many are more than the stored bytes can hold with any compression.
+    """
     if dataset.shape is None:
         problem = f"{name} is empty, without a shape"
         raise InputError("unwritten", problem, remedy="write its numbers")

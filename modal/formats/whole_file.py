@@ -27,12 +27,13 @@ except ImportError:  # Windows, which deletes no file that is open
     fcntl = None  # type: ignore[assignment]
 
 HOST = f"{zlib.crc32(platform.node().encode()):08x}"
-"""Digest of this machine's name, for names of partial files: some disks keep the locks of each
-machine apart, and names of hosts may be long."""
+"""Digest of this machine's name, for the names of partial files. Some disks keep the locks of each
+machine apart, and host names may be long."""
 RANDOM_BYTES = 8
 """Random bytes in a partial file's name, so that nobody can put a link there beforehand."""
 MAX_LINKS = 40
-"""Links that are followed, one to the next; Linux takes more of them for a circle."""
+"""Largest number of links, each to the next, that are followed; beyond it they are taken for a
+circle."""
 
 LockState = Literal["ours", "held", "none"]
 """Whether a lock was taken, is held by another process, or is not possible."""

@@ -1,11 +1,11 @@
-"""Find all zero modes: their exact number, and those that structure does not show.
+"""Find all zero modes, also those that the structure of the contacts does not show.
 
 Spheres that have three contacts each are held one by one; together they may still move without
 energy, which the structure of the contacts does not show: in packings with few springs, and in
 crystals, whose contacts repeat. No test of the structure alone excludes such motions. The number of
 eigenvalues of A up to the threshold of zero does, but takes a factorisation. It is computed where
 this takes seconds, and in larger packings where the structure is doubtful (`doubtful`). Elsewhere
-the zero modes are those that structure shows, and `counted` is False.
+only the zero modes that the structure shows are returned, and `counted` is False.
 """
 
 from contextlib import suppress
@@ -26,11 +26,13 @@ from modal.tools.errors import InputError, UnavailableError
 from modal.tools.workload import refuse_above_memory
 
 MAX_EASY_OPERATIONS = 3e10
-"""Multiplications of a count, some seconds, up to which it is made in any packing."""
+"""Largest number of multiplications, some seconds, for which a count is made in any packing."""
 ZERO_SHIFT = 1e-9
-"""Shift below zero about which zero modes are sought, divided by A's largest diagonal entry."""
+"""Distance below zero of the shift about which zero modes are sought, divided by A's largest
+diagonal entry."""
 FIRST_UNSTABLE_SHIFT = 1e-6
-"""First shift that is tried for unstable modes, which must lie above it; in the same unit."""
+"""Distance below zero of the first shift that is tried for unstable modes, divided by A's largest
+diagonal entry. All unstable modes must lie above the shift."""
 NAMES = {"zero": "motions without energy", "unstable": "unstable modes"}
 """Names of the modes in messages."""
 CACHE_NAME = "counted zero modes"
@@ -40,8 +42,8 @@ CACHE_NAME = "counted zero modes"
 def every_floppy(system: LinearSystem) -> FloppyModes:
     """Return the zero modes, counted where this is easy or where their structure is doubtful.
 
-    Elsewhere, where a count would take more than the memory or the time, and for a K that is not
-    symmetric, which cannot be counted, they are those that structure shows. Raises InputError if K
+    Elsewhere the zero modes are those that the structure shows: where a count would take too much
+    memory or time, and if K is not symmetric, so that no count is possible. Raises InputError if K
     may have negative directions that cannot be counted.
     """
     floppy = by_structure(system)
@@ -67,7 +69,7 @@ def summary_at_zero(system: LinearSystem) -> dict[str, Any]:
 
 
 def counted_floppy(system: LinearSystem, at_zero: Floats | None = None) -> FloppyModes:
-    """Return the zero modes, their number by an exact count; kept with the network.
+    """Return the zero modes, their number confirmed by an exact count; kept with the network.
 
     A complete list of modes from zero on passes the zero modes `at_zero` (size, c) that it has
     found beside those of the structure: the count at its end leaves room for no others.
@@ -107,9 +109,9 @@ def _find(
 ) -> sp.csc_matrix:
     """Find `count` zero or unstable modes beside the `known` ones; orthonormal, (size, count).
 
-    Zero modes are nearest to a shift just below zero, unstable ones to a shift below all of them,
-    about which A - sigma is definite. Raises InputError if the modes do not fit into the memory, or
-    if not all are found.
+    Zero modes are sought about a shift sigma just below zero, unstable modes about a shift below
+    all of them, so that A - sigma is positive definite. Raises InputError if the modes do not fit
+    into the memory, or if not all are found.
     """
     if count <= 0:
         return sp.csc_matrix((system.size, 0))
@@ -148,13 +150,13 @@ def _find(
 
 
 def easy(system: LinearSystem) -> bool:
-    """Tell whether an exact count is known already, or takes some seconds by estimate."""
+    """Tell whether an exact count is known already, or is estimated to take a few seconds."""
     counted = bool(system.cached(CACHE_NAME, dict))
     return counted or factorisation(system, kept=False).operations <= MAX_EASY_OPERATIONS
 
 
 def doubtful(system: LinearSystem, floppy: FloppyModes) -> bool:
-    """Tell whether structure may well not show all zero modes of a disordered packing.
+    """Tell whether the structure of a disordered packing may fail to show all zero modes.
 
     The cases are contacts without a tangential spring, fewer springs than motions, a loose part too
     large to be analysed, and motions that may release energy.

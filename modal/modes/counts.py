@@ -22,11 +22,11 @@ MIN_SQUARE_ABOVE_ALL = 4.0
 """An omega^2, divided by A's largest diagonal entry, above which there may be no mode at all: the
 upper bound of the spectrum is then computed."""
 INVERSE_ITERATIONS = 3
-"""Solves that look for a mode at a frequency: each multiplies the mode's component of a random
-vector by the quotient of the distances of the next mode and of this one."""
+"""Number of inverse iterations that look for a mode at a frequency. Each multiplies the mode's
+component in a random vector by the ratio of the next mode's distance to this mode's distance."""
 SIDE_STEP = 1e-6
-"""Distance, relative in omega^2, of the counts below and above a frequency at which no count is
-possible."""
+"""Relative distance in omega^2 of the two counts, below and above, that replace a count at a
+frequency where none is possible."""
 
 
 def check_count(system: LinearSystem, count: int, available_modes: int) -> None:
@@ -179,7 +179,10 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
 def _counts_by_method(
     system: LinearSystem, square: float, apart: bool
 ) -> Iterator[set[int | None]]:
-    """Yield, method after method, the counts at places that must agree.
+    """Yield, for each factorisation, the counts that must agree.
+
+    The counts are made at the `square` itself, in 1/s^2, or below and above it if modes must be
+    `apart`. The factorisations are the chosen one, then the blocks.
 
     The places are the square itself, or one below and one above; the factorisations are the chosen
     one, then the blocks.
@@ -197,7 +200,10 @@ def _counts_by_method(
 
 
 def _count_negative(system: LinearSystem, square: float, solver: str, apart: bool) -> int | None:
-    """Count the negative eigenvalues of A - square; None if this factorisation is not certain.
+    """Count the negative eigenvalues of A - square; None if the factorisation is not certain.
+
+    The result is also None if modes must be `apart` from the square and one is not. The result is
+    kept with the network.
 
     The result is also None if modes must be `apart` and one is not. It is kept with the network.
     """
@@ -217,7 +223,10 @@ def _count_negative(system: LinearSystem, square: float, solver: str, apart: boo
 
 
 def _distance_of_mode(solve: Callable[[Floats], Floats], size: int) -> float:
-    """Estimate the smallest absolute eigenvalue by inverse iteration from a random vector."""
+    """Estimate the smallest absolute eigenvalue by inverse iteration from a random vector.
+
+    `solve` applies the inverse of the matrix.
+    """
     vector = start_block(size, 1)[:, 0]
     for _ in range(INVERSE_ITERATIONS):
         vector = solve(vector / np.linalg.norm(vector))

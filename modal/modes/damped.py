@@ -30,19 +30,21 @@ from modal.tools.errors import InputError
 from modal.tools.progress import progress
 
 MAX_DENSE_SIZE = 200
-"""Degrees of freedom up to which all modes are found at once: hardly any mode may oscillate among
-many motions without energy."""
+"""Degrees of freedom up to which all modes are found at once from dense matrices: among many
+motions without energy hardly any mode may oscillate."""
 MIN_BASIS_VECTORS = 100
-"""Vectors of Arnoldi's method. A fifth of them takes a fifth of the memory, and five times as many
-solves among modes that lie as close as those of a thousand spheres."""
+"""Least number of vectors of Arnoldi's method. With a fifth of them the memory is a fifth, but five
+times as many solves are needed among modes that lie as close as those of a thousand spheres."""
 MAX_SOLVES = 3000
-"""Solves before a search is given up: ten times what the packings of the documents have taken."""
+"""Number of solves after which a search ends without success: ten times what the packings of the
+documents have taken."""
 MIN_RATE_SHARE = 1e-6
-"""Rate below which a motion counts as no oscillation, divided by that of the requested frequency.
-Round-off spreads motions without energy, whose rates are zero twice, over some 1e-8 of it."""
+"""Rate of oscillation below which a motion counts as not oscillating, divided by the requested
+rate. Motions without energy have a double rate of zero, which round-off spreads over some 1e-8 of
+the requested rate."""
 
 DECAY_RATES = "take decay_rates of elastic modes"
-"""Remedy where the search takes too much."""
+"""Text of the remedy where the search takes too much time or memory."""
 
 
 @dataclass(frozen=True, repr=False)

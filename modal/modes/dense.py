@@ -22,7 +22,7 @@ from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.blas import blas_threads
 
 MIN_ROWS_FOR_THREADS = 1000
-"""Rows of a dense matrix from which on its work is shared by threads."""
+"""Least number of rows of a dense matrix for which threads share the work."""
 
 
 class Cells(NamedTuple):
@@ -75,7 +75,10 @@ def dense_modes(system: LinearSystem, choice: Choice) -> ModeSet:
 
 
 def _pieces(blocks: list[SolvedBlock], place: Ints) -> Iterator[Piece]:
-    """Yield the listed modes of each block; `place` is -1 for modes that are not listed."""
+    """Yield the listed modes of each block; `place` (size,) is each mode's place in the list.
+
+    A mode whose place is -1 is not listed.
+    """
     first = 0
     for number, block in enumerate(blocks):
         last = first + block.modes_each * len(block.square)

@@ -36,7 +36,9 @@ from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
 
 FILE_COLUMNS: dict[str, Any] = {"all": 6, "translation": slice(0, 3), "rotation": slice(3, 6)}
-"""The groups in a file, and which of the seven numbers of `DensityOfStates.density` each holds."""
+"""Groups of columns in a file, and the components of `DensityOfStates.density` that each holds.
+
+The seven components are u_x, u_y, u_z, theta_x, theta_y, theta_z, and their sum."""
 KINDS = {"density": "1/Hz", "density_error": "1/Hz", "count_below": "1", "count_below_error": "1"}
 """The columns of a group, with their units."""
 SCHEMA = "granular-density-of-states"
@@ -56,7 +58,7 @@ def _columns() -> dict[str, Column]:
 
 FORMAT = Product(SCHEMA, _columns(), {"resolution": float, "vectors": int})
 MIN_VECTORS = 6
-"""Least number of random vectors: enough to see their scatter."""
+"""Least number of random vectors: enough to estimate their scatter."""
 RESOLUTION = 0.01
 """Default resolution, divided by the highest frequency: 2 kHz in the study's packings under 100
 kPa."""
@@ -67,10 +69,10 @@ FREQUENCIES_TOGETHER = 256
 MAX_BLOCK_NUMBERS = 2**24
 """Largest number of entries of a block of vectors that are multiplied together."""
 DENSE_PAYS = 4
-"""Degrees of freedom, divided by the number of random vectors, up to which the whole spectrum costs
-less than the vectors."""
+"""Degrees of freedom, divided by the number of random vectors, up to which the whole spectrum takes
+less time than the products with the vectors."""
 MAX_DENSE_SIZE = 3000
-"""Degrees of freedom up to which the spectrum is found in some seconds; its traces have no
+"""Degrees of freedom up to which the whole spectrum takes some seconds; its traces have no
 error."""
 
 
@@ -160,15 +162,18 @@ class DensityOfStates(Drawn):
     def reduced(self, frequency: ArrayLike) -> tuple[Floats, Floats]:
         """Compute modes per Hz divided by f^2, 1/Hz^3, and the standard error, (nf,); f > 0.
 
-        The waves of a solid make it level at low frequency, at the `debye_level` of the solid
-        (`modal.elasticity.moduli`) times the volume; an excess above this level is the boson peak.
+        The waves of a solid make this ratio constant at low frequency, equal to the `debye_level`
+        of the solid (`modal.elasticity.moduli`) times the volume; an excess above this level is the
+        boson peak.
         """
         value, error = self.density(frequency)
         square = np.asarray(frequency, float) ** 2
         return value[..., 6] / square, error[..., 6] / square
 
     def count_below(self, frequency: ArrayLike) -> tuple[Floats, Floats]:
-        """Integrate the density: the number of modes below frequencies (nf,), Hz, with zero modes.
+        """Return the number of modes below frequencies (nf,), Hz, with zero modes.
+
+        This is the integral of the density.
 
         Returns values and standard errors (nf, 7) as `density` does.
         """
@@ -188,7 +193,8 @@ class DensityOfStates(Drawn):
     def grid(self) -> Floats:
         """Return frequencies, Hz, from zero to just below `highest`, four to a resolution.
 
-        If the resolution is coarser than a hundredth of `highest`, there are four to that.
+        If the resolution is coarser than a hundredth of `highest`, there are four frequencies to a
+        hundredth.
         """
         width = min(self.resolution, RESOLUTION * self.highest)
         return np.arange(0, self.highest, width / 4)
@@ -280,7 +286,7 @@ def density_of_states(
 def density_of(
     system: LinearSystem, resolution: float | None = None, tolerance: float = 1e-3, seed: int = 1
 ) -> DensityOfStates:
-    """Estimate the density of a system as `density_of_states` does; kept with its network."""
+    """Estimate the density of a system as `density_of_states` does; kept with the network."""
     width = RESOLUTION * system.highest_frequency if resolution is None else resolution
     return system.cached_recent(
         "densities of states",
@@ -345,7 +351,10 @@ def _refuse_endless(
     vectors: int,
     exact: bool,
 ) -> None:
-    """Raise InputError if `count` moments of random `vectors`, or exact ones, take too much."""
+    """Raise InputError if the moments of random `vectors`, or exact ones, take too much.
+
+    `count` is the number of moments; too much is more time or memory than allowed.
+    """
     size = system.size
     if exact:
         products: float = system.spectral_bound_and_cost[1]
@@ -364,7 +373,7 @@ def _refuse_endless(
 
 
 def _multiplied_vectors(size: int, vectors: int) -> int:
-    """Return the number of vectors in whole blocks."""
+    """Return the number of vectors multiplied if `vectors` are filled up to whole blocks."""
     width = block_width(size)
     return width * int(np.ceil(vectors / width))
 
@@ -437,7 +446,10 @@ def write_density(
 
 
 def read_density(path: str | Path) -> tuple[Floats, Floats, Floats]:
-    """Read frequencies, Hz, modes per Hz without the zero modes, and modes below with them, (nf,).
+    """Read frequencies (nf,), Hz, modes per Hz (nf,), and numbers of modes below (nf,).
+
+    The modes per Hz are without the zero modes, the numbers of modes with them. Translations and
+    rotations are taken together.
 
     Motions of all kinds are taken together, as `write_density` has written them. Raises InputError
     if the file is not valid.

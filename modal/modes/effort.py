@@ -13,22 +13,26 @@ from modal.system.linear_system import LinearSystem
 from modal.tools.workload import refuse_above
 
 OPERATIONS_PER_SECOND = 1e10
-"""Multiplications a second on one core at 2.5 GHz, additions included: of dense blocks there may be
-three times as many, of sparse ones half."""
+"""Multiplications, with their additions, that one core at 2.5 GHz does in a second. Products of
+dense blocks are up to three times as fast, of sparse ones half as fast."""
 PRODUCT_OPERATIONS = 200
-"""Multiplications that take as long as A v, for each degree of freedom; A v waits for memory."""
+"""Multiplications that would take as long as the product A v, for each degree of freedom: the
+product is slow because it waits for memory."""
 BLOCK_PRODUCT_OPERATIONS = 1.2
-"""Multiplications that take as long as A times a block, for each nonzero of A and vector of the
-block; without numba it takes four times as many."""
+"""Multiplications that would take as long as the product of A with a block, for each nonzero of A
+and each vector of the block. Without numba the product takes four times as long."""
 ORTHOGONALISATION_OPERATIONS = 4
-"""Multiplications that keep a basis orthogonal, for each of its numbers and each vector of it."""
+"""Multiplications to make a vector orthogonal to a basis, for each number of the basis."""
 DENSE_OPERATIONS = 5
 """Multiplications of a dense eigenproblem, divided by the cube of its rows. Two blocks of opposite
 wave vectors share one complex eigenproblem, which costs about as much as two real ones."""
 
 
 def shape_of(system: LinearSystem) -> Shape:
-    """Return the shape of A, without assembling it; its layers lie along the longest side."""
+    """Return the shape of A without assembling it.
+
+    Layers of rows follow each other along the longest side.
+    """
     network = system.network
     diameter = 2 * network.radius.mean()
     layers = np.ptp(network.position, axis=0).max() / diameter + 1
@@ -56,8 +60,8 @@ def _lanczos(system: LinearSystem, vectors: int, operations_each: float) -> Cost
 def near_a_shift(system: LinearSystem, count: int) -> Cost:
     """Estimate the cost of finding `count` modes about shifts.
 
-    They are cut into slices of about `Limits.slice` modes, each with its own factorisation, exact
-    count and Lanczos basis.
+    The modes are cut into slices of about `Limits.slice` modes, each with its own factorisation,
+    exact count and Lanczos basis.
     """
     largest_slice = system.limits.slice
     slices = 1

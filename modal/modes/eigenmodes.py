@@ -31,11 +31,14 @@ from modal.tools.errors import InputError, UnavailableError
 from modal.tools.workload import MAX_SECONDS
 
 DEFAULT_COUNT = 10
-"""Number of lowest modes if nothing else is requested: enough to see where a spectrum begins."""
+"""Number of lowest modes that are computed if nothing is requested: enough to see where a spectrum
+begins."""
 SHIFT_BELOW_ZERO = 1e-7
-"""Shift below zero, divided by the largest diagonal entry of A, that keeps the factor definite."""
+"""Distance below zero of the shift for the lowest modes, divided by the largest diagonal entry of
+A; with this shift A - sigma is positive definite."""
 MIN_RELATIVE_WIDTH = 1e-6
-"""Relative width of an interval that is not cut further: mostly it holds a degenerate frequency."""
+"""Relative width of an interval of frequencies that is not cut further: mostly it holds modes of
+equal frequency."""
 FREQUENCY_STEP = 1.1
 """Factor by which a frequency grows if fewer modes lie below it than were estimated."""
 
@@ -212,7 +215,10 @@ def _find(system: LinearSystem, kind: str, value: Any, certify: bool) -> ModeSet
 def _find_at_end(
     system: LinearSystem, kind: ChoiceKind, count: int, available: int, certify: bool
 ) -> ModeSet:
-    """Find all modes, or `count` of the `available` ones at an end, by the method that pays."""
+    """Find all modes, or `count` of the `available` ones at an end.
+
+    The method is the one that is estimated to be fastest.
+    """
     choice = Choice(kind, count)
     request = ModeRequest(system, choice, count, available)
     if request.method == "dense":
@@ -233,7 +239,10 @@ def _find_at_end(
 
 
 def _beside_zero_modes(system: LinearSystem, find: Callable[[FloppyModes], ModeSet]) -> ModeSet:
-    """Return the list that `find` makes of the modes beside the zero modes.
+    """Return the list of modes that `find` makes beside the zero modes.
+
+    If the zero modes were not counted and the list is not complete, they are counted, and the list
+    is made again.
 
     If these are not counted, and the list is not complete, they are counted and it is made again.
     """
@@ -266,7 +275,7 @@ def _find_highest(system: LinearSystem, choice: Choice, certify: bool) -> ModeSe
     """Find the highest modes; zero modes, far from the top, need not be held out.
 
     An exact count takes a factorisation, which costs more than a few modes; it is left out without
-    `certify`, or if it does not fit.
+    `certify`, or if the factorisation does not fit into the memory.
     """
     search = Search(system, FromTop(system), sp.csc_matrix((system.size, 0)))
     missing = 0
@@ -303,9 +312,9 @@ def _list_found(search: Search, choice: Choice, missing: int, reason: str = "") 
 def _find_interval(system: LinearSystem, interval: Choice, choice: Choice) -> ModeSet:
     """Find every elastic mode with low <= f < high, Hz, certified by counts beside both ends.
 
-    The counts are made outside, as far as round-off reaches, so that an interval may end on a mode:
-    its computed frequency decides whether it is in the list. If the `choice` is that of the lowest
-    modes, the list has no more than these.
+    The counts are made outside of the interval, farther than round-off moves a mode. An interval
+    may therefore end on a mode, whose computed frequency decides whether it is in the list. If the
+    `choice` is that of the lowest modes, the list has no more than these.
     """
     if ModeRequest(system, interval, 0, system.size).method == "dense":
         return dense_modes(system, interval)

@@ -20,8 +20,8 @@ from modal.tools.arrays import Floats
 def shift_by_law(network: Network, modes: ModeSet) -> Floats | None:
     """Compute what the law of an imported packing adds to the frequencies of its springs.
 
-    Returns (k,), Hz; None if the network does not know its law or its shear forces, or the modes
-    have no shapes.
+    Returns the shifts (k,), Hz; None if the network does not know its law or its shear forces, or
+    the modes have no shapes.
     """
     shapes = modes.mode_shape
     if network.shear_growth is None or network.force_tangential is None:

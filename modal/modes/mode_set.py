@@ -24,14 +24,14 @@ VERSION = 1
 WHOLE_NUMBER_ATTRIBUTES = {"certified", "missing", "floppy_modes", "unstable_modes"}
 """Attributes of a list that are whole numbers; `certified` is 0 or 1."""
 OBSERVABLES = ("residual", "chi_z", "chi_z_chain", "rotation_share")
-"""Columns of a list of modes, besides its frequencies."""
+"""Columns of a list of modes besides the frequencies."""
 MIN_MOTION_SQUARED = 1e-18
 """Square of a displacement, relative to the largest of the mode, below which a particle is at
 rest and its motion has no direction: the middle layer of an antisymmetric mode moves by round-off.
 """
 
 ChoiceKind = Literal["lowest", "highest", "between", "all"]
-"""The modes that a list can be of."""
+"""The kind of request that a list of modes answers."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Choice:
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """The attributes in a file: the kind, its limits, and all of it in words as `interval`."""
+        """The attributes in a file: kind of the request, its limits, and both as `interval`."""
         attributes: dict[str, Any] = {"interval": self.kind, "choice": self.kind}
         if self.kind == "between":
             attributes["interval"] = f"{self.low:g} {self.high:g}"
@@ -91,10 +91,10 @@ class Choice:
         return cls("between", low=low, high=high)
 
     def part(self, frequency: Floats, zero: float) -> slice:
-        """Return which of all frequencies (m,), ascending, Hz, are in the choice.
+        """Return the slice of all frequencies (m,), ascending, Hz, whose modes are in the choice.
 
-        Those up to `zero` belong to modes that are not elastic; the lowest modes, and those of an
-        interval, are without them.
+        Frequencies up to `zero`, Hz, belong to modes that are not elastic; choices of the lowest
+        modes, and of an interval, leave them out.
         """
         first_elastic = int((frequency <= zero).sum())
         if self.kind == "lowest":
@@ -186,9 +186,10 @@ class ModeSet(Drawn):
     def chi(self, axis: str) -> Floats:
         """Compute the share of the motion along x, y or z of each mode shape, (k,).
 
-        Along z it is `chi_z`, except for pairs of equal frequency that follow from a crystal's
-        lateral symmetry: their shapes are standing waves, and `chi_z` is that of the travelling
-        wave which the two make together. Raises InputError if the mode shapes were not kept.
+        Along z the share is `chi_z`, except for pairs of equal frequency that follow from a
+        crystal's lateral symmetry: their shapes are standing waves, and `chi_z` is that of the
+        travelling wave which the two make together. Raises InputError if the mode shapes were not
+        kept.
         """
         if axis not in ("x", "y", "z"):
             raise InputError("axis", f"axis {axis!r}", remedy="choose x, y or z")
@@ -225,7 +226,7 @@ class ModeSet(Drawn):
         return participation_ratio(self.shapes(network), RootMass.of(network))
 
     def with_zero_modes(self, floppy: int, unstable: int) -> ModeSet:
-        """Note the numbers of floppy and unstable motions unless the list has them; return it."""
+        """Return the list with the numbers of floppy and unstable motions, if it lacks them."""
         self.attributes = {"floppy_modes": floppy, "unstable_modes": unstable} | self.attributes
         return self
 
@@ -371,8 +372,8 @@ def read_z_shapes(path: str | Path) -> Floats | None:
 def certificate(missing: int, reason: str = "") -> dict[str, Any]:
     """Return the attributes that say whether a list is complete, and how many modes it lacks.
 
-    `reason` says why no count was made. A `missing` below zero means that more modes were found
-    than the count allows.
+    `reason` says why no count was made. A negative `missing` means that more modes were found than
+    the count allows.
     """
     if missing > 0:
         reason = f"{missing} modes are missing: not converged, or on an end to round-off"

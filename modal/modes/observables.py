@@ -15,9 +15,9 @@ from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
 
 PLANAR = 0.999
-"""chi_z above which a mode moves along z only."""
+"""Least chi_z of a mode that moves along z only."""
 MAX_ROTATION_SHARE = 1e-6
-"""Share of the energy in rotations below which a mode may be a pure P-wave."""
+"""Largest share of the kinetic energy in rotations of a mode that may be a pure P-wave."""
 
 
 def observables(
@@ -57,7 +57,9 @@ def observables(
 
 
 def pure_waves(table: Floats, shape: Array, chain: Ints | None) -> Floats:
-    """Return frequency and z-shape along the chain of modes that are pure P-waves, (p, 1 + nc).
+    """Return frequencies and z-displacements along the chain of the pure P-waves, (p, 1 + nc).
+
+    The first column holds frequencies, Hz, the others displacements, kg^-1/2.
 
     `table` and `shape` are the results of `observables`. A pure P-wave has a chi_z above `PLANAR`
     and a share of rotations below `MAX_ROTATION_SHARE`.
@@ -102,7 +104,7 @@ class Piece(NamedTuple):
         part, times sqrt(2), are two standing waves of one frequency, with a place each; a wave at
         -1 is not listed.
     unit : callable
-        Returns some of the unit eigenvectors of A, (size, s), for a slice of the modes.
+        Returns the unit eigenvectors of A, (size, s), for a slice of s modes.
     planar : bool
         Whether there may be pure P-waves among them.
     """
@@ -118,7 +120,7 @@ def found_modes(
 ) -> ModeSet:
     """Return a list of modes with observables, and with shapes if these fit in `Limits.shapes`.
 
-    The places of all pieces go up to `count` at most, without a gap. `choice` is the request.
+    The places of all pieces are 0 to `count` - 1 at most, without a gap. `choice` is the request.
     `Limits.together` modes are computed at a time, which bounds the memory.
     """
     n = system.network.n_particles

@@ -1,8 +1,10 @@
-"""Search for modes in rounds until an exact count agrees: about a shift, from below, or the top.
+"""Search for modes in rounds until an exact count agrees.
 
-Each round holds out what the rounds before found. A block of start vectors sees as many modes of
-one frequency as it has columns; if an exact count says that some are missing, another round finds
-them.
+The search is about a shift, from the lower end of the spectrum, or from the top.
+
+Each round searches orthogonally to the modes that the rounds before have found. A block of start
+vectors sees as many modes of one frequency as it has columns; if an exact count says that some are
+missing, another round finds them.
 """
 
 from collections.abc import Callable
@@ -29,23 +31,26 @@ from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.memory import memory_at_hand
 
 MIN_DISTANCE_ABOVE = 1e-7
-"""Least distance of the shift from the highest mode, relative to the omega^2 of the mode."""
+"""Least distance of the shift from the highest mode, divided by the omega^2 of the mode."""
 MIN_PRODUCTS = 300
-"""Products with A after which the highest mode is sought about a shift instead, unless the factor
-costs more: that of a long, narrow packing costs a few hundred products, of a wide one thousands."""
+"""Number of products with A after which the highest modes are sought about a shift instead, unless
+the factor costs more: the factor of a long, narrow packing costs as much as a few hundred products,
+of a wide one as thousands."""
 MIN_PRODUCTS_PER_MODE = 30
-"""Further products for each mode."""
+"""Number of products with A for each wanted mode, in addition to `MIN_PRODUCTS`."""
 MAX_PRODUCTS = 20_000
-"""Largest number of products with A: so many separate omega^2 that differ by 1e-6."""
+"""Largest number of products with A: so many are needed to separate values of omega^2 that differ
+by 1e-6."""
 MAX_SQUARE_IN_THRESHOLDS = 1e3
-"""An omega^2 up to this, in units of the threshold of zero, may be a zero mode with its round-off.
-The Rayleigh quotient decides, because its error is the square of that of the vector."""
+"""Largest omega^2, divided by the threshold of zero, that may be a zero mode with round-off. The
+Rayleigh quotient then decides, because its error is the square of that of the vector."""
 SHIFT_GROWTH = 4
-"""Factor by which the distance of a shift grows until no mode lies above it."""
+"""Factor by which the distance of a shift from the highest known mode grows until no mode lies
+above the shift."""
 
 
 class AboutShift:
-    """The modes nearest to a shift `sigma` in omega^2, 1/s^2, by solves with A - sigma."""
+    """Search for the modes nearest to a shift `sigma` in omega^2, 1/s^2, by solving A - sigma."""
 
     def __init__(self, system: LinearSystem, sigma: float, *, definite: bool = False) -> None:
         self.system = system
@@ -55,7 +60,7 @@ class AboutShift:
         self.solver = "lanczos, solves"
 
     def factorised(self) -> Factor:
-        """Return the factor of A - sigma, which is made at the first call."""
+        """Return the factor of A - sigma, which is computed at the first call."""
         if self.factor is None:
             self.factor = self.system.factor(self.sigma, definite=self.definite)
             self.solver = f"lanczos, solves by {self.factor.solver}"
@@ -66,14 +71,14 @@ class AboutShift:
         return modes_nearest(self.factorised().solve, count, self.sigma, held)
 
     def release(self) -> None:
-        """Free the memory of the factor, which a count needs."""
+        """Free the memory of the factor, which an exact count needs."""
         if self.factor is not None:
             self.factor.release()
             self.factor = None
 
 
 class FromBelow:
-    """The lowest modes, all below a frequency, by a polynomial of A instead of a factorisation."""
+    """Search for the lowest modes by a polynomial of A, without a factorisation."""
 
     def __init__(self, low_end: LowEnd) -> None:
         self.low_end = low_end
@@ -88,10 +93,10 @@ class FromBelow:
 
 
 class FromTop:
-    """The highest modes, by products with A as long as these converge; then about a shift.
+    """Search for the highest modes by products with A, and about a shift if these converge slowly.
 
-    Products alone find modes that stand apart; dense bunches at the top (long crystals, equal
-    columns that hardly differ) need the shift, just above the highest of them.
+    Products alone find modes that stand apart; modes that lie close together at the top of the
+    spectrum (long crystals, nearly equal columns) need a shift just above the highest of them.
     """
 
     def __init__(self, system: LinearSystem) -> None:
@@ -135,7 +140,7 @@ class FromTop:
         return modes_from_top(self.system.operator.apply, count, held, max_products)
 
     def _max_products(self, count: int) -> int:
-        """Return how many products with A cost as much as the factor that would be needed else."""
+        """Return how many products with A cost as much as the factor that could replace them."""
         factor = factorisation(self.system, kept=True)
         affordable = factor.operations / (PRODUCT_OPERATIONS * self.system.size)
         if factor.bytes > memory_at_hand():
@@ -144,7 +149,10 @@ class FromTop:
         return max(least, min(int(affordable), MAX_PRODUCTS))
 
     def _shift_above(self, highest: float, distance: float) -> AboutShift:
-        """Return a shift above the `highest` known omega^2, by `distance` at least.
+        """Return a search about a shift at least `distance` above the `highest` known omega^2.
+
+        If not all eigenvalues of A - sigma are negative, a mode lies above the shift sigma, which
+        is then raised. All are in 1/s^2.
 
         If not all eigenvalues of A - sigma are negative, a mode lies above; the shift is raised.
         """
@@ -180,7 +188,7 @@ class Search:
         self.vector = np.empty((null.shape[0], 0))
 
     def search_until(self, wanted: int, inside: Callable[[Floats], Bools]) -> int:
-        """Search until `wanted` modes are found, or a round finds none that converges or counts.
+        """Search until `wanted` modes are found, or a round finds none that converges and counts.
 
         Only modes whose omega^2 fulfil `inside` count; it takes omega^2 (k,) and returns bool (k,).
         As the nearest modes come first, a round that finds only others has seen all that are
@@ -261,7 +269,7 @@ class Search:
 
     @property
     def at_zero(self) -> Floats:
-        """The zero modes (size, z) that were found beside those held out."""
+        """The zero modes (size, z) that were found in addition to those in `null`."""
         return self.vector[:, self.square == 0]
 
     def _held(self) -> Held:

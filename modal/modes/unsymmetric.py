@@ -19,13 +19,14 @@ from modal.tools.arrays import Array, Bools, Floats
 from modal.tools.errors import InputError
 
 SHIFT_BELOW_ZERO = 1e-7
-"""Shift below zero for the lowest modes, divided by A's largest diagonal entry."""
+"""Distance below zero of the shift for the lowest modes, divided by A's largest diagonal entry."""
 EXTRA_MODES = 8
-"""Modes that are sought beyond those requested, because of complex pairs and zero modes."""
+"""Number of modes that are sought in addition to those requested, because of complex pairs and zero
+modes."""
 
 
 def real_part(square: Array) -> Floats:
-    """Return real omega^2 (k,): of a complex one the square of the real part of omega."""
+    """Return real values (k,) for omega^2: the square of the real part of a complex omega."""
     omega = np.sqrt(square.astype(complex))
     return np.where(square.imag != 0, omega.real**2, square.real)
 
@@ -44,7 +45,7 @@ def real_spectrum(square: Array, vector: Array) -> tuple[Floats, Floats]:
 
 
 def at_zero(system: LinearSystem, square: Floats) -> tuple[int, int]:
-    """Count the omega^2 that are zero to round-off, and those below."""
+    """Return the number of omega^2 that are zero to round-off, and the number of negative ones."""
     floppy = abs(square) <= system.zero_threshold
     unstable = square < -system.zero_threshold
     return int(floppy.sum()), int(unstable.sum())

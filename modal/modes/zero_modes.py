@@ -28,15 +28,15 @@ from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Bools, Floats, Ints
 
 MIN_NEW_SHARE = 1e-8
-"""Share of the square of a motion that must be orthogonal to the known modes: a motion with less is
-a combination of these."""
+"""Least share of the squared norm of a motion that is orthogonal to the known modes; a motion with
+a smaller share is a combination of these modes."""
 CONTACTS_OF_HELD_SPHERE = 3
 """Number of contacts that hold a sphere in all six directions."""
 
 
 @dataclass(frozen=True)
 class FloppyModes:
-    """Zero modes, and the unstable modes that are held out of lists with them.
+    """The zero modes of a packing, and its unstable modes, which lists also leave out.
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ def _adjacency(network: Network) -> sp.csr_matrix:
 
 
 def _rows(spheres: Ints, dof: int) -> Ints:
-    """Return the rows (dof k,) of k spheres."""
+    """Return the indices (dof k,) of the rows that belong to k spheres, `dof` for each."""
     return (spheres[:, None] * dof + np.arange(dof)).ravel()
 
 
@@ -188,9 +188,9 @@ def _loose_parts(touching: sp.csr_matrix, loose: Bools) -> list[Ints]:
 def _rigid_motions(system: LinearSystem, touching: sp.csr_matrix, members: Bools) -> Floats:
     """Return the unit, mass-scaled rigid motions of one cluster that cost no energy.
 
-    The shape is (size, up to 6). Rotations are about the cluster as its contacts join it, across
-    periods; those that a cluster connected to its own image does not allow have an omega^2 above
-    `zero_threshold`, and are left out.
+    The shape is (size, up to 6). For rotations, the cluster's spheres are placed as its contacts
+    join them across periods. A cluster that is connected to its own image cannot rotate freely:
+    such rotations have an omega^2 above `zero_threshold` and are left out.
     """
     network = system.network
     dof = system.dof
@@ -213,7 +213,10 @@ def _rigid_motions(system: LinearSystem, touching: sp.csr_matrix, members: Bools
 
 
 def _unwrap_positions(network: Network, touching: sp.csr_matrix, members: Bools) -> Floats:
-    """Return positions (n, 3), m, of a cluster's spheres, followed from contact to contact."""
+    """Return positions (n, 3), m, of a cluster's spheres, joined across the periods.
+
+    They are followed from contact to contact.
+    """
     is_pair = ~network.with_wall
     i = network.particle_i[is_pair]
     j = network.particle_j[is_pair]

@@ -22,7 +22,7 @@ def wall_to_wall_chain(network: Network) -> Ints:
 
 
 def _chain(network: Network) -> Ints:
-    """Compute what `wall_to_wall_chain` keeps."""
+    """Find the chain as `wall_to_wall_chain` does, without the cache."""
     i = network.particle_i
     j = network.particle_j
     start = np.unique(i[j == SOURCE_WALL])

@@ -20,43 +20,55 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 MAX_NORMAL_ANGLE_RAD = 0.02
-"""Largest angle between normal and branch vector. Sound: up to 3e-5; a permuted normal: 0.1 to
-pi."""
+"""Largest angle between normal and branch vector. Sound networks have up to 3e-5; a permuted normal
+gives 0.1 to pi."""
 MAX_OVERLAP_IN_SMALLER_RADII = 0.95
-"""At 1 the centre of one sphere lies on the surface of the other. Sound: up to 0.11, very soft
-spheres some tenths; diameters in place of radii: 1 and more."""
+"""Largest overlap divided by the smaller radius; at 1 the centre of one sphere lies on the surface
+of the other. Sound networks have up to 0.11, very soft spheres a few tenths; diameters in place of
+radii give 1 and more."""
 MAX_GAP_IN_SUMS_OF_RADII = 0.1
-"""Gap across which cohesion may pull. A wrong particle or period: 1."""
+"""Largest gap between spheres in contact, divided by the sum of radii: cohesion may pull across a
+gap. A wrong particle or period gives 1."""
 MAX_LEVER_ERROR_IN_RADII = 0.02
-"""Distance of the end of a lever from the overlap of the two bodies. Sound: up to 5e-6."""
+"""Largest distance of the end of a lever from the overlap of the two bodies, in radii. Sound
+networks have up to 5e-6."""
 MAX_LEVER_MISFIT_IN_BRANCHES = 0.1
-"""Distance between the ends of the two levers. Sound: up to 0.06, where levers are as long as the
-radii and overlaps 0.11 R; levers 0.7 as long: 0.3."""
+"""Largest distance between the ends of the two levers of a contact, divided by the branch length.
+Sound networks have up to 0.06, where levers are as long as the radii and overlaps are 0.11 R;
+levers that are too short by a factor 0.7 give 0.3."""
 MAX_OVERLAP_ERROR_IN_SMALLER_RADII = 0.02
-"""Difference between an overlap and that of the positions. Sound: up to 5e-5; in mm: 0.3."""
+"""Largest difference between a stated overlap and the overlap that follows from positions and
+radii, divided by the smaller radius. Sound networks have up to 5e-5; overlaps in mm give 0.3."""
 MAX_NORMAL_SHARE_OF_SHEAR = 0.02
-"""Share of a tangential force that lies along the normal. Sound: up to 3e-7; permuted: 0.5."""
+"""Largest share of a tangential force that lies along the normal. Sound networks have up to 3e-7;
+permuted forces give 0.5."""
 MIN_SHEAR_IN_MEAN_FORCES = 1e-6
-"""Smaller tangential forces are round-off and may point anywhere."""
+"""Tangential force, divided by the mean normal force, below which forces are round-off and may
+point anywhere."""
 INERTIA_RANGE_IN_M_R2 = (0.12, 0.67)
-"""A heavy core of half the radius has 0.2, a sphere 0.4, a thin shell 2/3."""
+"""Range of inertia / (m R^2). A heavy core of half the radius has 0.2, a homogeneous sphere 0.4, a
+thin shell 2/3."""
 MAX_DENSITY_FACTOR = 100.0
-"""Factor between a density and the median of the packing. Glass to tungsten: 9; kg for g: 1000."""
+"""Largest ratio of a density to the median density of the packing. Glass and tungsten differ by 9;
+kg in place of g gives 1000."""
 MAX_STATED_DENSITY_FACTOR = 3.0
-"""Factor between the median density and that of the group `study`. kg for g: 1000."""
+"""Largest ratio of the median density to the density in the group `study`. kg in place of g gives
+1000."""
 FORCE_RATIO_RANGE = (1e-3, 10.0)
-"""Median of force / (stiffness times overlap): 2/3 for Hertz, 1 for a linear spring, 1/a for a
-power a, less where plastic contacts are unloaded. Another unit of one of them: a factor 1000."""
+"""Range of the median of force / (stiffness times overlap): 2/3 for Hertz, 1 for a linear spring,
+1/a for a power a, less where plastic contacts are unloaded. Another unit of one of the three gives
+a factor 1000."""
 MAX_STIFFNESS_RATIO = 10.0
 """Largest median of tangential divided by normal stiffness; elastic bodies have 2/3 to 1."""
 MAX_PERIOD_ERROR = 1e-3
-"""Relative difference between the distance of the walls and a period along z."""
+"""Largest relative difference between the distance of the walls and the side of the cell along
+z."""
 MAX_ASYMMETRY = 1e-9
 """Largest difference between an inertia tensor and its transpose, relative to its largest entry."""
 MAX_TRACE_ERROR = 1e-6
 """Largest relative difference between the inertia and a third of the tensor's trace."""
 MEND_EXPORT = "mend the export"
-"""Remedy for what only a faulty exporter writes."""
+"""Text of the remedy for what only a faulty exporter writes."""
 
 
 def convert_columns(columns: Mapping[str, Any]) -> dict[str, Any]:
@@ -81,11 +93,11 @@ def convert_columns(columns: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Fault(NamedTuple):
-    """Something that may be wrong, and the refusal if it is.
+    """A possible fault: which particles or contacts have it, and the refusal if any has.
 
     subject: the kind of thing, as "contact", or "" for the whole network. wrong: which of these
-    things (k,) are at fault, or a single bool. The rest as in `InputError`; the number of the first
-    thing at fault goes before the problem.
+    things (k,) are at fault, or a single bool. The other fields are those of `InputError`; the
+    message names the first thing that is wrong.
     """
 
     subject: str
@@ -100,7 +112,7 @@ Faults = Iterable[Fault]
 
 
 def refuse_first(faults: Faults, offset: int = 0) -> None:
-    """Raise InputError for the first fault that exists; `offset` is the number of the first thing.
+    """Raise InputError for the first fault that applies; `offset` is added to its number.
 
     The faults may come from a generator: those after the first one are then not computed.
     """
@@ -131,7 +143,7 @@ def check_network(network: Columns) -> None:
 
 
 def _smallest_shear(network: Columns) -> float:
-    """Return the tangential force, N, below which its direction does not matter."""
+    """Return the tangential force, N, below which the direction of a force is not checked."""
     force = network.force_normal
     if force is None:
         force = network.force_tangential
@@ -141,7 +153,7 @@ def _smallest_shear(network: Columns) -> float:
 
 
 def _check_columns(network: Columns) -> Faults:
-    """Check what each column must be by itself."""
+    """Check, column by column, that the values of each column are possible."""
     n = network.n_particles
     yield Fault(
         "",
@@ -475,7 +487,7 @@ def _check_forces(network: Columns) -> Faults:
 
 
 def _median_is_outside(values: Floats, bounds: tuple[float, float]) -> bool:
-    """Return whether the median lies outside; to count takes a tenth of the time to find it."""
+    """Return whether the median lies outside of the bounds; found by counting, which is faster."""
     low, high = bounds
     below = np.count_nonzero(values < low)
     above = np.count_nonzero(values > high)

@@ -19,9 +19,10 @@ RECEIVER_WALL = -2
 
 SCHEMA = NETWORK_SCHEMA
 VERSION = (1, 2)
-"""Version 2 has columns of `BOND_COLUMNS`: readers that would miss them refuse the file."""
+"""Versions of the file format. Version 2 has the `BOND_COLUMNS`; programs that do not know these
+columns refuse the file."""
 OPTIONAL_CONTACT_COLUMNS = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
-"""Columns of the contacts that a program may not know."""
+"""Columns of contacts that a program may be unable to give."""
 ROTATIONAL = stored("contacts", "f", "m", unit="N m/rad", since=2)
 """A stiffness of contacts against rolling or twisting, in N m/rad."""
 KG_M2 = "kg m^2"
@@ -115,7 +116,8 @@ class Columns:
     def periods(self) -> Ints:
         """Periods (m, 3) to add to the position of j: `cell_shift`, if it is known.
 
-        Otherwise the periods that bring the branch vector nearest to the levers.
+        Otherwise they are the periods that bring the branch vector nearest to the difference of the
+        levers.
         """
         if self.cell_shift is not None:
             return self.cell_shift
@@ -148,9 +150,9 @@ class Columns:
         return number if number is not None and number > 0 else None
 
     def unchecked(self, **columns: Array | None) -> Self:
-        """Return a network with other columns, without checks.
+        """Return a copy of the network with other columns, without checking them.
 
-        This is for columns that follow from sound ones; `dataclasses.replace` checks its result.
+        This is for columns that follow from checked ones; `dataclasses.replace` checks its result.
         """
         network = object.__new__(type(self))
         network.__setstate__(self.__getstate__() | columns)
@@ -174,7 +176,7 @@ class Columns:
         return {name: data for name, data in columns.items() if data is not None}
 
     def parts(self) -> Iterator[Self]:
-        """Yield the network with `PART` contacts at a time, whose matrices take little memory."""
+        """Yield the network with `PART` of its contacts at a time, to keep matrices small."""
         for first in range(0, self.n_contacts, PART):
             yield self.some(slice(first, first + PART))
 
@@ -186,18 +188,19 @@ PARTICLES = [name for name, column in COLUMNS.items() if column.shape[0] == "n"]
 CONTACTS = [name for name, column in COLUMNS.items() if column.shape[0] == "m"]
 """Names of the columns of the contacts."""
 BOND_COLUMNS = tuple(name for name, column in COLUMNS.items() if column.since > 1)
-"""Columns that spheres in contact do not have: of bonds that roll or twist, of other shapes."""
+"""Columns that ordinary contacts of spheres do not have: those of bonds that resist rolling or
+twisting, and of bodies of other shapes."""
 
 
 _LOCKED = WeakValueDictionary[int, Array]()
-"""Arrays that were locked here, by their id: nobody has a view of them that can be written to.
+"""Arrays that this module has locked, by their `id`: no view of them can be written to.
 
-Of any other array the caller may have such a view, or unlock it again, however it is flagged.
-"""
+Of any other array, even if it is flagged as read-only, the caller may have a writable view, or
+unlock it again."""
 
 
 def frozen(**columns: Array) -> dict[str, Any]:
-    """Lock new arrays that nobody else has, so that a network takes them without a copy."""
+    """Lock new arrays that nobody else refers to, so that a network takes them without a copy."""
     for data in columns.values():
         _lock(data)
     return columns

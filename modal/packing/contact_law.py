@@ -15,15 +15,15 @@ from modal.tools.arrays import Floats
 RADIUS = 1.27e-3
 """Particle radius of the study, m (Otsubo et al. 2017, section 2)."""
 YOUNG_RANGE_PA = (1e3, 1e14)
-"""Young's moduli that are accepted: from gels to what counts as rigid. A modulus in GPa or in
-dyn/mm^2 lies outside."""
+"""Range of Young's moduli that are accepted, Pa: from gels to bodies that count as rigid. A modulus
+in GPa or in dyn/mm^2 lies outside."""
 
 HERTZ_MINDLIN = "hertz-mindlin"
 """Name of the default contact model."""
 
 
 class Moduli(NamedTuple):
-    """Effective moduli of two bodies, Pa, or of many pairs (m,); see `Elasticity`."""
+    """Effective moduli of one contact of two bodies, Pa, or of many (m,); see `Elasticity`."""
 
     effective_young: Any
     effective_shear: Any

@@ -23,17 +23,18 @@ from modal.tools.workload import refuse_above_memory
 BYTES_PER_SPHERE = 2200.0
 """Memory for each sphere of a crystal while its contacts are listed, measured."""
 MAX_OVERLAP_IN_RADII = 0.3
-"""Beyond, no theory of contacts between small faces holds."""
+"""Overlap, divided by the radius, beyond which no theory of contacts with small faces holds."""
 STEPS = np.array([(0, 0, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (1, 1, 0), (1, 1, 1)])
 """Steps from a sphere to half of its neighbours: layers up, along y, along x. The layer above an
 even one is shifted by half a cell to the right, the one above an odd one to the left."""
 UP = sqrt(0.5)
-"""z of the direction to a neighbour in the next layer."""
+"""z component of the unit vector to a neighbour in the next layer."""
 NORMALS = np.array(
     [(1, 0, 0), (0, 1, 0), (-0.5, -0.5, UP), (0.5, -0.5, UP), (-0.5, 0.5, UP), (0.5, 0.5, UP)]
     + [(0, 0, -1), (0, 0, 1)]
 )
-"""Directions of those neighbours, and of the source and the receiver wall."""
+"""Unit vectors to the neighbours that `STEPS` lead to, then to the source wall and the receiver
+wall."""
 PROVENANCE = {"command": "modal.packing.crystal"}
 
 
@@ -106,7 +107,7 @@ class FccPacking:
 
     @property
     def wall_overlap(self) -> float:
-        """Return the overlap of a sphere with a flat wall, m; the force is stress d^2."""
+        """Return the overlap of a sphere with a flat wall, m, under the force stress d^2."""
         force = self.stress * self.spacing**2
         return float(self.laws[1].overlap_of_force(force, self.radius))
 

@@ -11,8 +11,8 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
 
 EDGE_IN_SLABS = 1e-9
-"""A centre less than this below the upper edge of a slab, in thicknesses, counts to the slab above,
-so that round-off does not decide where a layer of a crystal belongs."""
+"""Distance below the upper edge of a slab, divided by its thickness, up to which a centre counts to
+the slab above, so that round-off does not decide where a layer of a crystal belongs."""
 
 
 class Layers:

@@ -16,12 +16,13 @@ from modal.packing.neighbours import images_within, periodic_pairs
 from modal.tools.arrays import Floats, Ints
 
 SIZE_STEP = 2.0
-"""Largest factor between the radii of one class of sizes: among similar spheres few pairs are near
-each other without touching."""
+"""Largest ratio of radii within one class of sizes: among similar spheres few pairs are near each
+other without touching."""
 IMAGES_PER_PART = 4096
 """Number of large spheres whose small neighbours are sought together, which bounds the memory."""
 MIN_DEPTH_IN_MEAN_OVERLAPS = 0.1
-"""Shallower overlaps are not counted: two descriptions of a packing may differ by as much."""
+"""Least depth of an overlap that is counted, divided by the mean overlap: two descriptions of a
+packing may differ by less."""
 
 
 class MissingContacts(NamedTuple):
@@ -49,12 +50,12 @@ class MissingContacts(NamedTuple):
 
 
 def missing_contacts(network: Columns) -> MissingContacts:
-    """Return how many contacts are missing; none for bodies that are no spheres."""
+    """Return how many contacts are missing; none for bodies that are not spheres."""
     return network.cached("missing contacts", lambda: _missing_contacts(network))
 
 
 def least_overlap(network: Columns, overlap: Floats) -> float:
-    """Return the smallest overlap that counts, m, from the overlaps (m,), m, of the contacts."""
+    """Return the least overlap, m, that is counted, from the overlaps (m,), m, of the contacts."""
     round_off = 8 * float(np.spacing(abs(network.position).max() + 2 * network.radius.max()))
     mean = float(abs(overlap).mean()) if len(overlap) else 0.0
     return max(MIN_DEPTH_IN_MEAN_OVERLAPS * mean, round_off)
@@ -68,7 +69,7 @@ def overlaps_by_places(network: Columns) -> Floats:
 
 
 def _missing_contacts(network: Columns) -> MissingContacts:
-    """Compute what `missing_contacts` keeps."""
+    """Count missing contacts as `missing_contacts` does, without the cache."""
     if network.inertia_tensor is not None:
         return MissingContacts(0, 0)
     overlap = overlaps_by_places(network)
@@ -81,7 +82,10 @@ def _missing_contacts(network: Columns) -> MissingContacts:
 
 
 def _count_at_walls(network: Columns, depth: float) -> int:
-    """Count spheres that overlap a wall by more than `depth`, m; coincident walls are none."""
+    """Count spheres that overlap a wall by more than `depth`, m.
+
+    Walls in one place are not walls: their packing is periodic or has none.
+    """
     low, high = network.wall_position
     if network.cell_periodic[2] or not high > low:
         return 0
@@ -91,7 +95,7 @@ def _count_at_walls(network: Columns, depth: float) -> int:
 
 
 def _count_pairs(network: Columns, depth: float) -> int:
-    """Count pairs of spheres that overlap by more than `depth`, m, each image once."""
+    """Count pairs of spheres that overlap by more than `depth`, m, once for each image."""
     periodic = network.cell_periodic
     radius = network.radius
     periods = np.where(periodic, network.cell_size, 0.0)

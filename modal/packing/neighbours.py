@@ -11,16 +11,16 @@ from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.workload import refuse_above_memory
 
 BYTES_PER_SPHERE = 800.0
-"""Memory for each sphere while contacts are found and checked, measured."""
+"""Memory for each sphere while contacts are found and checked, bytes, as measured."""
 BYTES_PER_PAIR = 150.0
-"""Memory for each pair in reach while contacts are found and checked, measured."""
+"""Memory for each pair within reach while contacts are found and checked, bytes, as measured."""
 WALL_DIRECTIONS = {SOURCE_WALL: -1, RECEIVER_WALL: 1}
 """Direction along z in which each wall lies."""
 POINTS_PER_PART = 1 << 16
 """Number of points whose neighbours are sought together, which bounds the memory."""
 SIGN_WEIGHTS = np.array([10000, 100, 1])
-"""The sum of periods along x, y, z with these weights has the sign of the first that is not 0,
-since no sphere reaches a hundred images."""
+"""Weights of the periods along x, y, z. The weighted sum has the sign of the first period that is
+not 0, because no contact crosses a hundred periods."""
 
 
 @dataclass
@@ -46,13 +46,13 @@ class ContactList:
     overlap: Floats
 
     def frames(self) -> Iterator[tuple[slice, Floats, Floats]]:
-        """Yield slices of `PART` contacts, each with their two `tangents`."""
+        """Yield slices of `PART` contacts, each with the two `tangents` of these contacts."""
         for first in range(0, len(self.normal), PART):
             part = slice(first, first + PART)
             yield part, *tangents(self.normal[part])
 
     def along(self, force: Floats) -> Floats:
-        """Return the components (m, 2) of vectors (m, 3) along the two `tangents`."""
+        """Return the components (m, 2) of vectors (m, 3) along each contact's `tangents`."""
         components = np.empty((len(force), 2))
         for part, first, second in self.frames():
             components[part, 0] = (force[part] * first).sum(axis=1)
@@ -68,7 +68,8 @@ def canonical_order(i: Ints, j: Ints, shift: Array) -> Ints:
 def canonical(i: Ints, j: Ints, shift: Array) -> tuple[Ints, Ints, Ints, Array, Bools]:
     """Sort contacts into canonical order, each with its lower-numbered end first.
 
-    A sphere meets its own image on one side only, and a wall is behind no period.
+    A contact of a sphere with its own image is listed on one side only, and a contact with a wall
+    has no period.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ def canonical(i: Ints, j: Ints, shift: Array) -> tuple[Ints, Ints, Ints, Array, 
 
 
 def refuse_more_than_fit(spheres: int, pairs: float = 0.0) -> None:
-    """Raise InputError if finding the contacts of so many would take more than the free memory."""
+    """Raise InputError if finding the contacts needs more than the free memory."""
     refuse_above_memory(
         BYTES_PER_SPHERE * spheres + BYTES_PER_PAIR * pairs,
         f"finding the contacts of {spheres} spheres",
@@ -103,11 +104,12 @@ def refuse_more_than_fit(spheres: int, pairs: float = 0.0) -> None:
 
 
 def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Ints, Ints, Ints]:
-    """Return pairs (i, j, shift) of points at most `distance` apart, each pair of images once.
+    """Return pairs (i, j, shift) of points at most `distance` apart, one for each image.
 
-    `position` is (n, 3); x and y lie inside the periodic cell of `side` (2,), and z as well if it
-    is (3,). The results are (p,), (p,) and (p, 3) with i <= j, and a point meets its own image on
-    one side only. InputError if the pairs would not fit into the free memory.
+    `position` is (n, 3); x and y lie inside the periodic cell of `side` (2,), and z as well if
+    `side` is (3,). All lengths have one unit. The results are (p,), (p,) and (p, 3) with i <= j,
+    and a pair of a point and its own image is listed once. InputError if the pairs would not fit
+    into the free memory.
     """
     n = len(position)
     if len(side) == 3:
@@ -138,8 +140,8 @@ def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Int
 def images_within(position: Floats, side: Floats, distance: float) -> tuple[Floats, Ints, Ints]:
     """Return the points and their images within `distance` of the cell.
 
-    The results are the places (k, 3), those of the points first, the point (k,) of each image, and
-    the periods (k, 3) by which it is moved.
+    The results are the positions (k, 3), those of the points first, the point (k,) of each image,
+    and the periods (k, 3) by which it is moved.
     """
     axes = len(side)
     reach = np.ceil(distance / side).astype(int)
@@ -161,8 +163,8 @@ def images_within(position: Floats, side: Floats, distance: float) -> tuple[Floa
 def _near_pairs(points: Floats, distance: float) -> Iterator[tuple[Ints, Ints]]:
     """Yield pairs of `points` (k, 3) at most `distance` apart, as two arrays of indices.
 
-    Points are sorted into rows along x, which are `distance` wide along y and z, and within a row
-    by x. A single number, `place`, holds the row and x.
+    Points are sorted into rows along x, which are `distance` wide along y and z, and by x within a
+    row.
     """
     low = points.min(axis=0, initial=0.0)
     extent = points.max(axis=0, initial=0.0) - low

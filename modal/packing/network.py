@@ -141,7 +141,7 @@ class Network(Columns):
 
     @property
     def absent(self) -> list[str]:
-        """Names of the optional data of contacts that are not known."""
+        """Names of the optional columns of contacts that the network lacks."""
         return [name for name in OPTIONAL_CONTACT_COLUMNS if getattr(self, name) is None]
 
     def require(self, name: str, purpose: str) -> Array:

@@ -21,21 +21,22 @@ from modal.tools.arrays import Bools, Floats
 CUBE_IN_DIAMETERS = 1.5
 """Width of a cube: among equal spheres at random it holds four centres and is never empty."""
 MIN_CUBE_FRACTION = 0.25
-"""Solid fraction below which a cube counts as empty; within a packing cubes have 0.4 to 0.75."""
+"""Solid fraction below which a cube counts as empty; inside a packing, cubes have 0.4 to 0.75."""
 DEFAULT_RELATIVE_SCATTER = 0.1
-"""Relative scatter of the solid fractions of cubes, for packings with too few to measure it."""
+"""Relative standard deviation of the solid fractions of cubes that is assumed if a packing has too
+few cubes to measure it."""
 MIN_CUBES_FOR_SCATTER = 8
 MIN_GAP_IN_DIAMETERS = 1.0
-"""Gap between spheres and cell from which on a side without a period is free; it is smaller in a
-cell as wide as its packing."""
+"""Least gap between spheres and the side of the cell, in diameters, with which a side without a
+period counts as free; in a cell as wide as its packing the gap is smaller."""
 ROUGHNESS_IN_DIAMETERS = 0.5
-"""Uncertainty of where a packing without a core ends, relative to its outermost spheres."""
+"""Uncertainty, in diameters, of the position at which a packing without a core ends."""
 MAX_SOLID_FRACTION = 0.7405
 """Solid fraction of the densest packing of equal spheres."""
 POINTS_STEP_IN_RADII = 0.4
 """Spacing of the points that represent a sphere: its shares in two cubes are right to 1 %."""
 MAX_CUBES_PER_SPHERE = 100
-"""Beyond, spheres are scattered in a wide space."""
+"""Largest number of cubes for each sphere; beyond it, spheres are scattered in a wide space."""
 END_NAMES = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 
 
@@ -46,12 +47,12 @@ class Occupied:
     Attributes
     ----------
     void_ratio, void_ratio_error : float
-        Of its core.
+        Void ratio of the packing's core, and its error.
     volume : float
         m^3.
     cubes : int
-        Number of cubes in the core; 0 if the packing is too small for one. The numbers are then
-        those of the space up to its outermost spheres.
+        Number of cubes in the core; 0 if the packing is too small for one. Void ratio and volume
+        are then those of the space up to the outermost spheres.
     low, high : float
         Ends along z, m.
     free : ndarray of bool (3, 2)
@@ -106,7 +107,7 @@ def occupied_part(network: Network) -> Occupied | None:
 
 
 def _occupied_part(network: Network) -> Occupied | None:
-    """Compute what `occupied_part` keeps."""
+    """Find the filled part as `occupied_part` does, without the cache."""
     free = free_ends(network)
     if not free.any() or not network.length > 0 or not network.cell_size[:2].all():
         return None

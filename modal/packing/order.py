@@ -19,11 +19,11 @@ from modal.tools.arrays import Bools, Complex, Floats
 NEIGHBOUR_DISTANCE = 1.3
 """Largest distance of neighbours, diameters: between first and second shell of FCC (1 and 1.41)."""
 MIN_COSINE = 0.7
-"""Cosine of the angle between the vectors of two neighbours from which on their bond is solid."""
+"""Least cosine of the angle between the vectors of two neighbours whose bond is solid."""
 MIN_SOLID_BONDS = 7
-"""Solid bonds from which on a sphere is crystalline; an inner sphere of a crystal has 12."""
+"""Least number of solid bonds of a crystalline sphere; an inner sphere of a crystal has 12."""
 BONDS_PER_PART = 1_000_000
-"""Bonds that are computed together, which bounds the memory."""
+"""Number of bonds that are computed together, which bounds the memory."""
 DEGREE = 6
 """Degree of the spherical harmonics; it is even: a bond looks the same from both ends."""
 
@@ -37,7 +37,7 @@ def crystalline(network: Network) -> Bools:
 
 
 def _crystalline(network: Network) -> Bools:
-    """Compute what `crystalline` keeps."""
+    """Find crystalline spheres as `crystalline` does, without the cache."""
     n = network.n_particles
     side = network.cell_size[:2]
     position = network.position.copy()
@@ -72,7 +72,10 @@ def _crystalline(network: Network) -> Bools:
 
 
 def _harmonics(direction: Floats) -> Iterator[Complex]:
-    """Yield Y_6m (b,), m = 0 to 6, of unit vectors (b, 3), up to a common factor.
+    """Yield Y_6m (b,), for m = 0 to 6, of unit vectors (b, 3), up to a common factor.
+
+    Y_6m with a negative m is the conjugate of the one with -m. The functions with m > 0 therefore
+    have an additional factor sqrt(2).
 
     Those of negative m are conjugates, for which the others have a factor sqrt(2).
     """

@@ -1,4 +1,4 @@
-"""Report what is unusual in a network where no check can refuse it.
+"""Report what is unusual in a network but may be right, so that no check can refuse it.
 
 Nothing is refused here. Contact laws that this project does not know are sound, packings under
 gravity are not in balance without it, and bodies of several densities exist; but a permuted column
@@ -29,41 +29,46 @@ from modal.tools.display import quantity
 FORCE_RATIOS = {"Hertz": 2 / 3, "linear": 1.0}
 """Force / (stiffness times overlap) in each contact law."""
 MAX_LAW_ERROR = 1e-2
-"""Relative error of nine contacts in ten up to which they follow a law: forces and overlaps of 4
-digits still show it."""
+"""Largest relative error with which contacts follow a law, for nine contacts in ten: forces and
+overlaps of 4 digits still show the law."""
 OUTLIER_ERROR = 0.1
 """Relative deviation from the law from which on single contacts are reported."""
 MAX_UNIFORM_SPREAD = 1e-2
 """Relative spread up to which densities, or ratios of stiffnesses, count as one value."""
 MAX_NET_FORCE = 0.05
-"""Largest net force divided by the mean contact force: 1e-8 to 1e-6 at rest, with permuted forces 1
-or more."""
+"""Largest net force divided by the mean contact force that is not reported: at rest it is 1e-8 to
+1e-6, with permuted forces 1 or more."""
 MAX_MEAN_NET_FORCE = 2e-3
-"""Mean net force divided by the mean contact force: twice that of a compression that has
-settled."""
+"""Largest mean net force divided by the mean contact force that is not reported: twice that of a
+compression that has settled."""
 MIN_CRYSTALLINE_SHARE = 0.05
 """Share of crystalline spheres in the bulk from which on order is reported."""
 MIN_LATTICE_SHARE = 0.99
-"""Share of crystalline spheres from which on a packing is a lattice."""
+"""Least share of crystalline spheres in a packing that counts as a lattice."""
 MAX_SPHERES_FOR_ORDER = 200_000
-"""Order is not sought in larger packings: it takes 10 s for a million spheres."""
+"""Largest number of spheres of a packing in which order is sought: a million spheres take 10 s."""
 MIN_WIDTH_IN_DIAMETERS = 8.0
-"""Period from which on a packing hardly feels its own images; with friction 0.4 the error of the
-coordination number is then 0.05."""
+"""Least period, in diameters, of a packing that hardly feels its own images; with friction 0.4 the
+error of the coordination number is then 0.05."""
 LONG_FOR_VELOCITY = 25.0
-"""Length in diameters; in packings of 16 to 25 the longest waves read up to 3 % too high, in longer
-ones less than samples differ."""
+"""Least length of a packing, in diameters, for a velocity of the longest waves. In packings of 16
+to 25 diameters velocities are up to 3 % too high, in longer ones the excess is smaller than the
+scatter of samples."""
 LONG_FOR_LOW_PASS = 50.0
-"""Length in diameters. At 0.4, 0.5 and 0.6 of the length, friction 0.4 shows low-pass frequencies
-of 33, 20 and 16 kHz at 100 kPa if the packing is 41 long, 11.5, 10.3 and 9.4 if it is 87, and 8.7,
-8.1 and 7.6 if it is 143 as in the study."""
+"""Least length of a packing, in diameters, for a low-pass frequency. At 0.4, 0.5 and 0.6 of the
+length, packings of friction 0.4 have low-pass frequencies of 33, 20 and 16 kHz at 100 kPa if the
+packing is 41 long, 11.5, 10.3 and 9.4 if it is 87, and 8.7, 8.1 and 7.6 if it is 143 as in the
+study."""
 MAX_UNEVENNESS = 0.1
-"""Relative excess of the wave velocity in one third of the length: 0.05 at most in 23 random
-packings of 300 to 35,201 spheres, some of two sizes (0.09 in one of three that were 3 D wide)."""
+"""Largest relative excess of the wave velocity in one third of the length that is not reported. It
+was 0.05 at most in 23 random packings of 300 to 35,201 spheres, some of two sizes (0.09 in one of
+three that were 3 D wide)."""
 MIN_LENGTH_FOR_THIRDS_IN_DIAMETERS = 15.0
-"""In shorter packings the order at the walls makes the thirds differ."""
+"""Least length, in diameters, of a packing whose thirds are compared: in shorter ones the order at
+the walls makes the thirds differ."""
 MAX_OVERLAP_OF_THEORY = 0.15
-"""Overlap divided by the smaller radius; sound packings show up to 0.11."""
+"""Largest overlap divided by the smaller radius for which the theory of contacts holds; sound
+packings have up to 0.11."""
 DENSITY_RANGE_KG_PER_M3 = (100.0, 25_000.0)
 """Densities of solids, from foam to osmium."""
 
@@ -71,7 +76,7 @@ DENSITY_RANGE_KG_PER_M3 = (100.0, 25_000.0)
 class Remark(NamedTuple):
     """Something unusual that may hold for a network.
 
-    code: what it is, for programs and tests. applies: whether it holds, a truth value. text: the
+    code: the kind of remark, for programs and tests. applies: whether the remark holds. text: the
     sentence for a reader. number: the number that the remark is about, NaN without one.
     """
 
@@ -221,7 +226,7 @@ def _remark_on_shape(network: Network, waves: bool) -> list[Remark]:
 
 
 def remark_on_thirds(network: Network) -> Remark:
-    """Remark on springs or masses that change along z, so that no number is that of the whole."""
+    """Remark on springs or masses that change along z: no number then holds for all."""
     diameter = 2 * float(network.radius.mean())
     excess = 0.0
     if network.length > MIN_LENGTH_FOR_THIRDS_IN_DIAMETERS * diameter:
@@ -352,7 +357,7 @@ def _examine_stiffnesses(network: Network) -> Findings:
 
 
 def _examine_forces(network: Network) -> Findings:
-    """Examine which contacts pull or slide, and whether the particles are in balance."""
+    """Examine which contacts pull or slide, and whether forces on the particles balance."""
     force = network.force_normal
     if force is None:
         return Findings({}, [])
@@ -444,5 +449,5 @@ def _differ(values: Floats) -> bool:
 
 
 def _spread(values: Floats) -> list[float]:
-    """Return the smallest, the median and the largest value."""
+    """Return the smallest, the median and the largest of the values."""
     return [float(values.min()), float(np.median(values)), float(values.max())]

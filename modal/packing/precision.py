@@ -15,11 +15,14 @@ from modal.tools.errors import UnavailableError
 OVERLAP_ERROR = "overlap_error"
 """Name of the note in a network: root mean square error of its overlaps divided by their median."""
 NOTED_OVERLAP_ERROR = 1e-4
-"""Smallest error that is noted; below, single modes of a packing are right to three digits."""
+"""Smallest error of overlaps that is noted in a network; with a smaller one, single modes of a
+packing are right to three digits."""
 MAX_OVERLAP_ERROR_OF_MODES = 1e-3
-"""Above, lists of single modes are refused: they would be wrong by more than 2 %."""
+"""Largest error of overlaps with which single modes are listed; with a larger one they would be
+wrong by more than 2 %."""
 MAX_OVERLAP_ERROR = 0.3
-"""Above, no number is given: one contact in ten is lost or false, V_P is wrong by 4 %."""
+"""Largest error of overlaps with which any number is given; with this one, one contact in ten is
+lost or false, and V_P is wrong by 4 %."""
 
 
 def overlap_error(network: Network) -> float:
@@ -52,9 +55,9 @@ def taken_as_exact(network: Network) -> Network:
 def with_perturbed_overlaps(network: Network, random: np.random.Generator) -> Network:
     """Return the network with its overlaps changed once more by random errors of the same size.
 
-    Stiffnesses follow the contact law, as the ratio of force to stiffness times overlap shows it: k
-    is proportional to overlap^p, where the ratio is 1 / (1 + p). Contacts that open are left out;
-    those that close cannot be known. UnavailableError if forces or overlaps are absent.
+    Stiffnesses follow the contact law: k is proportional to overlap^p, where p follows from the
+    ratio 1 / (1 + p) of force to stiffness times overlap. Contacts that open are left out; those
+    that close cannot be known. UnavailableError if forces or overlaps are absent.
     """
     overlap = network.require("overlap", "error by the digits of positions")
     force = network.require("force_normal", "error by the digits of positions")

@@ -6,8 +6,9 @@ from modal.packing.network import Network
 from modal.tools.arrays import Bools, Ints
 
 MIN_FORCE_IN_MEAN_FORCES = 0.05
-"""Largest contact force of a particle from which on it counts as firmly held: the others, a few in
-a thousand, move between their neighbours by more than a wave moves them."""
+"""Least value of a particle's largest contact force, divided by the mean force, with which the
+particle counts as firmly held. The other particles, a few in a thousand, move between their
+neighbours by more than a wave moves them."""
 
 
 def keeping_contacts(network: Network, least: int) -> Bools:
@@ -20,7 +21,7 @@ def keeping_contacts(network: Network, least: int) -> Bools:
 
 
 def _keeping_contacts(network: Network, least: int) -> Bools:
-    """Compute what `keeping_contacts` keeps."""
+    """Find the particles as `keeping_contacts` does, without the cache."""
     i = network.particle_i
     j = network.partner
     pair = ~network.with_wall
@@ -36,17 +37,17 @@ def _keeping_contacts(network: Network, least: int) -> Bools:
 
 
 def force_bearing(network: Network) -> Bools:
-    """Return which particles (n,) have at least two contacts with others of which this holds.
+    """Return which particles (n,) bear force: they have two contacts with other such particles.
 
-    A particle with a single contact cannot be in balance under a force; it is a rattler. So are all
-    particles of a cluster that touches no wall and is not the largest. A cluster with a contact
-    through a period is taken for one that spans the cell.
+    A particle with a single contact cannot be in balance under a force; it is a rattler. Rattlers
+    are also all particles of a cluster that touches no wall and is not the largest. A cluster with
+    a contact through a period is taken for one that spans the cell.
     """
     return network.cached("force-bearing", lambda: _force_bearing(network))
 
 
 def _force_bearing(network: Network) -> Bools:
-    """Compute what `force_bearing` keeps."""
+    """Find the particles as `force_bearing` does, without the cache."""
     remaining = keeping_contacts(network, 2)
     i = network.particle_i
     j = network.partner

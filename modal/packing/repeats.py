@@ -1,10 +1,10 @@
-"""Find the equal parts along x and y of which a packing consists, and one of them.
+"""Find the equal parts along x and y of which a packing consists.
 
 A wave that a wall sends by moving as a whole is the same in each part. One part, in the smaller
 cell, then carries the whole wave: spheres across its edges touch their own images, and a sphere
 that touches an image of itself has both sides of the contact (P^T K P / n, where P repeats a motion
 n times, contact by contact). A shift by 1/p of a period, p a prime, is sought that maps every
-sphere and every contact onto another one; then a further one of the part.
+sphere and every contact onto another one; then a further shift of the resulting part is sought.
 """
 
 from dataclasses import dataclass
@@ -19,11 +19,11 @@ from modal.packing.network import Network
 from modal.tools.arrays import Array, Floats, Ints
 
 SAME = 1e-9
-"""Largest `difference` that round-off explains. Crystals of the study have some 1e-10: positions
-are rounded, and an overlap is a small difference of positions."""
+"""Largest `difference` of parts that round-off can explain. Crystals of the study have some 1e-10:
+positions are rounded, and an overlap is a small difference of positions."""
 MAX_DISTANCE_IN_RADII = 1e-6
-"""Distance, in smallest radii, within which a shifted sphere must fall onto another one: the latter
-is then certain. How alike the two are follows from their contacts."""
+"""Distance, in smallest radii, within which a shifted sphere must fall onto another sphere, so that
+it is clear onto which one. How alike the two spheres are follows from their contacts."""
 ASLANT = np.array([1.0, 0.61803, 0.75488])
 """A direction to which no contact of a crystal is perpendicular. It distinguishes the contacts of
 two spheres that touch more than once."""
@@ -102,7 +102,10 @@ def undivided(network: Network) -> Repeats:
 
 
 def _find_finest(network: Network, pre_stress: bool) -> Repeats | None:
-    """Return what `lateral_repeats` does, but None if there is one part: no copy is kept then."""
+    """Return the parts as `lateral_repeats` does, but None if there is one part only.
+
+    A network then keeps no copy of itself.
+    """
     if any(getattr(network, name) is not None for name in BOND_COLUMNS):
         return None  # bonds and clumps are not compared
     columns: tuple[str, ...] = STIFFNESSES
@@ -123,7 +126,10 @@ def _find_finest(network: Network, pre_stress: bool) -> Repeats | None:
 
 
 def _common_divisor(network: Network) -> int:
-    """Return what divides the numbers of spheres, of contacts, and of those with either wall."""
+    """Return the greatest common divisor of the numbers of spheres, contacts and wall contacts.
+
+    The contacts with each wall are counted separately.
+    """
     at_walls = [int((network.particle_j == wall).sum()) for wall in (SOURCE_WALL, RECEIVER_WALL)]
     return gcd(network.n_particles, network.n_contacts, *at_walls)
 
@@ -180,7 +186,10 @@ def _divide(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> 
 
 
 def _lowest_image(image: Ints, times: int) -> Ints:
-    """Return the lowest number (k,) that `image` (k,), applied up to `times` times, leads to."""
+    """Return the lowest number (k,) that repeated application of a map leads each number to.
+
+    `image` (k,) is the map, which is applied up to `times` times.
+    """
     lowest: Ints = np.arange(len(image))
     current = lowest
     for _ in range(times - 1):
@@ -248,7 +257,7 @@ def _match_contacts(network: Network, image: Ints) -> _ContactImage | None:
 def _largest_difference(
     network: Network, image: Ints, contacts: _ContactImage, columns: tuple[str, ...]
 ) -> float:
-    """Return the `difference`, as in `Repeats`, of spheres and contacts from their images."""
+    """Return the `difference`, as in `Repeats`, between spheres and contacts and their images."""
     _, here, there, sign = contacts
     reach = float(network.radius.min())
     lever_i = np.where(sign > 0, network.lever_i[here], network.lever_j[here])

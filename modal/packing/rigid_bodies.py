@@ -14,7 +14,8 @@ from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
 MAX_OFFSET_IN_PERIODS = 0.45
-"""Largest distance of a member from the first one: farther away its image would not be known."""
+"""Largest distance of a member from the body's first member, divided by the period: farther away it
+would be unclear which image of the member is meant."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""The compact form of a sample of spheres, from which its contact network is rebuilt.
+"""Store a sample of spheres compactly: its contact network is rebuilt from positions.
 
 This module is the one definition of the format "granular-sample", versions 1 to 3. Overlaps,
 normals and stiffnesses follow from the positions; only shear forces, which depend on history, are
-kept, as two components in a frame that follows from the normal.
+stored, as two components in a frame that follows from the normal.
 """
 
 from collections.abc import Mapping
@@ -33,22 +33,23 @@ from modal.tools.errors import InputError
 
 SCHEMA = "granular-sample"
 VERSION = 1, 2, 3
-"""1: between walls. 2: periodic along z. 3: another contact model than that of Hertz and Mindlin.
-Earlier readers would not notice the last two."""
+"""Versions of the file format. 1: between walls. 2: periodic along z. 3: another contact model than
+that of Hertz and Mindlin. Earlier readers would not notice the last two."""
 MAX_DENSITY_ERROR = 1e-9
-"""Relative; beyond, a density differs from that of the material, and not by round-off."""
+"""Largest relative deviation of a density from that of the material that round-off explains."""
 MAX_STIFFNESS_ERROR = 1e-6
-"""Relative to the mean stiffness; beyond, a contact follows another law."""
+"""Largest deviation of a stiffness from that of the contact law, divided by the mean stiffness;
+beyond it a contact follows another law."""
 MIN_FRICTION_USED = 1 - 1e-9
-"""Share of the friction limit from which on a contact counts as sliding; 1 up to round-off."""
+"""Least share of the friction limit at which a contact counts as sliding; 1 up to round-off."""
 EDGE_SLACK_IN_RADII = 1e-9
-"""Distance by which a centre may lie outside of the cell, by round-off."""
+"""Largest distance, in radii, of a centre outside of the cell that round-off explains."""
 MAKE_AGAIN = "make the sample again"
-"""Remedy for a sample that no program of this project writes."""
+"""Text of the remedy for a sample that no program of this project writes."""
 SPIN = "rad/s"
 ELASTIC = ("young", "poisson")
 WALL_ELASTIC = ("wall_young", "wall_poisson")
-"""Names of the elastic constants of walls, as attributes of files and as notes."""
+"""Names of the elastic constants of walls, in attributes of files and in notes of networks."""
 
 
 @dataclass
@@ -350,7 +351,7 @@ def _check_stiffnesses(network: Network, sample: Sample, rebuilt: Network, rows:
 def _read_wall_material(notes: Mapping[str, float | None]) -> Elasticity | None:
     """Return the material of the walls from notes or attributes; None if there is none.
 
-    InputError if one of the two numbers lacks.
+    InputError if one of the two numbers is missing.
     """
     young = notes.get("wall_young")
     poisson = notes.get("wall_poisson")

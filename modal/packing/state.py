@@ -22,9 +22,9 @@ from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.errors import UnavailableError
 
 WALL_ZONE_IN_DIAMETERS = 5.0
-"""Depth to which a flat wall orders the spheres beside it."""
+"""Depth, in mean diameters, to which a flat wall orders the spheres beside it."""
 SURFACE_ZONE_IN_DIAMETERS = 2.0
-"""Depth to which a free surface is rough and loose."""
+"""Depth, in mean diameters, to which a free surface is rough and loose."""
 MIN_RISE_IN_RADII = 1e-12
 """Height of a branch vector below which it counts as horizontal, so that nothing is divided by
 zero."""
@@ -44,7 +44,7 @@ class Profile:
     void_ratio, coordination : ndarray (k,)
         Void ratio, and mean number of contacts of a particle.
     particles : ndarray of int (k,)
-        Number of centres inside.
+        Number of sphere centres in each layer.
     bulk : ndarray of bool (k,)
         Whether the layer is further than `WALL_ZONE_IN_DIAMETERS` from walls and
         `SURFACE_ZONE_IN_DIAMETERS` from free ends.
@@ -85,8 +85,7 @@ def contact_forces(network: Network, purpose: str) -> Floats:
 def _virials(network: Network) -> tuple[Floats, Floats]:
     """Return force times branch vector (m, 3, 3), N m, and the z of the branch (m,), m.
 
-    Compression is positive. The branch of a contact with a wall ends on the wall's plane, so that
-    the work of walls is counted to the last bit.
+    Compression is positive. The branch vector of a contact with a wall ends on the wall's plane.
     """
     force_on_j = -contact_forces(network, "stress")
     branch = network.branch
@@ -102,8 +101,8 @@ def stress_tensor(network: Network) -> Floats:
 def void_ratio(network: Network) -> float:
     """Return the volume of voids divided by that of spheres, from wall to wall.
 
-    Overlaps count twice as solid. For a packing with free ends the void ratio is that of its core
-    (`modal.packing.occupied`). UnavailableError if there is no volume.
+    The volume of an overlap is counted as solid twice. For a packing with free ends the void ratio
+    is that of its core (`modal.packing.occupied`). UnavailableError if there is no volume.
     """
     occupied = occupied_part(network)
     if occupied:
@@ -175,8 +174,8 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     """Compute the state of layers from wall to wall, or to a free surface.
 
     Layers are about `thickness`, m, thick, by default one mean diameter. The volume of a sphere is
-    split at the edges into spherical caps. Volume and force beyond a wall count to the last layer,
-    those beyond a period to the layer that they enter there.
+    split at the edges into spherical caps. Volume and force beyond a wall are counted to the last
+    layer; those beyond a period are counted to the layer at the other end of the cell.
     """
     edges, bulk = layer_edges(network, thickness)
     count = len(bulk)
@@ -207,14 +206,14 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
 
 
 def _inner_edges(network: Network, count: int) -> range:
-    """Return the numbers of the edges of `count` layers that can cut a sphere or a branch."""
+    """Return the range of the numbers of edges that can cut a sphere or a branch vector."""
     if network.cell_periodic[2]:
         return range(count + 1)
     return range(1, count)
 
 
 def _images(height: Floats, network: Network) -> Floats:
-    """Return heights (1, k), m, or, with those a period below and above, (3, k)."""
+    """Return heights (1, k), m; with a period along z, also those below and above, (3, k)."""
     period = network.cell_size[2]
     shifts = np.array([-period, 0.0, period] if network.cell_periodic[2] else [0.0])
     return height + shifts[:, None]
@@ -226,7 +225,7 @@ def has_forces(network: Network) -> bool:
 
 
 def _virials_of_layers(network: Network, edges: Floats) -> Floats:
-    """Return each layer's part (k, 3), N m, of force times branch, compression positive."""
+    """Return each layer's part (k, 3), N m, of force times branch vector, compression positive."""
     virial, rise = _virials(network)
     virial = np.einsum("caa->ca", virial)
     start = network.position[network.particle_i, 2]
@@ -274,7 +273,7 @@ def net_forces(network: Network) -> Floats:
 
 
 def sizes_of_loads(load: Floats, radius: Floats) -> Floats:
-    """Return the size (n,), N, of force and torque / radius of each sphere together."""
+    """Return the root (n,), N, of squared force plus squared torque / radius of each sphere."""
     torque = load[:, 3:] / radius[:, None]
     return np.sqrt((load[:, :3] ** 2).sum(axis=1) + (torque**2).sum(axis=1))
 
@@ -302,7 +301,7 @@ def affine_stiffness(network: Network) -> Floats:
 
 
 def unevenness(network: Network) -> float:
-    """Return the relative excess of P-wave velocity in the fastest third over the slowest.
+    """Return by how much V_P in the fastest third exceeds that in the slowest, relatively.
 
     V^2 is taken as proportional to the mean of stiffness times squared branch vector, divided by
     the mean mass. The result is infinite if a third has no springs.
@@ -331,7 +330,7 @@ def _means_of_thirds(network: Network, height: Floats, values: Floats) -> Floats
 def affine_velocity(network: Network) -> float:
     """Return the P-wave velocity, m/s, of affine motion, rattlers included.
 
-    It estimates travel times in packings of any size. n layers have n - 1 distances, so the result
-    for a crystal is sqrt(1 - 1/n) of the velocity in its bulk.
+    It is used to estimate travel times in packings of any size. Since n layers have n - 1
+    distances, the result for a crystal is sqrt(1 - 1/n) times the velocity in its bulk.
     """
     return float(np.sqrt(affine_stiffness(network).sum() / network.mass.sum()))

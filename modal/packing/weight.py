@@ -13,15 +13,17 @@ from modal.tools.arrays import Floats
 
 MAX_UNEXPLAINED_SHARE = 0.1
 """Largest part of the net forces, root mean square, that the weight may leave unexplained. Net
-forces of spheres in motion point anywhere: among 100 spheres a weight explains a tenth of them."""
+forces of spheres in motion point in all directions: a weight explains a tenth of those of 100
+spheres."""
 MIN_SPHERES = 4
-"""Spheres with contacts; the net force of a single sphere is always that of some weight."""
+"""Least number of spheres with contacts; the net force of a single sphere always equals some
+weight."""
 MIN_WEIGHT_IN_MEAN_FORCES = 1e-6
-"""Less is round-off of the forces."""
+"""Least weight, divided by the mean contact force, that is not round-off of the forces."""
 
 
 def gravity_of(network: Network) -> Floats | None:
-    """Return the acceleration (3,), m/s^2, that explains the net forces; None if none does.
+    """Return the acceleration (3,), m/s^2, that explains the net forces as weight, or None.
 
     This is a least-squares fit over the spheres with contacts. UnavailableError if contact forces
     are absent.
@@ -30,7 +32,7 @@ def gravity_of(network: Network) -> Floats | None:
 
 
 def _gravity_of(network: Network) -> Floats | None:
-    """Compute what `gravity_of` keeps."""
+    """Fit the acceleration as `gravity_of` does, without the cache."""
     has_contacts = contacts_per_particle(network) > 0
     force = net_forces(network)[has_contacts, :3]
     mass = network.mass[has_contacts]

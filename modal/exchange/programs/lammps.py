@@ -38,9 +38,9 @@ OPTIONS = {
     "bodies": Option("masses and tensors of fix rigid, as write_restart writes them (*.rigid)"),
 }
 BODY = "a rigid body (number, mass, centre, ixx iyy izz ixy ixz iyz ...)"
-"""What a row of fix rigid has, for messages."""
+"""Description of a row of fix rigid, for messages."""
 BODY_NUMBERS = 11
-"""Numbers of a row of fix rigid that count."""
+"""Number of leading numbers of a row of fix rigid that are used."""
 
 
 class Request(NamedTuple):
@@ -72,8 +72,8 @@ def read(
 ) -> ImportResult:
     """Return the packing of a dump; arguments are the `OPTIONS`.
 
-    It is of LIGGGHTS if the log or the typed law says so. Raises InputError for what is missing or
-    damaged, and for what a network cannot have.
+    The dump is taken for one of LIGGGHTS if the log or the typed law is of LIGGGHTS. Raises
+    InputError for what is missing or damaged, and for what a network cannot have.
     """
     request = Request(contacts, log, pair, wall, step, scales, bodies)
     is_liggghts = _is_of_liggghts(request)
@@ -125,7 +125,7 @@ def _is_of_liggghts(request: Request) -> bool:
 
 
 def _apply_typed_lines(script: Script, request: Request) -> None:
-    """Put the typed law and walls in the place of those of the log."""
+    """Replace the law and the walls of the log by those typed on the command line."""
     if request.pair:
         words = request.pair.split()
         script.place = "--pair"
@@ -136,7 +136,7 @@ def _apply_typed_lines(script: Script, request: Request) -> None:
 
 
 def _join_laws(pair_law: PairLaw, walls: dump.Walls) -> PairLaw:
-    """Return the law between two kinds, or between a wall, by its code, and a kind."""
+    """Return the law between two types, or between a wall, by its code, and a type."""
 
     def find_law(first: int, second: int) -> ProgramLaw:
         if first < 0:
@@ -158,9 +158,10 @@ def _refuse_without_law(path: Path, frame: dump.Frame, program: ModuleType) -> N
 
 
 def _refuse_exclusions(script: Script, request: Request) -> None:
-    """Raise InputError if `neigh_modify exclude` takes contacts away that positions show.
+    """Raise InputError if `neigh_modify exclude` removes contacts that are sought from positions.
 
-    A dump of contacts lacks them already. Those inside a rigid body are none here either.
+    A dump of contacts lacks such pairs already. Pairs inside one rigid body are not contacts here
+    either.
     """
     if request.contacts is not None:
         return
@@ -207,7 +208,7 @@ def _read_spheres(
 
 
 def _refuse_walls_of_groups(script: Script, request: Request) -> None:
-    """Raise InputError if a wall pushes only some spheres, and the contacts are not given."""
+    """Raise InputError if a wall acts on some spheres only, and the contacts are not given."""
     if request.contacts is not None or request.wall is not None:
         return
     for name in script.walls:
@@ -229,7 +230,7 @@ def find_motion_of_spheres(script: Script, frame: dump.Frame) -> Motion:
 
 
 def resists_turning(network: Network) -> bool:
-    """Tell whether some contact of a network resists that a sphere turns."""
+    """Tell whether some contact of a network exerts a moment against rolling or twisting."""
     columns = (
         network.stiffness_tangential,
         network.stiffness_rolling,
@@ -241,8 +242,8 @@ def resists_turning(network: Network) -> bool:
 def find_body_column(script: Script, *, has_masses: bool) -> str:
     """Return the column of the dump that numbers the rigid bodies; empty if there are none.
 
-    `has_masses` says that their masses are in a file of their own. Raises InputError for bodies
-    whose members the dump does not show.
+    `has_masses` says that the masses of the bodies are in a file of their own. Raises InputError if
+    the dump does not show which spheres belong to a body.
     """
     if len(script.bodies) > 1:
         remedy = "give all bodies one fix and one column"

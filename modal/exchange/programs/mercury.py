@@ -1,8 +1,8 @@
-"""MercuryDPM's packings: species, walls, periods, spheres and interactions of one restart file.
+"""Read MercuryDPM's restart files: species, walls, periods, spheres and interactions.
 
 Each line begins with a word for what it is, and has a name before each number. A network has one
-flat wall at low z and one at high z. Other walls may stand in the file as long as no sphere touches
-them; the interactions show that if they are listed.
+flat wall at low z and one at high z. Other walls may be in the file as long as no sphere touches
+them; the list of interactions, if there is one, shows whether a sphere does.
 """
 
 from collections.abc import Sequence
@@ -33,12 +33,12 @@ SPHERES = ("BaseParticle", "SphericalParticle", "ThermalParticle")
 SECTIONS = ("Species", "Walls", "Boundaries", "Particles", "Interactions")
 """First words of the lines that begin a section."""
 COUNTED = {"Walls": "id", "Particles": "radius", "Interactions": "contactPoint"}
-"""Sections that have as many lines as they announce, and a word that each of these lines has."""
+"""Sections that state their number of lines, and a word that each of these lines contains."""
 WRITE_WHOLE = "write the restart file whole"
 NORMAL = ("LinearViscoelastic", "HertzianViscoelastic")
-"""Normal laws, with which the name of a known species begins."""
+"""Normal laws that are known; the name of a species begins with one of them."""
 FRICTION = ("", "SlidingFriction", "Friction", "Mindlin", "MindlinRollingTorsion")
-"""Friction laws, with which the name of a known species goes on."""
+"""Friction laws that are known; they follow the normal law in the name of a species."""
 DIAMETER_SQUARED = 4.0
 """Square of the effective diameter divided by that of the effective radius R*."""
 TORSION_REMARK = (
@@ -46,7 +46,7 @@ TORSION_REMARK = (
     "spring to itself at every step, so that its contacts twist at their limit"
 )
 MAX_TILT = 1e-6
-"""Largest component of the unit vector of an axis along the other axes."""
+"""Largest component of an axis' unit vector along the other axes."""
 GIVE_STRAIGHT_PERIODS = "only periods along x, y, z are known"
 TWO_WALLS_ALONE = "a network knows one flat wall at low z and one at high z alone"
 
@@ -55,7 +55,7 @@ Side = Literal[0, 1]
 
 
 class Wall(NamedTuple):
-    """A wall: outward normal (3,), place along it, m, species, and the word for its kind."""
+    """A wall: outward normal (3,), position along the normal, m, species, and its kind."""
 
     normal: Floats
     place: float
@@ -72,7 +72,7 @@ class Wall(NamedTuple):
 
 @dataclass(frozen=True)
 class Restart:
-    """A restart file.
+    """The lines of a restart file by sections.
 
     Attributes
     ----------
@@ -290,8 +290,8 @@ def _add_turning(law: ProgramLaw, line: Words, units: Units) -> ProgramLaw:
     """Return the law with the springs of its species against rolling and torsion.
 
     The torque is D^2 k times the difference of the turns, across (rolling) or along (torsion) the
-    normal, with D = 2 R*; k is the species' stiffness, or with Mindlin 8 G a, 3/2 of the tangential
-    stiffness.
+    normal, with D = 2 R*; k is the stiffness that the species states; with Mindlin's law it is 8 G
+    a, which is 3/2 of the tangential stiffness.
     """
     rolls = _resists(line, "rolling")
     twists = _resists(line, "torsion")
@@ -314,7 +314,7 @@ def _resists(line: Words, motion: Literal["rolling", "torsion"]) -> bool:
 
 
 def _read_wall(line: Words, units: Units) -> Wall:
-    """Return the wall of a line; raise InputError for a wall without a direction."""
+    """Return the wall that a line describes; raise InputError for a wall without a direction."""
     normal = np.array([1.0, 0.0, 0.0])
     if "orientation" in line:
         a, b, c, d = line.numbers_after("orientation", 4)
@@ -332,7 +332,7 @@ def _read_wall(line: Words, units: Units) -> Wall:
 
 
 def _read_cell(file: Restart, planes: tuple[float, float]) -> Cell:
-    """Return the cell of the domain and of the periods, with walls at these `planes`, m.
+    """Return the cell that the domain and the periods define, with walls at z of `planes`, m.
 
     The domain does not confine spheres: along an axis without a period the cell reaches to the
     surfaces of spheres that lie outside.
@@ -400,7 +400,9 @@ def _read_spheres(file: Restart, cell: Cell) -> Packing:
 
 
 def _read_contacts(file: Restart, packing: Packing, codes: dict[int, int]) -> Contacts:
-    """Return the interactions; `codes` are those of the walls that count, by their numbers.
+    """Return the contacts that the interactions of the file list.
+
+    `codes` are the codes of the flat walls, by their numbers in the file.
 
     Forces on the first sphere are split along and across the line of centres.
     """
@@ -424,7 +426,9 @@ def _read_contacts(file: Restart, packing: Packing, codes: dict[int, int]) -> Co
 
 
 def _refuse_other_walls(packing: Packing, walls: dict[int, Wall], inner: tuple[int, ...]) -> None:
-    """Raise InputError if a sphere overlaps a wall that is not inner by more than the last digit.
+    """Raise InputError if a sphere overlaps a wall that is not one of the two `inner` walls.
+
+    Overlaps up to the last digit of positions are allowed.
 
     A wall that is not an infinite plane is refused, too: its contacts do not follow from positions.
     """

@@ -1,10 +1,10 @@
 """A packing as two tables with named columns (CSV), as any program can write them.
 
-Three lines after # above the spheres have the cell: `# cell XLO XHI YLO YHI ZLO ZHI`, `# periodic x
-y` and `# walls ZLOW ZHIGH`, in any case, with or without a colon; others are comments. The contacts
-have their stiffnesses, so that no law is needed and each row is a contact, whatever its force and
-overlap; -1 for the second sphere is the wall at low z, -2 the wall at high z. A column that is not
-known is refused, as it may change the answer.
+Three lines that begin with # above the spheres describe the cell: `# cell XLO XHI YLO YHI ZLO ZHI`,
+`# periodic x y` and `# walls ZLOW ZHIGH`, in small or capital letters, with or without a colon;
+other such lines are comments. The contacts have their stiffnesses, so that no law is needed and
+each row is a contact, whatever its force and overlap; -1 for the second sphere is the wall at low
+z, -2 the wall at high z. A column that is not known is refused, as it may change the answer.
 """
 
 import re
@@ -47,9 +47,9 @@ KEYS = {
     "periodic": "# periodic x y, with the axes that are, or leave the line out for none",
     "walls": "# walls ZLOW ZHIGH, or NULL for none",
 }
-"""First words of the lines after # that have the cell, and how each line is written."""
+"""First words of the lines after # that describe the cell, and how each line is written."""
 KeyLines = dict[str, Words]
-"""The lines after # by their key: the words after it."""
+"""The words of the lines after # that describe the cell, by the first word of each line."""
 
 
 def sniff(path: Path, head: bytes) -> bool:
@@ -95,7 +95,7 @@ def read(
 def _read_table(
     path: str | Path, needed: tuple[str, ...], optional: tuple[str, ...] = ()
 ) -> tuple[Rows, KeyLines]:
-    """Return the rows of a table with these columns, and its lines after # that have the cell.
+    """Return the rows of a table with these columns, and the lines after # for the cell.
 
     Raises InputError for columns that are missing or not known, and for a table without rows.
     """
@@ -142,7 +142,7 @@ def _read_table(
 
 
 def _read_key_line(path: str | Path, number: int, text: str, key_lines: KeyLines) -> None:
-    """Add a line after # to the lines that have the cell, unless it is a comment."""
+    """Add a line that begins with # to `key_lines`, unless it is a comment."""
     words = re.findall(r"[^\s:=#]+", text)
     if not words:
         return
@@ -158,7 +158,10 @@ def _read_key_line(path: str | Path, number: int, text: str, key_lines: KeyLines
 
 
 def _read_cell(path: str | Path, key_lines: KeyLines, units: Units) -> Cell:
-    """Return the cell of the lines after #; its bounds are walls if no line has the walls."""
+    """Return the cell that the lines after # describe.
+
+    If no line states the walls, the bounds along z are walls.
+    """
     if "cell" not in key_lines:
         remedy = f"write {KEYS['cell']} before the names"
         refuse(path, "no_cell", "no bounds of the cell", remedy=remedy)

@@ -30,7 +30,7 @@ MODELS = tuple(sorted(module.name.replace("_", "-") for module in pkgutil.iter_m
 """Names of the contact models."""
 
 ContactLaw = Any
-"""The law of one contact, or of many: a `LAW`."""
+"""The law of one contact, or of many: an instance of a model's class `LAW`."""
 
 
 def laws_of(spheres: Material, walls: Elasticity | None = None) -> tuple[ContactLaw, ContactLaw]:

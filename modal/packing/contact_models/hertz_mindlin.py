@@ -20,11 +20,11 @@ class HertzMindlin(NamedTuple):
     effective_shear: Any
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
-        """Return N = 4/3 E* a overlap."""
+        """Return the normal force N = 4/3 E* a overlap."""
         return 4 / 3 * self.effective_young * np.sqrt(radius * overlap) * overlap
 
     def elastic_energy(self, overlap: Any, radius: Any) -> Any:
-        """Return 2/5 N overlap."""
+        """Return the elastic energy 2/5 N overlap, J."""
         force = 4 / 3 * self.effective_young * np.sqrt(radius * overlap) * overlap
         return 0.4 * force * overlap
 
@@ -37,7 +37,7 @@ class HertzMindlin(NamedTuple):
         return 8 * self.effective_shear * np.sqrt(radius * overlap)
 
     def overlap_of_force(self, force: Any, radius: Any) -> Any:
-        """Return (3 N / (4 E* sqrt(R*)))^(2/3)."""
+        """Return the overlap (3 N / (4 E* sqrt(R*)))^(2/3), m, of a force N."""
         return (0.75 * force / (self.effective_young * np.sqrt(radius))) ** (2 / 3)
 
 

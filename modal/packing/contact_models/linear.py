@@ -15,11 +15,11 @@ class Linear(NamedTuple):
     effective_shear: Any
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
-        """Return N = kn overlap."""
+        """Return the normal force N = kn overlap."""
         return 2 * self.effective_young * radius * overlap
 
     def elastic_energy(self, overlap: Any, radius: Any) -> Any:
-        """Return N overlap / 2."""
+        """Return the elastic energy N overlap / 2, J."""
         return self.effective_young * radius * overlap**2
 
     def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
@@ -31,7 +31,7 @@ class Linear(NamedTuple):
         return 8 * self.effective_shear * radius + 0 * overlap
 
     def overlap_of_force(self, force: Any, radius: Any) -> Any:
-        """Return N / kn."""
+        """Return the overlap N / kn, m, of a force N."""
         return force / (2 * self.effective_young * radius)
 
 

@@ -32,33 +32,36 @@ import numpy as np
 from modal.tools.errors import InputError
 
 SHIFT_1 = 0.82
-"""d1 / S."""
+"""Ratio d1 / S of the model."""
 SHIFT_2 = 1.24
-"""d2 / S."""
+"""Ratio d2 / S of the model."""
 FORCE_RATIO = 100.0
-"""N2 / N1."""
+"""Ratio N2 / N1 of the model."""
 HERTZ_OVERLAP = (0.75 * np.sqrt(2) * FORCE_RATIO) ** (2 / 3)
 """Overlap of smooth spheres under N2, divided by S."""
 TOUCH_2 = SHIFT_1 + SHIFT_2 + HERTZ_OVERLAP
-"""d_T2 / S."""
+"""Ratio d_T2 / S of the model."""
 EXPONENT_2 = 1.5 * (HERTZ_OVERLAP + SHIFT_2) / HERTZ_OVERLAP
-"""b."""
+"""Exponent b of the second power law."""
 TOUCH_1 = SHIFT_1 + (HERTZ_OVERLAP + SHIFT_2) * FORCE_RATIO ** (-1 / EXPONENT_2)
-"""d_T1 / S."""
+"""Ratio d_T1 / S of the model."""
 EXPONENT_1 = EXPONENT_2 * TOUCH_1 / (TOUCH_1 - SHIFT_1)
-"""c."""
+"""Exponent c of the first power law."""
 WORK_1 = TOUCH_1 / (EXPONENT_1 + 1) - (TOUCH_1 - SHIFT_1) / (EXPONENT_2 + 1)
 """Energy at d_T1, divided by N1 S, beyond that of the second power law."""
 WORK_2 = FORCE_RATIO * ((HERTZ_OVERLAP + SHIFT_2) / (EXPONENT_2 + 1) - HERTZ_OVERLAP / 2.5)
 """Energy at d_T2, divided by N1 S, of the second power law beyond that of the third."""
 MIN_ROUGHNESS = 1e-12
-"""m: less than an atom; no surface is as smooth."""
+"""Least roughness, m: less than an atom, so that no surface is as smooth."""
 MAX_ROUGHNESS = 1e-3
-"""m: more is no roughness any more."""
+"""Largest roughness, m: more than that is shape."""
 
 
 def select_power_law(beyond_1: Any, beyond_2: Any) -> tuple[Any, ...]:
-    """Return origin, span, exponent, size and earlier work of a power law, in units of N1 and S.
+    """Return origin, span, exponent, force and earlier work of the power law that holds.
+
+    Lengths are in units of S, forces of N1, works of N1 S. `beyond_1` and `beyond_2` say whether
+    the overlap is beyond the first and the second power law.
 
     `beyond_1` and `beyond_2` say whether the first and the second power law end before.
     """
@@ -76,7 +79,7 @@ def select_power_law(beyond_1: Any, beyond_2: Any) -> tuple[Any, ...]:
 def force_rate_and_energy(
     young: Any, roughness: Any, overlap: Any, radius: Any
 ) -> tuple[Any, Any, Any]:
-    """Return the normal force, N, its derivative divided by itself, 1/m, and the energy, J."""
+    """Return the force, N, its derivative divided by the force, 1/m, and the energy, J."""
     unit = roughness * young * np.sqrt(2 * radius * roughness)
     depth = overlap / roughness
     origin, span, exponent, size, earlier_work = select_power_law(
@@ -129,7 +132,7 @@ class Rough(NamedTuple):
         return force * rate
 
     def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
-        """Return kn 4 G* / E*."""
+        """Return the tangential stiffness kt = 4 G* / E* kn, N/m."""
         force, rate, _ = force_rate_and_energy(
             self.effective_young, self.roughness, overlap, radius
         )
