@@ -27,9 +27,19 @@ def blocks(page):
 
 
 WITH_BLOCKS = [page for page in PAGES if {kind for kind, _ in blocks(page)} & {"python", "console"}]
+SLOW_PAGES = {"attenuation.md", "lammps.md", "own_packing.md"}
+"""Pages whose packings take 10 to 20 s."""
 
 
-@pytest.mark.parametrize("page", WITH_BLOCKS, ids=lambda page: page.name)
+def pages_with_blocks():
+    """Return each page as a parameter with its name; pages of long examples are slow tests."""
+    return [
+        pytest.param(page, id=page.name, marks=[pytest.mark.slow] * (page.name in SLOW_PAGES))
+        for page in WITH_BLOCKS
+    ]
+
+
+@pytest.mark.parametrize("page", pages_with_blocks())
 def test_every_block_runs(page, tmp_path, monkeypatch, capsys):
     """In the page's order and in one folder; names stay from block to block, as for a reader."""
     pyplot = pytest.importorskip("matplotlib.pyplot")

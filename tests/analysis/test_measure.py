@@ -326,6 +326,7 @@ def test_attenuation_velocity_and_unbiased_low_pass_are_those_of_the_signals(ran
     assert edge.value == pytest.approx(wanted, abs=2 * known + 0.01 * wanted)
 
 
+@pytest.mark.slow
 def test_error_of_the_unbiased_low_pass_is_how_far_seeds_scatter():
     """Of five seeds the scatter over the true one lies in 0.23 to 1.93 by chi^2, 99 % of draws.
 

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -13,6 +14,7 @@ from modal.packing.missing_contacts import missing_contacts
 from modal.packing.network import Network, write_network
 
 
+@cache
 def with_two_sizes(ratio: float) -> Network:
     """Return a packing of two sizes, whose radii have this ratio."""
     mixture = {"sizes": ["two", ratio, 0.8], "aspect": 1.0, "tolerance": 1e-2}
