@@ -136,8 +136,8 @@ def test_a_top_too_dense_for_products_is_refused_before_a_matrix_is_made(monkeyp
 
     monkeypatch.setattr(LinearSystem, "assemble_dynamical_matrix", refuse)
     monkeypatch.setattr(search, "MAX_PRODUCTS", 20)
-    monkeypatch.setattr(search, "PRODUCTS", 5)
-    monkeypatch.setattr(search, "PRODUCTS_EACH", 5)
+    monkeypatch.setattr(search, "MIN_PRODUCTS", 5)
+    monkeypatch.setattr(search, "MIN_PRODUCTS_PER_MODE", 5)
     monkeypatch.setattr("modal.tools.workload.memory_at_hand", lambda: 1e6)
     with pytest.raises(InputError) as refused:
         eigenmodes(gallery.fcc(cells=(1, 1, 210)), highest=1)
