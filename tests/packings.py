@@ -123,6 +123,14 @@ def sheared() -> Network:
     return read_sample(SHEARED).network()
 
 
+def sheared_crystal() -> Network:
+    """Return 720 spheres of a crystal with shear forces, which the full tangent needs."""
+    network = gallery.fcc(cells=(3, 3, 80))
+    rng = np.random.default_rng(1)
+    across = np.cross(network.normal, rng.standard_normal((network.n_contacts, 3)))
+    return replace(network, force_tangential=0.1 * network.force_normal[:, None] * across)
+
+
 def random_springs(seed: int, particles: int = 12, contacts: int = 60) -> Network:
     """Return springs of no packing: any levers, repeated pairs, spheres touching themselves."""
     rng = np.random.default_rng(seed)

@@ -1,7 +1,8 @@
 """Print digests of all results that threads share, as JSON.
 
 `solvers/test_same_bits.py` runs this program twice, from the root of the project. The limits below
-which a loop has one thread are removed.
+which a loop has one thread are removed, so that small packings do; they are read or simple, so that
+only loops for threads are compiled.
 """
 
 import hashlib
@@ -9,19 +10,27 @@ import json
 from dataclasses import replace
 
 import numpy as np
-from changes import renumbered
+from changes import in_flight, renumbered
+from packings import sheared_crystal
+from places import SHEARED
 
 import modal
 from modal.dem.contacts import MovingContacts
+from modal.dem.motion import Dynamics
 from modal.packing.sample import read_sample
 from modal.preparation.cloud import make_cloud
+from modal.preparation.durations import time_step
 from modal.preparation.frictionless import Descent, Pressure
 from modal.preparation.protocol import Study
-from modal.preparation.relax import elastic_motion, relax
+from modal.preparation.relax import elastic_motion
+from modal.preparation.strain_control import INERTIAL_NUMBER, Servo
 from modal.solvers.same_bits import same_bits_product
 from modal.system.operator import ContactOperator
 from modal.tools import loops, slabs
 from modal.waves.motions import Pulse
+
+STRESS = 3e5
+"""Target of the servo, Pa: three times the stress of the packing, so that the cell changes."""
 
 
 def digest(*arrays: np.ndarray) -> str:
@@ -29,57 +38,62 @@ def digest(*arrays: np.ndarray) -> str:
     return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
 
 
-def products(pre_stress: str) -> str:
+def digest_products(pre_stress: str) -> str:
     """Return the digest of products with one vector and with three, of shuffled contacts."""
-    from test_cores import crystal
-
-    network = crystal()
+    network = sheared_crystal()
     network = renumbered(network, np.random.default_rng(5).permutation(network.n_particles))
     operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
     assert len(operator._contacts.slabs) > 8
     x = np.random.default_rng(7).standard_normal((operator.shape[0], 4))
-    return digest(
-        *(operator.combine(u, 2 * u, 1e-9, -2.0, 0.5) for u in (x[:, :1].copy(), x[:, 1:].copy()))
-    )
+    blocks = (x[:, :1].copy(), x[:, 1:].copy())
+    return digest(*(operator.combine(block, 2 * block, 1e-9, -2.0, 0.5) for block in blocks))
 
 
-def linear() -> str:
+def digest_linear() -> str:
     """Return the digest of a wave and a response of a packing without equal parts."""
-    network = modal.fcc(cells=(5, 5, 210))
+    network = modal.fcc(cells=(5, 5, 80))
     stiffness = network.stiffness_normal.copy()
     stiffness[0] *= 1.1
     network = replace(network, stiffness_normal=stiffness)
     wave = modal.propagate(network, 2e-4).signals
     gain = modal.frequency_response(network, highest=5e4, resolution=2e3)
-    found = (wave.chain_displacement, wave.layer_displacement, wave.receiver_stress)
-    return digest(*found, gain.source_stress, gain.chain_displacement)
+    signals = (wave.chain_displacement, wave.layer_displacement, wave.receiver_stress)
+    return digest(*signals, gain.source_stress, gain.chain_displacement)
 
 
-def blas() -> str:
+def digest_blas() -> str:
     """Return the digest of products by BLAS; bits would differ for blocks four times as large."""
-    rng, shapes = np.random.default_rng(1), ((700, 100, 700), (41, 1030, 23), (3000, 7, 40))
-    pairs = ((rng.standard_normal((t, k)), rng.standard_normal((k, n))) for t, k, n in shapes)
-    return digest(*(same_bits_product(a, b) for a, b in pairs))
+    rng = np.random.default_rng(1)
+    products = []
+    for rows, inner, columns in ((700, 100, 700), (41, 1030, 23), (3000, 7, 40)):
+        left = rng.standard_normal((rows, inner))
+        right = rng.standard_normal((inner, columns))
+        products.append(same_bits_product(left, right))
+    return digest(*products)
 
 
-def nonlinear() -> str:
+def digest_nonlinear() -> str:
     """Return the digest of a wave at finite amplitude."""
-    sample = read_sample("tests/data/friction150.sample.h5")
     motion = Pulse(2e-7, 1e5)
-    wave = modal.propagate(sample, 2e-5, nonlinear=True, motion=motion, time_step=1e-7)
+    wave = modal.propagate(
+        read_sample(SHEARED), 2e-5, nonlinear=True, motion=motion, time_step=1e-7
+    )
     return digest(wave.signals.chain_displacement, wave.energy)
 
 
-def moving() -> str:
-    """Return the digest of spheres that collide, slide and spin."""
-    from test_dynamics import agitated, run
+def digest_moving() -> str:
+    """Return the digest of spheres that collide, slide and spin under a servo."""
+    sample = read_sample(SHEARED)
+    velocity, surface_velocity = 0.05 * np.random.default_rng(5).standard_normal((2, 150, 3))
+    sample = in_flight(sample, velocity, surface_velocity / sample.radius)
+    servo = Servo(STRESS, INERTIAL_NUMBER)
+    motion = Dynamics(sample, damping=0.2, control=servo.follow)
+    motion.advance(50, time_step(STRESS), 5)
+    assert motion.contacts.sliding > 0
+    return digest(motion.contacts.position)
 
-    packing = agitated()
-    slabs.ENOUGH = 1
-    return digest(run(packing, 50).contacts.position)
 
-
-def descent() -> str:
+def digest_descent() -> str:
     """Return the digest of spheres without friction after some steps down their energy."""
     study = Study(0.0, 200, 4.9, seed=3)
     motion = Descent(make_cloud(study), Pressure("1e+07", study))
@@ -87,26 +101,31 @@ def descent() -> str:
     return digest(motion.sample(moving=False).position)
 
 
-def springs() -> str:
+def digest_springs() -> str:
     """Return the digest of a step to rest by conjugate gradients, and of the loads after it."""
-    from test_equilibrium import made, shaken
-
-    rested, _ = relax(shaken(made(), 0.02, np.inf))
-    packing = shaken(rested, 1e-3)
-    slabs.ENOUGH = 1
-    contacts = MovingContacts(packing)
-    motion = elastic_motion(contacts, contacts.sample())
+    sample = read_sample(SHEARED)
+    contacts = MovingContacts(sample)
+    motion = np.random.default_rng(3).standard_normal((150, 6))
+    # A thousandth of the overlaps: most contacts stick, and the springs have a balance.
+    motion *= 1e-3 * np.median(sample.network().overlap)
+    motion[:, 3:] /= sample.radius
     contacts.move(motion)
-    return digest(motion, contacts.load)
+    to_rest = elastic_motion(contacts, contacts.sample())
+    assert to_rest is not None
+    contacts.move(to_rest)
+    return digest(to_rest, contacts.load)
 
 
 if __name__ == "__main__":
-    usual, found = slabs.ENOUGH, {}
-    # Both make their packing with one thread: in each of its many short steps two would wait for
-    # each other, and long where another program has one of the cores.
-    for task in (moving, springs):
-        slabs.ENOUGH = usual
-        found[task.__name__] = task()
-    found |= {f"products, {name}": products(name) for name in ("none", "normal")}
-    found |= {task.__name__: task() for task in (linear, blas, nonlinear, descent)}
-    print(json.dumps({"threads": loops.threads_for(1000), "found": found}))
+    slabs.ENOUGH = 1
+    digests = {
+        "products": digest_products("none"),
+        "products with pre-stress": digest_products("normal"),
+        "linear waves": digest_linear(),
+        "BLAS": digest_blas(),
+        "nonlinear wave": digest_nonlinear(),
+        "moving spheres": digest_moving(),
+        "descent": digest_descent(),
+        "springs": digest_springs(),
+    }
+    print(json.dumps({"threads": loops.threads_for(1000), "digests": digests}))

@@ -2,16 +2,14 @@
 
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from changes import renumbered
 from oracles import PRE_STRESS
-from packings import sheared
+from packings import sheared, sheared_crystal
 
 from modal.packing import crystal as gallery
-from modal.packing.network import Network
 from modal.system import contact_order
 from modal.system.assembly import stiffness_matrix
 from modal.system.contact_order import OrderedContacts
@@ -19,16 +17,7 @@ from modal.system.operator import ContactOperator
 from modal.tools import loops
 from modal.tools import slabs as slabs_along_z
 
-
-def crystal() -> Network:
-    """720 spheres with shear forces, which the full tangent needs."""
-    network = gallery.fcc(cells=(3, 3, 80))
-    rng = np.random.default_rng(1)
-    across = np.cross(network.normal, rng.standard_normal((network.n_contacts, 3)))
-    return replace(network, force_tangential=0.1 * network.force_normal[:, None] * across)
-
-
-NETWORK = crystal()
+NETWORK = sheared_crystal()
 NUMBER = np.random.default_rng(3).permutation(NETWORK.n_particles)
 FOREIGN, SIZE = renumbered(NETWORK, NUMBER), 6 * NETWORK.n_particles
 """The same packing, numbered and listed in two ways."""
@@ -122,7 +111,7 @@ def in_slabs(ends: np.ndarray, n: int) -> np.ndarray:
 def test_programs_that_keep_a_loop_at_once_keep_each_its_own(tmp_path, monkeypatch):
     """Each takes its time between reading the index and writing it, as programs that wait do."""
     monkeypatch.setattr(pytest.importorskip("numba").config, "CACHE_DIR", str(tmp_path))
-    files = [loops.compile_cached(crystal)._cache._cache_file for _ in range(2)]
+    files = [loops.compile_cached(sheared_crystal)._cache._cache_file for _ in range(2)]
     kind, write = type(files[0]), type(files[0])._save_index
     monkeypatch.setattr(kind, "_save_index", lambda *given: time.sleep(0.1) or write(*given))
     with ThreadPoolExecutor() as pool:
