@@ -22,7 +22,8 @@ from modal.tools.memory import memory_at_hand
 MAX_QUOTED_CHARACTERS = 60
 """Largest number of characters of a file that a message quotes."""
 SHORT_MANTISSA_BITS = 16
-"""Number of bits; a number whose mantissa fits into these bits counts as exact."""
+"""Number of bits; a number whose mantissa fits into these bits counts as exact. Of numbers that
+were rounded to the 24 bits of single precision only one in 2^8 has so short a mantissa."""
 MAX_LINE_CHARACTERS = 1_000_000
 """Largest number of characters of a line. Rows have some hundred characters, lines of a script some
 thousand."""

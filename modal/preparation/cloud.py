@@ -12,9 +12,9 @@ from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
 CROWDED_FRACTION = 0.5
-"""Solid fraction of overlapping random points, from which a descent of the enthalpy begins."""
+"""Solid fraction of random points with overlaps, from which the enthalpy is minimised."""
 MAX_TRIALS = 1000
-"""Random points tried for one sphere before the cloud counts as full."""
+"""Number of random points tried for one sphere before the cloud counts as full."""
 NEIGHBOURS = tuple(product((-1, 0, 1), repeat=3))
 """Offsets of a bin itself and of the 26 bins around it."""
 

@@ -37,17 +37,18 @@ from modal.tools.progress import Minute, progress
 
 AXES = "stress_xx", "stress_yy", "stress_zz"
 STAGE_SEPARATOR = "; "
-"""Separates the stages in a checkpoint's attribute `way`, those that the path has gone through."""
+"""Text between the names of stages in a checkpoint's attribute `way`, which lists the stages that
+the path has gone through."""
 
 
 StartMotion = Callable[[Sample, Any], MovingPacking]
-"""Function that sets a sample in motion under a stage."""
+"""Function that sets a sample in motion under the control of a stage."""
 Say = Callable[[str], None]
 """Function that shows a line of progress."""
 
 
 class StageProgress(NamedTuple):
-    """Time of a stage so far, s, and whether the packing has settled and the stage has ended."""
+    """Time of a stage so far, s; whether the packing has settled; whether the stage is over."""
 
     seconds: float
     has_settled: bool
@@ -175,7 +176,7 @@ def _describe_state(stage: Stage, packing: MovingPacking) -> str:
 
 
 def _describe_rest(stage: Stage, seconds: float, pace: float) -> str:
-    """Return what ends the stage and how long it may take.
+    """Return a text on what ends the stage and how long the stage may still take.
 
     `seconds` of the stage have passed; `pace` is the computing time per simulated time.
     """
@@ -204,8 +205,8 @@ def compress_to_stresses(
 ) -> list[tuple[float, Path]]:
     """Follow the path of a study to each stress, and return the (stress, file) pairs of its states.
 
-    The path goes on from the checkpoint in `folder`; otherwise it begins at the cloud, or at a
-    `dense` packing, which is dilated. Files of states that exist stay.
+    The path continues from the checkpoint in `folder`. Without one it begins at the cloud, or at a
+    `dense` packing, which is dilated. Existing files of states are kept.
 
     Parameters
     ----------
@@ -335,10 +336,11 @@ def _describe_cost(
 
 
 def _resume(checkpoint: Path, sample: Sample, stages: list[str]) -> list[str]:
-    """Set the stage at which a checkpoint goes on, and return the stages that it has gone through.
+    """Set the stage at which a checkpoint continues, and return the stages before it.
 
-    A path that was at its end, or on its way to a stress, may get further stresses later. Raises
-    InputError if it has gone through other stages than `stages`, or is on its way to another one.
+    A path may be given further stresses after its end, or on its way to a stress. Raises InputError
+    if the checkpoint has gone through other stages than `stages`, or is on its way to another
+    stage.
     """
     stage = sample.study.get("stage")
     passed = str(sample.study.pop("way", "")).split(STAGE_SEPARATOR)

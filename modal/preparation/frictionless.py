@@ -29,37 +29,40 @@ PEAK_STEP_RATIO = 0.3
 """Time step of the descent to the peak divided by sqrt(m / mean kn); longer steps on the way to the
 peak make the coordination number scatter."""
 STEP_RATIO = 0.4
-"""Time step of later descents divided by sqrt(m / mean kn). The highest mode of a dense packing,
-about sqrt(12 kn / m), would allow 0.58 if all contacts were equally stiff."""
+"""Time step of the descents after the peak divided by sqrt(m / mean kn). The highest mode of a
+dense packing, about sqrt(12 kn / m), would allow 0.58 if all contacts were equally stiff."""
 MIN_STEP_RATIO = 0.02
 """Shortest step of a descent divided by the longest stable one."""
 STRESS_ERROR = 1e-3
 """Largest relative error of a principal stress at which a descent is over."""
 DESCENT_CHECK = 25
-"""Steps of a descent between two checks, which cost a fifth of a step."""
+"""Number of steps of a descent between two checks; a check costs a fifth of a step."""
 DESCENT_CHECKS = 400
-"""Checks between two checkpoints, from which a descent starts again at rest."""
+"""Number of checks between two checkpoints; at a checkpoint a descent starts again at rest."""
 DESCENT_STEPS = 200_000
-"""Steps after which a descent is given up."""
+"""Number of steps after which a descent ends without success."""
 SKIN_DIAMETERS = 0.1
-"""First reach of the list of pairs beyond contact, diameters: spheres of the cloud move far."""
+"""Distance beyond contact, in diameters, of the first list of pairs: spheres of the cloud move
+far."""
 FIRST_MIXING = 0.1
-"""First share of the velocity that is turned towards the force; the value of FIRE."""
+"""First share of the velocity that is turned towards the force: alpha_start of FIRE."""
 MIXING_FACTOR = 0.99
-"""Factor of the mixing at each step after `STEPS_BEFORE_GROWTH` downhill ones; that of FIRE."""
+"""Factor on the share of the velocity that is turned towards the force, at each step after
+`STEPS_BEFORE_GROWTH` downhill ones: f_alpha of FIRE."""
 STEP_GROWTH = 1.1
-"""Factor of the time step at each step after `STEPS_BEFORE_GROWTH` downhill ones; that of FIRE."""
+"""Factor on the time step, at each step after `STEPS_BEFORE_GROWTH` downhill ones: f_inc of
+FIRE."""
 STEPS_BEFORE_GROWTH = 20
-"""Downhill steps before the time step grows."""
+"""Number of downhill steps before the time step grows: N_min of FIRE."""
 MAX_STEP_RADII = 0.1
 """Largest displacement in a step, in units of the smallest radius: far from rest, spheres must not
 pass through each other."""
 MAX_STEP_STRAIN = 0.01
-"""Largest strain of the cell in a step, for the same reason."""
+"""Largest strain of the cell in a step: spheres must not pass through each other."""
 TINY = 1e-300
 """Smallest divisor: keeps quotients of zero motions finite."""
 SOFTEST_OVERLAP_RADII = 1e-8
-"""Overlap, in radii, whose stiffness limits the step where few spheres touch (below 10 Pa)."""
+"""Overlap, in radii, whose stiffness limits the time step if few spheres touch (below 10 Pa)."""
 
 
 def _sums_of_some(first, last, part, velocity, force, sums):
@@ -106,7 +109,7 @@ def _descend_some(first, last, _, position, velocity, force, keep, gain, stretch
 
 
 def descend_by_arrays(position, velocity, force, keep, gain, stretch, dt):
-    """Set velocities (n, 3) to keep v + gain F, and move positions (n, 3) along them.
+    """Set velocities (n, 3) to keep v + gain F, and move positions (n, 3) by them.
 
     Positions are first multiplied by `stretch` (3,). The compiled loop does the same.
     """
@@ -171,7 +174,10 @@ class Descent:
         self._dt = 0.0
 
     def advance(self, count: int, dt: float, every: int) -> None:
-        """Take `count` steps of the descent's own length, then tell the control the stresses."""
+        """Take `count` steps of the descent's own length, then pass the stresses to the control.
+
+        `dt` and `every` are not used.
+        """
         for _ in range(count):
             self._step()
             self.steps += 1

@@ -52,16 +52,18 @@ class SettlingLimits(NamedTuple):
 
 
 CONTROL_INTERVAL = 0.0127
-"""Inertial times at `REFERENCE_PRESSURE` between two settings of the strain rates: 5 steps of
-`STABLE_FRACTION` at the target stress."""
+"""Time between two settings of the strain rates, in inertial times at `REFERENCE_PRESSURE`: 5 steps
+of `STABLE_FRACTION` at the target stress."""
 CHECK_INTERVAL = 0.2542
-"""Inertial times at `REFERENCE_PRESSURE` between two checks of stress and balance: 100 such
-steps."""
+"""Time between two checks of stress and balance, in inertial times at `REFERENCE_PRESSURE`: 100
+steps of `STABLE_FRACTION`."""
 CHECKS_PER_CHECKPOINT = 30
-"""Checks between two checkpoints: 3,000 such steps, in YADE some four minutes at full size."""
+"""Number of checks between two checkpoints: 3,000 steps of `STABLE_FRACTION`, in YADE some four
+minutes at full size."""
 PATIENCE = 30.5
 """Inertial times at `REFERENCE_PRESSURE` after which a packing that does not settle is accepted as
-it is, and marked: 12,000 such steps. At 1 kPa these are 6.6 inertial times, at 10 MPa 142."""
+it is, and marked: 12,000 steps of `STABLE_FRACTION`. At 1 kPa these are 6.6 inertial times, at 10
+MPa 142."""
 
 CHECKPOINT = "path.checkpoint"
 """File of the current state; its name does not match `*.h5`, which means finished states."""
@@ -78,9 +80,9 @@ JAM = "jam"
 PREPARATION: Final = (APPROACH, COOL, JAM)
 """Names of the stages from the compacted cloud to the first stress, with friction."""
 CLOUD_STAGE = "cloud"
-"""Name of the stage before these, which has no checkpoint."""
+"""Name of the stage before the stages of `PREPARATION`; it has no checkpoint."""
 STIR = "stir"
-"""Name of the stage that replaces the cloud for spheres that have been dense before."""
+"""Name of the stage that replaces the cloud if the spheres have been packed densely before."""
 SQUEEZE = "peak"
 """Name of the stage before all states without friction."""
 STRESSES = (1e3, 1e4, 1e5, 1e6, 1e7)
@@ -94,8 +96,8 @@ COMPACTION_RATE = 400.0
 COMPACTION_STRESS = 1e6
 """Mean stress, Pa, that the time step of the compaction allows for."""
 HOT_STRESS = 5e5
-"""Mean stress, Pa, of the agitated spheres at which the approach ends; without agitation, and once
-unloaded, the packing is below the first stress of the study."""
+"""Mean stress, Pa, of the agitated spheres at which the approach ends; once the agitation is over,
+the stress of the packing is below the first stress of the study."""
 APPROACH_RATE = 8.0
 """Strain rate, 1/s, from `LOOSE_FRACTION` to `HOT_STRESS`."""
 AGITATED_DAMPING = 0.02
@@ -103,10 +105,11 @@ AGITATED_DAMPING = 0.02
 LOCAL_DAMPING = 0.2
 """Local damping once the approach is over."""
 COOLING_TIME = 36.5
-"""Inertial times at `HOT_STRESS`, at constant volume, after which the agitation is over: 6,000
-steps of a packing whose contacts have opened."""
+"""Time at constant volume after which the agitation is over, in inertial times at `HOT_STRESS`:
+6,000 steps of a packing whose contacts have opened."""
 JAMMING_STRESS = 1e4
-"""Stress, Pa, before the first state: a jammed packing that is let go at once flies apart."""
+"""Stress, Pa, that a jammed packing keeps before the first state: without a stress it would fly
+apart."""
 JAMMED: Final = SettlingLimits(stress_error=0.1, residual=1e-2)
 """Limits at which jamming is over."""
 SETTLED: Final = SettlingLimits(stress_error=3e-3, residual=1e-3)
@@ -123,11 +126,11 @@ NOMINAL_FRACTION = 0.6
 STRESS_MARGIN = 1.5
 """Stress that the time step allows for, divided by the present mean."""
 MAX_STRESS_FACTOR = 10
-"""Largest ratio of two successive stresses: packings settle faster by smaller ones."""
+"""Largest ratio of two successive stresses: packings settle faster in smaller steps of stress."""
 MAX_DILATION = 0.1
 """Largest `dilate` of a study; spheres drawn farther apart are a cloud."""
 HOT_STRESS_RANGE = (100.0, 1e8)
-"""Pa: allowed agitation stresses."""
+"""Range of stresses, Pa, at which the approach of agitated spheres may end."""
 
 
 def list_intermediate_stresses(before: float, stress: float) -> list[float]:
@@ -146,7 +149,7 @@ def list_intermediate_stresses(before: float, stress: float) -> list[float]:
 
 
 CLOUD_PARAMETERS: Final = ("approach_rate", "agitated_damping")
-"""Parameters of a study without meaning for spheres that were dense before."""
+"""Parameters of a study that have no meaning if the spheres were dense before."""
 FRICTION_PARAMETERS: Final = (
     *CLOUD_PARAMETERS,
     "inertial_number",
@@ -154,11 +157,13 @@ FRICTION_PARAMETERS: Final = (
     "hot_stress",
     "damping",
 )
-"""Parameters of a study without meaning for a descent without friction."""
+"""Parameters of a study that have no meaning for a descent without friction."""
 
 
 def unused_parameters(friction: float, dilate: float) -> tuple[str, ...]:
-    """Return names of a study's parameters that have no meaning for such a path.
+    """Return the names of the study's parameters that have no meaning for a path.
+
+    `friction` and `dilate` are those of the path.
 
     >>> unused_parameters(0.3, 0.0), unused_parameters(0.3, 0.005)
     (('peak',), ('approach_rate', 'agitated_damping'))
@@ -175,7 +180,8 @@ IMPLICIT: Final[Mapping[str, Any]] = {
     "solid": "",
     "dilate": 0.0,
 }
-"""Values that attributes leave out: equal glass spheres from a cloud, as in earlier files."""
+"""Values of parameters that are not written as attributes: those of equal glass spheres from a
+cloud, as in earlier files."""
 
 
 @dataclass(frozen=True)
@@ -262,7 +268,7 @@ class Study:
                 )
 
     def _check_spheres(self) -> None:
-        """Raise InputError for an impossible friction, or for too few spheres or widths."""
+        """Raise InputError for an impossible friction, too few spheres, or a too narrow cell."""
         if not 0 <= self.mu_comp <= 1:
             raise InputError(
                 "friction",
@@ -324,7 +330,7 @@ class Study:
         )
 
     def time_step(self, stress: float) -> float:
-        """Return the time step of statics at `stress` (Pa), s."""
+        """Return the stable time step, s, of a packing at rest at `stress`, Pa."""
         mixture = self.mixture
         return time_step(stress, self.fraction, mixture.smallest, mixture.mean)
 
@@ -401,7 +407,7 @@ class MovingPacking(Protocol):
     steps: int
 
     def advance(self, count: int, dt: float, every: int) -> None:
-        """Take `count` steps of `dt`, s; the rates are set after `every` of them."""
+        """Take `count` steps of `dt`, s; the control sets the rates once in `every` steps."""
 
     def stress(self) -> Floats:
         """Return the principal stresses (3,), Pa, compression positive."""
@@ -467,7 +473,7 @@ class Stage:
         self.interval = study.vibration_duration(CONTROL_INTERVAL, self.control.target)
 
     def _constant_rate(self, rate: float) -> ConstantRate:
-        """Return a control at a strain rate, 1/s, of glass, scaled to the study's spheres."""
+        """Return a control at the strain rate, 1/s, of glass spheres, scaled to the spheres."""
         mixture = self.study.mixture
         return ConstantRate(rate * mixture.tempo, REFERENCE_PRESSURE * mixture.hardness)
 
@@ -493,8 +499,8 @@ class Stage:
         return self.control.error() < self.limits.stress_error and unbalanced < self.limits.residual
 
     def refuse_failure(self, packing: Any) -> None:
-        """Raise InputError if the packing cannot go on, at each check that does not end it."""
+        """Raise InputError if the packing cannot continue; called at each check of a stage."""
 
     def impatient(self, seconds: float) -> bool:
-        """Return whether the time of the stage is over, to half a check."""
+        """Return whether the longest time of the stage is over, to half a check interval."""
         return seconds > self.patience - self.check / 2

@@ -23,11 +23,12 @@ from modal.tools.errors import InputError
 PRESSURES = (1e5, 1e6, 1e7)
 """Pressures, Pa, of states without friction, after the peak."""
 MIN_PRESSURE = 10.0
-"""Lowest stress of a state of glass spheres, Pa: overlaps of lower ones are lost to round-off."""
+"""Lowest stress, Pa, of a state of glass spheres: at lower ones round-off hides the overlaps."""
 MAX_PEAK_RATIO = 10.0
-"""Largest peak pressure divided by the usual one, `PEAK`."""
+"""Largest peak pressure that is accepted, divided by the usual peak, `PEAK`."""
 ASPECT = 10.05
-"""Length over width: 35,201 spheres then reach 141 to 146 diameters, as in the study."""
+"""Default length divided by width: 35,201 spheres then reach 141 to 146 diameters, as in the
+study."""
 WIDTH_SHRINKAGE = 1.08
 """Width at the nominal solid fraction divided by that of a frictionless packing at 10 MPa."""
 MAX_SEED = 2**63 - 1
@@ -52,9 +53,10 @@ class ProtocolNumbers(TypedDict, total=False):
 
 
 def sound_aspect(spheres: int) -> float:
-    """Return the default length over width: that of the study, or less so that the cell is wide.
+    """Return the default length divided by width: that of the study, or less for few spheres.
 
-    The cell is then `MIN_WIDTH_IN_DIAMETERS` wide; it is a cube if the spheres are too few.
+    With less, the cell is `MIN_WIDTH_IN_DIAMETERS` wide; it is a cube if the spheres are too few
+    for that.
     """
     cube_width = width_of(spheres, 1.0)
     return min(max((cube_width / (WIDTH_SHRINKAGE * MIN_WIDTH_IN_DIAMETERS)) ** 3, 1.0), ASPECT)
@@ -63,7 +65,7 @@ def sound_aspect(spheres: int) -> float:
 def width_of(spheres: int, aspect: float) -> float:
     """Return the width, diameters, of a cell of `aspect` (length over width), at nominal fraction.
 
-    Zero, which no study accepts, for numbers that no cell can have.
+    Returns zero, which no study accepts, for numbers that no cell can have.
     """
     if not (aspect > 0 and spheres > 0):
         return 0.0
@@ -92,7 +94,7 @@ def pack(
 ) -> list[tuple[float, Path]]:
     """Pack spheres in a folder, and return the (stress, file) pairs of its states.
 
-    After a kill, an equal call goes on where the path was.
+    If the process is killed, a call with equal arguments continues the path.
 
     Parameters
     ----------
@@ -363,4 +365,4 @@ def _solid_words(material: Material, radius: float) -> list[str | float]:
 
 
 def _ignore_progress(line: str) -> None:
-    """Ignore a line of progress."""
+    """Do nothing with a line of progress."""

@@ -1,14 +1,14 @@
 """Relaxation of a sample to the balance of its contact law, at a fixed cell.
 
 Net forces that a dynamic run leaves would move spheres while a wave of some nanometres passes.
-Damped motion (`modal.dem.motion`) lets contacts slide, open and close until few still do. It ends
-in a long elastic tail: nothing slides any more, and the longest waves along the packing decay
+Damped motion (`modal.dem.motion`) lets contacts slide, open and close until few still do. At its
+end nothing slides any more, and only the longest waves along the packing remain, which decay
 slowly. An elastic step computes at once how far each sphere still has to go: K d = F, with the
 stiffness K of the present overlaps and the net forces F. This is a step of Newton's method without
 the change of direction of the forces, which gains two or three digits. Spheres that slide, or that
-the springs alone would move far, are not in such a balance: their own net force is left out and
-they follow their neighbours. The gain is checked after some more damped steps. A packing at rest
-stays at rest by itself.
+the springs alone would move far, are excluded: their own net force is left out, and they follow
+their neighbours. The gain is checked after some more damped steps. A packing at rest stays at rest
+by itself.
 """
 
 from collections.abc import Callable
@@ -31,10 +31,11 @@ TOLERANCE = 1e-10
 moves spheres by a share of their overlaps, the more the higher the stress; at 100 kPa and below,
 round-off of the positions decides."""
 MAX_SINGLE_RATIO = 10.0
-"""Largest net force of a single sphere divided by the mean one allowed: a sphere with more would
-move by itself as far as a wave moves it."""
+"""Largest net force of a single sphere divided by the mean net force: a sphere with more would move
+by itself as far as a wave moves it."""
 FRICTION_SHARE = 0.95
-"""Share of the friction that may be used at rest: no contact is at its limit when a wave comes."""
+"""Largest share of the friction limit that contacts use at rest, so that no contact is at its limit
+when a wave comes."""
 ACCEPTED_RESIDUAL = 1e-7
 """Residual at which a sample that comes no nearer to balance is still returned, as not at rest."""
 CHECK_STEPS = 100
@@ -43,13 +44,15 @@ MAX_SLIDING_SHARE = 0.05
 """Share of sliding contacts below which elastic steps are tried: a few loose spheres may go on
 sliding for long while the rest of the packing only vibrates."""
 FIRST_ELASTIC_STEP = 500
-"""Damped steps before the first elastic one: how many contacts will slide shows while they do."""
+"""Number of damped steps before the first elastic step: damped motion shows how many contacts
+slide."""
 MIN_GAIN = 0.5
-"""Largest residual, divided by the one at the previous elastic step, with which the next follows
+"""Largest ratio of the residuals at two successive elastic steps with which the next one follows
 after `CHECK_STEPS`. Otherwise damped motion lasts twice as long as before, and at least
 `MIN_WAIT_STEPS`."""
 MIN_WAIT_STEPS = 500
-"""Damped steps that take about half the time of an elastic one."""
+"""Least number of damped steps between two elastic steps; they take about half the time of an
+elastic step."""
 MAX_STEPS = 60_000
 MAX_DISPLACEMENT_OVERLAPS = 1.0
 """Largest displacement of a sphere in an elastic step, in median overlaps; its neighbours go nearly
@@ -57,20 +60,25 @@ as far, and the overlaps change by much less."""
 MAX_EXCLUDED_SHARE = 0.05
 """Share of spheres excluded from the elastic balance above which the packing is not yet elastic."""
 MAX_ROUNDS = 3
-"""Solutions of the elastic balance until no further sphere moves too far."""
+"""Largest number of solutions of the elastic balance; each excludes the spheres that moved too far
+in the one before."""
 HOLDING_RATIO = 1e-7
 """Stiffness that holds every sphere in its place, divided by the mean stiffness: the softest
-elastic motion of 150 layers has 1e-5, motions without energy have none."""
+elastic motion of 150 layers has a stiffness of 1e-5 of the mean, motions without energy have
+none."""
 SOLVER_ERROR = 1e-2
-"""Error of the elastic motion in the energy norm; the change of stiffness along it is as large."""
+"""Relative error of the elastic motion in the energy norm; the stiffness changes along the motion
+by as much."""
 ERROR_PRODUCTS = 30
 """Products with K over which the error of the solver is estimated."""
 MAX_PRODUCTS = 3000
-"""Products with K after which the elastic balance is given up."""
+"""Number of products with K after which the solution of the elastic balance is abandoned."""
 SLIDING_SHARE = 1 - 1e-9
-"""Share of friction from which a contact slides: moving contacts are cut back to exactly 1."""
+"""Least share of the friction limit at which a contact counts as sliding: moving contacts are cut
+back to exactly 1."""
 ROUND_OFF_FACTOR = 10
-"""Attainable residual in units of the round-off of a position divided by the median overlap."""
+"""Smallest residual that can be reached, divided by the ratio of the round-off of a position to the
+median overlap."""
 
 
 @dataclass
@@ -92,8 +100,8 @@ class Equilibrium:
     steps : int
         Steps so far.
     tolerance, attainable : float
-        Residual that was requested, and that round-off of the positions allows; set at the end of
-        `relax`.
+        Residual that was requested, and the smallest residual that round-off of the positions
+        allows; set at the end of `relax`.
     at_rest : bool
         Whether the residual is below the larger of both, and that of each sphere below
         `MAX_SINGLE_RATIO` times it.
@@ -110,7 +118,7 @@ class Equilibrium:
     at_rest: bool = False
 
     def within(self, goal: float) -> bool:
-        """Return whether the residuals of all and of single spheres are within `goal`."""
+        """Return whether the mean residual is at most `goal`, and the largest one not far above."""
         return self.residual <= goal and self.largest <= MAX_SINGLE_RATIO * goal
 
 
@@ -238,7 +246,7 @@ def _friction_at_rest(sample: Sample) -> float:
 
 
 class _ElasticSchedule:
-    """Schedule of elastic steps: soon again after a gain, ever later without one.
+    """Schedule of elastic steps: soon after one that has a gain, later and later without gain.
 
     An elastic step is also due as soon as no contact slides any more.
     """

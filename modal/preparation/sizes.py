@@ -44,9 +44,9 @@ DENSITIES = (
 )
 WALLS = "Young's modulus, Pa, and Poisson's ratio of the walls"
 RADIUS_RANGE = (1e-8, 10.0)
-"""m: radii of spheres that are neither molecules nor hills."""
+"""Range of radii, m: spheres that are neither molecules nor hills."""
 DENSITY_RANGE = (10.0, 30_000.0)
-"""kg/m^3: from foam to osmium; densities in g/cm^3 lie outside."""
+"""Range of densities, kg/m^3: from foam to osmium; densities in g/cm^3 lie outside."""
 POISSON_RANGE = (-1.0, 0.5)
 """Poisson's ratios of a stable isotropic solid; the ends are excluded."""
 SOLID = (
@@ -117,13 +117,13 @@ class Mixture:
 
     @property
     def tempo(self) -> float:
-        """Rates of the protocol divided by those of the study's glass spheres."""
+        """Strain rates of the protocol for these spheres divided by those for the study's glass."""
         density_ratio = GLASS.density / self.material.density
         return math.sqrt(self.hardness * density_ratio) * (RADIUS / self.radius)
 
     @cached_property
     def mean(self) -> Material:
-        """Material of the spheres with the mean density of the mixture, which durations use."""
+        """Material of the spheres with the mixture's mean density, for durations."""
         if self.densities is None:
             return self.material
         weights = None
@@ -133,7 +133,7 @@ class Mixture:
 
     @cached_property
     def smallest(self) -> float:
-        """Radius, m, of a sphere of the `mean` material that vibrates as fast as the fastest one.
+        """Radius, m, of a sphere of the `mean` material that vibrates as fast as any sphere.
 
         A frequency varies as 1 / (R sqrt(density)), and as E*^(1/3) under a given force.
         """

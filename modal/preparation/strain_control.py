@@ -27,7 +27,7 @@ class ConstantRate:
     stress : ndarray (3,)
         Principal stresses of the last measurement, Pa.
     target : float
-        Stress, Pa, to which time steps and intervals refer.
+        Stress, Pa, for which time steps and intervals are computed.
     """
 
     def __init__(self, rate: float, target: float = REFERENCE_PRESSURE) -> None:
@@ -36,12 +36,12 @@ class ConstantRate:
         self.stress: Floats = np.zeros(3)
 
     def follow(self, stress: Floats) -> Floats:
-        """Record the principal stresses (3,), Pa, and return the strain rates (3,), 1/s."""
+        """Store the principal stresses (3,), Pa, and return the strain rates (3,), 1/s."""
         self.stress = stress
         return np.full(3, -self.rate)
 
     def error(self) -> float:
-        """Return infinity: a constant rate leads to no stress in particular."""
+        """Return infinity: a constant rate has no target stress."""
         return math.inf
 
 

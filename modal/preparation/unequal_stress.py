@@ -1,9 +1,10 @@
 """Unequal stresses: a packing at rest under isotropic pressure, loaded further along z.
 
-Either the lateral stresses go to a share of the axial one, which stays ("triaxial"), or the walls
-approach while nothing moves sideways ("oedometric", one-dimensional compression). The ratio of
-lateral to axial stress in oedometric compression is K0, the coefficient of earth pressure at rest.
-Both begin at the end of a compression (`modal.preparation.compression`), with its friction.
+Either the lateral stresses are changed to a share of the axial stress, which is constant
+("triaxial"), or the walls approach while nothing moves sideways ("oedometric", one-dimensional
+compression). The ratio of lateral to axial stress in oedometric compression is K0, the coefficient
+of earth pressure at rest. Both kinds of loading begin at the end of a compression
+(`modal.preparation.compression`), with its friction.
 """
 
 import math
@@ -26,8 +27,8 @@ from modal.tools.errors import InputError
 RATE_RATIO = 0.1
 """Largest strain rate divided by that of the isotropic compression: an inertial number of 1e-3."""
 FAILURE_STRAIN = 0.15
-"""Strain along any axis beyond which a packing that has not reached its stresses flows: dense ones
-fail at some per cent, loose ones come near their final strength at 0.1."""
+"""Largest strain along any axis, beyond which a packing that has not reached its stresses counts as
+flowing: dense packings fail at some per cent, loose ones come near their final strength at 0.1."""
 RATIO_RANGE: Final = (0.05, 20.0)
 """Ratios of lateral to axial stress that are attempted."""
 
@@ -45,9 +46,9 @@ def load_further(
 
     With a `ratio` of lateral to axial stress, each path begins at the isotropic state of its axial
     stress; with NaN, the width is constant, and one path goes from the first state to each stress,
-    Pa, in turn. Files that are current stay. The attributes of a state are `stress_ratio`, the mean
-    lateral stress divided by the axial one, the `strain` (3,), and whether it has `settled`.
-    Raises InputError if a packing flows before it reaches its stresses.
+    Pa, in turn. Files of states that are up to date are kept. The attributes of a state are
+    `stress_ratio`, the mean lateral stress divided by the axial one, the `strain` (3,), and whether
+    it has `settled`. Raises InputError if a packing flows before it reaches its stresses.
     """
     is_oedometric = math.isnan(ratio)
     loading = "oedometric" if is_oedometric else f"K{ratio:g}"

@@ -25,7 +25,7 @@ def eigenpairs(
     tolerance: float = 0.0,
     what: str = "modes",
 ) -> tuple[Array, Array]:
-    """Return eigenvalues and eigenvectors of which `count` or more are wanted, or all that exist.
+    """Return eigenpairs, at least `count` of which are wanted, or all wanted ones that exist.
 
     Parameters
     ----------

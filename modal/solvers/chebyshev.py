@@ -1,4 +1,4 @@
-"""Recur Chebyshev polynomials of an operator, for waves, densities of states, and filters.
+"""Compute Chebyshev polynomials of an operator by recurrence: for waves, densities, filters.
 
 T_0 = 1, T_1 = X, T_k = 2 X T_(k-1) - T_(k-2), on a vector or a block of vectors. X is linear in A
 and lies between -1 and 1 where the spectrum of A is mapped into that interval.
@@ -27,10 +27,10 @@ class ScaledOperator(Protocol):
     pre_stress: str
 
     def inward(self, u: Array) -> Array:
-        """Return vectors (size, k) in the operator's own numbering."""
+        """Return vectors (size, k) of the particles in the operator's own numbering."""
 
     def outward(self, u: Array) -> Array:
-        """Return vectors (size, k) from the operator's own numbering."""
+        """Return vectors (size, k) in the operator's own numbering as those of the particles."""
 
     def combine(
         self,
@@ -44,8 +44,8 @@ class ScaledOperator(Protocol):
     ) -> Array:
         """Set out = alpha A u + beta u + gamma out, (size,) or (size, k), in the own numbering.
 
-        `sums` (2, 6, k) receive, by component, the sums of out out and of out u, with the values of
-        `out` before the call.
+        `sums` (2, 6, k) receive, by component, the sums over particles of the products out out and
+        out u, with the values of `out` before the call.
         """
 
 

@@ -1,10 +1,11 @@
 """Solve for several loads at once by preconditioned conjugate gradients, to an error in energy.
 
-A stiffness or a compliance that is computed from the solutions is off by what these lack in energy.
-The steps tell how much that is: each lowers the squared error in the energy norm by exactly its
-length times the preconditioned residual (M. R. Hestenes and E. Stiefel, J. Res. Nat. Bur. Standards
-49, 409, 1952, Eq. 6.1). The sum over a few more steps is therefore a lower bound of the error
-before them (Z. Strakos and P. Tichy, Electron. Trans. Numer. Anal. 13, 56, 2002).
+A stiffness or a compliance that is computed from the solutions has an error equal to the energy
+that the solutions lack. This error follows from the steps: each lowers the squared error in the
+energy norm by exactly its length times the preconditioned residual (M. R. Hestenes and E. Stiefel,
+J. Res. Nat. Bur. Standards 49, 409, 1952, Eq. 6.1). The sum over a few more steps is therefore a
+lower bound of the error before them (Z. Strakos and P. Tichy, Electron. Trans. Numer. Anal. 13, 56,
+2002).
 """
 
 from collections.abc import Callable
@@ -17,11 +18,12 @@ from modal.tools.errors import UnavailableError
 from modal.tools.progress import Minute
 
 LOOK_BACK_SHARE = 0.25
-"""Share of all steps over which the error is measured: where hundreds of steps are needed, some
-tens of them may gain little before others gain more."""
+"""Share of all steps over which the error is measured: if hundreds of steps are needed, tens of
+them may reduce the error little before others reduce it more."""
 MIN_CURVATURE_COSINE = 1e-7
-"""Cosine between a step and the force against it. Below it the step is a motion without energy
-that comes from round-off. A mixture of modes has at least 2 / sqrt(ratio of their omega^2)."""
+"""Least cosine between a step and the force that opposes the step. Below it the step is a motion
+without energy that comes from round-off. A mixture of modes has at least 2 / sqrt(ratio of their
+omega^2)."""
 
 
 @dataclass(frozen=True)

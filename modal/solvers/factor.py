@@ -1,8 +1,8 @@
-"""Factorise sparse matrices: a registry of ways, what each can do, what it costs, which is taken.
+"""Factorise sparse matrices: a registry of methods, their properties and costs, and the choice.
 
-Each module of `modal.solvers.factorisations` holds one way as its `FACTORISATION`; one more needs a
-module there and nothing else. A factor gives solutions and, for a real symmetric matrix, its
-inertia: the number of negative eigenvalues, which counts modes (Sylvester's law).
+Each module of `modal.solvers.factorisations` holds one method as its `FACTORISATION`; to add a
+method, add a module there. A factor gives solutions and, for a real symmetric matrix, its inertia:
+the number of negative eigenvalues, which counts modes (Sylvester's law).
 """
 
 from __future__ import annotations
@@ -26,21 +26,22 @@ from modal.tools.workload import refuse_above_memory
 SOLVERS = tuple(sorted(module.name for module in pkgutil.iter_modules(factorisations.__path__)))
 """Names of all factorisations, whether or not the packages that they need are installed."""
 BACKWARD = 1e-11
-"""Largest backward error |A x - b| / (|A| |x|) of a factor whose pivot signs are a count. Round-off
-may have moved the eigenvalues so far, relative to the largest one, and no count is exact so near to
-a mode (`COUNT_ROUND_OFF` in `modal.system.linear_system`). Without pivots near zero it is some
-1e-16."""
+"""Largest backward error |A x - b| / (|A| |x|) of a factor whose negative pivots are taken as the
+number of negative eigenvalues. Round-off may have moved the eigenvalues by this share of the
+largest one, so that the number is uncertain if a mode is as near (`COUNT_ROUND_OFF` in
+`modal.system.linear_system`). Without pivots near zero it is some 1e-16."""
 SMALL_ROWS = 3000
-"""Rows up to which scipy's own factorisations are taken: loading another package takes longer."""
+"""Largest number of rows for which scipy's own factorisations are taken: loading another package
+takes longer."""
 MAX_MEMORY_SHARE = 0.5
-"""Share of the free memory above which a factorisation is left for one that takes less. The blocks
-take less if only the inertia is wanted."""
+"""Largest share of the free memory that a factorisation may take before one that takes less is
+preferred. The blocks take less if only the inertia is wanted."""
 SMALLER = "take a smaller packing"
-"""Remedy where memory does not suffice."""
+"""Text of the remedy if the memory is too small."""
 
 
 class SingularError(InputError):
-    """Refuse a matrix that is singular, or not definite although the caller promised it."""
+    """Raised for a matrix that is singular, or not definite although the caller promised it."""
 
     def __init__(self, definite: bool) -> None:
         if definite:
@@ -59,11 +60,11 @@ class SingularError(InputError):
 
 
 def _release_nothing() -> None:
-    """Free no memory: Python holds all of it."""
+    """Do nothing: the memory of the factor is Python's own."""
 
 
 def _load_nothing() -> None:
-    """Load no package: scipy is there."""
+    """Do nothing: scipy is always installed."""
 
 
 @dataclass
@@ -114,7 +115,7 @@ class Shape:
 
     @classmethod
     def of(cls, matrix: sp.csr_matrix, reach: Ints | None = None) -> Shape:
-        """Measure a matrix; `reach` (size,) is that of the rows in its `band`."""
+        """Measure the shape of a matrix; `reach` (size,) is the second result of its `band`."""
         size = matrix.shape[0]
         if reach is None:
             _, reach = band(matrix)
@@ -142,7 +143,7 @@ class Cost:
 
 @dataclass(frozen=True)
 class Factorisation:
-    """One way to factorise.
+    """A method to factorise matrices.
 
     Attributes
     ----------
@@ -171,7 +172,7 @@ class Factorisation:
 
 
 def named(solver: str) -> Factorisation:
-    """Return the factorisation of a name; raise InputError if it is unknown."""
+    """Return the factorisation with a name; raise InputError if it is unknown."""
     refuse_unknown("solver", solver, SOLVERS)
     return importlib.import_module(f"{factorisations.__name__}.{solver}").FACTORISATION
 
@@ -203,7 +204,7 @@ def _loads(solver: str) -> bool:
 def choose(
     shape: Shape, solver: str | None, *, kept: bool, unsymmetric: bool = False
 ) -> Factorisation:
-    """Choose the factorisation of a matrix: the named one, or the fastest that can do it.
+    """Choose the factorisation of a matrix: the named one, or the fastest that is suitable.
 
     `kept` tells whether the factor is kept for solutions. InputError if `solver` is unknown, not
     installed, or cannot factorise an unsymmetric matrix that is one.
@@ -229,9 +230,9 @@ def choose(
 def _fastest(shape: Shape, kept: bool, unsymmetric: bool) -> Factorisation:
     """Return the fastest factorisation that is available.
 
-    One that takes much of the free memory comes last. If the matrix is not small, one from another
-    package comes first, as somebody has installed it for speed; if it is small, one of scipy's.
-    Among these the number of operations decides.
+    Factorisations that take much of the free memory are ranked last. For a small matrix those of
+    scipy are ranked first; for others those of further packages, which were installed for speed.
+    Among equals the number of operations decides.
     """
     able = []
     for name in SOLVERS:
@@ -298,7 +299,7 @@ def factorise(
 
 
 def band(matrix: sp.csr_matrix, along: Floats | None = None) -> tuple[Ints, Ints]:
-    """Return an order of a matrix's rows in which it is a narrow band, and how far rows reach.
+    """Return an order of rows in which a matrix is a narrow band, and the reach of each row.
 
     The order is that of reverse Cuthill-McKee or that of the places `along` (size,) the packing,
     whichever is narrower: in a wide packing the former starts at a corner and cuts obliquely. The
@@ -315,7 +316,7 @@ def band(matrix: sp.csr_matrix, along: Floats | None = None) -> tuple[Ints, Ints
 
 
 def reach_of(matrix: sp.csr_matrix, order: Ints) -> Ints:
-    """Return, for each row in an order, the last row that it or one before it has an entry in."""
+    """Return, for each row in an order, the last row that is coupled to it or to one before."""
     size = matrix.shape[0]
     rank = np.empty(size, np.int64)
     rank[order] = np.arange(size)

@@ -24,8 +24,8 @@ from modal.tools.blas import blas_threads
 from modal.tools.progress import progress
 
 BLOCK = 12
-"""Right-hand sides of one solve. With twice as many, each costs four fifths; but 300 modes then
-take 1.4 times as many solves, and as many more vectors to be kept orthogonal."""
+"""Number of right-hand sides of one solve. With twice as many, each costs four fifths; but 300
+modes then take 1.4 times as many solves, and as many more vectors to be kept orthogonal."""
 TOLERANCE = 1e-10
 """Residual of a converged mode, relative to its eigenvalue of (A - sigma)^-1, or of A for the
 highest modes. The relative error of omega^2 - sigma, or of omega^2, is then no larger. The residual
@@ -37,36 +37,38 @@ converge without a restart, which combines the whole basis anew."""
 EXTRA_BLOCKS = 8
 """Blocks of the basis besides those for the wanted modes."""
 BASIS_VECTORS_PER_LIFTED_MODE = 1.8
-"""Vectors of the basis for each mode that `modal.solvers.low_end` lifts. Packings use 1.5; the rest
-is for spectra that are harder."""
+"""Vectors of the basis for each mode that the polynomial of `modal.solvers.low_end` enlarges.
+Packings use 1.5; the rest is for spectra that are harder."""
 LIFTED_MODES_PER_COLUMN = 45
-"""Wanted modes for each column of a block of lifted modes, whose width is one of `WIDTHS` from the
-second on. A product of the whole basis with a block waits for memory: with 3,000 vectors it runs at
-14, 23 and 33 GFlop/s for 12, 24 and 48 columns. Blocks that are wider in proportion take more
-vectors: 496 modes took 1.48 each with 12 columns, 1.74 with 24."""
+"""Wanted modes for each column of a block, where a polynomial enlarges the lowest modes; the width
+of the block is one of `WIDTHS` from the second on. A product of the whole basis with a block waits
+for memory: with 3,000 vectors it runs at 14, 23 and 33 GFlop/s for 12, 24 and 48 columns. Blocks
+that are wider in proportion take more vectors: 496 modes took 1.48 each with 12 columns, 1.74 with
+24."""
 EPS = float(np.finfo(float).eps)
 MAX_LOST_ORTHOGONALITY = 1e-10
-"""Overlap of a new block with the blocks before, estimated from the growth of round-off. Up to it
-the block is made orthogonal to the last two blocks alone. A basis that is orthogonal to the root of
-round-off gives eigenvalues to round-off (H. D. Simon, Math. Comp. 42, 115, 1984)."""
+"""Largest overlap of a new block with the blocks before, as estimated from the growth of round-off,
+with which the block is made orthogonal to the last two blocks alone. A basis that is orthogonal to
+the root of round-off gives eigenvalues to round-off (H. D. Simon, Math. Comp. 42, 115, 1984)."""
 MAX_TOP_WIDTH = 4
 """Columns of a block from the top of the spectrum, where products cost less than the basis."""
 ROOM = 4
-"""Least number of free dimensions for each mode that is wanted from the top."""
+"""Least ratio of the free dimensions to the number of modes that are wanted from the top."""
 MIN_PIVOT_RATIO = 1e-5
-"""Ratio of pivots below which columns count as nearly dependent. From 1e-8 on the Gram matrix is
-lost in round-off."""
+"""Least ratio of pivots of columns that count as independent. From 1e-8 on the Gram matrix is lost
+in round-off."""
 ROWS_COMBINED_TOGETHER = 4096
 """Rows of the basis that are combined in one product."""
 MIN_NUMBERS_FOR_THREADS = 1e6
-"""Numbers of a block from which on threads share its products: 48 columns of 8,800 spheres, or 12
-of 35,201. The lowest 100 modes of 6,000 spheres take two thirds of the time with one thread."""
+"""Least size of a block, in numbers, for which threads share its products: 48 columns of 8,800
+spheres, or 12 of 35,201. The lowest 100 modes of 6,000 spheres take two thirds of the time with one
+thread."""
 SEED = 20170729
 """Seed of the start block: the same network gives the same digits every time."""
 
 
 class CheckSchedule(NamedTuple):
-    """Numbers of vectors for each mode after which the small eigenproblem is solved.
+    """Numbers of vectors for each mode after which the projected eigenproblem is solved.
 
     first: vectors for each wanted mode before the first check; next: further vectors for each mode
     that is still missing.
@@ -78,7 +80,8 @@ class CheckSchedule(NamedTuple):
 
 CHECKS = CheckSchedule(2.0, 1.5)
 CHECKS_LIFTED = CheckSchedule(1.45, 1.0)
-"""The schedule for lifted modes, which converge with fewer vectors."""
+"""Schedule for modes that the polynomial of `modal.solvers.low_end` enlarges: they need fewer
+vectors."""
 
 
 def start_block(size: int, width: int, round: int = 0) -> Floats:
@@ -92,7 +95,7 @@ def start_block(size: int, width: int, round: int = 0) -> Floats:
 
 @dataclass
 class Held:
-    """Deflate known modes: the vectors of an iteration are kept orthogonal to them.
+    """Known modes that an iteration leaves out: its vectors are kept orthogonal to them.
 
     Attributes
     ----------
@@ -141,8 +144,9 @@ class Nearest:
 class Spectrum(NamedTuple):
     """The operator whose largest eigenvalues are sought, and what they mean.
 
-    apply: multiplies a block (size, width) by the operator. rank: returns numbers (k,) that are
-    largest for the wanted eigenvalues (k,). square: returns the omega^2 (k,) of eigenvalues (k,).
+    apply: function that multiplies a block (size, width) by the operator. rank: returns numbers
+    (k,) that are largest for the wanted eigenvalues (k,). square: returns the omega^2 (k,) of
+    eigenvalues (k,).
     """
 
     apply: Callable[[Floats], Floats]
@@ -153,8 +157,9 @@ class Spectrum(NamedTuple):
 class Limits(NamedTuple):
     """The size of an iteration.
 
-    width: columns of a block. basis: vectors after which it restarts. vectors: about how many are
-    multiplied in all. checks: when the small eigenproblem is solved.
+    width: columns of a block. basis: number of vectors after which the iteration restarts. vectors:
+    approximate number of vectors that are multiplied in all. checks: when the projected
+    eigenproblem is solved.
     """
 
     width: int
@@ -168,8 +173,8 @@ def modes_nearest(
 ) -> Nearest:
     """Find the `count` eigenpairs of A nearest `sigma`, 1/s^2, and mark those that converged.
 
-    `solve` applies (A - sigma)^-1 to a block (size, k). After 5 `count` and 40 blocks of solves the
-    search ends, and returns also what has not converged.
+    `solve` applies (A - sigma)^-1 to a block (size, k). The search ends after solves for 5 `count`
+    vectors and 40 blocks, and also returns pairs that have not converged.
     """
     spectrum = Spectrum(solve, np.abs, lambda inverse: sigma + 1 / inverse)
     limits = Limits(
@@ -184,8 +189,8 @@ def modes_nearest(
 def modes_below(low_end: LowEnd, count: int, held: Held) -> Nearest:
     """Find the `count` lowest eigenpairs of A, all below the edge of `low_end`.
 
-    After 5 `count` and 40 blocks of vectors the search ends, and returns also what has not
-    converged. `products` counts those with A.
+    The search ends after 5 `count` vectors and 40 blocks, and also returns pairs that have not
+    converged. `products` of the result is the number of products with A.
     """
     max_width = max(16, count // LIFTED_MODES_PER_COLUMN)
     width = max(width for width in WIDTHS if width <= max_width)
@@ -223,7 +228,7 @@ def orthonormal(block: Floats, held: Held) -> Floats:
 def _find_largest(
     spectrum: Spectrum, count: int, held: Held, limits: Limits, *, lifted: bool = False
 ) -> Nearest:
-    """Run the iteration with as many threads of BLAS as pay."""
+    """Run `_iterate` with the number of BLAS threads that is fastest for the size."""
     many_numbers = len(held.found) * limits.width >= MIN_NUMBERS_FOR_THREADS
     with blas_threads(shared=many_numbers):
         return _iterate(spectrum, count, held, limits, lifted)
@@ -328,7 +333,7 @@ class _RoundOff:
         )
 
     def advance(self, new: _NewBlock) -> None:
-        """Take a new block into account."""
+        """Update the estimate by a new block."""
         self.largest_component = max(self.largest_component, abs(new.components).max())
         self.last_coupling = float(np.linalg.norm(new.coupling, 2))
         self.overlap_before = self.overlap

@@ -2,9 +2,10 @@
 
 The Chebyshev polynomial T_d stays between -1 and 1 where its argument does, and grows beyond like
 cosh(d arccosh x). With x = (top + edge - 2 omega^2) / (top - edge) the modes between `edge` and
-`top` are left at 1 or less, while those below `edge` are lifted, the lowest ones furthest, so that
-block Lanczos finds these first. T_d takes d products with A; (A - sigma)^-1 takes one solve.
-(Y. Saad, Math. Comp. 42, 567, 1984; H. Fang and Y. Saad, SIAM J. Sci. Comput. 34, A2220, 2012.)
+`top` are multiplied by 1 or less, while those below `edge` are multiplied by more ("lifted"), the
+lowest modes by most, so that block Lanczos finds these first. T_d takes d products with A; (A -
+sigma)^-1 takes one solve. (Y. Saad, Math. Comp. 42, 567, 1984; H. Fang and Y. Saad, SIAM J. Sci.
+Comput. 34, A2220, 2012.)
 """
 
 from dataclasses import dataclass
@@ -16,10 +17,10 @@ from modal.solvers.chebyshev import ScaledOperator, chebyshev
 from modal.tools.arrays import Floats
 
 LOG_TWICE_LIFT_AT_ZERO = 10.0
-"""Logarithm of twice the value that a mode at zero is lifted to. A larger one takes more products
-for each vector of the basis, and fewer vectors: 496 modes of a slender packing took 1.65, 1.48 and
-1.38 vectors each at 7.5, 10 and 12.5. Each vector that is saved also saves its orthogonalisation.
-Above 12.5, the round-off of the modes lifted furthest comes near
+"""Logarithm of twice the factor by which the polynomial multiplies a mode at zero. A larger factor
+takes more products for each vector of the basis, and fewer vectors: 496 modes of a slender packing
+took 1.65, 1.48 and 1.38 vectors each at 7.5, 10 and 12.5. Each vector that is saved also saves its
+orthogonalisation. Above 12.5, the round-off of the modes multiplied by most comes near
 `modal.solvers.lanczos.TOLERANCE` of the last modes."""
 
 
@@ -64,7 +65,7 @@ class LowEnd:
     def square(self, lifted: Floats) -> Floats:
         """Return the omega^2 (k,) of modes from their lifted values (k,).
 
-        A value of 1 or less is not lifted; it gives `edge`.
+        A value of 1 or less is that of a mode above `edge`; the result is then `edge`.
         """
         offset, slope = self._offset_and_slope
         argument = np.cosh(np.arccosh(np.maximum(lifted, 1.0)) / self.degree)

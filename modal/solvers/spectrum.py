@@ -29,17 +29,19 @@ from modal.tools.errors import InputError
 from modal.tools.progress import progress
 
 MARGIN = 0.04
-"""Distance of the bound from the largest Ritz value, relative. An interval that is 1 % larger costs
-the recurrence 0.5 % more products; half the margin costs the bound itself a third more."""
+"""Distance of the bound from the largest Ritz value, divided by this value. An interval that is 1 %
+larger costs the recurrence 0.5 % more products; half the margin costs the bound itself a third
+more."""
 FAILURE_PROBABILITY = 1e-6
 """Probability with which `bound_of_spectrum` may be too low."""
 ROWS_TOGETHER = 2**16
-"""Numbers of a vector that are worked on together, so that intermediate results stay in a cache."""
+"""Number of entries of a vector that are processed together, so that intermediate results stay in a
+cache."""
 ROUND_OFF_GROWTH = 100 * np.finfo(float).eps
 """Growth of a recurrence by round-off, divided by the square of its order: each order makes an
 error, and each error grows at most by a factor of the order."""
 GROWTH = {"full": 10.0, "law": 10.0}
-"""Growth that is allowed, by pre-stress, where the tangent is not symmetric, so that its
+"""Largest growth that is allowed for each pre-stress whose tangent is not symmetric, so that its
 eigenvectors are not orthogonal. Stable packings of DEM runs showed no growth. Errors relative to a
 tolerance grow by the same factor as vectors."""
 STEPS_BETWEEN_CHECKS = 5
@@ -49,7 +51,7 @@ LanczosStep = tuple[list[float], list[float], Floats]
 
 
 class GrowthError(InputError):
-    """Refuse a recurrence that grows although it should not: K has a negative direction."""
+    """Raised for a recurrence that grows although it should not: K has a negative direction."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -61,7 +63,12 @@ class GrowthError(InputError):
 
 
 def largest_growth(operator: ScaledOperator, order: int) -> float:
-    """Return the largest norm of T_order(X) c over that of c in an interval with the spectrum."""
+    """Return the limit of |T_order(X) c| / |c|; beyond it, omega^2 lie outside the interval.
+
+    X maps the interval of omega^2 to -1 ... 1.
+
+    X maps an interval with the whole spectrum to -1 ... 1.
+    """
     limit = GROWTH.get(operator.pre_stress, 1.0)
     return limit + ROUND_OFF_GROWTH * order**2
 

@@ -25,13 +25,13 @@ ENDS = (
     ContactEnd(np.array([0, 1, 2, 3, 4, 5]), -1.0),
     ContactEnd(np.array([0, 1, 2, 6, 7, 8]), 1.0),
 )
-"""The ends of a contact at bodies i and j."""
+"""The two ends of a contact, at bodies i and j: the components of the motion, and the sign."""
 
 
 def mass_diagonal(network: Network, dof: int = 6) -> Floats:
     """Return m, m, m, I, I, I of each particle, shape (dof n,), kg and kg m^2.
 
-    A `dof` of 3 leaves the masses alone.
+    With a `dof` of 3 only the masses are returned.
     """
     return np.column_stack([network.mass] * 3 + [network.inertia] * (dof - 3)).ravel()
 
@@ -52,7 +52,7 @@ def block(tangent: Floats, row: int, column: int, size: int = 6) -> Floats:
     """Return the stiffness of end `row` of each contact against the motion of end `column`.
 
     The shape is (m, size, size); 0 is the end at i, 1 that at j. `tangent` (m, 9, 9) comes from
-    `contact_tangent`; a `size` of 3 leaves the translations alone.
+    `contact_tangent`; with a `size` of 3 only translations are returned.
     """
     row_end = ENDS[row]
     column_end = ENDS[column]
@@ -68,7 +68,7 @@ def block(tangent: Floats, row: int, column: int, size: int = 6) -> Floats:
 def assembled(network: Network, tangent: Floats, size: int = 6) -> sp.csr_matrix:
     """Assemble a sparse (size n, size n) matrix from the tangents (m, 9, 9) of the contacts.
 
-    A `size` of 3 leaves the translations alone.
+    With a `size` of 3 only translations are assembled.
     """
     n = network.n_particles
     is_pair = network.particle_j >= 0

@@ -19,12 +19,14 @@ from modal.tools.arrays import Floats, Ints
 from modal.tools.slabs import slabs_of
 
 COLUMN_WIDTH_IN_DIAMETERS = 64
-"""A wider packing is worked through in columns of this width, whose layers fit into a cache."""
+"""Width, in diameters, of the columns in which a wider packing is processed, so that their layers
+fit into a cache."""
 CONTACTS_PER_PIECE = 256
-"""A few pieces, with all that their contacts touch, fit into the cache next to a core."""
+"""Number of contacts of a piece: a few pieces, with the spheres that they touch, fit into the cache
+of a core."""
 MAX_ROUND_OFF_ACROSS = 16 * np.finfo(float).eps
-"""Component of a lever across its normal, divided by the longest lever, up to which the component
-is round-off."""
+"""Largest component of a lever across its normal, divided by the longest lever, that is
+round-off."""
 
 
 @dataclass(frozen=True)

@@ -35,10 +35,11 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import InputError, refuse_unknown
 
 PreStress = Literal["none", "normal", "full", "law"]
-"""Terms of the carried forces in the stiffness: none; the symmetric one; those of YADE's law; those
-of the law of an imported packing."""
+"""Terms that the contact forces add to the stiffness: "none"; "normal", the symmetric term; "full",
+those of YADE's law; "law", those of the law of an imported packing."""
 Sliding = Literal["elastic", "slip"]
-"""Springs of contacts at the friction limit: those of other contacts, or the normal ones alone."""
+"""Springs of contacts at the friction limit: as for other contacts ("elastic"), or the normal ones
+alone ("slip")."""
 NORMAL = "normal force"
 SHEAR = "shear force"
 TWIST = "twist"
@@ -91,7 +92,7 @@ def along_and_across(normal: Floats, along: Floats, across: Floats) -> Floats:
 
 
 def carried(network: Network, terms: tuple[str, ...]) -> dict[str, Floats]:
-    """Return the columns (m, ...) of a network that the terms need, by name.
+    """Return the columns (m, ...) of a network that `terms` need, by name.
 
     Raises InputError if the network lacks a column, or if its bodies are not spheres.
     """

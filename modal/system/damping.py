@@ -16,8 +16,9 @@ from modal.tools.arguments import refuse_other_kinds
 from modal.tools.errors import InputError
 
 MAX_DAMPING_RATIO = 1e4
-"""An overdamped contact creeps and stops at two rates whose quotient is four times the square of
-its ratio. Double precision still holds both rates side by side up to this ratio."""
+"""Largest damping ratio. An overdamped contact creeps and stops at two rates whose quotient is four
+times the square of its ratio. Double precision still holds both rates side by side up to this
+ratio."""
 
 
 @dataclass(frozen=True)

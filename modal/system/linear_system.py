@@ -33,13 +33,14 @@ COUNT_ROUND_OFF = 1e-11
 diagonal entry of A; mostly the distance is a tenth of this. Modes so close to a frequency may be
 counted on either side of it."""
 MAX_CACHED_BYTES = 2e8
-"""Memory up to which results of one kind (factors, lists of modes, the operator) stay with a
-network, so that the next call finds them."""
+"""Largest memory, bytes, of results of one kind (factors, lists of modes, the operator) that stay
+with a network, so that the next call finds them."""
 OPERATOR_BYTES_PER_CONTACT = 1000
-"""Upper bound of the memory of an operator, also where it is a matrix."""
+"""Upper bound of the memory of an operator for each contact, bytes, also if the operator is a
+matrix."""
 MIN_COUNT_UNCERTAINTY = 1e-9
 MAX_COUNT_UNCERTAINTY = 0.25
-"""Limits of the relative distance from a listed frequency at which modes are counted instead."""
+"""Bounds of the relative distance from a listed frequency at which modes are counted instead."""
 
 
 @dataclass(frozen=True)
@@ -214,7 +215,7 @@ class LinearSystem:
 
     @property
     def diagonal_blocks(self) -> Floats:
-        """A's block of each particle with itself, (n, dof, dof), 1/s^2; computed at every call."""
+        """Blocks (n, dof, dof) of A of each particle with itself, 1/s^2; computed at every call."""
         blocks = diagonal_blocks(self.network, self.pre_stress)
         return RootMass.of(self.network).around_blocks(blocks)[:, : self.dof, : self.dof]
 
@@ -226,7 +227,7 @@ class LinearSystem:
     def assemble_dynamical_matrix(self) -> sp.csr_matrix:
         """Assemble A = M^-1/2 K M^-1/2, sparse (size, size), 1/s^2, at every call.
 
-        It is not kept, so that its memory is free while a factorisation is in use.
+        The matrix is not kept, so that its memory is free while a factorisation is in use.
         """
         return self.sqrt_mass.around(stiffness_matrix(self.network, self.dof, self.pre_stress))
 
@@ -239,7 +240,7 @@ class LinearSystem:
     def row_sum_bound(self) -> float:
         """An upper bound of all omega^2, 1/s^2: the largest sum of |A_ij| in a row.
 
-        It holds with certainty, but may be twice too large; `spectral_bound` is closer.
+        The bound holds with certainty, but may be twice too large; `spectral_bound` is closer.
         """
         return float(abs(self.assemble_dynamical_matrix()).sum(axis=1).max())
 
@@ -247,7 +248,7 @@ class LinearSystem:
     def spectral_bound(self) -> float:
         """An upper bound of all omega^2, or of their real parts, 1/s^2, at most some 4 % too large.
 
-        It fails with the probability `modal.solvers.spectrum.FAILURE_PROBABILITY`.
+        The bound is too low with the probability `modal.solvers.spectrum.FAILURE_PROBABILITY`.
         """
         return self.spectral_bound_and_cost[0]
 
@@ -258,7 +259,7 @@ class LinearSystem:
 
     @property
     def highest_frequency(self) -> float:
-        """The frequency, Hz, of `spectral_bound`; 0 without stiffness."""
+        """The frequency, Hz, that belongs to `spectral_bound`; 0 without stiffness."""
         return float(np.sqrt(max(self.spectral_bound, 0.0))) / (2 * np.pi)
 
     def count_uncertainty(self, square: float) -> float:
@@ -278,7 +279,7 @@ class LinearSystem:
 
     @property
     def zero_threshold(self) -> float:
-        """The omega^2, 1/s^2, below which no factorisation tells a mode from a zero mode."""
+        """The omega^2, 1/s^2, up to which no factorisation tells a mode from a zero mode."""
         return COUNT_ROUND_OFF * float(self.diagonal.max(initial=0.0))
 
     @property
@@ -322,7 +323,8 @@ class LinearSystem:
     def put_on(self, imposed: Imposed) -> Coupling:
         """Compute how a motion imposed on the contacts and the bodies act on each other.
 
-        In N and N m per metre or radian, six rows a body, not mass-scaled.
+        The coupling is in N and N m per metre or radian, with six rows for each body, and not
+        mass-scaled.
         """
         return put_on(self.network, terms_of(self.pre_stress), imposed)
 

@@ -43,7 +43,10 @@ def _add(y, i, first, v, factor, a):
 
 
 def _springs(first, last, x, y, single, alpha, rows, ends, lateral, aside, rolling, scale):
-    """Add alpha S K S x to y for the contacts from `first` to before `last`."""
+    """Add alpha S K S x to y for the contacts from `first` to before `last`.
+
+    K are the springs, S the diagonal matrix of `scale`.
+    """
     width = x.shape[2] if single is None else 1
     for c in range(first, last):
         i = ends[c, 0]

@@ -73,8 +73,8 @@ class ContactOperator(LinearOperator):
     def renumbered(self) -> ContactOperator:
         """Return the operator on motions whose particles are numbered as its loops meet them.
 
-        It is a third faster; `inward` and `outward` change to its numbering and back. Where there
-        are no loops, the operator itself is returned.
+        This operator is a third faster; `inward` and `outward` change to its numbering and back.
+        Where there are no loops, the operator itself is returned.
         """
         if self._matrix is not None:
             return self
@@ -86,7 +86,7 @@ class ContactOperator(LinearOperator):
         return other
 
     def symmetric_part(self) -> ContactOperator:
-        """Return (A + A^T) / 2; no eigenvalue of A has a real part above its largest eigenvalue."""
+        """Return (A + A^T) / 2; its largest eigenvalue bounds the real parts of A's."""
         if self._matrix is None:
             return self
         other = copy.copy(self)
@@ -121,8 +121,8 @@ class ContactOperator(LinearOperator):
         """Set out = alpha K u + beta u + gamma out in place, for arrays (6n,) or (6n, k).
 
         Arrays in C order need no copies. `sums` (2, 6, k) receive, for each component and column,
-        the sums over the particles of out out and of out u, with the values of `out` before the
-        call.
+        the sums over the particles of the products out out and out u, with the values of `out`
+        before the call.
         """
         if u.shape != out.shape or len(u) != self.shape[0]:
             raise ValueError(f"u and out have shapes {u.shape}, {out.shape}; take {self.shape[0]}")
@@ -210,7 +210,7 @@ class ContactOperator(LinearOperator):
 
 
 def component_sums(a: Floats, b: Floats, dof: int = 6) -> Floats:
-    """Return the sums over the particles of a a and of a b, for motions a and b (dof n, k).
+    """Return the sums over particles of the products a a and a b, for motions (dof n, k).
 
     The shape is (2, dof, k).
     """

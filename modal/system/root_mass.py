@@ -26,8 +26,8 @@ class RootMass:
     ----------
     diagonal : ndarray (dof n,)
     turning, unturning : ndarray (n, 3, 3) or None
-        The roots of the tensors of inertia, and their inverses, which replace the rotations of the
-        diagonal; None for spheres.
+        The roots of the tensors of inertia, and their inverses. For rotations they take the place
+        of the diagonal; None for spheres.
     """
 
     diagonal: Floats
@@ -54,7 +54,7 @@ class RootMass:
         return self._scale(v, 1 / self.diagonal, self.unturning)
 
     def _scale(self, u: Array, diagonal: Floats, turning: Floats | None) -> Array:
-        """Multiply u by a diagonal, and its rotations by matrices if there are any."""
+        """Return u times a diagonal, with the rotations multiplied by matrices if there are any."""
         scaled = u * diagonal.reshape(-1, *[1] * (u.ndim - 1))
         if turning is not None:
             by_body = (len(turning), 6, math.prod(u.shape[1:]))

@@ -80,7 +80,10 @@ class FccLattice(FccPacking, Drawn):
 
     @property
     def velocity(self) -> float:
-        """Return the velocity of long P-waves along z, l sqrt(C/m), m/s (Eq. 6)."""
+        """Return the velocity of long P-waves along z, l sqrt(C/m), m/s (Eq. 6).
+
+        l is the distance of layers, C the stiffness between them, m the mass of a sphere.
+        """
         return self.layer_distance * np.sqrt(self.C / self.mass)
 
     @property

@@ -1,1 +1,1 @@
-"""Errors, arrays, compiled loops, progress and display, on which all other rooms stand."""
+"""Errors, arrays, compiled loops, progress and display, which all other packages of modal use."""

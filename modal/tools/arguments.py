@@ -27,14 +27,15 @@ KIND_WORDS: dict[Any, str] = {
     Sequence: "a list",
     type(None): "None",
 }
-"""Words for kinds of arguments; other kinds are called by the name of their class."""
+"""Words for kinds of arguments in messages; other kinds are called by the name of their class."""
 MAKERS = {
     "Network": "modal.read makes one from a file",
     "Motion": "modal.waves.motions has Pulse, chirp, step, SampledMotion and read_motion",
 }
-"""What makes an argument of a class, by the name of the class."""
+"""Texts on how to make an argument of a class, by the name of the class."""
 MAX_SHOWN_LENGTH = 60
-"""Number of characters from which on a message names a value by its type."""
+"""Largest number of characters of a value that a message shows; a longer value is named by its
+type."""
 MAX_FREQUENCY_HZ = 1e30
 """Largest frequency: no body of a size that numbers hold vibrates so fast, and its powers are still
 numbers."""

@@ -40,12 +40,12 @@ Loop = Callable[..., Any]
 
 
 _PARENT_HAD_THREADS = False
-"""Whether this process was forked from one that had started numba's threads: here they do not run,
-and OpenMP would end the process that starts them again."""
+"""Whether this process was forked from one that had started numba's threads: they do not run in the
+fork, and OpenMP would end a process that starts them again."""
 
 
 def _after_fork() -> None:
-    """Note in a forked process whether numba had started its threads before."""
+    """Store, in a forked process, whether its parent had started numba's threads."""
     global _PARENT_HAD_THREADS
     with suppress(ValueError):  # numba's error for threads that were not started
         numba.threading_layer()
@@ -57,10 +57,12 @@ if numba and hasattr(os, "register_at_fork"):
 
 
 def threads_for(spheres: int) -> int:
-    """Return how many threads a loop over so many spheres takes; results do not depend on it.
+    """Return the number of threads for a loop over so many spheres.
 
-    It is one if more are not worth their start, and in a process that was forked from one with
-    threads. OMP_NUM_THREADS bounds it as NUMBA_NUM_THREADS does.
+    Results do not depend on this number.
+
+    The number is one if starting more threads takes longer than they save, and in a process that
+    was forked from one with threads. OMP_NUM_THREADS bounds it as NUMBA_NUM_THREADS does.
     """
     if spheres < slabs.ENOUGH or _PARENT_HAD_THREADS:
         return 1
@@ -127,10 +129,10 @@ def compiled(
     """Return a loop over slabs, compiled once for few spheres and once for threads.
 
     Argument number `spheres_argument` has a row for each sphere; `checksum` is the `fingerprint` of
-    what the loop calls; `replacements` replace functions of its module by their names. Many spheres
-    always take the loop for threads, even with one thread, because another compilation might round
-    differently. The exception is a process that was forked from one with threads, which numba's
-    OpenMP would end.
+    the modules whose functions the loop calls; `replacements` replace functions of its module by
+    their names. Many spheres always take the loop for threads, even with one thread, because
+    another compilation might round differently. The exception is a process that was forked from one
+    with threads, which numba's OpenMP would end.
     """
     few = compile_cached(_renamed(function, checksum, replacements), fastmath=fastmath)
     by_threads = _renamed(function, f"{checksum}_by_threads", replacements)
@@ -161,7 +163,7 @@ def compiled_part(
     *,
     fastmath: bool | set[str] = False,
 ) -> Loop:
-    """Return what a loop does with one slab, compiled; arguments as in `compiled`.
+    """Return the compiled function that a loop calls for each slab; arguments as in `compiled`.
 
     `fastmath` may name what is allowed, as {"contract"}: to round a product and a sum together,
     where the processor has them as one operation.
@@ -183,11 +185,11 @@ def by_parts(part_loop: Loop, by_arrays: Loop) -> Loop:
 
 
 def _part_loop(first, last, part, *args):
-    """Do nothing: each loop puts its own function in this place."""
+    """Placeholder, which each loop replaces by its own function for a part."""
 
 
 def _by_parts(*args):
-    """Loop over all parts."""
+    """Call the function `_part_loop` for all parts of the spheres."""
     count = len(args[0])
     for part in prange(slabs.SLABS):
         first = part * count // slabs.SLABS

@@ -116,9 +116,9 @@ def _statistic(folder: Path, name: str) -> int:
 
 
 def _control_groups() -> Iterator[tuple[str, Path]]:
-    """Yield version and folder of the control groups of memory of this process, outwards.
+    """Yield version and folder of this process's memory control groups, the innermost first.
 
-    A mount may show a group inside of others as its root, as in containers.
+    In a container, a mount may show a group that lies within other groups as the root.
     """
     paths = dict(_own_groups())
     with suppress(OSError):
@@ -146,7 +146,10 @@ def _own_groups() -> Iterator[tuple[str, str]]:
 
 
 def _options(after: str) -> list[str]:
-    """Return the options of a mounted file system, the last word of its line."""
+    """Return the options of a mounted file system, which are the last word of its line.
+
+    `after` is the part of the line behind the dash.
+    """
     return after.split()[-1].split(",")
 
 

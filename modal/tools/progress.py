@@ -21,7 +21,7 @@ CLEAR_LINE = "\r\033[K"
 
 
 class Minute:
-    """A clock that tells a loop when to report: a minute after any loop of this run has reported.
+    """A clock that tells a loop when to report: a minute after the last report of this run.
 
     Loops that follow each other within a minute are one run, so that many short loops in a row
     report as well, except for those that end within a tenth of a minute.
@@ -38,6 +38,8 @@ class Minute:
 
     def passed(self, interval: float | None = None) -> bool:
         """Return whether a minute, or the `interval`, s, has passed since the last report.
+
+        If so, the time until the next report begins now.
 
         If so, the next one is counted from now on.
         """
@@ -57,7 +59,7 @@ class Minute:
 
     @staticmethod
     def tell(state: str) -> None:
-        """Print a line on standard error about where the loop is."""
+        """Print a line on standard error that says how far a loop has come."""
         print(state, file=sys.stderr, flush=True)
 
 

@@ -10,9 +10,10 @@ import numpy as np
 from modal.tools.arrays import Ints
 
 ENOUGH = 5000
-"""Number of spheres from which on threads are used: with fewer their start takes longer."""
+"""Least number of spheres for which threads are used: with fewer, starting the threads takes
+longer."""
 SLABS = 16
-"""Largest number of slabs: more share the work more evenly, fewer leave more to do at a time."""
+"""Largest number of slabs: more slabs share the work more evenly, fewer have longer runs."""
 
 
 def slabs_of(ends: Ints, n: int) -> Ints:

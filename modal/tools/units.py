@@ -62,7 +62,7 @@ FACTOR = re.compile(r"([A-Za-z]+|1(?:\.0)?(?![\d.]))(?:\^?\(?([+-]?\d+(?:\.\d+|/
 
 
 def says(text: str, unit: str) -> bool:
-    """Return whether a text says this unit, in one of the known spellings.
+    """Return whether a text states this unit, in one of the known spellings.
 
     >>> says("N m^-1", "N/m"), says("kg*m**2", "kg m^2"), says("kg/s^2", "N/m"), says("", "m")
     (True, True, True, True)
@@ -115,7 +115,7 @@ def _dimensions(text: str) -> Dimensions | None:
 
 
 def _divided(factors: str) -> str:
-    """Return the factors of a denominator, each after its own stroke."""
+    """Return the factors of a denominator, each with a slash of its own before it."""
     return "".join(f"/{factor}" for factor in re.split(r"[\s*.·⋅×]+", factors) if factor)
 
 

@@ -11,10 +11,11 @@ from modal.tools.errors import InputError, UnavailableError
 from modal.tools.memory import memory_at_hand, peak_memory
 
 MAX_SECONDS = 86400.0
-"""Time on this machine above which a computation is refused: a day is hardly intended."""
+"""Largest time, s, of a computation on this machine; a longer one is refused: a day is hardly
+intended."""
 MIN_ANNOUNCED_SECONDS = 20.0
-"""Time from which on an estimate is printed on a terminal before the work starts: nobody waits so
-long without asking."""
+"""Least estimated time, s, that is printed on a terminal before the work starts: a user would not
+wait so long without asking."""
 
 
 def refuse_endless(
@@ -47,7 +48,7 @@ def refuse_above(
     """Raise UnavailableError if an estimate is above the `longest` time, s, or the free memory.
 
     The default of `longest` is a day. The message begins with the `task`, as in "a wave takes", and
-    ends with the `remedy`; if `seconds` is 0 it has the memory alone.
+    ends with the `remedy`; if `seconds` is 0 the message states the memory alone.
     """
     if longest is None:
         longest = MAX_SECONDS

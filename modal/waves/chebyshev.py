@@ -25,15 +25,15 @@ from modal.tools.progress import progress
 from modal.waves.forced_system import ForcedSystem
 
 PRODUCTS_BETWEEN_CHECKS = 50
-"""Products with A between two checks of the growth of a recurrence."""
+"""Number of products with A between two checks of the growth of a recurrence."""
 ROUND_OFF = np.finfo(float).eps
 """Round-off of the weights, divided by the sum of all of them."""
 CHUNK = 256
-"""Times or frequencies that are evaluated together, to bound the memory."""
+"""Number of times or frequencies that are evaluated together, which bounds the memory."""
 
 
 AnySeries = TypeVar("AnySeries", "Expansion", "Resolvent")
-"""Weights of the orders, one set for each time or frequency."""
+"""Either series of weights of the orders: one set for each time or frequency."""
 
 
 class Summation(NamedTuple, Generic[AnySeries]):
@@ -77,8 +77,8 @@ def summed(
     """Sum a series up to a relative error of `tolerance`.
 
     `series_for` returns the series for the `top` of an interval in omega^2, 1/s^2. The error is
-    relative to `ForcedSystem.largest` of the record; it exceeds `tolerance` only where round-off
-    leaves more. GrowthError if K has negative directions, InputError if there is no stiffness.
+    relative to `ForcedSystem.largest` of the record; it exceeds `tolerance` only if round-off is
+    larger. GrowthError if K has negative directions, InputError if there is no stiffness.
     """
     operator = forced.springs.operator
     top, products = forced.system.spectral_bound_and_cost

@@ -17,16 +17,16 @@ from modal.waves.signals import TORSION, Direction
 from modal.waves.sources import Source
 
 PULSE_FREQUENCY_IN_V_PER_D = 0.33
-"""Frequency of the pulse: 100 kHz in the study's crystal under 100 kPa. A crystal's band ends at
-0.45, a random packing's much lower."""
+"""Frequency of the pulse, in V / D: 100 kHz in the study's crystal under 100 kPa. A crystal's band
+ends at 0.45, a random packing's much lower."""
 PULSE_AMPLITUDE_IN_D = 1e-6
-"""Amplitude of the pulse: 2.5 nm in the study."""
+"""Amplitude of the pulse, in mean diameters: 2.5 nm in the study."""
 PULSE_AMPLITUDE_IN_OVERLAPS = 0.01
 """Largest amplitude of the pulse in mean overlaps: so small a motion leaves contacts closed, also
 in packings under low stress."""
 INTERVAL_IN_D_PER_V = 0.3
-"""Time between records: 1 us in that crystal, ten records per period of the pulse, and two per
-period at 1.7 V / D, above all modes."""
+"""Time between records, in D / V: 1 us in the study's crystal, ten records per period of the pulse,
+and two per period at 1.7 V / D, above all modes."""
 DURATION_IN_PASSAGES = 1.5
 """Length of the record, in passages of the affine P-wave from end to end, besides the time in which
 the source moves. Slower waves, down to 0.7 of its velocity, arrive as well."""

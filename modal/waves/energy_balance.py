@@ -12,8 +12,8 @@ import numpy as np
 from modal.packing.network import Network
 
 ROUNDINGS = 10
-"""Allowed drift by round-off, in units of the work of one rounding of all positions. Whole runs
-showed up to 3."""
+"""Largest drift by round-off, in units of the work that one rounding of all positions does. Whole
+runs showed up to 3."""
 MAX_GAP = 1e-3
 """Largest gap of the balance of a run in which contacts slid, divided by the source wall's work."""
 OPTIONAL_FIELDS = {"work", "gap"}

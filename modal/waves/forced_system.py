@@ -70,8 +70,8 @@ class SourceCoupling:
     push : sparse matrix (1, size)
         Load on the bodies per unit displacement of the source, or per unit velocity.
     rows : sparse matrix
-        (walls, size) read the forces of v, or v', on the walls. Those of springs read the receivers
-        too, below: (count, size).
+        (walls, size) give the forces on the walls from v, or v'. The matrix of the springs has
+        further rows below, for the receivers: (count, size).
     held : ndarray (walls,)
         Force on the walls per unit displacement of the source, or per unit velocity, while the
         bodies are at rest.
@@ -84,7 +84,7 @@ class SourceCoupling:
 
 
 class _WallForce(NamedTuple):
-    """A force that is recorded: its name, what moves its wall, and the sign of its reading."""
+    """A force that is recorded: its name, the motion of its wall, and the sign of the force."""
 
     name: str
     imposed: Imposed
@@ -105,7 +105,7 @@ class ForcedSystem:
     part : Repeats
         The bodies of the packing that are simulated.
     system : LinearSystem
-        That of the part.
+        Linear system of the part.
     """
 
     springs: SourceCoupling
@@ -179,7 +179,7 @@ class ForcedSystem:
 
     @property
     def reach(self) -> Floats:
-        """Return the lengths (walls + 1,) of the rows: of each force, and the longest other one."""
+        """Return the largest lengths (walls + 1,) of the rows: each force, and all motions."""
         return self._largest_of_each_kind(norm(self.springs.rows, axis=1))
 
     def largest(self, record: Array, *, apart: bool) -> Floats:
@@ -193,7 +193,10 @@ class ForcedSystem:
         return largest
 
     def _largest_of_each_kind(self, sizes: Floats) -> Floats:
-        """Return, of numbers (count,), that of each force and the largest of all others."""
+        """Return, of numbers (count,), those of each force and the largest of all others.
+
+        The shape is (walls + 1,).
+        """
         return np.maximum.reduceat(sizes, np.arange(self.walls + 1))
 
 

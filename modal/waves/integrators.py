@@ -40,13 +40,14 @@ from modal.waves.oscillator import leapfrog, oscillation, steps
 from modal.waves.signals import record_times
 
 EXPANSION_COPIES = 4
-"""Arrays of orders times times that `Expansion` holds at once."""
+"""Number of arrays of orders times times that `Expansion` holds at once."""
 RADIANS_PER_STEP = 8.0
-"""Length of a step of the series, in radians of the fastest mode. The terms of the series rise to
-exp(8) before they fall, which makes a round-off of 7e-13; longer steps would take fewer products
-and lose more digits."""
+"""Length of a step of the Taylor series, in radians of the fastest mode. The terms of the series
+rise to exp(8) before they fall, which makes a round-off of 7e-13; longer steps would take fewer
+products and lose more digits."""
 MOTION_RADIANS_PER_STEP = 2.0
-"""Length of a step in radians of the motion, for which a polynomial of `MOTION_DEGREE` stands."""
+"""Length of a step, in radians of the source's motion, which is represented by a polynomial of
+`MOTION_DEGREE`."""
 MOTION_DEGREE = 14
 MAX_TERMS = 200
 
@@ -269,7 +270,7 @@ class _TaylorStep:
 
 
 def _fastest_rate(forced: ForcedSystem) -> float:
-    """Return a bound of the rates lambda, 1/s: |lambda|^2 <= omega^2 + |lambda| gamma."""
+    """Return a bound of the rates |lambda|, 1/s, from |lambda|^2 <= omega^2 + |lambda| gamma."""
     stiff = forced.system.spectral_bound
     if stiff <= 0:
         raise UnavailableError(
@@ -282,7 +283,10 @@ def _fastest_rate(forced: ForcedSystem) -> float:
 
 
 def _motion_polynomials(motion: Motion, start: float, length: float) -> tuple[Floats, Array]:
-    """Return the coefficients (q,) of the motion, m, and its velocity, m/s, over a step's share."""
+    """Return the coefficients (q,) of polynomials for the source's motion, m, and velocity, m/s.
+
+    The variable of the polynomials is the share, 0 to 1, of a step from `start` of a `length`, s.
+    """
     nodes = chebyshev.chebpts1(MOTION_DEGREE + 1)
     values = motion.displacement(start + length * (nodes + 1) / 2)
     if not values.any():

@@ -20,18 +20,18 @@ AMPLITUDE = 2.5e-9
 INPUT_FREQUENCY = 1e5
 """Nominal input frequency, Hz (Otsubo et al. 2017, section 2)."""
 RECORDING_INTERVAL = 5e-7
-"""Longest interval between YADE's records, s, by default: five samples a period at 400 kHz."""
+"""Default upper bound of the time between YADE's records, s: five samples a period at 400 kHz."""
 TIME_STEP_FRACTION = 0.05
 """Default time step of waves in YADE, divided by the stable limit. `python -m benchmarks defaults`
 shows why."""
 MAX_CHIRP_PERIODS = 1e4
 """Largest number of periods of a chirp, each of which takes a hundred samples."""
 SAMPLES_PER_PERIOD = 100
-"""Straight pieces in the shortest period of a sampled motion. They differ from a sine by at most
-5e-4 of its amplitude, (2 pi / 100)^2 / 8."""
+"""Number of straight pieces in the shortest period of a sampled motion. They differ from a sine by
+at most 5e-4 of its amplitude, (2 pi / 100)^2 / 8."""
 MIN_SQUARABLE = 1e-150
 MAX_SQUARABLE = 1e150
-"""Bounds of numbers whose squares are neither 0 nor infinite."""
+"""Bounds of the numbers whose squares are neither 0 nor infinite."""
 
 
 @runtime_checkable

@@ -47,12 +47,13 @@ MAX_REFINEMENTS = 5
 with the step, because spheres collide."""
 MIN_REFINEMENT = 1.2
 MAX_REFINEMENT = 4.0
-"""Bounds of the ratio of two successive time steps: far enough apart to be compared, and not finer
-than a rough estimate of the error justifies."""
+"""Bounds of the ratio of two successive time steps. Steps must be far enough apart to be compared,
+and no finer than a rough estimate of the error justifies."""
 TARGET_OVER_TOLERANCE = 0.8
-"""Error that the next step aims at, divided by the tolerance, which is then seldom just missed."""
+"""Error that the next time step aims at, divided by the tolerance: with less than 1 the tolerance
+is rarely exceeded by little."""
 OPENING_CHECKS = 40
-"""Number of times in a run at which opened contacts are sought: each costs some steps."""
+"""Number of times in a run at which opened contacts are looked for; each costs some steps."""
 PRODUCTS_PER_STEP = 2.0
 """Approximate cost of a step in products with K."""
 

@@ -21,11 +21,11 @@ from modal.waves.motions import Motion
 RADIANS_PER_STEP = 6.0
 """Longest step, in radians of the fastest oscillator or of the motion."""
 NODES_PER_STEP = 14
-"""Nodes of Gauss's rule in a step. The rule leaves out 1e-22 of a cosine of three radians to each
-side, and 1e-17 of a product of two."""
+"""Number of nodes of Gauss's rule in a step. The rule has an error of 1e-22 for a cosine of three
+radians to each side, and of 1e-17 for a product of two."""
 CACHED_PROPAGATORS = 8
-"""Lengths of steps whose sines and cosines are kept: steps between evenly spaced times differ by
-round-off."""
+"""Number of step lengths whose sines and cosines are kept: steps between evenly spaced times differ
+by round-off."""
 
 
 def steps(motion: Motion, marks: Floats, fastest: float, radians: float, slow: float) -> Floats:
@@ -47,7 +47,10 @@ def steps(motion: Motion, marks: Floats, fastest: float, radians: float, slow: f
 
 
 class _Propagator(NamedTuple):
-    """The step of length h of oscillators with omega (nw,): cos(wh), sin(wh) / w, weights (nw, q).
+    """The step of length h of oscillators with omega (nw,).
+
+    The fields are cos(omega h), sin(omega h) / omega, and the weights (nw, q) of the source's
+    motion at the q nodes, for y and for y'.
 
     The last two weigh the motion at the nodes, for y and for y'.
     """

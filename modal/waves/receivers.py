@@ -1,4 +1,4 @@
-"""Read a motion: along a chain of spheres, as means over layers, and of every sphere if asked."""
+"""Record a motion: of a chain of spheres, as means over layers, and of all spheres."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,18 +1,18 @@
 """Frequency response of a packing to a source, and the gain factor from wall to wall.
 
-At omega, with a damping gamma that sets the resolution, the motion per unit motion of the source
-is (A - s)^-1 c, s = (omega + i gamma)^2, in the notation of `modal.waves.forced_system`: the
-transform of the impulse response under the window exp(-gamma t). With z = 2 s / omega_max^2 - 1 and
-w = z + sqrt(z^2 - 1), |w| > 1, the recurrence that carries a wave carries it too:
+At omega, with a damping gamma that sets the resolution, the motion per unit motion of the source is
+(A - s)^-1 c, s = (omega + i gamma)^2, in the notation of `modal.waves.forced_system`: the transform
+of the impulse response under the window exp(-gamma t). With z = 2 s / omega_max^2 - 1 and w = z +
+sqrt(z^2 - 1), |w| > 1, the Chebyshev recurrence that gives a wave also gives the response:
 
     1 / (z - x) = 4 / (w - 1/w) * (1/2 + sum_k w^-k T_k(x)).
 
-About omega_max / (2 gamma) ln(1 / tolerance) products serve all frequencies, and half as many more
-make sure of it (`modal.waves.chebyshev`). With dashpots resonances have their own widths, and no
-window is needed: at each real frequency (A - i omega D - omega^2) v = push - i omega drag is solved
-by one complex factorisation. Neither moments of K nor a wave would serve, because slow modes decay
-slowest. The format "granular-frequency-response" is defined here, its columns in
-`modal.waves.signals`.
+About omega_max / (2 gamma) ln(1 / tolerance) products with A are enough for all frequencies, and
+half as many more confirm the error (`modal.waves.chebyshev`). With dashpots resonances have their
+own widths, and no window is needed: at each real frequency (A - i omega D - omega^2) v = push - i
+omega drag is solved by one complex factorisation. A recurrence or a computed wave would need too
+many steps, because slow modes decay slowest. The format "granular-frequency-response" is defined
+here, its columns in `modal.waves.signals`.
 """
 
 import time as clock
@@ -57,10 +57,10 @@ RESOLUTION_OF_RANGE = 0.05
 """Largest default resolution divided by the highest frequency of the response, so that at least
 eighty frequencies show it."""
 MAX_FREQUENCY_OVER_HIGHEST_MODE = 10
-"""Highest frequency of a response divided by that of the highest mode, above which all motion dies
-away with the distance from the source."""
+"""Largest frequency of a response divided by that of the highest mode, above which all motion
+decays with the distance from the source."""
 REMEDY = "take fewer frequencies, or a smaller packing"
-"""Remedy for a damped response that takes too long or too much memory."""
+"""Text of the remedy for a damped response that takes too long or too much memory."""
 
 
 @dataclass(repr=False, kw_only=True)
@@ -139,8 +139,8 @@ class Response(Recording, Drawn):
 def maxima(frequency: Floats, gain: Floats) -> tuple[Floats, Floats]:
     """Return frequencies (k,), Hz, and heights (k,) of the local maxima of a gain (nf,).
 
-    They are those of the parabola through three values of 1 / gain^2, which is a parabola for a
-    single resonance.
+    Each maximum is that of a parabola through three values of 1 / gain^2, which is exactly a
+    parabola for a single resonance.
     """
     inverse = gain**-2.0
     is_minimum = (inverse[1:-1] < inverse[:-2]) & (inverse[1:-1] <= inverse[2:])
@@ -158,7 +158,10 @@ _TABLE = product_of(SCHEMA, Response, versions=FILE_VERSIONS)
 
 
 def _response_columns() -> dict[str, Column]:
-    """Return the columns of the file: directed ones are complex, per metre of the source."""
+    """Return the columns of the file.
+
+    Columns with components along the source's direction are complex, per metre of its motion.
+    """
     columns = dict(_TABLE.columns)
     for name, column in columns.items():
         if is_directed(column):

@@ -36,7 +36,7 @@ COMPONENT = {"x": 0, "y": 1, "z": 2, TORSION: 5}
 FILE_VERSIONS = (1, 2)
 """Versions of the file format that are read."""
 DIRECTED_COLUMNS = ("displacement", "stress")
-"""Last parts of the names of columns with components along the direction of the source."""
+"""Last parts of the names of columns whose values are components along the source's direction."""
 TORSION_UNITS = {"m": "rad", "Pa": "N/m"}
 """Units in torsion in place of those of displacements and of stresses."""
 MAX_UNEVEN_STEP = 1e-3

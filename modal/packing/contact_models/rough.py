@@ -62,8 +62,6 @@ def select_power_law(beyond_1: Any, beyond_2: Any) -> tuple[Any, ...]:
 
     Lengths are in units of S, forces of N1, works of N1 S. `beyond_1` and `beyond_2` say whether
     the overlap is beyond the first and the second power law.
-
-    `beyond_1` and `beyond_2` say whether the first and the second power law end before.
     """
     in_1 = 1.0 - beyond_1
     in_2 = 1.0 * beyond_1 - beyond_2

@@ -34,12 +34,13 @@ from modal.tools.arrays import Array, Ints
 from modal.tools.progress import progress
 
 MAX_GROWTH = BACKWARD / np.finfo(float).eps
-"""Growth of a block's entries up to which its pivot signs count: round-off has then moved the
-eigenvalues by `BACKWARD` of the largest one."""
+"""Largest growth of a block's entries for which the signs of its pivots are trusted: round-off has
+then moved the eigenvalues by `BACKWARD` of the largest one."""
 MIN_BLOCK_ROWS, MAX_BLOCK_ROWS = 128, 256
-"""Rows of a block. Smaller ones lose time in calls, larger ones work on zeros beside the band."""
+"""Bounds of the number of rows of a block. Smaller blocks lose time in calls, larger ones work on
+zeros beside the band."""
 BAND_SHARE = 8
-"""A block has the rows of the band divided by this, between the two limits."""
+"""Number of rows of the band divided by the number of rows of a block, between the two bounds."""
 Solve = Callable[[Array], Array]
 
 
@@ -55,7 +56,7 @@ class _Elimination(NamedTuple):
 
 
 def _block_rows(layer: float) -> int:
-    """Return the rows of a block in a band whose rows reach over `layer` others."""
+    """Return the number of rows of a block in a band whose rows reach over `layer` others."""
     return int(np.clip(layer / BAND_SHARE, MIN_BLOCK_ROWS, MAX_BLOCK_ROWS))
 
 

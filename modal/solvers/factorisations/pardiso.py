@@ -18,8 +18,8 @@ from modal.tools.arrays import Array, Complex, Ints
 from modal.tools.errors import UnavailableError
 
 ENTRIES_PER_NONZERO = 0.5
-"""Entries of the factor for each nonzero, divided by the root of the rows of a layer: 1.5e8 entries
-for 35,201 spheres."""
+"""Entries of the factor divided by the nonzeros and by the root of the rows of a layer: 1.5e8
+entries for 35,201 spheres."""
 SYMMETRIC = {1: 1, 2: 2, 8: 0, 10: 8, 21: 1, 24: 1, 37: -100}
 """Parameters (iparm) other than the defaults: order by nested dissection, pivots of size 1 and 2, a
 factorisation for two cores, no refinement of solutions unless a pivot was perturbed, and rows

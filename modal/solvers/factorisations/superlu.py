@@ -12,8 +12,8 @@ from modal.solvers.factor import Cost, Factor, Factorisation, Shape, SingularErr
 from modal.tools.arrays import Ints
 
 ENTRIES_PER_NONZERO_AND_LAYER_ROW = 0.04
-"""Entries of L for each nonzero, divided by the rows of a layer, with minimum degrees: 12 GB
-for L and U of 35,201 spheres."""
+"""Entries of L divided by the nonzeros and by the rows of a layer, with rows ordered by minimum
+degree: 12 GB for L and U of 35,201 spheres."""
 MULTIPLICATIONS_PER_ENTRY = 8
 """A solve reads each entry alone, which takes as long as this many multiplications of a block."""
 
