@@ -54,7 +54,10 @@ OPTIONS = [
 
 
 def run(options: Options) -> int:
-    """Measure; return 3 if a file, a quantity requested by name, or everything is not known."""
+    """Measure the packings and print; return 3 if a file or a requested quantity is not known.
+
+    The status is 3 also if nothing at all is known.
+    """
     names = options.quantities or options.explain
     if options.quick:
         names = QUICK

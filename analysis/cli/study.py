@@ -36,7 +36,7 @@ OPTIONS = [
 
 
 def run(options: Options) -> int:
-    """One stage, or the whole; 3 for a page that lacks cases."""
+    """Run one stage of a study, or all; return 3 if the page lacks cases."""
     results, folder, products = map(Path, (options.results, options.output, options.products))
     study = Study(options.study)
     if options.file and not options.measure:

@@ -52,9 +52,9 @@ MAX_PLATEAU_CHANGE = 0.1
 """Largest relative difference between the medians of a stretch and of its neighbours for which the
 value counts as a plateau."""
 CRYSTAL_RANGE_IN_V_PER_D = 0.7
-"""Highest frequency that is computed for a crystal, in V_P / D; its band ends at 0.45."""
+"""Highest frequency that is computed for crystals, in V_P / D; their band ends at 0.45."""
 RANGE_IN_V_PER_D = 0.4
-"""Highest frequency that is computed for other packings, in V_P / D."""
+"""Highest frequency that is computed for packings other than crystals, in V_P / D."""
 SOURCE_THRESHOLDS = 3.0
 """Least amplitude of the source at f_low-pass, relative to the source's largest amplitude and in
 thresholds. With less, the end of the source's own spectrum is seen."""

@@ -71,7 +71,7 @@ def command_of(name: str) -> ModuleType:
 
 
 def parser(called: str = "") -> argparse.ArgumentParser:
-    """Return the parser of the command that is `called`, or of all if it is none of them."""
+    """Return the parser of all commands, or of the command that is `called`, if it is one."""
     script = Path(sys.argv[0]).stem
     prog = "python -m modal"
     if script == "granular-modes":

@@ -55,8 +55,8 @@ class ProtocolNumbers(TypedDict, total=False):
 def sound_aspect(spheres: int) -> float:
     """Return the default length divided by width: that of the study, or less for few spheres.
 
-    With less, the cell is `MIN_WIDTH_IN_DIAMETERS` wide; it is a cube if the spheres are too few
-    for that.
+    With the smaller value, the cell is `MIN_WIDTH_IN_DIAMETERS` wide; it is a cube if the spheres
+    are too few for that.
     """
     cube_width = width_of(spheres, 1.0)
     return min(max((cube_width / (WIDTH_SHRINKAGE * MIN_WIDTH_IN_DIAMETERS)) ** 3, 1.0), ASPECT)
