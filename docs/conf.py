@@ -67,7 +67,7 @@ def as_literal(app, what, name, obj, options, lines):
 
 
 def formula(display):
-    """What writes an equation as MathML, which browsers draw without a script or a network."""
+    """Return what writes an equation as MathML, which browsers draw without a script or a network."""
 
     def visit(translator, node):
         translator.body.append(convert(node.astext(), display=display))

@@ -39,7 +39,7 @@ class Page(HTMLParser):
 
 @cache
 def page(path: Path) -> Page:
-    """The page at `path`, read once."""
+    """Return the page at `path`, read once."""
     return Page(path)
 
 

@@ -29,7 +29,7 @@ LINES = 45
 
 
 def run_commands(text, folder):
-    """What the commands of a console block print, their warnings too."""
+    """Return what the commands of a console block print, their warnings too."""
     printed, environment = [], os.environ | {"PYTHONPATH": str(ROOT), "CI": "true"}
     for line in text.splitlines():
         command = line.removeprefix("$ ").replace("granular-modes", "python -m modal", 1)
@@ -45,7 +45,7 @@ def run_commands(text, folder):
 
 
 def run_python(text, folder, names):
-    """What a python block prints."""
+    """Return what a python block prints."""
     out = io.StringIO()
     with contextlib.chdir(folder), contextlib.redirect_stdout(out):
         exec(compile(text, "page", "exec"), names)

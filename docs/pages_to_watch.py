@@ -24,7 +24,7 @@ MODES = 8
 
 
 def make_pages(folder: Path, *, quick: bool = False) -> None:
-    """The pages that are missing or older than their sources; `quick`: of the crystal alone."""
+    """Write pages that are missing or older than their sources; `quick`: the crystal alone."""
     drawn_by = [Path(__file__), *(ROOT / "analysis/watch").iterdir()]
     for name, duration in DURATION.items():
         sample = ROOT / f"results/samples/{name}.sample.h5"

@@ -160,7 +160,9 @@ def mode_shapes(m: PackingData) -> Picture:
         # A sphere that is hardly held swings by itself, far beyond the standing wave.
         chain = chain[firmly_held(m.network)[chain]]
         frequency = bearers.frequency
-        shapes = z_shapes(m)[bearers.row][:, chain]
+        shapes_of_all = z_shapes(m)
+        assert shapes_of_all is not None  # the file of modes is there
+        shapes = shapes_of_all[bearers.row][:, chain]
     if shapes is None or len(shapes) == 0:
         raise InputError(
             "no_shapes",

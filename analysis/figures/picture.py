@@ -1,60 +1,81 @@
-"""A figure as data: panels of series, written to one CSV from which alone it is drawn again.
+"""Hold a figure as data: panels of series, written to one CSV from which alone it is drawn again.
 
 The CSV begins with lines `# {...}`, JSON: one for the picture, one for each panel and each series
-(labels, units in the axis labels, line styles). Then come the numbers, a row a point: panel,
-series, x, y, z. Of a map the x stand in its head, and a row is a row of the map: y, and all its z
-with blanks between. Numbers are rounded before anything is drawn, so the file holds all that the
-picture shows, and drawing it again gives the same picture.
+(labels, units in the axis labels, line styles). Then come the numbers, a row for each point: panel,
+series, x, y, z. The x of a map stand in the line of its series; each of its rows has y, and all z
+of this y with blanks between. Numbers are rounded before anything is drawn, so the file holds all
+that the picture shows, and a second drawing gives the same picture.
 """
 
 import csv
 import io
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from itertools import repeat
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, Literal, get_args, get_type_hints
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from analysis.typed_json import MismatchError, by_name, fields_of, parsed, read_text
 from modal.formats.whole_file import write_text
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
-BLUE, ORANGE = "#0060a8", "#c05000"
-"""Beside black and greys; the three are told apart without colours, too."""
+BLUE = "#0060a8"
+ORANGE = "#c05000"
+"""Colours beside black and greys; in a print without colours their greys differ, too."""
 COLUMNS = ("panel", "series", "x", "y", "z")
-"""Of the CSV."""
-KINDS = ("line", "map", "spheres", "band", "error", "vline", "hline")
-DIGITS, SHADES = 5, 3
-"""Significant digits of coordinates and of a map's values."""
+"""Columns of the CSV."""
+SeriesKind = Literal["line", "map", "spheres", "band", "error", "vline", "hline"]
+COORDINATE_DIGITS = 5
+"""Significant digits of coordinates, more than a print shows."""
+SHADE_DIGITS = 3
+"""Significant digits of a map's values, which a palette of 256 colours shows."""
 
 
 @dataclass
 class Series:
     """One curve, point set, map or band of a panel.
 
-    kind: `line` (points joined or not, by `style`); `map`, z (ny, nx) over x (nx,) and y (ny,);
-    `spheres`, discs at x, y coloured by z; `band` between y and z; `error` bars of z about y;
-    `vline`, `hline`, at each x or y. `style` goes to Matplotlib as it is.
+    Attributes
+    ----------
+    kind : SeriesKind
+        `line`: points, joined or not, by `style`. `map`: z (ny, nx) over x (nx,) and y (ny,).
+        `spheres`: discs at x and y, coloured by z. `band`: between y and z. `error`: bars of length
+        z about y. `vline`, `hline`: a line across the panel at each x or y.
+    x, y : ndarray (n,)
+        In the units of the labels of the panel's axes.
+    z : ndarray (n,) or (ny, nx), or None
+        Third coordinate, where the kind has one.
+    label : str
+        Entry of the legend; none if empty.
+    style : dict
+        Keywords of Matplotlib.
     """
 
-    kind: str
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray | None = None
+    kind: SeriesKind
+    x: Floats
+    y: Floats
+    z: Floats | None = None
     label: str = ""
-    style: dict = field(default_factory=dict)
+    style: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise ValueError(f"kind {self.kind!r} is none of {KINDS}")
-        self.x, self.y = (_rounded(values) for values in (self.x, self.y))
-        if self.z is not None:
-            self.z = _rounded(self.z, SHADES if self.kind == "map" else DIGITS)
+        """Round the numbers; ValueError for an unknown kind, and for a map of another shape."""
+        kinds = get_args(SeriesKind)
+        if self.kind not in kinds:
+            raise ValueError(f"kind {self.kind!r} is none of {kinds}")
+        self.x = _rounded(self.x)
+        self.y = _rounded(self.y)
         if self.kind == "map":
-            self.z = self.z.reshape(len(self.y), len(self.x))
+            if self.z is None:
+                raise ValueError("a map has no values")
+            self.z = _rounded(self.z, SHADE_DIGITS).reshape(len(self.y), len(self.x))
+        elif self.z is not None:
+            self.z = _rounded(self.z)
 
 
 @dataclass
@@ -74,31 +95,47 @@ class Panel:
     equal: bool = False
     series: list[Series] = field(default_factory=list)
 
-    def add(self, kind: str, x, y, z=None, label: str = "", **style) -> None:
+    def add(
+        self,
+        kind: SeriesKind,
+        x: ArrayLike,
+        y: ArrayLike,
+        z: ArrayLike | None = None,
+        label: str = "",
+        **style: Any,
+    ) -> None:
         """Append a series."""
-        self.series.append(Series(kind, x, y, z, label, style))
+        third = None
+        if z is not None:
+            third = np.asarray(z)
+        self.series.append(Series(kind, np.asarray(x), np.asarray(y), third, label, style))
 
-    def line(self, x, y, label: str = "", **style) -> None:
-        """Append a curve; `marker` and `ls="none"` for points."""
+    def line(self, x: ArrayLike, y: ArrayLike, label: str = "", **style: Any) -> None:
+        """Append a curve; give `marker` and `ls="none"` for points."""
         self.add("line", x, y, None, label, **style)
 
-    def line_on_map(self, x, y, label: str = "", lw: float = 1.5, **style) -> None:
-        """Append a curve with white beneath it: on a map it is told from any shade, in grey too."""
+    def line_on_map(
+        self, x: ArrayLike, y: ArrayLike, label: str = "", lw: float = 1.5, **style: Any
+    ) -> None:
+        """Append a curve with a white one beneath, which stands out from any shade of a map."""
         self.line(x, y, color="w", lw=lw + 2)
         self.line(x, y, label, lw=lw, **style)
 
-    def hline(self, y, label: str = "", **style) -> None:
-        """Append a line across at y."""
+    def hline(self, y: float, label: str = "", **style: Any) -> None:
+        """Append a line across the panel at y."""
         self.add("hline", [0], [y], None, label, **style)
 
-    def vlines(self, x, label: str = "", **style) -> None:
+    def vlines(self, x: ArrayLike, label: str = "", **style: Any) -> None:
         """Append upright lines at x (n,)."""
         self.add("vline", x, np.zeros(np.shape(x)), None, label, **style)
 
-    def band(self, x, low, high, label: str = "", **style) -> None:
-        """Append what lies between low and high, which may be numbers, over x (n,)."""
-        ends = np.broadcast_to(low, np.shape(x)), np.broadcast_to(high, np.shape(x))
-        self.add("band", x, *ends, label, **style)
+    def band(
+        self, x: ArrayLike, low: ArrayLike, high: ArrayLike, label: str = "", **style: Any
+    ) -> None:
+        """Append the band between low and high, arrays (n,) or numbers, over x (n,)."""
+        lower = np.broadcast_to(low, np.shape(x))
+        upper = np.broadcast_to(high, np.shape(x))
+        self.add("band", x, lower, upper, label, **style)
 
 
 @dataclass
@@ -111,80 +148,107 @@ class Picture:
 
     @property
     def shown(self) -> bool:
-        """Whether there is a point of any case: neither straight lines nor a legend alone."""
-        series = [one for panel in self.panels for one in panel.series]
-        return any(
-            np.isfinite(one.x).any() and np.isfinite(one.y).any()
-            for one in series
-            if one.kind not in ("vline", "hline")
-        )
+        """Tell whether any case has a point; straight lines and a legend alone are none."""
+        for panel in self.panels:
+            for series in panel.series:
+                straight = series.kind in ("vline", "hline")
+                if not straight and np.isfinite(series.x).any() and np.isfinite(series.y).any():
+                    return True
+        return False
 
 
 def columns_for(count: int) -> int:
-    """Columns that leave no part of a grid of panels blank: 1, 2, 3, 2 x 2, then three a row."""
-    return count if count < 4 else 2 if count % 2 == 0 and count < 6 else 3
+    """Return the number of columns that leaves no part of a grid of panels blank.
+
+    1, 2, 3, 2 x 2, then three in a row.
+    """
+    if count == 4:
+        return 2
+    return min(count, 3)
 
 
 def merged(panels: list[Panel]) -> list[Panel]:
-    """Panels of one title become one, with the series of all; limits cover all of theirs."""
-    alike: dict[str, list[Panel]] = {}
+    """Join panels of one title: one panel with the series of all, in limits that cover theirs."""
+    panels_by_title: dict[str, list[Panel]] = {}
     for panel in panels:
-        alike.setdefault(panel.title, []).append(panel)
-    return [
-        replace(share_limits(same)[0], series=[one for panel in same for one in panel.series])
-        for same in alike.values()
-    ]
+        panels_by_title.setdefault(panel.title, []).append(panel)
+    joined = []
+    for members in panels_by_title.values():
+        first = share_limits(members)[0]
+        series = [each for panel in members for each in panel.series]
+        joined.append(replace(first, series=series))
+    return joined
 
 
 def share_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
-    """Give panels one common range along the axes named."""
-    for name in (f"{axis}lim" for axis in axes):
-        limits = [getattr(p, name) for p in panels if getattr(p, name) is not None]
-        for panel in panels if limits else []:
-            setattr(panel, name, (min(low for low, _ in limits), max(high for _, high in limits)))
+    """Give panels a common range along the named axes, and return them."""
+    for axis in axes:
+        name = f"{axis}lim"
+        limits = [getattr(panel, name) for panel in panels if getattr(panel, name) is not None]
+        if not limits:
+            continue
+        low = min(low for low, _ in limits)
+        high = max(high for _, high in limits)
+        for panel in panels:
+            setattr(panel, name, (low, high))
     return panels
 
 
 def write_picture(path: Path, picture: Picture) -> None:
     """Write the CSV."""
-    heads: list[dict] = [{"picture": {"columns": picture.columns, "shape": picture.shape}}]
-    rows: list[tuple] = [COLUMNS]
-    for p, panel in enumerate(picture.panels):
+    heads: list[dict[str, Any]] = [
+        {"picture": {"columns": picture.columns, "shape": picture.shape}}
+    ]
+    rows: list[tuple[Any, ...]] = [COLUMNS]
+    for panel_number, panel in enumerate(picture.panels):
         heads.append({"panel": asdict(replace(panel, series=[]))})
-        for s, series in enumerate(panel.series):
-            facts = {"kind": series.kind, "label": series.label, "style": series.style}
-            heads.append({"series": facts})
-            z = series.z
-            x: Iterable[str] = map(_text, series.x)
-            third: Iterable[str] = repeat("") if z is None else map(_text, z)
+        for series_number, series in enumerate(panel.series):
+            head = {"kind": series.kind, "label": series.label, "style": series.style}
             if series.kind == "map":
-                facts["x"], x = list(series.x), repeat("")
-                third = (" ".join(_text(value, SHADES) for value in row) for row in z)
-            rows += zip(repeat(p), repeat(s), x, map(_text, series.y), third, strict=False)
+                head["x"] = list(series.x)
+            heads.append({"series": head})
+            rows += [(panel_number, series_number, *texts) for texts in _texts_of_points(series)]
     file = io.StringIO()
     file.writelines(f"# {json.dumps(head)}\n" for head in heads)
     csv.writer(file, lineterminator="\n").writerows(rows)
     write_text(path, file.getvalue())
 
 
+def _texts_of_points(series: Series) -> Iterator[tuple[str, str, str]]:
+    """Yield x, y and z of each point, and of each row of a map, as the CSV has them."""
+    x: Iterable[str] = map(_text, series.x)
+    y = map(_text, series.y)
+    z: Iterable[str] = repeat("")
+    if series.kind == "map":
+        x = repeat("")
+    if series.z is not None:
+        z = map(_text_of_row if series.kind == "map" else _text, series.z)
+    yield from zip(x, y, z, strict=False)
+
+
+def _text_of_row(shades: Floats) -> str:
+    """Return a row of a map (nx,) as text."""
+    return " ".join(_text(shade, SHADE_DIGITS) for shade in shades)
+
+
 def read_picture(path: str | Path) -> Picture:
-    """The picture that a CSV holds; InputError if it is not one."""
+    """Return the picture that a CSV holds; InputError if it is not the CSV of a figure."""
     lines = read_text(path).splitlines()
     try:
         heads = [parsed(line[2:]) for line in lines if line.startswith("# ")]
-        points = _points(line for line in lines if not line.startswith("# "))
-        return _picture(heads, points)
+        points = _read_points(line for line in lines if not line.startswith("# "))
+        return _picture_of_heads(heads, points)
     except (ValueError, csv.Error) as error:
         problem = f"{path}: not the CSV of a figure"
         raise InputError("figure", problem, str(error), "draw it again") from error
 
 
 Points = dict[tuple[int, int], list[list[str]]]
-"""Rows x, y, z of each series, by the numbers of its panel and its own."""
+"""Rows x, y, z of each series, by the number of its panel and its number in the panel."""
 
 
-def _points(lines: Iterable[str]) -> Points:
-    """What stands below the heads."""
+def _read_points(lines: Iterable[str]) -> Points:
+    """Return the points below the heads; `MismatchError` if a row has too few or many cells."""
     points: Points = {}
     for number, row in enumerate(csv.reader(lines)):
         if number == 0:
@@ -195,55 +259,68 @@ def _points(lines: Iterable[str]) -> Points:
     return points
 
 
-def _picture(heads: list[Any], points: Points) -> Picture:
-    """The picture of these heads."""
+def _picture_of_heads(heads: list[Any], points: Points) -> Picture:
+    """Return the picture with these heads and points; `MismatchError` if they do not fit."""
     first = _head(heads[0], "picture") if heads else None
     if first is None:
         raise MismatchError("its first line has no picture")
-    picture = Picture([], **fields_of(first, _kinds(Picture, "panels"), set(), "picture"))
+    fields = fields_of(first, _kinds_of_fields(Picture, but="panels"), set(), "picture")
+    picture = Picture([], **fields)
     for head in heads[1:]:
         panel = _head(head, "panel")
         if panel is not None:
-            said = panel if not panel.get("series") else {}
-            said = {name: value for name, value in said.items() if name != "series"}
-            kinds = _kinds(Panel, "series")
-            picture.panels.append(Panel(**fields_of(said, kinds, {"xlabel", "ylabel"}, "panel")))
+            picture.panels.append(_panel_of_head(panel))
             continue
         series = _head(head, "series")
         if series is None or not picture.panels:
             raise MismatchError("a line is of no picture, panel or series")
-        place = len(picture.panels) - 1, len(picture.panels[-1].series)
-        picture.panels[-1].series.append(_series(series, points.pop(place, [])))
+        members = picture.panels[-1].series
+        rows = points.pop((len(picture.panels) - 1, len(members)), [])
+        members.append(_series_of_head(series, rows))
     if points:
         raise MismatchError(f"points of series {min(points)}, which has no head")
     return picture
 
 
 def _head(head: Any, name: str) -> dict[str, Any] | None:
-    """What a head says of a picture, a panel or a series; None where it is of another."""
-    if not isinstance(head, dict) or [*head] != [name]:
+    """Return the fields of the head of a picture, a panel or a series; None if of another one."""
+    if not isinstance(head, dict) or list(head) != [name]:
         return None
     return by_name(head[name], Any, name)
 
 
-def _kinds(owner: type, *left: str) -> dict[str, Any]:
-    """Kinds of the fields of a class, but for those that are `left`."""
-    return {name: kind for name, kind in get_type_hints(owner).items() if name not in left}
+def _kinds_of_fields(owner: type, but: str) -> dict[str, Any]:
+    """Return the kinds of the fields of a class, without one of them."""
+    return {name: kind for name, kind in get_type_hints(owner).items() if name != but}
 
 
-def _series(said: dict[str, Any], rows: list[list[str]]) -> Series:
-    """A series of its head and its points."""
+def _panel_of_head(head: dict[str, Any]) -> Panel:
+    """Return a panel without its series, which have heads of their own."""
+    if not head.get("series"):
+        head = {name: value for name, value in head.items() if name != "series"}
+    kinds = _kinds_of_fields(Panel, but="series")
+    return Panel(**fields_of(head, kinds, {"xlabel", "ylabel"}, "panel"))
+
+
+def _series_of_head(head: dict[str, Any], rows: list[list[str]]) -> Series:
+    """Return a series from its head and the rows of its points."""
     kinds = {"kind": str, "label": str, "style": dict[str, Any], "x": list[float]}
-    facts = fields_of(said, kinds, {"kind"}, "series")
-    x = [float(row[0]) for row in rows if row[0]]
-    y = [float(row[1]) for row in rows]
-    z = [[float(value) for value in row[2].split()] for row in rows if row[2]]
-    return Series(**{"x": np.array(x), "y": np.array(y), "z": np.array(z) if z else None} | facts)
+    fields = fields_of(head, kinds, {"kind"}, "series")
+    # The x of a map stand in its head.
+    fields.setdefault("x", np.array([float(x) for x, _, _ in rows if x]))
+    y = np.array([float(y) for _, y, _ in rows])
+    shades = [[float(word) for word in z.split()] for _, _, z in rows if z]
+    z = None
+    if shades:
+        z = np.array(shades)
+    return Series(y=y, z=z, **fields)
 
 
-def _rounded(values: np.ndarray, digits: int = DIGITS) -> np.ndarray:
+def _rounded(values: ArrayLike, digits: int = COORDINATE_DIGITS) -> Floats:
+    """Return numbers (n,) with so many significant digits."""
     return np.array([float(_text(value, digits)) for value in np.ravel(values)])
 
 
-def _text(value: float, digits: int = DIGITS) -> str:
+def _text(value: float, digits: int = COORDINATE_DIGITS) -> str:
+    """Return a number with so many significant digits."""
     return f"{value:.{digits}g}"

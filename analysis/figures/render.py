@@ -1,4 +1,4 @@
-"""From a picture's data to Matplotlib's Axes, and to PNG and CSV files."""
+"""Draw a picture's data into Matplotlib's Axes, and write PNG, CSV and PDF files."""
 
 import io
 from pathlib import Path
@@ -21,6 +21,7 @@ from modal.formats.whole_file import write_whole
 
 STYLE = Path(__file__).with_name("paper.mplstyle")
 COLOURS = 256
+"""Colours of the palette of a PNG."""
 
 
 def draw_panel(ax: Axes, panel: Panel) -> None:
@@ -55,7 +56,7 @@ def draw_panel(ax: Axes, panel: Panel) -> None:
 
 
 def _plain_numbers(axis: Axis) -> None:
-    """Numbers that are read at a glance on a logarithmic axis that spans few powers of ten."""
+    """Write plain numbers beside a logarithmic axis that spans few powers of ten."""
     low, high = sorted(axis.get_view_interval())
     if high > 300 * low:
         return
@@ -68,12 +69,17 @@ def _plain_numbers(axis: Axis) -> None:
 
 
 def _draw_series(ax: Axes, series: Series, colour_label: str) -> None:
-    x, y, z, style = series.x, series.y, series.z, dict(series.style)
+    """Draw one series; `colour_label` stands beside the bar of its colours, if it has one."""
+    x = series.x
+    y = series.y
+    z = series.z
+    style = dict(series.style)
     label = drawable_text(series.label) or None
     colour_label = drawable_text(colour_label)
     if series.kind == "line":
         ax.plot(x, y, label=label, **style)
     elif series.kind == "band":
+        assert z is not None
         ax.fill_between(x, y, z, label=label, **style)
     elif series.kind == "error":
         ax.errorbar(x, y, yerr=z, fmt="none", **style)
@@ -82,6 +88,7 @@ def _draw_series(ax: Axes, series: Series, colour_label: str) -> None:
         for k, place in enumerate(x if series.kind == "vline" else y):
             draw(place, label=label if k == 0 else None, **style)
     elif series.kind == "map":
+        assert z is not None
         mesh = ax.pcolormesh(x, y, z, rasterized=True, **style)
         ax.figure.colorbar(mesh, ax=ax, label=colour_label)
     else:
@@ -97,7 +104,7 @@ def _draw_series(ax: Axes, series: Series, colour_label: str) -> None:
 
 
 def to_figure(picture: Picture) -> Figure:
-    """The whole figure; call inside `rc_context(fname=STYLE)`."""
+    """Return the whole figure; call inside `rc_context(fname=STYLE)`."""
     columns = min(picture.columns, len(picture.panels))
     rows = -(-len(picture.panels) // columns)
     width, height = matplotlib.rcParams["figure.figsize"]
@@ -112,7 +119,7 @@ def to_figure(picture: Picture) -> Figure:
 
 
 def write_png(figure: Figure, path: Path) -> None:
-    """Save a figure, in a palette of `COLOURS`: a third of the size."""
+    """Save a figure in a palette of `COLOURS`, which takes a third of the size."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
@@ -122,7 +129,7 @@ def write_png(figure: Figure, path: Path) -> None:
 
 
 def save(picture: Picture, stem: Path) -> list[Path]:
-    """Write stem.png, stem.csv and stem.pdf, in vectors; returns their paths."""
+    """Write stem.png, stem.csv and stem.pdf (in vectors), and return their paths."""
     png, table, vectors = (stem.with_name(stem.name + end) for end in (".png", ".csv", ".pdf"))
     write_picture(table, picture)
     with matplotlib.rc_context(fname=STYLE):

@@ -1,4 +1,4 @@
-"""A study as its YAML file describes it: groups of cases by factors, each with its settings.
+"""Read a study from its YAML file: groups of cases by factors, each with its settings.
 
     name: friction_width
     groups:
@@ -36,7 +36,7 @@ OTHER_NAMES = {"friction": "mu_comp", "wave_friction": "mu_wave"}
 NEEDED = "friction", "wave_friction", "stress"
 OF_GROUP = {*CASE, "factors"}
 MAX_CASES = 20_000
-"""Of a study: with more, planning the jobs alone takes hours."""
+"""Largest number of cases of a study: with more, planning the jobs alone takes hours."""
 DEFAULTS: dict[str, Any] = {
     **dict.fromkeys(("name", "title", "names", "samples"), ""),
     **{name: [] for name in ("groups", "states", "measure", "tables", "figures", "headlines")},
@@ -104,7 +104,7 @@ class Study:
                 )
 
     def _known(self, given: Any, known: Collection[str], what: str) -> None:
-        """InputError unless these are lines NAME: VALUE with known names."""
+        """Raise InputError unless these are lines NAME: VALUE with known names."""
         if not isinstance(given, Mapping):
             raise InputError(
                 "no_names", f"{self.path}: {what}s have names", remedy="write NAME: VALUE"
@@ -118,7 +118,7 @@ class Study:
             )
 
     def _refuse_no_case(self, where: str, name: str, rows: Mapping[str, Any]) -> None:
-        """InputError for a name that no case has."""
+        """Raise InputError for a name that no case has."""
         if name not in rows:
             first, *_, last = *rows, *rows
             raise InputError(
@@ -128,7 +128,7 @@ class Study:
             )
 
     def _named_rows(self) -> dict[str, dict[str, Any]]:
-        """The cases of all groups by name, as their group describes them."""
+        """Return the settings of the cases of all groups, by the name of the case."""
         groups = self.settings["groups"]
         factors = [self._factors(group) for group in groups]
         count = sum(math.prod(map(len, values.values())) for values in factors)
@@ -160,7 +160,7 @@ class Study:
         return rows
 
     def _factors(self, group: Any) -> dict[str, list[Any]]:
-        """The values of each factor of a group."""
+        """Return the values of each factor of a group."""
         self._known(group, OF_GROUP, "group's setting")
         kind = group.get("kind")
         if kind not in KINDS:
@@ -176,7 +176,7 @@ class Study:
         return values
 
     def _listed(self, name: str, given: Any) -> list[Any]:
-        """The values of a factor: a list, or the numbers of a text as `1 to 8`."""
+        """Return the values of a factor from a list, a single value, or a text as `1 to 8`."""
         if isinstance(given, str) and (ends := re.fullmatch(r"(\d{1,9}) to (\d{1,9})", given)):
             first, last = int(ends[1]), int(ends[2])
             if last - first >= MAX_CASES:
@@ -196,7 +196,7 @@ class Study:
     def _group(
         self, group: Mapping[str, Any], factors: Mapping[str, list[Any]]
     ) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
-        """Each combination of a group's factors, the last one fastest, and the case that it is."""
+        """Yield each combination of a group's factors, the last one fastest, and its settings."""
         others = group.keys() - {"factors"} - factors.keys()
         for values in itertools.product(*factors.values()):
             combination = dict(zip(factors, values, strict=True))
@@ -207,7 +207,7 @@ class Study:
     def _value(
         self, name: str, value: Any, line: Mapping[str, Any], numbers: Mapping[str, float]
     ) -> Any:
-        """A setting of one case; None where no line of a choice `by` a factor is the case's."""
+        """Return a setting of one case; None if a choice `by` a factor has no line for it."""
         if isinstance(value, Mapping):
             by = value.get("by")
             if not isinstance(by, str) or by not in line:
@@ -224,7 +224,7 @@ class Study:
         return value
 
     def _computed(self, name: str, text: str, numbers: Mapping[str, float]) -> float:
-        """A setting that is a sum of others."""
+        """Return a setting that is a sum of others."""
         try:
             value = evaluate(text, numbers)
         except InputError as error:
@@ -239,7 +239,7 @@ class Study:
         return round(float(value), 12)
 
     def _checked(self, name: str, line: Mapping[str, Any]) -> dict[str, Any]:
-        """A case as the programs call its settings; InputError where one is missing."""
+        """Return the settings of a case by the names in programs; InputError if one is missing."""
         for key in NEEDED:
             if line.get(key) is None:
                 raise InputError("no_setting", f"{self.path}: {name} has no {key}", remedy="add it")
@@ -251,14 +251,14 @@ class Study:
 
     @property
     def cases(self) -> pd.DataFrame:
-        """A line a case, by name: `case`, its number from 1 on, and its settings."""
+        """Return a line for each case: its number `case`, from 1 on, and its settings."""
         frame = pd.DataFrame.from_dict(self.rows, orient="index")
         frame.insert(0, "case", range(1, len(frame) + 1))
         frame["name"] = frame.index
         return frame
 
     def part(self, part: str) -> list[dict[str, Any]]:
-        """A setting of many lines, or the YAML file of this name beside; empty without either."""
+        """Return a part of many lines, from the study or the YAML file beside it; else none."""
         path = self.folder / f"{part}.yaml"
         entries = self.settings.get(part)
         where = f"{self.path}: {part}"
@@ -269,7 +269,7 @@ class Study:
             raise InputError(
                 "setting", f"{where}", remedy="give a list, a line - NAME: VALUE ... each"
             )
-        names: set[str] = set()
+        names: set[Any] = set()
         for number, entry in enumerate(entries, 1):
             name = entry.get("name", entry.get("id")) if isinstance(entry, dict) else None
             if fault := PARTS[part].fault(entry):
@@ -283,7 +283,7 @@ class Study:
         return entries
 
     def stated(self) -> pd.DataFrame:
-        """Stated numbers: `quantity`, `select` (cases), `value`, its ends `low` and `high`."""
+        """Return stated numbers: `quantity`, `select` (cases), `value`, ends `low` and `high`."""
         path = self.folder / "stated.csv"
         found = pd.DataFrame(columns=STATED)
         if path.exists():
@@ -292,7 +292,7 @@ class Study:
         return found.assign(select=found["select"].fillna(""), **ends)
 
     def _read_stated(self, path: Path) -> pd.DataFrame:
-        """The table of stated numbers as its file has it; InputError where it is none."""
+        """Return the table of stated numbers from its file; InputError if it is no such table."""
         text = read_small(path)
         texts = dict.fromkeys(("quantity", "select"), object)
         try:
@@ -317,7 +317,7 @@ class Study:
 
 @contextmanager
 def following(entry: Mapping[str, Any]) -> Iterator[None]:
-    """An entry of a study's part is followed: InputError that names it where that cannot be."""
+    """Name the entry of a study in an InputError if its settings cannot be carried out."""
     try:
         yield
     except InputError:
@@ -332,7 +332,7 @@ def following(entry: Mapping[str, Any]) -> Iterator[None]:
 
 
 def part_of_name(factor: str, value: Any) -> str:
-    """What a factor's value adds to the name of its files.
+    """Return what a factor's value adds to the name of its files.
 
     >>> part_of_name("width", 10.0), part_of_name("contact_model", "rough 1e-6")
     ('width10', 'contact_model-rough-1e-6')
@@ -343,5 +343,5 @@ def part_of_name(factor: str, value: Any) -> str:
 
 
 def _is_number(value: Any) -> bool:
-    """Whether a value is a number, which true and false are not."""
+    """Tell whether a value is a number, which true and false are not."""
     return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,4 +1,4 @@
-"""The page of a study: plain.html.j2 filled, or the study's own page.html.j2, which extends it.
+"""Fill the page of a study: plain.html.j2, or the study's own page.html.j2, which extends it.
 
 A study's template may come from someone else. It sees texts and numbers, no objects; it is filled
 in Jinja's sandbox, with few filters and no functions but `number`; and it has no part that could
@@ -29,7 +29,7 @@ FILTERS = {
     *("map", "max", "min", "reject", "rejectattr", "round", "select", "selectattr", "sort", "sum"),
     *("trim", "unique", "upper"),
 }
-"""Of Jinja's filters those whose result is no longer than what they are given."""
+"""Those of Jinja's filters whose result is no longer than their input."""
 OF_CASES = "items", "keys", "values"
 """Methods that a template may call."""
 PARTS: tuple[type[jinja2.nodes.Node], ...] = (
@@ -50,7 +50,7 @@ class Sandbox(jinja2.sandbox.ImmutableSandboxedEnvironment):
     intercepted_binops = frozenset(["+", "-", "*", "/"])
 
     def is_safe_attribute(self, obj: Any, attr: str, value: Any) -> bool:
-        """Whether a template may take an attribute of an object."""
+        """Tell whether a template may take an attribute of an object."""
         if isinstance(obj, jinja2.runtime.LoopContext):
             return attr in ("index", "first", "last", "length")
         return isinstance(obj, Mapping) and attr in OF_CASES
@@ -87,7 +87,7 @@ def page(folder: Path, content: Mapping[str, Any]) -> str:
 
 
 def _sandbox(sources: dict[str, str]) -> Sandbox:
-    """The sandbox in which these templates are filled."""
+    """Return the sandbox in which these templates are filled."""
     sandbox = Sandbox(
         loader=jinja2.DictLoader(sources), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
@@ -111,7 +111,7 @@ def _number(value: Any, error: Any = float("nan")) -> str:
 
 
 def _refuse_program(template: jinja2.nodes.Template) -> None:
-    """InputError where a template has a part that it may not have."""
+    """Raise InputError if a template has a part that it may not have."""
     for node, loops in _with_loops(template, 0):
         allowed = isinstance(node, PARTS) and loops <= MAX_LOOPS
         match node:
@@ -137,7 +137,7 @@ def _refuse_program(template: jinja2.nodes.Template) -> None:
 
 
 def _with_loops(node: jinja2.nodes.Node, loops: int) -> Iterator[tuple[jinja2.nodes.Node, int]]:
-    """Each part of a template, and how many loops it stands in."""
+    """Yield each part of a template, and the number of loops around it."""
     loops += isinstance(node, jinja2.nodes.For)
     yield node, loops
     for child in node.iter_child_nodes():

@@ -53,7 +53,7 @@ def watch_page(
     packing: str | Path | None = None,
     chosen: list[int] | None = None,
 ) -> list[str]:
-    """Write the page of a wave (`*.signals.h5`) or of modes (`*.modes.h5`); notes for the reader.
+    """Write the page of a wave (`*.signals.h5`) or modes (`*.modes.h5`); return notes for readers.
 
     `packing` is the file that it was made from; if None, the one of its name beside the product.
     `chosen` are the modes by number from 1, all by default.
@@ -74,7 +74,7 @@ def watch_page(
 
 
 def _packing_beside(product: Path) -> Path:
-    """The packing that a product names as its source, in its folder."""
+    """Return the packing that a product names as its source, in its folder."""
     names = [source.name for source in read_provenance(product).packing if source.name]
     for name in names:
         if (product.parent / name).is_file():
@@ -88,7 +88,7 @@ def _packing_beside(product: Path) -> Path:
 
 
 def _of_packing(network: Network) -> dict[str, Any]:
-    """Where the spheres are, and how hard their contacts press them."""
+    """Return where the spheres are, and how hard their contacts press them."""
     low = network.position.min(axis=0)
     step = np.maximum(np.ptp(network.position, axis=0), network.radius.max()) / 65535
     shown: dict[str, Any] = {
@@ -115,7 +115,7 @@ def _of_packing(network: Network) -> dict[str, Any]:
 
 
 def _of_cell(network: Network) -> dict[str, list[float]]:
-    """Corners of the box that holds the packing: its walls, its periods, or its outer spheres."""
+    """Return the corners of the box of the packing: walls, periods, or outer spheres."""
     reach = network.radius[:, None]
     low, high = (network.position - reach).min(axis=0), (network.position + reach).max(axis=0)
     middle, periodic = (low + high) / 2, network.cell_periodic
@@ -126,7 +126,7 @@ def _of_cell(network: Network) -> dict[str, list[float]]:
 
 
 def _of_contacts(network: Network, force: np.ndarray) -> dict[str, Any]:
-    """Contacts as lines from sphere to sphere, or to the wall (-1), and their normal forces."""
+    """Return contacts from sphere to sphere, or to a wall (-1), and their normal forces."""
     step = float(abs(network.branch).max(initial=0.0)) / STEPS or 1.0
     return {
         "first": coded(network.particle_i, "<i4"),
@@ -138,7 +138,7 @@ def _of_contacts(network: Network, force: np.ndarray) -> dict[str, Any]:
 
 
 def _from_zero(values: np.ndarray) -> tuple[str, float]:
-    """Values in 255 steps from zero to their 99th percentile, which is returned too; coded."""
+    """Return values, coded in 255 steps from zero to their 99th percentile, and the latter."""
     top = float(np.percentile(values, 99)) if len(values) else 0.0
     top = top if top > 0 else 1.0
     return coded(np.clip(values / top * 255, 0, 255), "u1"), top
@@ -186,7 +186,7 @@ def _of_wave(network: Network, signals: Signals, moved: np.ndarray) -> dict[str,
 
 
 def _of_slip(network: Network, signals: Signals) -> dict[str, Any]:
-    """What slip has dissipated in the contacts of each sphere, on a logarithmic scale."""
+    """Return what slip dissipated in the contacts of each sphere, on a logarithmic scale."""
     if signals.slip_ends is None or signals.slip_energy is None:
         return {}
     lost = slip_of_spheres(network.n_particles, signals.slip_ends, signals.slip_energy)
@@ -204,7 +204,7 @@ def _of_slip(network: Network, signals: Signals) -> dict[str, Any]:
 
 
 def slip_of_spheres(count: int, ends: np.ndarray, energy: np.ndarray) -> np.ndarray:
-    """Shape (count,), J: half of what each contact (k, 2) dissipated to each of its two spheres.
+    """Return (count,), J: to each sphere half of what its contacts (k, 2) dissipated.
 
     A contact with a wall gives all to its sphere, so that the sum is that over contacts.
     """
@@ -254,12 +254,12 @@ def _of_modes(
 
 
 def quantised(values: np.ndarray, largest: float) -> str:
-    """Values from -largest to largest as base64 of 16-bit numbers, off by half a step at most."""
+    """Return values in base64 of 16-bit numbers, off by at most half a step of `largest`."""
     return coded(np.round(values / largest * STEPS), "<i2")
 
 
 def coded(values: np.ndarray, kind: str) -> str:
-    """Numbers of a kind, as `<i2`, in base64."""
+    """Return numbers of a kind, as `<i2`, in base64."""
     return base64.b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode()
 
 
@@ -268,7 +268,7 @@ def _short(values: np.ndarray) -> list[float]:
 
 
 def _filled(title: str, data: dict[str, Any]) -> str:
-    """The page, with the files beside it that it names in doubled braces."""
+    """Return the page with the texts and files that it names in doubled braces."""
     # A text in the data cannot end their script element.
     parts = {"data": json.dumps(data).replace("</", "<\\/")}
     parts["title"] = title.replace("&", "&amp;").replace("<", "&lt;")
