@@ -67,7 +67,7 @@ def as_literal(app, what, name, obj, options, lines):
 
 
 def formula(display):
-    """Return what writes an equation as MathML, which browsers draw without a script or a network."""
+    """Return the writer of equations in MathML, which browsers draw without script or network."""
 
     def visit(translator, node):
         translator.body.append(convert(node.astext(), display=display))

@@ -185,7 +185,7 @@ def by_parts(part_loop: Loop, by_arrays: Loop) -> Loop:
 
 
 def _part_loop(first, last, part, *args):
-    """Placeholder, which each loop replaces by its own function for a part."""
+    """Stand in for the function of one part that each loop puts in its place."""
 
 
 def _by_parts(*args):
