@@ -11,9 +11,9 @@ from analysis.frame import numbers
 from analysis.rows import CaseResult, of_one_producer
 
 COMMON_STRESS = 1e5
-"""Stress, Pa, of which curves are drawn if cases of several stresses have them."""
+"""Stress, Pa, of the curves that are drawn if cases of several stresses have curves."""
 FIRST_RESONANCES = 10
-"""Range of the gain factor of one case, in its first resonances."""
+"""Range of the gain factor that is drawn for one case, in orders of resonances."""
 
 
 def velocity_cases(cases: pd.DataFrame) -> Picture:

@@ -13,7 +13,7 @@ from analysis.frame import numbers, spreads
 from modal.tools.errors import InputError
 
 SHADES = ("#440154", "#463480", "#355f8d", "#25848e", "#22a884", "#5ec962", "#bddf26")
-"""Colours of the frictions, from the lowest on."""
+"""Colours of the frictions, from the lowest friction on."""
 STRESS_MARKS = {1e4: "o", 1e5: "s", 1e6: "^", 1e7: "D"}
 """Marker of each stress, Pa."""
 OTHER_MARK = "X"
@@ -27,11 +27,11 @@ BARS: dict[str, Any] = {"color": "k", "lw": 0.6, "capsize": 1.5, "zorder": 1.9}
 THIN: dict[str, Any] = {"lw": 0.7, "ls": "-", "zorder": 1.5}
 LOG: dict[str, Any] = {"xscale": "log", "yscale": "log"}
 CONTACTS = "coordination_number_bearing"
-"""Number of contacts of a sphere that bears force."""
+"""Quantity: mean number of contacts of a sphere that bears force."""
 ON_CONTACTS = "contacts a force-bearing sphere"
 BEYOND = f"{ON_CONTACTS}, less 4"
 ISOSTATIC = 4
-"""Number of contacts of a sphere with friction below which a packing is floppy."""
+"""Mean number of contacts of a sphere with friction below which a packing is floppy."""
 AXES = {
     "void ratio": "void_ratio",
     "stress (kPa)": "stress / 1000",

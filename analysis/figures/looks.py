@@ -1,4 +1,4 @@
-"""Whether a picture from a file can be drawn: looks, texts and limits that Matplotlib knows.
+"""Check whether a picture from a file can be drawn: looks, texts and limits of Matplotlib.
 
 What a figure draws in this program is its own affair; a CSV may have gone through other hands.
 """
@@ -17,16 +17,16 @@ from analysis.figures.picture import Panel, Picture, Series
 from modal.tools.errors import InputError
 
 OUTSIDE = "outside"
-"""A panel's legend that stands beside it, where its entries would cover points."""
+"""Place of a panel's legend beside the panel, where its entries would cover points."""
 LEGENDS = {
     *("best", OUTSIDE, "center", "right", "center left", "center right"),
     *("upper left", "upper right", "upper center", "lower left", "lower right", "lower center"),
 }
 SCALES = ("linear", "log")
 LARGEST = 1e30
-"""Of a coordinate: sums of those above are no numbers to Matplotlib."""
+"""Largest coordinate: sums of larger ones are no numbers to Matplotlib."""
 WIDEST = 60.0
-"""Inches of a side: 36 million points."""
+"""Largest side of a picture, inches: 36 million points."""
 MOST_PANELS, MOST_COLUMNS = 100, 20
 
 
@@ -60,7 +60,7 @@ LOOKS: dict[str, Callable[[Any], bool]] = {
     "ls": _is_one_of({*Line2D.lineStyles, "none"}),
     "marker": _is_one_of({mark for mark in MarkerStyle.markers if isinstance(mark, str)}),
 }
-"""Of each word of a style whether its value is one."""
+"""Tests, by the words of a style, of whether a value is allowed."""
 OF_LINES = ("color", "ls", "lw", "alpha", "zorder")
 STYLES = {
     "line": (*OF_LINES, "marker", "ms", "mec", "mew", "mfc"),
@@ -88,7 +88,7 @@ def drawable_text(text: str) -> str:
 
 
 def refuse_undrawable(picture: Picture, path: object) -> None:
-    """InputError for a picture of a file that cannot be drawn, which names what is wrong in it."""
+    """Raise InputError, which names what is wrong, for a picture that cannot be drawn."""
     for wrong, fault in _faults(picture):
         if wrong:
             raise InputError("figure", f"{path}: {fault}", remedy="draw the figure again")
@@ -113,7 +113,7 @@ def _faults(picture: Picture) -> Faults:
 
 
 def _of_panel(panel: Panel) -> Faults:
-    """Limits, scales and the legend."""
+    """Yield the faults of the limits, the scales and the legend of a panel."""
     for name in ("xlim", "ylim"):
         low, high = getattr(panel, name) or (1.0, 2.0)
         good = -LARGEST < low < high < LARGEST
@@ -126,7 +126,7 @@ def _of_panel(panel: Panel) -> Faults:
 
 
 def _of_series(series: Series) -> Faults:
-    """Style, lengths and sizes of what is drawn."""
+    """Yield the faults of the style, the lengths and the sizes of a series."""
     for word, value in series.style.items():
         known = word in STYLES[series.kind] and LOOKS[word](value)
         yield not known, f"style {word} of a {series.kind} is {value!r}"

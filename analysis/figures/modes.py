@@ -20,7 +20,7 @@ MAX_DENSITY_PER_KHZ = 0.03
 MAX_CHI_FREQUENCY = 2e4
 """Frequency, Hz, up to which the paper shows chi_z of a random packing."""
 POINTS_PER_CURVE = 400
-"""Number of points of a cumulative curve, more than are told apart in print."""
+"""Number of points of a cumulative curve: more than a reader can distinguish in print."""
 ORDERS_OF_CRYSTAL = (1, 2, 5, 10, 50, 200)
 ORDERS_OF_RANDOM = (1, 2, 5, 10, 15, 20)
 """Orders of the P resonances whose shapes are drawn, as in the paper."""

@@ -80,7 +80,7 @@ class Series:
 
 @dataclass
 class Panel:
-    """Axes: labels with units, limits and scales, and what is drawn in them."""
+    """Axes of a figure: labels with units, limits and scales, and the series drawn in them."""
 
     xlabel: str
     ylabel: str

@@ -31,7 +31,7 @@ LENGTH_FOR_DISTANCES_IN_D = 140
 PULSE_LINES = {1e5: "-", 2e5: "--"}
 """Line of a pulse by its frequency, Hz; any other is dotted."""
 STRESS_LINES = (("0.5", "-"), ("k", "-"), (BLUE, "--"), (ORANGE, ":"))
-"""Colour and line of a stress, by its power of ten."""
+"""Colour and line style of a stress, by its power of ten."""
 FIRST_ARRIVAL_WINDOW = (0.8, 1.8)
 """Times that Fig. 4 shows, relative to the travel time of long waves."""
 MAX_SPECTRUM_ROWS = 150

@@ -15,10 +15,10 @@ from analysis.expressions import short
 from modal.tools.errors import InputError
 
 FORMAT = re.compile(r"\+?(\.\d{1,2})?[defg%]?")
-"""Of a number: its sign, up to 99 digits, its kind."""
+"""Pattern of a number's format: its sign, up to 99 digits, its kind."""
 FIELD = re.compile(r"{(\w+)(?::([^{}]*))?}")
 SHOWN = str | int | float | np.integer | np.bool_
-"""What a sentence shows."""
+"""Types of values that a sentence can show."""
 
 
 def number_format(text: object) -> str:

@@ -1,4 +1,4 @@
-"""Kinds of what a study may say: numbers in a range, words, texts, lists, lines NAME: VALUE."""
+"""Kinds of values of a study: numbers in a range, words, texts, lists, lines NAME: VALUE."""
 
 import math
 import re
@@ -11,19 +11,19 @@ from modal.tools.errors import InputError
 
 
 class Kind(Protocol):
-    """What a setting may be."""
+    """A kind of value that a setting may have."""
 
     @property
     def told(self) -> str:
-        """What to give, as text."""
+        """What a user should give, as text for a message."""
 
     def holds(self, value: Any) -> bool:
-        """Whether a value is of this kind."""
+        """Return whether a value is of this kind."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """A finite number, whole or not, between two bounds, which may belong to it or not."""
+    """A finite number, whole or not, between bounds that are included or excluded."""
 
     least: float = -math.inf
     most: float = math.inf
@@ -34,7 +34,7 @@ class Number:
 
     @property
     def told(self) -> str:
-        """What to give, as text."""
+        """What a user should give, as text for a message."""
         bounds = {
             "from": self.least,
             "above": self.above,
@@ -45,7 +45,7 @@ class Number:
         return " ".join(["a whole number" if self.whole else "a number", *words])
 
     def holds(self, value: Any) -> bool:
-        """Whether a value is such a number."""
+        """Return whether a value is such a number."""
         if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
             return False
         if self.finite and not math.isfinite(value):
@@ -65,11 +65,11 @@ class Word:
 
     @property
     def told(self) -> str:
-        """What to give, as text."""
+        """What a user should give, as text for a message."""
         return " or ".join(self.words)
 
     def holds(self, value: Any) -> bool:
-        """Whether a value is one of them."""
+        """Return whether a value is one of the words."""
         return isinstance(value, str) and value in self.words
 
 
@@ -83,7 +83,7 @@ class Text:
     refused: str = ""
 
     def holds(self, value: Any) -> bool:
-        """Whether a value is such a text."""
+        """Return whether a value is a text of this kind."""
         if not isinstance(value, str) or len(value) > self.length:
             return False
         if self.refused and self.refused in value:
@@ -93,12 +93,12 @@ class Text:
 
 @dataclass(frozen=True)
 class Anything:
-    """What is looked at later."""
+    """Any value: it is checked elsewhere."""
 
     told: str = "anything"
 
     def holds(self, value: Any) -> bool:
-        """Whether a value may stand there."""
+        """Return True: any value is accepted."""
         return True
 
 
@@ -109,7 +109,7 @@ class Truth:
     told: str = "true or false"
 
     def holds(self, value: Any) -> bool:
-        """Whether a value is one of both."""
+        """Return whether a value is true or false."""
         return isinstance(value, bool)
 
 
@@ -124,11 +124,11 @@ class Several:
 
     @property
     def told(self) -> str:
-        """What to give, as text."""
+        """What a user should give, as text for a message."""
         return f"a list of {self.what}"
 
     def holds(self, value: Any) -> bool:
-        """Whether a value is such a list."""
+        """Return whether a value is such a list."""
         if not isinstance(value, list) or not self.least <= len(value) <= self.most:
             return False
         return all(self.kind.holds(member) for member in value)
@@ -136,7 +136,7 @@ class Several:
 
 @dataclass(frozen=True)
 class Lines:
-    """Lines NAME: VALUE, of any texts as names with values of one kind, or of known names."""
+    """Lines NAME: VALUE, with known names, or with any names and values of one kind."""
 
     kind: Kind | None = None
     known: Mapping[str, Kind] = field(default_factory=dict)
@@ -144,11 +144,11 @@ class Lines:
     told: str = "lines NAME: VALUE"
 
     def holds(self, value: Any) -> bool:
-        """Whether a value is such lines."""
+        """Return whether a value consists of such lines."""
         return not self.fault(value)
 
     def fault(self, value: Any) -> str:
-        """Return what is wrong with them, in a few words; empty where nothing is."""
+        """Return what is wrong with the lines of a value, in a few words; empty if nothing is."""
         if not isinstance(value, Mapping):
             return f"{short(value)}: give {self.told}"
         for name in self.needed:
@@ -176,16 +176,16 @@ class Either:
 
     @property
     def told(self) -> str:
-        """What to give, as text."""
+        """What a user should give, as text for a message."""
         return f"{self.first.told} or {self.second.told}"
 
     def holds(self, value: Any) -> bool:
-        """Whether a value is of one of both."""
+        """Return whether a value is of one of the two kinds."""
         return self.first.holds(value) or self.second.holds(value)
 
 
 def refuse_other(where: str, name: str, value: Any, kind: Kind) -> None:
-    """InputError where a value is not of the kind that its setting has."""
+    """Raise InputError if a value is not of the kind that its setting has."""
     if isinstance(kind, Lines) and (fault := kind.fault(value)):
         raise InputError("setting", f"{where}: {name}", f"{fault}")
     if not kind.holds(value):
@@ -193,7 +193,7 @@ def refuse_other(where: str, name: str, value: Any, kind: Kind) -> None:
 
 
 def whole(value: Any, kind: Kind) -> Any:
-    """Return 1000 for 1e3 where a whole number is due, else the value as it is."""
+    """Return 1000 for 1e3 if the kind is a whole number, else the value as it is."""
     if isinstance(kind, Number) and kind.whole and value is not None:
         return int(value)
     return value

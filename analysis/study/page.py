@@ -23,7 +23,7 @@ from modal.tools.errors import InputError
 
 OWN, PLAIN = "page.html.j2", "plain.html.j2"
 MAX_LOOPS = 2
-"""Loops within one another: rows of a table, and its cells."""
+"""Largest number of nested loops in a template: rows of a table, and their cells."""
 FILTERS = {
     *("abs", "default", "e", "escape", "first", "float", "int", "last", "length", "list", "lower"),
     *("map", "max", "min", "reject", "rejectattr", "round", "select", "selectattr", "sort", "sum"),
@@ -41,7 +41,7 @@ PARTS: tuple[type[jinja2.nodes.Node], ...] = (
     *(jinja2.nodes.Not, jinja2.nodes.Neg, jinja2.nodes.CondExpr, jinja2.nodes.Tuple),
     *(jinja2.nodes.Add, jinja2.nodes.Sub, jinja2.nodes.Mul, jinja2.nodes.Div),
 )
-"""What a study's template may be made of."""
+"""Parts of which a study's template may consist."""
 
 
 class Sandbox(jinja2.sandbox.ImmutableSandboxedEnvironment):

@@ -1,4 +1,4 @@
-"""What each setting of a study may be: the one table of its words, numbers and their ranges."""
+"""Define what each setting of a study may be: one table of its words and ranges."""
 
 import re
 from dataclasses import replace
@@ -25,18 +25,18 @@ NUMBER = r"\d+\.?\d*(?:e[+-]?\d+)?"
 
 
 class ContactModel:
-    """A contact model that there is, with the numbers that it takes."""
+    """Kind of a contact model that exists, with the numbers that it takes."""
 
     told = f"{', '.join(MODELS)}, with its numbers, as rough 1e-6"
 
     def holds(self, value: Any) -> bool:
-        """Whether a value names one."""
+        """Return whether a value names such a contact model."""
         return isinstance(value, str) and _is_model(value)
 
 
 @cache
 def _is_model(text: str) -> bool:
-    """Whether a text is the name of a contact model with its numbers."""
+    """Return whether a text is the name of a contact model with its numbers."""
     if not re.fullmatch(rf"[a-z-]+( {NUMBER})*", text):
         return False
     try:
@@ -52,7 +52,7 @@ BETWEEN = Number(above=0, below=1)
 COUNT = Number(least=1, most=1e8, whole=True)
 PLAIN = "letters, digits and _ . - +, the first no . - or +"
 FILE_NAME = Text(f"a name of {PLAIN}", r"\w[\w.+-]*", 150, refused="..")
-"""Of a case, a table, a figure, a study: it is part of names of files and of commands."""
+"""Kind of the names of cases, tables, figures and studies: names of files contain them."""
 PATH = Text("a path of letters, digits and _ . - + /", r"[\w./+][\w./+-]*|", 1000)
 SENTENCE = Text()
 EXPRESSION = Text("an expression of the cases' columns")

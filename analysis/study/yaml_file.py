@@ -16,11 +16,12 @@ from analysis.expressions import short
 from modal.tools.errors import InputError
 
 MAX_BYTES = 1_000_000
-"""Of a file: the largest study of this project has 20 kB."""
+"""Largest size of a file, bytes: the largest study of this project has 20 kB."""
 MAX_PARTS = 100_000
-"""Texts, numbers, lists and mappings of a file, those behind references counted each time."""
+"""Largest number of texts, numbers, lists and mappings of a file; those behind references are
+counted each time."""
 MAX_DEPTH = 20
-"""Levels of lists and mappings; a study has 7."""
+"""Largest number of nested levels of lists and mappings; a study has 7."""
 PREFIX = "tag:yaml.org,2002:"
 WHOLE = re.compile(r"[+-]?\d{1,18}")
 DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,4})?")
@@ -131,7 +132,7 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML has no types
         return node
 
     def construct_decimal(self, node: Any) -> int | float:
-        """Return the number of a scalar."""
+        """Return the number that a scalar of YAML states."""
         return _decimal(self.construct_scalar(node))
 
 

@@ -30,11 +30,11 @@ from modal.tools.errors import InputError
 from modal.waves.signals import Signals
 
 STEPS = 32767
-"""Steps of a displacement from zero to the largest."""
+"""Number of steps of a displacement from zero to the largest."""
 MOTION = 7_500_000
-"""Bytes of displacements in a page, of which base64 makes 10 MB of text."""
+"""Largest size of the displacements in a page, bytes; base64 makes 10 MB of text of it."""
 FRAMES = 100, 400
-"""Times of a wave: as many as fit into `MOTION`, within these limits."""
+"""Least and largest number of times of a wave in a page: as many as fit into `MOTION`."""
 SHOWN_SIGNALS = 16
 PRODUCERS = {
     "yade": "a wave simulated by YADE",
@@ -42,9 +42,9 @@ PRODUCERS = {
     "nonlinear": "a wave whose contacts slide and open",
 }
 DECADES = 4
-"""Of what slip dissipated, below its largest: contacts differ by more than eyes tell apart."""
+"""Powers of ten below the largest slip energy that are shown: eyes tell no more apart."""
 SPECTRUM = 2.5
-"""Highest frequency of the spectra over that of the pulse."""
+"""Highest frequency of the spectra divided by that of the pulse."""
 
 
 def watch_page(
