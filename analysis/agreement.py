@@ -32,7 +32,7 @@ OTHER_RUNS = {
     "no_slip": "run with sliding suppressed",
     "half_step": "run with half the time step, recorded at the first run's times too",
 }
-"""Further runs of the same sample that split the difference."""
+"""Further runs of the same sample, which show how much each cause adds to the difference."""
 MAX_RELATIVE_MOTION_DIFFERENCE = 1e-3
 """Largest difference of two motions of the source that are equal but for their size."""
 MAX_TIME_ERROR_IN_STEPS = 1e-6

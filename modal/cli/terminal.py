@@ -32,7 +32,7 @@ WITHOUT_PREFIX = ("kg/m^3", "m/s", "m/s^2")
 DIGITS = {"Hz": 6}
 """Number of digits by unit: frequencies are the results with the most certain digits."""
 USUAL_DIGITS = 4
-"""Number of digits of values in other units."""
+"""Number of digits of values whose unit is not in `DIGITS`."""
 MAX_NUMBERS_IN_LINE = 3
 """Largest length of lists that do not stand side by side in columns. Twice as many numbers are
 shown of a longer list in one line."""

@@ -100,9 +100,9 @@ class Piece(NamedTuple):
     square : ndarray (p,)
         omega^2, 1/s^2.
     place : ndarray (p,) or (2, p)
-        Places in the list. If the eigenvectors are complex, travelling waves, real and imaginary
-        part, times sqrt(2), are two standing waves of one frequency, with a place each; a wave at
-        -1 is not listed.
+        Places in the list. Complex eigenvectors are travelling waves. Their real and imaginary
+        parts, times sqrt(2), are two standing waves of one frequency, each with its place; a wave
+        whose place is -1 is not listed.
     unit : callable
         Returns the unit eigenvectors of A, (size, s), for a slice of s modes.
     planar : bool

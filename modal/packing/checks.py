@@ -1,4 +1,4 @@
-"""Refuse networks that no packing can be, whenever one is made.
+"""Check, when a network is made, that a packing can have it, and refuse it if not.
 
 A network says most things twice: the branch vector follows from the positions, from radii and
 overlap, and from normal and levers. An exporter that permutes a column, takes another unit or
@@ -126,7 +126,7 @@ def refuse_first(faults: Faults, offset: int = 0) -> None:
 
 
 def check_network(network: Columns) -> None:
-    """Raise InputError for what no packing can have, naming the first particle or contact."""
+    """Raise InputError for an impossible network, naming the first particle or contact at fault."""
     are_spheres = network.inertia_tensor is None
     refuse_first(_check_columns(network))
     refuse_first(_check_cell(network))

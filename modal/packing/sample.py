@@ -419,7 +419,7 @@ def read_sample(path: str | Path) -> Sample:
 
 
 def validate(sample: Sample, name: str = "sample") -> None:
-    """Raise InputError for what no packing of spheres can be; the line begins with `name`."""
+    """Raise InputError for an impossible sample; the message begins with `name`."""
     with named(name):
         refuse_first(_check_sample(sample))
         _ = sample.laws  # refuses an unknown contact model

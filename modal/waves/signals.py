@@ -362,7 +362,7 @@ def _read_early_plane(path: str | Path) -> dict[str, Any]:
 
 
 def _validate(signals: Signals, name: str) -> None:
-    """Raise InputError for signals that no run records; estimators rely on evenly spaced times."""
+    """Raise InputError for signals that no run can record, such as unevenly spaced times."""
     time = signals.time
     chain = signals.chain_particle
     if len(time) < 2 or (len(chain) == 0 and signals.layer_position is None):
