@@ -8,6 +8,7 @@ import pytest
 from changes import scaled
 from oracles import dense_squares
 from packings import columns_side_by_side, diluted, sliding
+from refusals import refusal
 
 import modal
 from modal.modes.collective import summary_at_zero
@@ -65,10 +66,8 @@ def test_unstable_modes_are_counted_and_left_out_of_lists_at_any_size(cells, sol
         known, f = (each * abs(each) for each in (listed, found.frequency))
         assert f == pytest.approx(known, rel=2e-7, abs=1e-14 * elastic[-1] ** 2)
     for tolerance in (1e-3, 0.3):
-        with pytest.raises(InputError) as refused:
+        with refusal("unstable", f"({negative} "):
             modal.density_of_states(network, tolerance=tolerance)
-        assert refused.value.code == "unstable"
-        assert f"({negative} " in refused.value.problem
 
 
 @pytest.mark.parametrize("end", ["high", "low", "both"])
@@ -105,9 +104,8 @@ def test_a_count_on_a_mode_is_refused(network, solver):
     apart = np.flatnonzero((np.diff(square) > gap) & (square[:-1] > 10 * zero))
     for k, away in zip(apart[:: max(1, len(apart) // 6)], cycle([0.7, 0.0, -0.7]), strict=False):
         on, beside = frequency_of(square[k] + zero * np.array([away, 1.4]))
-        with pytest.raises(InputError) as refused:
+        with refusal("not_converged"):
             modal.count_modes(network, on, solver=solver)
-        assert refused.value.code == "not_converged"
         assert modal.count_modes(network, beside, solver=solver) == k + 1
 
 
@@ -189,9 +187,8 @@ def test_without_contacts_every_motion_is_free(layers, tmp_path, printed):
         found = modal.eigenmodes(network, **question)
         assert found.certified and found.floppy_modes == size
     for question in ({"lowest": 1}, {"highest": 1}):
-        with pytest.raises(InputError) as refused:
+        with refusal("no_stiffness"):
             modal.eigenmodes(network, **question)
-        assert refused.value.code == "no_stiffness"
     path = tmp_path / "free.network.h5"
     write_network(path, network)
     assert printed("count", path, "--at", 1)["floppy_modes"] == size

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from packings import disordered
+from refusals import refusal
 
 from modal.__main__ import main
 from modal.modes.eigenmodes import modes_of
@@ -16,7 +17,6 @@ from modal.solvers import lanczos
 from modal.solvers.factor import Cost
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
-from modal.tools.errors import InputError
 
 pytestmark = pytest.mark.two_ways
 
@@ -103,11 +103,14 @@ def test_motions_along_z_are_those_of_the_whole_shapes(tmp_path):
     assert read_z_shapes(path) is None
     shapes = modes.shapes().copy()
     shapes[3, 2, 2] = np.nan
-    for wrong in (shapes, modes.shapes()[:-1], modes.shapes()[:, :, :3]):
-        write_modes(path, replace(modes, mode_shape=wrong))
-        with pytest.raises(InputError) as refused:
+    for damaged, code in (
+        (shapes, "not_finite"),
+        (modes.shapes()[:-1], "wrong_shape"),
+        (modes.shapes()[:, :, :3], "wrong_shape"),
+    ):
+        write_modes(path, replace(modes, mode_shape=damaged))
+        with refusal(code, "mode_shape"):
             read_z_shapes(path)
-        assert "mode_shape" in str(refused.value)
 
 
 def test_pairs_of_a_crystal_have_the_chi_z_of_the_wave_that_they_make():

@@ -7,6 +7,7 @@ import pytest
 from changes import scaled
 from oracles import wall_pattern
 from packings import random_sample
+from refusals import refusal
 
 from modal.elasticity import steady
 from modal.elasticity.slab import static_velocity
@@ -99,9 +100,8 @@ def test_density_is_that_of_what_moves_in_the_bulk(change, density, near):
 def test_load_that_is_not_balanced_is_said(monkeypatch):
     network = gallery.fcc(cells=(3, 3, 40))
     monkeypatch.setattr(steady, "MAX_PRODUCTS", 5)
-    with pytest.raises(InputError) as refused:
+    with refusal("not_converged"):
         static_velocity(network)
-    assert refused.value.code == "not_converged"
 
 
 def test_packing_that_is_cut_has_no_velocity():
@@ -112,6 +112,5 @@ def test_packing_that_is_cut_has_no_velocity():
     with pytest.raises(InputError) as refused:
         static_velocity(network.with_contacts(~across))
     assert refused.value.code in ("no_wave", "not_converged")
-    with pytest.raises(InputError) as refused:
+    with refusal("too_short"):
         static_velocity(gallery.fcc(cells=(2, 2, 8)))
-    assert refused.value.code == "too_short"
