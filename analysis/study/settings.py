@@ -97,9 +97,7 @@ CASE: dict[str, Kind] = {
 STUDY: dict[str, Kind] = {
     "name": FILE_NAME,
     "title": Text("a title of one line", r"[^\n]*", 300),
-    "names": Text(
-        f"{PLAIN}, and one {{}} or {{:02d}}", r"[\w.+-]*(\{(:(0\d)?d?)?\})?[\w.+-]*", 100
-    ),
+    "names": NUMBERED,
     "samples": PATH,
     "groups": Several(Anything(), "groups"),
     "states": Several(POSITIVE, "stresses, Pa"),
@@ -116,9 +114,7 @@ STUDY: dict[str, Kind] = {
     "amplitude": POSITIVE,
     "lowest_modes": COUNT,
     "band": BAND,
-    "make": Lines(
-        known=dict.fromkeys(("fcc", "random"), Several(Word(PRODUCTS), "kinds of product"))
-    ),
+    "make": Lines(known=dict.fromkeys(("fcc", "random"), MADE)),
     "forget": Truth(),
 }
 """Settings of a study."""
