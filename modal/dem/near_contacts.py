@@ -205,14 +205,11 @@ def _pairs_by_cells(position, lengths, reach, periodic_z):
             bounds[part], bounds[part + 1], *grid, ends[rows], shift[rows]
         )
     total = 0
-    # Number by number: numba needs seconds to compile an assignment of one slice to another.
     for part in range(SLABS):
-        for pair in range(room[part], room[part] + n_pairs[part]):
-            for end in range(2):
-                ends[total, end] = ends[pair, end]
-            for axis in range(3):
-                shift[total, axis] = shift[pair, axis]
-            total += 1
+        rows = slice(room[part], room[part] + n_pairs[part])
+        ends[total : total + n_pairs[part]] = ends[rows]
+        shift[total : total + n_pairs[part]] = shift[rows]
+        total += n_pairs[part]
     return ends[:total], shift[:total]
 
 
