@@ -36,13 +36,6 @@ ORDER = {
     ),
 }
 """Rooms and modules from the ground up: each imports from those before it alone."""
-NOT_CONVERTED = {
-    "tests/preparation/test_compress.py",
-    "tests/preparation/test_dynamics.py",
-    "tests/preparation/test_equilibrium.py",
-    "tests/preparation/test_materials.py",
-}
-"""Tests that still compare sentences; whoever converts one takes it off this list."""
 OTHERS = {"yade_scripts", "benchmarks", "tests", "yade"}
 
 
@@ -198,4 +191,4 @@ def test_no_test_depends_on_a_sentence(name):
     """Codes, names and numbers tell errors apart."""
     tree = ast.parse((ROOT / name).read_text())
     lines = sentences_of_raises(tree) + sentences_of_one_line(tree)
-    assert not lines or name in NOT_CONVERTED, lines
+    assert not lines

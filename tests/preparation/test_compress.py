@@ -295,11 +295,17 @@ def test_impossible_packing_is_refused(options, tmp_path, refusal_code):
 
 
 @pytest.mark.parametrize(
-    "options", ["--local-damping 0.1", "--friction 0.4 --peak 1e8", "--friction 0.4 --width 60"]
+    ("options", "code"),
+    [
+        ("--local-damping 0.1", "unused_option"),
+        ("--friction 0.4 --peak 1e8", "unused_option"),
+        ("--friction 0.4 --width 60", "command_line"),  # beside the --aspect of SHAPE
+    ],
 )
-def test_option_without_meaning_is_refused(options, tmp_path, one_line):
+def test_option_without_meaning_is_refused(options, code, tmp_path, one_line):
+    command = [*SHAPE, "--stress", "1e6", *options.split(), "-o", tmp_path / "new"]
     name = options.split()[-2]
-    one_line(main, [*SHAPE, "--stress", "1e6", *options.split(), "-o", tmp_path / "new"], name)
+    one_line(main, command, name, code=code)
     assert not (tmp_path / "new").exists()
 
 

@@ -189,7 +189,8 @@ def test_sample_without_contacts_is_refused():
 
 def test_command_without_its_file_is_one_line(tmp_path, one_line):
     path = tmp_path / "a.sample.h5"
-    one_line(main, ["relax", path, "-o", tmp_path / "b.sample.h5"], path.name)
+    output = tmp_path / "b.sample.h5"
+    one_line(main, ["relax", path, "-o", output], path.name, code="no_file")
     assert not (tmp_path / "b.sample.h5").exists()
 
 
