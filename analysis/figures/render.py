@@ -125,7 +125,7 @@ def write_png(figure: Figure, path: Path) -> None:
     image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
     data = io.BytesIO()
     image.quantize(COLOURS, dither=Image.Dither.NONE).save(data, "png", optimize=True)
-    write_whole(path, data.getbuffer())
+    write_whole(path, data.getvalue())
 
 
 def save(picture: Picture, stem: Path) -> list[Path]:
@@ -138,5 +138,5 @@ def save(picture: Picture, stem: Path) -> list[Path]:
         data = io.BytesIO()
         figure.set_layout_engine("none")  # the layout is that of the PNG
         FigureCanvasPdf(figure).print_pdf(data, metadata={"CreationDate": None})
-        write_whole(vectors, data.getbuffer())
+        write_whole(vectors, data.getvalue())
     return [png, table, vectors]

@@ -50,7 +50,9 @@ def atomic_h5(path: str | Path) -> Iterator[h5py.File]:
     image = io.BytesIO()
     with h5py.File(image, "w", libver=CHECKSUMMED) as file:
         yield file
-    write_whole(path, image.getbuffer())
+    # Given back also where writing fails: Python 3.13 complains of lent memory when it collects it.
+    with image.getbuffer() as data:
+        write_whole(path, data)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
+from modal.formats import hdf5
 from modal.formats.product import Column, Product
 from modal.tools.errors import InputError
 
@@ -95,3 +96,17 @@ def test_file_that_does_not_fit_the_table_is_refused(file, dataset, data, code, 
     assert "\n" not in line
     for name in ("a.h5", *names):
         assert name in line
+
+
+def test_memory_of_a_file_that_cannot_be_written_is_given_back(tmp_path, monkeypatch):
+    lent = []
+
+    def write_to_a_full_disk(path, data):
+        lent.append(data)
+        raise OSError("no space left")
+
+    monkeypatch.setattr(hdf5, "write_whole", write_to_a_full_disk)
+    with pytest.raises(OSError), hdf5.atomic_h5(tmp_path / "a.network.h5"):
+        pass
+    with pytest.raises(ValueError):  # of a memoryview that was released
+        len(lent[0])
