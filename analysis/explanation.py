@@ -75,6 +75,11 @@ NUMBERS: Final[Mapping[str, str]] = {
 }
 """Meanings of the numbers of steps, by their names."""
 
+STEP_DIGITS = 5
+"""Digits of the numbers of steps: their differences, which are the error, can be checked."""
+ERROR_DIGITS = 3
+"""Digits of the parts of an error."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -119,7 +124,8 @@ class Step:
         texts = [f"{self.kind}: {OUTCOMES[self.outcome]}"]
         for name, number in self.numbers.items():
             if np.isfinite(number):
-                texts.append(f"{NUMBERS[name]} {_number_text(number, self.units.get(name, ''))}")
+                unit = self.units.get(name, "")
+                texts.append(f"{NUMBERS[name]} {_number_text(number, unit, STEP_DIGITS)}")
         if self.ended_by:
             texts.append(WAVE_ENDS[self.ended_by])
         return "; ".join(texts)
@@ -197,8 +203,8 @@ def _lines(title: str, texts: Sequence[str]) -> list[str]:
     return [f"  {title}", *(f"  - {text}" for text in texts)]
 
 
-def _number_text(number: float, unit: str) -> str:
-    """Return a number with its unit; without a unit as it is."""
+def _number_text(number: float, unit: str, digits: int = ERROR_DIGITS) -> str:
+    """Return a number with its unit, with this many significant digits."""
     if unit in ("", "1"):
-        return f"{number:.3g}"
-    return quantity(number, unit, 3)
+        return f"{number:.{digits}g}"
+    return quantity(number, unit, digits)

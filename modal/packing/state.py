@@ -273,7 +273,7 @@ def net_forces(network: Network) -> Floats:
 
 
 def sizes_of_loads(load: Floats, radius: Floats) -> Floats:
-    """Return the root (n,), N, of squared force plus squared torque / radius of each sphere."""
+    """Return sqrt(F^2 + (T / R)^2) of each sphere (n,), N, with its force F and torque T."""
     torque = load[:, 3:] / radius[:, None]
     return np.sqrt((load[:, :3] ** 2).sum(axis=1) + (torque**2).sum(axis=1))
 
