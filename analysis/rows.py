@@ -50,6 +50,13 @@ UNITS: Final[Mapping[str, tuple[str, float]]] = {
     "1": ("", 1.0),
 }
 """Ending of a column's name by the unit of its quantity, and the factor of its numbers."""
+COLUMN_UNITS: Final[Mapping[str, str]] = {
+    "_m_per_s": "m/s",
+    "_khz": "kHz",
+    "_hz": "Hz",
+    "_mpa": "MPa",
+}
+"""Unit of a column by the ending of its name."""
 RECORD_COPIES: Final[Mapping[str, str]] = {
     "v_p_first_peaks_of_record": "v_p_first_peaks_{record}",
     **{f"f_low_pass_{p}_of_record": f"f_low_pass_{p}_{{record}}" for p in PERCENT},
@@ -249,6 +256,20 @@ def paper_column(quantity: str, unit: str) -> tuple[str, float]:
         return COLUMNS[quantity]
     ending, factor = UNITS[unit]
     return quantity.replace("_of_record", "") + ending, factor
+
+
+def unit_of_column(column: str) -> str:
+    """Return the unit of a column's numbers; empty if it is not known.
+
+    >>> unit_of_column("f_max_khz"), unit_of_column("v_p"), unit_of_column("mine")
+    ('kHz', 'm/s', '')
+    """
+    for ending, unit in COLUMN_UNITS.items():
+        if column.endswith(ending):
+            return unit
+    if column in QUANTITIES:
+        return QUANTITIES[column].unit
+    return ""
 
 
 def _cell(value: Value, factor: float, exact_is_blank: bool) -> Cell:

@@ -86,6 +86,15 @@ def printed(capsys):
     return run
 
 
+@pytest.fixture
+def jobs(monkeypatch):
+    """Return the workflow's module of jobs, in the folder of the project."""
+    root = Path(__file__).resolve().parents[1]
+    monkeypatch.syspath_prepend(str(root / "workflow"))
+    monkeypatch.chdir(root)
+    return importlib.import_module("jobs")
+
+
 @pytest.fixture(scope="session")
 def yade():
     """Skip the test where YADE is not installed."""

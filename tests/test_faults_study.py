@@ -85,7 +85,7 @@ def test_two_studies_in_one_folder_at_once(start, reference):
     [("nowhere", 2, "setup.sh: YADE="), ("crashes", 1, "crystal case02: no product from YADE")],
 )
 def test_without_a_yade_that_works_there_is_no_product(program, status, said, start, tmp_path):
-    """But one line: none, a crash; other failures of yade-batch in test_workflow.py."""
+    """But one line: none, a crash; other failures of yade-batch in test_study_jobs.py."""
     for name, stands_there in (("crashes", "yade"), ("crashes-batch", "false")):
         (tmp_path / name).symlink_to(shutil.which(stands_there))
     folder = copy_of(start, "without")

@@ -131,6 +131,7 @@ class Study:
         """Return the settings of the cases of all groups, by the name of the case."""
         groups = self.settings["groups"]
         factors = [self._factors(group) for group in groups]
+        self._refuse_absent_choices(groups, factors)
         count = sum(math.prod(map(len, values.values())) for values in factors)
         if count > MAX_CASES:
             raise InputError(
@@ -174,6 +175,32 @@ class Study:
             for value in several:
                 refuse_other(str(self.path), f"factor {name}", value, CASE[name])
         return values
+
+    def _refuse_absent_choices(
+        self, groups: list[Any], factors: list[dict[str, list[Any]]]
+    ) -> None:
+        """Raise InputError for a choice `by` a factor's value that no case of any group has.
+
+        Groups may share their choices: a value counts whichever group has it.
+        """
+        for group in groups:
+            for name, choices in group.items():
+                if name == "factors" or not isinstance(choices, Mapping):
+                    continue
+                factor = choices.get("by")
+                if not isinstance(factor, str):
+                    continue
+                values: list[Any] = []
+                for other_group, other_factors in zip(groups, factors, strict=True):
+                    values += other_factors.get(factor, [other_group.get(factor)])
+                for choice in choices:
+                    if choice not in ("by", "else", *values):
+                        raise InputError(
+                            "absent_choice",
+                            f"{self.path}: {name}",
+                            f"no case has {factor} {short(choice)}",
+                            "mend the number, or leave it out",
+                        )
 
     def _listed(self, name: str, given: Any) -> list[Any]:
         """Return the values of a factor from a list, a single value, or a text as `1 to 8`."""
@@ -305,6 +332,7 @@ class Study:
                 f"{path}: no table of {', '.join(STATED)} ({short(str(error))})",
                 remedy="mend it",
             ) from None
+        _refuse_reversed_ends(path, numbers)
         infinite = any(np.isinf(column).any() for column in numbers.values())
         if infinite or not quantities.map(str.isidentifier).all():
             raise InputError(
@@ -313,6 +341,21 @@ class Study:
                 remedy="give each line a quantity, one word, and finite numbers",
             )
         return found.assign(**numbers)
+
+
+def _refuse_reversed_ends(path: Path, numbers: Mapping[str, pd.Series]) -> None:
+    """Raise InputError for a stated interval that holds no number, or not its own value."""
+    low = numbers["low"].fillna(-np.inf)
+    high = numbers["high"].fillna(np.inf)
+    value = numbers["value"]
+    is_wrong = (low > high) | (value < low) | (value > high)
+    if is_wrong.any():
+        row = int(is_wrong.argmax())
+        raise InputError(
+            "bounds",
+            f"{path}, line {row + 2}: {value[row]:g} with the ends {low[row]:g} and {high[row]:g}",
+            remedy="give the lower end first, and the value between them",
+        )
 
 
 @contextmanager

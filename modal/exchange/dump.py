@@ -45,8 +45,8 @@ FORMAT_G_DIGITS = 6
 were chosen by somebody, bounds with more were written in full."""
 ROUNDED_DIGITS = (FORMAT_G_DIGITS, 7)
 """Significant digits of radii that a program has rounded: by %g, or in single precision."""
-SHAPE_COLUMNS = ("shapex", "quatw", "quat1", "blockiness1", "length", "corner1x")
-"""Columns of LAMMPS and LIGGGHTS for ellipsoids, superquadrics, rods and polygons."""
+SHAPE_COLUMNS = ("shapex", "quatw", "quat1", "blockiness1", "length", "corner1x", "id_multisphere")
+"""Columns of LAMMPS and LIGGGHTS for ellipsoids, superquadrics, rods, polygons and clumps."""
 PLACE_COLUMNS = [("x", "xu", "xs"), ("y", "yu", "ys"), ("z", "zu", "zs")]
 """Names of the columns of centres, each in one of these forms."""
 SIZE_COLUMNS = ("radius", "diameter")
@@ -171,7 +171,14 @@ def read_frame(path: str | Path, item: Item, step: int | None) -> Frame:
                 remedy = "let the program finish writing it"
                 end = number + 1 + len(texts)
                 refuse(path, "cut_off", problem, reason, remedy, line=end)
-            frame = Frame(head, Rows(Path(path), tuple(title[1:]), texts, number + 1))
+            rows = Rows(Path(path), tuple(title[1:]), texts, number + 1)
+            is_repeated = frame is not None and frame.head.step == head.step
+            if is_repeated and sorted(frame.rows.texts) != sorted(texts):
+                problem = f"step {head.step} again, with other rows than before"
+                reason = "the runs of two jobs in one file"
+                remedy = "take one of them out"
+                refuse(path, "repeated_step", problem, reason, remedy, line=number)
+            frame = Frame(head, rows)
     if frame is None or (step is None and len(steps) > 1):
         _refuse_times(path, item, step, steps)
     return frame
@@ -265,6 +272,8 @@ def choose_units(path: Path, frame: Frame, typed: Units | None, script: Script) 
             problem = f"ITEM: UNITS {dumped}, and --scales {scales}"
             remedy = "leave --scales out, which other units are for"
             refuse(path, "other_units", problem, remedy=remedy)
+    if typed and logged in UNITS and typed != UNITS[logged]:
+        script.remarks.append(f"{script.place} has units {logged}: --scales are taken")
     if typed:
         return typed
     if not (logged or dumped):

@@ -81,6 +81,8 @@ class Run:
         Number of steps, 0 if it is not known.
     steps : list of int
         Steps that were printed.
+    atoms : dict
+        Numbers of atoms that were printed, by step.
     is_over : bool
         Whether the run came to its end.
     """
@@ -89,6 +91,7 @@ class Run:
     dumps: bool
     length: int
     steps: list[int] = field(default_factory=list)
+    atoms: dict[int, int] = field(default_factory=dict)
     is_over: bool = False
 
     def includes(self, step: int) -> bool:
@@ -148,19 +151,25 @@ def describe_held_spheres(fix: Fix) -> str:
     return ""
 
 
-def find_run_of_dump(runs: Sequence[Run], step: int) -> int:
-    """Return the index of the run that wrote a step; the last run if none is known to have.
+def find_runs_of_dump(runs: Sequence[Run], step: int) -> list[int]:
+    """Return the indices of the runs that may have written a step; the last run if none is known.
 
     The last step of one run is the first step of the next. Of two such runs the first one that
-    could dump has written the step; if the log shows no dump, the later run has.
+    could dump has written the step; if the log shows no dump, the later run has. Several runs are
+    left where `reset_timestep` lets steps be counted again.
     """
     candidates = [k for k, run in enumerate(runs) if run.includes(step)]
     dumping = [k for k in candidates if runs[k].dumps]
+    if not candidates:
+        return [len(runs) - 1]
     if dumping:
-        return dumping[0]
-    if candidates:
-        return candidates[-1]
-    return len(runs) - 1
+        return [k for k in dumping if k - 1 not in dumping or not _is_boundary(runs, k, step)]
+    return [k for k in candidates if k + 1 not in candidates or not _is_boundary(runs, k + 1, step)]
+
+
+def _is_boundary(runs: Sequence[Run], k: int, step: int) -> bool:
+    """Tell whether a step is the last one of the run before run k, and the first one of run k."""
+    return runs[k - 1].steps[-1] == step == runs[k].steps[0]
 
 
 class Motion(NamedTuple):
@@ -204,7 +213,27 @@ def find_motion(
     """
     if not runs:
         return Motion()
-    index = find_run_of_dump(runs, step)
+    motions = [
+        _find_motion_in_run(runs, index, history, columns, count)
+        for index in find_runs_of_dump(runs, step)
+    ]
+    for motion in motions:
+        if motion.held:
+            return motion
+    for motion in motions:
+        if motion.unturned:
+            return motion
+    return Motion()
+
+
+def _find_motion_in_run(
+    runs: Sequence[Run],
+    index: int,
+    history: Sequence[Sequence[str]],
+    columns: Mapping[str, Ints],
+    count: int,
+) -> Motion:
+    """Return how the spheres of a dump move if this run wrote it; arguments as `find_motion`."""
     informing = [run for run in runs[: index + 1] if run.shows_integration]
     fixes_at_dump = runs[index].fixes
     holding = {name: fix for name, fix in fixes_at_dump.items() if describe_held_spheres(fix)}

@@ -154,6 +154,22 @@ class Script:
                 path, "atoms", atoms, self.atoms, may_exceed=was_killed and inserts
             )
 
+        self._refuse_part(path, step, atoms)
+
+    def _refuse_part(self, path: str | Path, step: int, atoms: int) -> None:
+        """Raise InputError if the log printed another number of atoms at the step of the dump."""
+        runs = [run for run in self.runs if step in run.steps]
+        printed = {run.atoms.get(step, atoms) for run in runs}
+        if printed and atoms not in printed:
+            numbers = " or ".join(map(str, sorted(printed)))
+            refuse(
+                path,
+                "part_of_atoms",
+                f"{atoms} spheres, and {self.place} has {numbers} at step {step}",
+                "a dump of a group, or of atoms above a threshold, lacks contacts",
+                "dump all (dump ID all custom ...), or give the log of this dump",
+            )
+
     def _refuse_outside(
         self, path: str | Path, name: str, number: int, printed: Sequence[int], *, may_exceed: bool
     ) -> None:
@@ -234,9 +250,12 @@ def _is_row(words: Sequence[str], columns: Sequence[str]) -> bool:
 
 def _read_row(script: Script, row: Mapping[str, str]) -> None:
     """Store the step of a row, and the number of atoms if the row has it."""
-    script.runs[-1].steps.append(int(row["Step"]))
+    run = script.runs[-1]
+    step = int(row["Step"])
+    run.steps.append(step)
     if row.get("Atoms", "").isdigit():
-        script.atoms.append(int(row["Atoms"]))
+        run.atoms[step] = int(row["Atoms"])
+        script.atoms.append(run.atoms[step])
 
 
 def _is_of_kind(style: str, kind: str) -> bool:
@@ -276,6 +295,11 @@ def _apply_command(script: Script, words: list[str], place: str) -> None:
             script.groups[name] = group
         case ["compute", name, _, style, *rest] if style in LOCAL_COMPUTES:
             script.computes[name] = list_liggghts_columns(rest) if "gran" in style else rest
+        case ["fix", _, _, "adapt", *rest] if "pair" in rest:
+            remedy = "type the law at the step of the dump (--pair) in place of the log"
+            refuse(
+                place, "changing_law", "fix adapt pair changes the law of contact", remedy=remedy
+            )
         case ["fix", name, _, style, *_]:
             for kind, reason in REFUSED_FIXES.items():
                 if _is_of_kind(style, kind):
@@ -334,8 +358,16 @@ def _note_atoms(script: Script, words: list[str]) -> None:
             for word in rest[rest.index("with") + 1 :][:1]:
                 if word.isdigit():
                     script.atoms.append(int(word))
+                    _store_last_number(script, int(word))
         case ["fix", _, _, style, *_] if style.split("/")[0] in INSERTING_FIXES:
             script.atoms.append(MIN_ATOMS_DURING_INSERTION)
+
+
+def _store_last_number(script: Script, number: int) -> None:
+    """Store the number of atoms at the end of a run."""
+    if script.runs and script.runs[-1].steps:
+        run = script.runs[-1]
+        run.atoms[run.steps[-1]] = number
 
 
 def _note_exclusions(script: Script, words: list[str], place: str) -> None:

@@ -131,6 +131,8 @@ class Column(NamedTuple):
         if self.kind == "i":
             numbers = _to_integers(name, numbers, keep_width=not is_stored)
         else:
+            if self.kind == "b":
+                _refuse_other_than_yes_or_no(name, numbers)
             numbers = numbers.astype(NUMBER_TYPES[self.kind].in_memory, copy=False)
         if self.kind == "c":
             numbers = numbers[..., 0] + 1j * numbers[..., 1]
@@ -392,6 +394,14 @@ def _to_integers(name: str, data: Array, *, keep_width: bool) -> Array:
             remedy="write it with a sign",
         )
     return data.astype(np.int64, copy=False)
+
+
+def _refuse_other_than_yes_or_no(name: str, data: Array) -> None:
+    """Raise InputError for a number that is neither 0 nor 1: letters are numbers too in HDF5."""
+    is_other = (data != 0) & (data != 1)
+    if is_other.any():
+        problem = f"{name} is {data[is_other][0]}, neither 0 nor 1"
+        raise InputError("not_yes_or_no", problem, remedy="write 1 for yes and 0 for no")
 
 
 def _find_dataset(file: h5py.File, column: Column) -> h5py.Dataset:

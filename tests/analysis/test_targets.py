@@ -258,3 +258,11 @@ def test_a_power_outside_by_less_than_its_error_is_inside(tmp_path, errors, met)
     frame["v"] = [1.0, 10**0.5 * 1.1, 10.0] * 2
     power = {"x": "stress", "y": "v", "low": 0.51, "high": 0.6, "errors": errors}
     assert Rules(frame, study.stated()).find({"id": "b", "power": power}).met is met
+
+
+def test_bounds_between_which_no_number_lies_are_refused(tmp_path):
+    study, frame = two_frictions(tmp_path, 0.0)
+    rule = {"id": "b", "inside": {"quantity": "top", "low": 2, "high": 1}}
+    with pytest.raises(InputError) as refused:
+        Rules(frame, study.stated()).find(rule)
+    assert refused.value.code == "bounds"

@@ -185,6 +185,25 @@ def test_a_dump_that_comes_after_the_hold_counts_as_it_is(tmp_path, write, code)
     assert import_packing(dump, log=log).network.n_contacts == 4
 
 
+@pytest.mark.parametrize("first_is_held", [True, False])
+@pytest.mark.parametrize(("step", "both"), [(50, True), (80, False)])
+def test_steps_that_are_counted_again_may_be_of_either_run(tmp_path, first_is_held, step, both):
+    """Of two runs, 0 to 100 and again 0 to 60, the ends are frozen in one."""
+    frozen, free = "fix f ends freeze\n", "unfix f\n"
+    script = f"{ENDS}{SPHERE}\n{frozen}{'' if first_is_held else free}"
+    script += "run 100\n" + rows(0, 100) + over(100) + "reset_timestep 0\n"
+    script += (free if first_is_held else frozen) + "run 60\n" + rows(0, 60) + over(60)
+    log = tmp_path / "log.lammps"
+    log.write_text(log_of(script))
+    dump = column(tmp_path, step=step, types=(1, 2, 1))
+    if both or first_is_held:
+        with pytest.raises(InputError) as refused:
+            import_packing(dump, log=log)
+        assert refused.value.code == "held_bodies"
+    else:
+        assert import_packing(dump, log=log).network.n_contacts == 4
+
+
 POURED = "region reg block 0 8 0 8 0 16\ncreate_box 1 reg\n"
 
 

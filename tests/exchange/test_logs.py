@@ -72,11 +72,12 @@ KILLED = {
     "no end": inserted("pour", 3, ""),
     "no end, no counts": inserted("pour", 3, "", column_of_atoms=False),
     "a message of the queue": inserted("pour", 3, "slurmstepd: error: *** JOB 7 CANCELLED\n"),
-    "more atoms than were printed": inserted("pour", 2, ""),
+    "more atoms than were printed": inserted("pour", 2, "").replace("100 2", "50 2"),
     "printed before the dump": POUR + "run 1000\nStep Atoms\n0 0\n50 1\n",
     "a line that was cut": POUR + "run 1000\nStep Atoms KinEng\n0 0 0\n50 1 0\n100",
     "nothing was printed": POUR + "run 1000\n",
-    "two stages": inserted("pour", 2, LOOP.format(100, 2, "")) + "run 500\nStep Atoms\n100 2\n",
+    "two stages": inserted("pour", 2, LOOP.format(50, 2, "")).replace("100 2", "50 2")
+    + "run 500\nStep Atoms\n50 2\n",
     "created in two parts": "Created 2 atoms\nCreated 1 atoms\nrun 1000\nStep Temp\n0 0\n50 0\n",
     "read, then replicated": "1 atoms\nreplicate 1 1 3\n3 atoms\nrun 9\nStep Temp\n0 0\n100 0\n",
     "deleted": "Created 5 atoms\nDeleted 2 atoms, new total = 3\nrun 900\nStep Temp\n0 0\n100 0\n",
@@ -108,6 +109,56 @@ def test_the_log_of_another_run_is_still_refused(tmp_path, lines):
     with pytest.raises(InputError) as refused:
         network_of(tmp_path, LAMMPS + lines, 100)
     assert refused.value.code == "other_log"
+
+
+PARTS = {
+    "a group, counted": inserted("pour", 5, LOOP.format(100, 5, "")),
+    "a group, counted by LIGGGHTS": inserted("insert/pack", 5, LOOP.format(100, 5, FINISH)),
+    "a group, counted at the end": inserted(
+        "pour", 5, LOOP.format(100, 5, ""), column_of_atoms=False
+    ),
+    "a job that was killed": inserted("pour", 5, ""),
+}
+
+
+@pytest.mark.parametrize("lines", PARTS.values(), ids=PARTS)
+def test_a_dump_of_a_part_of_the_spheres_is_refused(tmp_path, lines):
+    """While spheres are inserted fewer of them may be dumped, but not fewer than were printed."""
+    with pytest.raises(InputError) as refused:
+        network_of(tmp_path, LAMMPS + lines, 100)
+    assert refused.value.code == "part_of_atoms"
+
+
+@pytest.mark.parametrize(("other_x", "code"), [(4.123, ""), (4.2, "repeated_step")])
+def test_a_step_that_stands_twice_is_one_state(tmp_path, other_x, code):
+    """A job that goes on appends its first step again; another job appends other spheres."""
+    first = column(tmp_path, step=7).read_text()
+    dump = column(tmp_path, step=7, x=other_x)
+    dump.write_text(first + dump.read_text())
+    options = {"pair": COLUMN_PAIR, "wall": COLUMN_WALL, "step": 7}
+    if not code:
+        assert import_packing(dump, **options).network.n_contacts == 4
+        return
+    with pytest.raises(InputError) as refused:
+        import_packing(dump, **options)
+    assert refused.value.code == code
+
+
+def test_scales_beside_other_units_of_the_log_are_remarked_on(tmp_path):
+    log = tmp_path / "log.lammps"
+    log.write_text(LAMMPS)
+    scaled = import_packing(column(tmp_path), log=log, scales=(1e-2, 1.0, 1.0))
+    assert scaled.network.radius[0] == pytest.approx(5e-3)
+    assert any("--scales" in remark for remark in scaled.remarks)
+    plain = import_packing(column(tmp_path), log=log, scales=(1.0, 1.0, 1.0))
+    assert not any("--scales" in remark for remark in plain.remarks)
+
+
+def test_a_law_that_changes_during_the_run_is_refused(tmp_path):
+    line = "fix a all adapt 10 pair granular kn * * v_kn\n"
+    with pytest.raises(InputError) as refused:
+        network_of(tmp_path, LAMMPS + line + inserted("pour", 3, LOOP.format(100, 3, "")), 100)
+    assert refused.value.code == "changing_law"
 
 
 def test_a_killed_job_and_the_one_that_went_on_are_one_log(tmp_path):

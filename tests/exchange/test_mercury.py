@@ -326,3 +326,49 @@ def test_fixed_particles_are_refused(cubic):
     with pytest.raises(InputError) as refused:
         import_packing(cubic.spheres)
     assert refused.value.code == "held_bodies"
+
+
+def cubic_lattice(boundary: str) -> str:
+    """Return a restart file of 3 x 3 x 3 spheres that overlap by 1e-3 m, also through periods."""
+    text = (
+        "MercuryDPM 1.0 name lattice\nxMin 0 xMax 2.997 yMin 0 yMax 2.997 zMin 0 zMax 2.997\n"
+        "systemDimensions 3 particleDimensions 3 gravity 0 0 0\nSpecies 1\n"
+        "LinearViscoelasticSpecies id 0 density 1.9 stiffness 1e5 dissipation 0\n"
+        f"Walls 0\nBoundaries 1\n{boundary}\nParticles 27\n"
+    )
+    for number, place in enumerate(np.ndindex(3, 3, 3)):
+        position = words(0.5 + 0.999 * np.array(place))
+        text += f"BaseParticle id {number} indSpecies 0 position {position} radius 0.5 invMass 1\n"
+    return text
+
+
+CONTROL = (
+    "StressStrainControlBoundary id 0 stressGoal 1e3 {} 0 0 1e3 0 0 0 1e3 strainRate 0 0 0 0 0 0 "
+    "0 0 0 gainFactor 1e-4 0 0 0 1e-4 0 0 0 1e-4 isStrainRateControlled 1 integratedShift 0"
+)
+
+
+def test_controlled_periods_are_periods_of_the_domain(tmp_path):
+    """Each sphere of a cubic lattice has six neighbours, none of them through a wall."""
+    path = tmp_path / "a.restart"
+    path.write_text(cubic_lattice(CONTROL.format("0")))
+    network = import_packing(path).network
+    assert network.cell_periodic.all()
+    assert network.n_contacts == 3 * 27
+
+
+@pytest.mark.parametrize(
+    ("boundary", "code"),
+    [
+        (CONTROL.format("50"), "angled_period"),
+        (CONTROL.format("0").replace("strainRate 0 0", "strainRate 0 1"), "angled_period"),
+        ("SubcriticalMaserBoundary id 0 normal 1 0 0 distanceLeft 0", "unknown_boundary"),
+        ("ConstantMassFlowMaserBoundary id 0 normal 1 0 0", "unknown_boundary"),
+    ],
+)
+def test_boundaries_that_join_spheres_in_other_ways_are_refused(tmp_path, boundary, code):
+    path = tmp_path / "a.restart"
+    path.write_text(cubic_lattice(boundary))
+    with pytest.raises(InputError) as refused:
+        import_packing(path)
+    assert refused.value.code == code

@@ -49,6 +49,7 @@ LAMMPS = [
     (Replaced("spheres", "radius", "vx"), "no_column", "x.atoms, line 9, column radius:"),
     (Replaced("contacts", r"(.*\n){3}\Z", ""), "cut_off", "x.contacts, line 149: 139 rows of 142"),
     (Replaced("spheres", "mass", "mass shapex"), "no_spheres", "line 9, column shapex:"),
+    (Replaced("spheres", "mass", "mass id_multisphere"), "no_spheres", "column id_multisphere:"),
     (Replaced("spheres", r"\A", CGS), "other_units", "x.atoms:", "cgs", "log.lammps", "si"),
     (
         Replaced("spheres", r"(?s)\A(.*)\Z", r"\1\1"),

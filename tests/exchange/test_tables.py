@@ -157,3 +157,29 @@ def test_tables_may_tell_stiffnesses_against_rolling_and_twisting(tables, mixtur
     files.rewrite("contacts", lambda words: [*words, *texts.pop(0)], 0)
     expected = mixture.unchecked(stiffness_rolling=rows[:, 0], stiffness_twisting=rows[:, 1])
     same(files.network(), expected, "stiffness_rolling stiffness_twisting")
+
+
+@pytest.mark.parametrize(
+    ("columns", "code"),
+    [
+        (["kr"], "no_column"),
+        (["kw"], "no_column"),
+        (["kr", "kw", "kr"], "repeated_column"),
+        (["kn"], "repeated_column"),
+    ],
+)
+def test_columns_that_would_be_left_out_without_a_word_are_refused(tables, columns, code):
+    """Refuse one stiffness of a pair, and a second column of a name."""
+    files = tables()
+    heads = [columns]
+    files.rewrite(
+        "contacts", lambda words: [*words, *(heads.pop() if heads else ["1"] * len(columns))], 0
+    )
+    files.refused(code, "contacts.csv, line 1")
+
+
+def test_shear_forces_have_three_components(tables):
+    files = tables(5)
+    heads = [["ftx", "fty"]]
+    files.rewrite("contacts", lambda words: [*words, *(heads.pop() if heads else ["0", "0"])], 0)
+    files.refused("no_column", "contacts.csv, line 1", "ftz")

@@ -203,3 +203,20 @@ def test_a_file_that_is_open_elsewhere_is_not_called_damaged(file):
         holder.communicate(b"\n")
     assert refused.value.code == "file_in_use"
     assert read_network(file).n_contacts == SIZE
+
+
+@pytest.mark.parametrize(("numbers", "code"), [([1, 1, 0], ""), ([84, 84, 70], "not_yes_or_no"),
+                                               ([1, 2, 0], "not_yes_or_no")])  # fmt: skip
+def test_yes_and_no_are_one_and_zero(tmp_path, numbers, code):
+    """The letters T and F are numbers in a file of bytes, and neither of them is zero."""
+    path = tmp_path / "a.network.h5"
+    write_network(path, CRYSTAL)
+    with h5py.File(path, "a") as file:
+        del file["cell/periodic"]
+        file["cell/periodic"] = np.array(numbers, np.uint8)
+    if not code:
+        assert read_network(path).cell_periodic.tolist() == [True, True, False]
+        return
+    with pytest.raises(InputError) as refused:
+        read_network(path)
+    assert refused.value.code == code

@@ -1,4 +1,4 @@
-"""Mutation testing of modal's mathematical core: are small wrong changes noticed by the tests?
+"""Mutation testing: are small wrong changes noticed by the tests?
 
     python -m tests.mutation [--count 300] [--seed 1] [--modules waves/propagate ...]
 

@@ -16,7 +16,9 @@ from tests.mutation.mutants import find_mutants
 
 ROOT = Path(__file__).resolve().parents[2]
 TESTS: dict[str, str] = tomllib.loads(Path(__file__).with_name("tests.toml").read_text())
-"""Test files of a module of modal, the quickest and most likely ones first."""
+"""Test files of a module, the quickest and most likely ones first."""
+OTHER_PACKAGES = ("analysis/", "workflow/")
+"""How the names of modules begin that are not of modal."""
 
 
 class EquivalentMutant(NamedTuple):
@@ -41,7 +43,9 @@ def read_equivalent_mutants() -> list[EquivalentMutant]:
 
 
 def module_path(module: str) -> str:
-    """Return the path of a module of modal, by its name in the list of tests."""
+    """Return the path of a module, by its name in the list of tests."""
+    if module.startswith(OTHER_PACKAGES):
+        return f"{module}.py"
     return f"modal/{module}.py"
 
 

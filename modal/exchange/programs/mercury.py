@@ -48,6 +48,12 @@ TORSION_REMARK = (
 MAX_TILT = 1e-6
 """Largest component of an axis' unit vector along the other axes."""
 GIVE_STRAIGHT_PERIODS = "only periods along x, y, z are known"
+CONTROLLED_PERIODS = "StressStrainControlBoundary"
+"""Boundary that makes periods at the bounds of the domain and moves them until a stress is reached;
+with shear it makes those of Lees and Edwards."""
+PASSIVE_BOUNDARIES = ("Insertion", "Deletion", "Flux", "Heater")
+"""Parts of the names of boundaries that add, remove, count or heat spheres: no contact depends on
+them."""
 TWO_WALLS_ALONE = "a network knows one flat wall at low z and one at high z alone"
 
 Side = Literal[0, 1]
@@ -353,8 +359,27 @@ def _read_cell(file: Restart, planes: tuple[float, float]) -> Cell:
         elif "Periodic" in kind or "LeesEdwards" in kind:
             problem = f"{kind}: the period is angled or moves"
             line.refuse("angled_period", problem, remedy=GIVE_STRAIGHT_PERIODS)
+        elif kind == CONTROLLED_PERIODS:
+            _refuse_shear(line)
+            periodic[:] = True
+        elif not any(word in kind for word in PASSIVE_BOUNDARIES):
+            line.refuse(
+                "unknown_boundary",
+                f"{kind} is not known",
+                "spheres may touch through it",
+                "use PeriodicBoundary, or leave it out",
+            )
     low, high = _enclose_spheres(file, bounds, periodic)
     return Cell(file.units.length * low, file.units.length * high, periodic, planes)
+
+
+def _refuse_shear(line: Words) -> None:
+    """Raise InputError if controlled periods are sheared: they are then at an angle."""
+    for name in ("stressGoal", "strainRate"):
+        row_of_x = line.numbers_after(name, 3)
+        if row_of_x[1]:
+            problem = f"{CONTROLLED_PERIODS} shears the cell"
+            line.refuse("angled_period", problem, remedy=GIVE_STRAIGHT_PERIODS)
 
 
 def _read_period_axis(line: Words) -> int:

@@ -127,6 +127,16 @@ def _read_table(
                 line=number,
                 column=quote(name)[1:-1],
             )
+        if name and columns.count(name) > 1:
+            refuse(
+                path,
+                "repeated_column",
+                "it stands twice among the names",
+                "which of the two is meant is not said",
+                "leave one out",
+                line=number,
+                column=name,
+            )
     too_wide = np.array([text.rstrip(", \n").count(",") >= len(columns) for text in texts])
     rows.refuse(
         too_wide,
@@ -189,6 +199,9 @@ def _read_cell(path: str | Path, key_lines: KeyLines, units: Units) -> Cell:
 def _read_contacts(path: str | Path, packing: Packing, units: Units) -> Contacts:
     """Return the contacts of a table, with their stiffnesses."""
     rows, _ = _read_table(path, CONTACTS, FORCE + SHEAR + TURNING)
+    for group in (SHEAR, TURNING):
+        if any(map(rows.has, group)):
+            rows.require(group, f"give all of {','.join(group)}, with zeros where one is none")
     values = rows.read_groups(
         {"contacts": CONTACTS, "force": FORCE, "shear": SHEAR, "turning": TURNING}
     )
