@@ -267,9 +267,13 @@ def unit_of_column(column: str) -> str:
     for ending, unit in COLUMN_UNITS.items():
         if column.endswith(ending):
             return unit
+    units = set()
     if column in QUANTITIES:
-        return QUANTITIES[column].unit
-    return ""
+        units.add(QUANTITIES[column].unit)
+    if column in _quantities_by_column():
+        units.add(_quantities_by_column()[column][1])
+    # A study of one's own may have a list of frequencies where the paper's has their number.
+    return units.pop() if len(units) == 1 else ""
 
 
 def _cell(value: Value, factor: float, exact_is_blank: bool) -> Cell:

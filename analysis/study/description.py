@@ -192,9 +192,12 @@ class Study:
                     continue
                 values: list[Any] = []
                 for other_group, other_factors in zip(groups, factors, strict=True):
-                    values += other_factors.get(factor, [other_group.get(factor)])
+                    if factor in other_factors:
+                        values += other_factors[factor]
+                    elif factor in other_group:
+                        values.append(other_group[factor])
                 for choice in choices:
-                    if choice not in ("by", "else", *values):
+                    if values and choice not in ("by", "else", *values):
                         raise InputError(
                             "absent_choice",
                             f"{self.path}: {name}",

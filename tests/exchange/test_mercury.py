@@ -337,7 +337,7 @@ def cubic_lattice(boundary: str) -> str:
         f"Walls 0\nBoundaries 1\n{boundary}\nParticles 27\n"
     )
     for number, place in enumerate(np.ndindex(3, 3, 3)):
-        position = words(0.5 + 0.999 * np.array(place))
+        position = words(0.51234567890123 + 0.999 * np.array(place))
         text += f"BaseParticle id {number} indSpecies 0 position {position} radius 0.5 invMass 1\n"
     return text
 
