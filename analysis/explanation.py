@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
 from analysis.caveats import Caveat
 from modal.tools.display import plain, quantity
+from modal.tools.errors import UnavailableError
 
 ERROR_PARTS: Final[Mapping[str, str]] = {
     "fit": "scatter about a fit, change with the order of a fit, or residual of a solver",
@@ -32,15 +33,27 @@ StepKind = Literal["window", "fit", "limit"]
 """A window over a record, a fit to numbers, or a limit that a number must keep."""
 
 OUTCOMES: Final[Mapping[str, str]] = {
+    # Windows.
+    "read": "read",
+    "none_left": "no frequency is left to be read",
     "crossed": "the attenuation rises through the level at which the wave has faded",
     "no_wave": "no coherent wave at any frequency",
     "starts_above": "the wave has faded already at the lowest frequency",
     "ends_below": "the wave ends before it has faded",
+    # Fits.
     "fitted": "fitted",
     "too_few": "too few frequencies for a fit",
+    "stands": "the first peak does not move on along the chain",
+    "converged": "the solver has converged",
+    # Limits.
     "kept": "the limit is kept",
     "exceeded": "above the limit",
     "fallen_short": "below the limit",
+    "not_known": "one of the two numbers is not known",
+    "reached": "the limit is reached",
+    "not_reached": "the limit is reached at no frequency",
+    "starts_beyond": "beyond the limit already at the lowest frequency",
+    "no_maximum": "largest at the lowest frequency that can be read",
 }
 """Meanings of the outcomes of steps, by their codes."""
 
@@ -53,28 +66,70 @@ WAVE_ENDS: Final[Mapping[str, str]] = {
 """Rules that end a coherent wave towards high frequencies, by their codes
 (`analysis.estimators.coherent.WaveEnd`)."""
 
-NUMBERS: Final[Mapping[str, str]] = {
-    "damping": "damping over the record, eta T",
-    "left_at_end": "share of the amplitude left at the last frequency",
-    "sent_at_end": "amplitude of the source there, divided by its largest",
-    "end_frequency": "the coherent wave ends at",
-    "first_crossing": "first crossing",
-    "fitted_crossing": "crossing of the rising fit",
-    "last_crossing": "last crossing",
-    "velocity": "velocity",
-    "error": "its standard error",
-    "lowest": "from",
-    "highest": "to",
-    "frequencies": "frequencies in the fit",
-    "needed": "needed",
-    "order": "order of the fit",
-    "band_edge": "band edge",
-    "length": "length in diameters",
-    "spread": "spread of crossings and windows, divided by the frequency",
-    "limit": "limit",
-}
-"""Meanings of the numbers of steps, by their names."""
 
+class NumberMeaning(NamedTuple):
+    """What a number of a step is, and its SI unit; no unit for a pure number."""
+
+    text: str
+    unit: str = ""
+
+
+NUMBERS: Final[Mapping[str, NumberMeaning]] = {
+    # Windows over a record, and what is read in them.
+    "damping": NumberMeaning("damping over the record, eta T"),
+    "passages": NumberMeaning("length of the record in passages of the wave"),
+    "record_end": NumberMeaning("the record is cut at", "s"),
+    "stretch_start": NumberMeaning("read along the packing from", "m"),
+    "stretch_end": NumberMeaning("to", "m"),
+    "threshold": NumberMeaning("amplitude that counts as faded, divided by the largest"),
+    "lowest": NumberMeaning("from", "Hz"),
+    "highest": NumberMeaning("to", "Hz"),
+    "resolution": NumberMeaning("width of a line", "Hz"),
+    "end_frequency": NumberMeaning("the coherent wave ends at", "Hz"),
+    "left_at_end": NumberMeaning("share of the amplitude left at the last frequency"),
+    "sent_at_end": NumberMeaning("amplitude of the source there, divided by its largest"),
+    "first_crossing": NumberMeaning("first crossing", "Hz"),
+    "fitted_crossing": NumberMeaning("crossing of the rising fit", "Hz"),
+    "last_crossing": NumberMeaning("last crossing", "Hz"),
+    "waves": NumberMeaning("standing waves"),
+    "cubes": NumberMeaning("cubes away from walls and surfaces"),
+    # Fits and solvers.
+    "velocity": NumberMeaning("velocity", "m/s"),
+    "error": NumberMeaning("its standard error", "m/s"),
+    "frequency": NumberMeaning("frequency", "Hz"),
+    "band_edge": NumberMeaning("band edge", "Hz"),
+    "order": NumberMeaning("order of the fit"),
+    "residual": NumberMeaning("relative residual of the solver"),
+    # Numbers that are compared with a limit.
+    "limit": NumberMeaning("limit"),
+    "needed": NumberMeaning("needed"),
+    "frequencies": NumberMeaning("frequencies"),
+    "all_frequencies": NumberMeaning("of"),
+    "particles_with_value": NumberMeaning("particles with a value"),
+    "particles": NumberMeaning("of"),
+    "columns_with_value": NumberMeaning("columns with a value"),
+    "columns": NumberMeaning("of"),
+    "length": NumberMeaning("length in diameters"),
+    "spread": NumberMeaning("spread of crossings and windows, divided by the frequency"),
+    "change": NumberMeaning("relative change on the stretches beside"),
+    "source_end": NumberMeaning("the source sends enough up to", "Hz"),
+    "least_source_share": NumberMeaning("least amplitude of the source, divided by its largest"),
+    "nepers": NumberMeaning("largest decay over the stretch, as an exponent"),
+    "attenuation_in_errors": NumberMeaning("largest attenuation in its errors"),
+    "largest_velocity": NumberMeaning("largest velocity of a wave in the crystal", "m/s"),
+    "least_velocity": NumberMeaning("least velocity that is not round-off", "m/s"),
+    "scattering_ratio": NumberMeaning("largest pi times the width of a line over its frequency"),
+    "peak": NumberMeaning("largest value at", "Hz"),
+    "modes_below": NumberMeaning("modes below the largest value"),
+    "asymmetry": NumberMeaning("asymmetry of the stiffness of the bulk"),
+    "radius_difference": NumberMeaning("largest relative difference of two radii"),
+}
+"""Meanings and units of the numbers of steps, by their names."""
+
+DIRECT = "directly from the packing or its files, without a window, fit or limit"
+"""Text for a known value that has no steps."""
+NOT_BEGUN = "no step was reached; the caveats say why"
+"""Text for a value that is not known and has no steps."""
 STEP_DIGITS = 5
 """Digits of the numbers of steps: their differences, which are the error, can be checked."""
 ERROR_DIGITS = 3
@@ -92,9 +147,7 @@ class Step:
     outcome : str
         A key of `OUTCOMES`: which rule ended the step.
     numbers : mapping
-        Numbers of the step by their names, keys of `NUMBERS`, in SI units; NaN if not known.
-    units : mapping
-        Unit of each number that has one.
+        Numbers of the step by their names, keys of `NUMBERS`, in the units there; NaN if not known.
     ended_by : str
         A key of `WAVE_ENDS` if the step reads a coherent wave, else empty.
 
@@ -107,8 +160,21 @@ class Step:
     kind: StepKind
     outcome: str
     numbers: Mapping[str, float] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
     ended_by: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse an outcome or a number without a meaning, which is a mistake of the program."""
+        if self.outcome not in OUTCOMES:
+            raise RuntimeError(f"outcome {self.outcome!r} of a step has no meaning in OUTCOMES")
+        unexplained = self.numbers.keys() - NUMBERS.keys()
+        if unexplained:
+            raise RuntimeError(f"numbers of a step without a meaning: {sorted(unexplained)}")
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Return the unit of each number that has one."""
+        units = {name: NUMBERS[name].unit for name in self.numbers}
+        return {name: unit for name, unit in units.items() if unit}
 
     def as_json(self) -> dict[str, Any]:
         """Return all fields; numbers that are not known are None."""
@@ -116,7 +182,7 @@ class Step:
             "kind": self.kind,
             "outcome": self.outcome,
             "numbers": plain(self.numbers),
-            "units": dict(self.units),
+            "units": self.units,
             "ended_by": self.ended_by,
         }
 
@@ -124,11 +190,41 @@ class Step:
         texts = [f"{self.kind}: {OUTCOMES[self.outcome]}"]
         for name, number in self.numbers.items():
             if np.isfinite(number):
-                unit = self.units.get(name, "")
-                texts.append(f"{NUMBERS[name]} {_number_text(number, unit, STEP_DIGITS)}")
+                meaning = NUMBERS[name]
+                texts.append(f"{meaning.text} {_number_text(number, meaning.unit, STEP_DIGITS)}")
         if self.ended_by:
             texts.append(WAVE_ENDS[self.ended_by])
         return "; ".join(texts)
+
+
+def limit_step(
+    numbers: Mapping[str, float], number: str, limit: str, *, least: bool = False
+) -> Step:
+    """Return the step that compares two of its numbers: `number` must be at most `limit`.
+
+    With `least`, it must be at least `limit`. Both are keys of `numbers`.
+
+    >>> limit_step({"change": 0.2, "limit": 0.1}, "change", "limit").outcome
+    'exceeded'
+    """
+    value = numbers[number]
+    bound = numbers[limit]
+    outcome = "kept"
+    if np.isnan(value) or np.isnan(bound):
+        outcome = "not_known"
+    elif least and value < bound:
+        outcome = "fallen_short"
+    elif not least and value > bound:
+        outcome = "exceeded"
+    return Step("limit", outcome, numbers)
+
+
+class UnreadableError(UnavailableError):
+    """Raised if a number cannot be read from a record or a spectrum, with the steps until there."""
+
+    def __init__(self, code: str, problem: str, steps: Sequence[Step]) -> None:
+        super().__init__(code, problem)
+        self.steps = tuple(steps)
 
 
 @dataclass(frozen=True)
@@ -176,9 +272,17 @@ class Explanation:
 
     def __str__(self) -> str:
         lines = [self.text, *_lines("parts of the error", self._part_texts())]
-        lines += _lines("how it was read", [str(step) for step in self.steps])
+        lines += _lines("how it was read", self._step_texts())
         lines += _lines("to know before", [f"{caveat.code}: {caveat}" for caveat in self.caveats])
         return "\n".join(lines)
+
+    def _step_texts(self) -> list[str]:
+        """Return a line of text for each step; one line that says so if there are none."""
+        if self.steps:
+            return [str(step) for step in self.steps]
+        if np.isfinite(self.value).any():
+            return [DIRECT]
+        return [NOT_BEGUN]
 
     def _part_texts(self) -> list[str]:
         """Return a line of text for each known part of the error.

@@ -113,6 +113,8 @@ class Value:
           parts of the error
           - fit 3 m/s: scatter about a fit, change with the order of a fit, or residual of a solver
           - window 4 m/s: choice of the window, or of the part of a record, that is read
+          how it was read
+          - directly from the packing or its files, without a window, fit or limit
         """
         return Explanation(
             self.text(), self.value, self.error, self.unit, self.parts, self.steps, self.caveats

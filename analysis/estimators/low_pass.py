@@ -20,6 +20,7 @@ import numpy as np
 
 from analysis.caveats import Caveat
 from analysis.estimators.source_motion import sets_out
+from analysis.explanation import Step, limit_step
 from analysis.value import Value, hertz, unknown
 from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
@@ -166,9 +167,11 @@ def at_stretch(
     low, high = stretch
     width = high - low
     known, particles = _known_values(distance, values, length, (low, high))
+    ends = {"stretch_start": max(NEAR_FIELD, low) * length, "stretch_end": high * length}
+    steps = (Step("window", "read", ends), _step_of_particles(known, particles))
     if not _are_enough(known, particles):
         counts = {"seen": len(known), "particles": particles}
-        return unknown("Hz", Caveat("few_particles", counts))
+        return unknown("Hz", Caveat("few_particles", counts), steps=steps)
     value = float(np.median(known))
     upper_quartile, lower_quartile = np.percentile(known, [75, 25])
     error = float(upper_quartile - lower_quartile) / 2
@@ -180,12 +183,21 @@ def at_stretch(
             median = float(np.median(known))
         changes.append(abs(median / value - 1))
     change = float(np.max(changes))
+    numbers = {"change": change, "limit": MAX_PLATEAU_CHANGE}
+    steps += (limit_step(numbers, "change", "limit"),)
     if change <= MAX_PLATEAU_CHANGE:
-        return Value(value, "Hz", {"fit": error}, plateau=True)
+        return Value(value, "Hz", {"fit": error}, plateau=True, steps=steps)
     caveat = Caveat("no_plateau_beside")
     if np.isfinite(change):
         caveat = Caveat("no_plateau", {"change": change})
-    return Value(value, "Hz", {"fit": error}, (caveat,), plateau=False)
+    return Value(value, "Hz", {"fit": error}, (caveat,), plateau=False, steps=steps)
+
+
+def _step_of_particles(known: np.ndarray, particles: int) -> Step:
+    """Return the step that counts the known values (k,) of all `particles` on a stretch."""
+    needed = max(MIN_PARTICLES, particles // 2 + 1)
+    numbers = {"particles_with_value": len(known), "particles": particles, "needed": needed}
+    return limit_step(numbers, "particles_with_value", "needed", least=True)
 
 
 def _known_values(
@@ -328,9 +340,20 @@ class Passband:
             edge = at_stretch(distance, curve, self.network.length, self.stretch)
             level = SOURCE_THRESHOLDS * threshold * sent.max()
             source_end = last_crossing(source_frequency, sent, level)[0]
+            cut = {
+                "threshold": threshold,
+                "passages": passages,
+                "record_end": self.end(record, passages),
+                "highest": self.highest,
+            }
+            of_source = {"frequency": edge.value, "source_end": source_end}
+            strong_enough = limit_step(of_source, "frequency", "source_end")
+            steps = (Step("window", "read", cut), *edge.steps, strong_enough)
             if edge.value > source_end:
-                edge = unknown("Hz", Caveat("source_too_weak", {"frequency": hertz(source_end)}))
-            edges.append(edge)
+                caveat = Caveat("source_too_weak", {"frequency": hertz(source_end)})
+                edges.append(unknown("Hz", caveat, steps=steps))
+            else:
+                edges.append(replace(edge, steps=steps))
         return edges
 
     @cached_property
@@ -400,10 +423,14 @@ class Passband:
         """
         columns = self.of_columns[:, 0]
         known = columns[np.isfinite(columns)]
-        if 2 * len(known) <= len(columns):
+        needed = len(columns) // 2 + 1
+        numbers = {"columns_with_value": len(known), "columns": len(columns), "needed": needed}
+        steps = (limit_step(numbers, "columns_with_value", "needed", least=True),)
+        if len(known) < needed:
             counts = {"known": len(known), "columns": len(columns)}
-            return unknown("Hz", Caveat("few_columns", counts))
-        return Value(float(known.mean()), "Hz", {"chain": float(self.chain_scatter[0])})
+            return unknown("Hz", Caveat("few_columns", counts), steps=steps)
+        parts = {"chain": float(self.chain_scatter[0])}
+        return Value(float(known.mean()), "Hz", parts, steps=steps)
 
     def choices(self) -> list[tuple[str, Value]]:
         """Return f_low-pass, Hz, for each choice of the rule, with a text that names the choice."""

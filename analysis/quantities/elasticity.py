@@ -3,10 +3,11 @@
 from collections.abc import Callable
 
 from analysis.caveats import Caveat
+from analysis.explanation import Step, limit_step
 from analysis.packing_data import PackingData
 from analysis.quantities.registry import on_request, quantity
 from analysis.value import Value, unknown
-from modal.elasticity.moduli import ElasticModuli
+from modal.elasticity.moduli import UNEVEN_ASYMMETRY, ElasticModuli
 from modal.elasticity.plane_waves import isotropic_mean
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import coordination_without_rattlers
@@ -65,14 +66,22 @@ def measure_of_moduli(
     """
     moduli = packing.moduli
     value = float(function(moduli))
+    steps = [
+        Step("fit", "converged", {"residual": moduli.error}),
+        limit_step(
+            {"asymmetry": moduli.asymmetry, "limit": UNEVEN_ASYMMETRY}, "asymmetry", "limit"
+        ),
+    ]
     if unit == "m/s":
-        fastest = moduli.velocities(ALONG_Z)[0]
-        if not value > MIN_RELATIVE_VELOCITY * fastest:
-            return unknown(unit, Caveat("no_stiffness"))
+        least = MIN_RELATIVE_VELOCITY * moduli.velocities(ALONG_Z)[0]
+        numbers = {"velocity": value, "least_velocity": least}
+        steps.append(limit_step(numbers, "velocity", "least_velocity", least=True))
+        if not value > least:
+            return unknown(unit, Caveat("no_stiffness"), steps=tuple(steps))
     caveats = [Caveat(remark.code, {"text": remark.text}) for remark in moduli.remarks()]
     size = MODULUS_POWER[unit] * abs(value)
     parts = {"fit": size * moduli.error, "length": 2 * size * moduli.asymmetry}
-    return Value(value, unit, parts, (*caveats, *packing.of_one_sample))
+    return Value(value, unit, parts, (*caveats, *packing.of_one_sample), steps=tuple(steps))
 
 
 def _register(

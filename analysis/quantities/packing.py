@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.caveats import Caveat
+from analysis.explanation import Step, limit_step
 from analysis.packing_data import PackingData
 from analysis.quantities.registry import on_request, quantity
 from analysis.same_state import note
@@ -76,7 +77,9 @@ def of_free_packing(network: Network) -> Value | None:
         return None
     ends = ", ".join(occupied.free_names)
     caveat = Caveat("free_surface", {"ends": ends, "cubes": occupied.cubes})
-    return Value(occupied.void_ratio, "1", {"fit": occupied.void_ratio_error}, (caveat,))
+    steps = (Step("window", "read", {"cubes": occupied.cubes}),)
+    parts = {"fit": occupied.void_ratio_error}
+    return Value(occupied.void_ratio, "1", parts, (caveat,), steps=steps)
 
 
 EXACT: dict[str, tuple[Callable[[Network], float], str]] = {
@@ -138,11 +141,15 @@ def crystalline_share(packing: PackingData) -> Value:
     if packing.crystalline:
         return Value(packing.crystalline["crystalline_share"], "1")
     radius = packing.network.radius
-    if np.ptp(radius) <= MAX_RELATIVE_RADIUS_DIFFERENCE * radius.mean():
+    numbers = {
+        "radius_difference": np.ptp(radius) / radius.mean(),
+        "limit": MAX_RELATIVE_RADIUS_DIFFERENCE,
+    }
+    equal_radii = limit_step(numbers, "radius_difference", "limit")
+    reason = "spheres are not equal"
+    if equal_radii.outcome == "kept":
         reason = "the cell has no periods along x and y"
-    else:
-        reason = "spheres are not equal"
-    return unknown("1", Caveat("no_order", {"reason": reason}))
+    return unknown("1", Caveat("no_order", {"reason": reason}), steps=(equal_radii,))
 
 
 @on_request("1", definition="void ratio away from the walls")

@@ -8,6 +8,7 @@ from functools import partial
 from typing import TypeVar
 
 from analysis.caveats import Caveat, refusal
+from analysis.explanation import UnreadableError
 from analysis.packing_data import PackingData
 from analysis.quantities.few_digits import with_digits
 from analysis.value import Value, estimate, unknown
@@ -69,6 +70,8 @@ class Quantity:
         """
         try:
             result = self.measure(packing)
+        except UnreadableError as error:
+            return unknown(self.unit, refusal(error), steps=error.steps)
         except UnavailableError as error:
             return unknown(self.unit, refusal(error))
         except InputError as error:

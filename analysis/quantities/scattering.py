@@ -6,23 +6,32 @@ from functools import partial
 import numpy as np
 
 from analysis.caveats import Caveat
-from analysis.estimators.coherent import STRETCH
+from analysis.estimators.coherent import DECAY, STRETCH, Coherent
 from analysis.estimators.low_pass import spectra
 from analysis.estimators.structure_factor import Scattering, structure_factor
+from analysis.explanation import Step, UnreadableError, limit_step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.passband import low_pass_2, scale
 from analysis.quantities.registry import on_request, quantity
-from analysis.quantities.velocity import LOST, coherents, longest, of_frequency, v_p
+from analysis.quantities.velocity import (
+    LOST,
+    OTHER_DECAYS,
+    coherents,
+    longest,
+    of_frequency,
+    v_p,
+)
 from analysis.spectra_cache import kept_file
 from analysis.value import Value, estimate, hertz, unknown
 from modal.tools.arrays import Floats
-from modal.tools.errors import UnavailableError
 
 MAX_NEPERS = 8.0
 """Largest decay, as an exponent, over the part of the length that is read. Beyond it the wave is
 smaller than what the window leaves of the cut at the record's end."""
 MIN_WAVELENGTH_IN_DIAMETERS = 4.0
 """Wavelength of the shortest plane waves whose line widths are read, in mean diameters."""
+MIN_ATTENUATION_IN_ERRORS = 2
+"""Least attenuation, in its errors, that counts as different from zero."""
 MIN_SOURCE_SHARE = 0.02
 """Least amplitude of the source at a frequency, divided by its largest one; below it the source
 counts as sending nothing."""
@@ -53,11 +62,29 @@ def attenuation_of(packing: PackingData) -> tuple[Value, Floats]:
         known &= np.isfinite(each.attenuation[independent])
     span = (STRETCH[1] - STRETCH[0]) * packing.network.length
     highest_sent = _highest_sent(packing, wave.frequency[-1])
-    not_too_weak = wave.attenuation[independent] * span < MAX_NEPERS
+    nepers = wave.attenuation[independent] * span
+    not_too_weak = nepers < MAX_NEPERS
     sent = wave.frequency[independent] <= highest_sent
     chosen = independent[known & not_too_weak & sent]
+    decay_numbers = {
+        "frequencies": (known & not_too_weak).sum(),
+        "all_frequencies": known.sum(),
+        "nepers": nepers[known].max(initial=-np.inf),
+        "limit": MAX_NEPERS,
+    }
+    source_numbers = {
+        "highest": wave.frequency[-1],
+        "source_end": highest_sent,
+        "least_source_share": MIN_SOURCE_SHARE,
+    }
+    steps = (
+        *map(_step_of_wave, (DECAY, *OTHER_DECAYS), (wave, weaker, stronger)),
+        limit_step(decay_numbers, "nepers", "limit"),
+        limit_step(source_numbers, "highest", "source_end"),
+        _step_of_frequencies(wave.frequency[chosen], len(independent), wave.resolution),
+    )
     if not len(chosen):
-        raise UnavailableError("no_coherent_wave", "no coherent wave is left to be read")
+        raise UnreadableError("no_coherent_wave", "no coherent wave is left to be read", steps)
     change = abs(weaker.attenuation - stronger.attenuation)[chosen]
     error = np.maximum.reduce([change, np.roll(change, 1), np.roll(change, -1)])
     frequency = wave.frequency[chosen]
@@ -65,8 +92,31 @@ def attenuation_of(packing: PackingData) -> tuple[Value, Floats]:
     if highest_sent < wave.frequency[-1]:
         values = {"frequency": hertz(highest_sent), "share": MIN_SOURCE_SHARE}
         caveats += (Caveat("faint_source", values),)
-    value = Value(wave.attenuation[chosen], "1/m", {"resolution": error}, caveats, frequency)
+    value = Value(
+        wave.attenuation[chosen], "1/m", {"resolution": error}, caveats, frequency, steps=steps
+    )
     return value, wave.group_velocity[chosen]
+
+
+def _step_of_wave(decay: float, wave: Coherent) -> Step:
+    """Return the reading of a coherent wave under one damping of the window as a step."""
+    known = wave.frequency[np.isfinite(wave.attenuation)]
+    outcome = "read" if len(known) else "no_wave"
+    numbers = {"damping": decay, "end_frequency": known.max(initial=-np.inf)}
+    return Step("window", outcome, numbers, wave.ended_by)
+
+
+def _step_of_frequencies(chosen: Floats, count: int, resolution: float) -> Step:
+    """Return the step that chooses some of `count` independent frequencies, (k,), Hz."""
+    outcome = "read" if len(chosen) else "none_left"
+    numbers = {
+        "resolution": resolution,
+        "frequencies": len(chosen),
+        "all_frequencies": count,
+        "lowest": chosen.min(initial=np.inf),
+        "highest": chosen.max(initial=-np.inf),
+    }
+    return Step("window", outcome, numbers)
 
 
 def _highest_sent(packing: PackingData, highest: float) -> float:
@@ -93,17 +143,31 @@ def quality(packing: PackingData) -> Value:
     """Measure the quality factor: the frequency divided by the width of the line of the decay.
 
     alpha is the attenuation, v the group velocity. The value is unknown where alpha is less than
-    two errors above zero.
+    `MIN_ATTENUATION_IN_ERRORS` errors above zero.
     """
     alpha = attenuation_of(packing)[0]
     line = scattering_of_pulse(packing)
-    above_zero = alpha.value > 2 * alpha.error
+    above_zero = alpha.value > MIN_ATTENUATION_IN_ERRORS * alpha.error
+    numbers = {
+        "frequencies": above_zero.sum(),
+        "all_frequencies": len(above_zero),
+        "attenuation_in_errors": _largest_in_errors(alpha),
+        "limit": MIN_ATTENUATION_IN_ERRORS,
+    }
+    limit = limit_step(numbers, "attenuation_in_errors", "limit", least=True)
+    steps = (*alpha.steps, limit)
     if not above_zero.any():
-        return unknown("1", Caveat("no_attenuation"), *alpha.caveats)
+        return unknown("1", Caveat("no_attenuation"), *alpha.caveats, steps=steps)
     width = np.where(above_zero, line.value, np.nan)
     value = alpha.at / width
     parts = {name: value * part / width for name, part in line.parts.items()}
-    return Value(value, "1", parts, alpha.caveats, alpha.at)
+    return Value(value, "1", parts, alpha.caveats, alpha.at, steps=steps)
+
+
+def _largest_in_errors(value: Value) -> float:
+    """Return the largest number of an array divided by its error; infinite for an exact one."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.nanmax(value.value / value.error, initial=-np.inf))
 
 
 @quantity(
@@ -120,14 +184,33 @@ def ioffe_regel(packing: PackingData) -> Value:
     if packing.crystal:
         return unknown("Hz", Caveat("crystal"))
     ridge = scattering(packing)
+    steps = (_step_of_limit(ridge),)
     if not np.isfinite(ridge.limit):
-        return unknown("Hz", Caveat("no_short_free_path"))
+        return unknown("Hz", Caveat("no_short_free_path"), steps=steps)
     distance = np.sort(abs(ridge.frequency - ridge.limit))[:2].sum()
     caveats = packing.of_one_sample
     wavelength = ridge.velocity / ridge.limit
     if wavelength > packing.width * packing.diameter:
         caveats = of_frequency(packing, ridge.limit)
-    return Value(ridge.limit, "Hz", {"resolution": distance / 2}, caveats)
+    return Value(ridge.limit, "Hz", {"resolution": distance / 2}, caveats, steps=steps)
+
+
+def _step_of_limit(ridge: Scattering) -> Step:
+    """Return the search for the frequency where pi times the width reaches it as a step."""
+    ratio = np.pi * ridge.width / ridge.frequency
+    numbers = {
+        "waves": len(ratio),
+        "lowest": ridge.frequency.min(initial=np.inf),
+        "highest": ridge.frequency.max(initial=-np.inf),
+        "scattering_ratio": ratio.max(initial=-np.inf),
+        "limit": 1.0,
+    }
+    outcome = "reached"
+    if not (ratio >= 1).any():
+        outcome = "not_reached"
+    elif ratio[0] >= 1:
+        outcome = "starts_beyond"
+    return Step("limit", outcome, numbers)
 
 
 @on_request("Hz", definition="width of the line that a pulse's decay makes, alpha v / pi")
@@ -148,7 +231,7 @@ def scattering_of_pulse(packing: PackingData) -> Value:
     bias = velocity * wave.resolution * np.interp(alpha.at, wave.frequency, curvature)
     value = velocity / np.pi * alpha.value
     parts = {"fit": value * bias, "resolution": velocity / np.pi * alpha.error}
-    return Value(value, "Hz", parts, alpha.caveats, alpha.at)
+    return Value(value, "Hz", parts, alpha.caveats, alpha.at, steps=alpha.steps)
 
 
 def _width_of_lines(packing: PackingData, polarisation: str) -> Value:
@@ -196,10 +279,11 @@ def scattering(packing: PackingData) -> Scattering:
     A few waves of all wavelengths are computed first. If the Ioffe-Regel limit lies among them,
     more waves on both sides of the limit give the result.
     """
-    velocity = v_p(packing).value
+    long_wave = v_p(packing)
+    velocity = long_wave.value
     structure = kept_file(packing, "structure")
     if not velocity > 0:
-        raise UnavailableError("no_coherent_wave", LOST)
+        raise UnreadableError("no_coherent_wave", LOST, long_wave.steps)
     if structure is not None:
         return structure.scattering(velocity, packing.diameter)
     length = packing.network.length

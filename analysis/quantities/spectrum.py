@@ -8,6 +8,7 @@ from analysis.case import AbsentError
 from analysis.caveats import Caveat
 from analysis.estimators import resonances as resonant
 from analysis.estimators.damped_transform import Dispersion, mode_dispersion
+from analysis.explanation import Step, limit_step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request, quantity
 from analysis.quantities.velocity import LOW_ORDER, longest
@@ -111,11 +112,9 @@ def standing(packing: PackingData) -> resonant.Standing | None:
 def standing_waves(packing: PackingData) -> tuple[Floats, Floats]:
     """Return f_r, Hz, and kappa_r, 1/m, (Eq. 4) of the standing P-waves that the files contain.
 
-    They are the pure modes of a crystal, else the modes with the largest share of each wave. Where
-    such modes are not known, they come from the ridge of the structure factor.
-
-    They are the pure modes of a crystal, else the modes that bear the waves. Beyond the last such
-    mode, and without shapes of modes, they are the ridge of the structure factor.
+    They are the pure modes of a crystal, else the modes with the largest share of each wave. Beyond
+    the last such mode, and without shapes of modes, they come from the ridge of the structure
+    factor.
     """
     modes = packing.case.read("modes")
     structure = packing.case.read("structure")
@@ -333,7 +332,8 @@ def highest_frequency(packing: PackingData) -> Value:
     modes = highest(packing)
     frequency = float(modes.frequency[-1])
     residual = float(modes.residual[-1])
-    return Value(frequency, "Hz", {"fit": residual * frequency / 2})
+    steps = (Step("fit", "converged", {"residual": residual}),)
+    return Value(frequency, "Hz", {"fit": residual * frequency / 2}, steps=steps)
 
 
 @quantity(
@@ -349,14 +349,19 @@ def excess_peak(packing: PackingData) -> Value:
     peak = excess(packing).peak_frequency
     line = 4 * float(frequency[1] - frequency[0])
     lowest = 2.5 * line
+    peak_numbers = {"resolution": line, "lowest": lowest, "peak": peak}
     if not np.isfinite(peak):
         caveat = Caveat("no_peak", {"frequency": hertz(lowest)})
-        return unknown("Hz", caveat, *packing.of_one_sample)
+        steps = (Step("limit", "no_maximum", peak_numbers),)
+        return unknown("Hz", caveat, *packing.of_one_sample, steps=steps)
     first, last = np.interp([lowest, peak], frequency, modes_below)
-    if last - first < MIN_MODES_BELOW_PEAK:
+    mode_numbers = {"modes_below": last - first, "needed": MIN_MODES_BELOW_PEAK}
+    enough_modes = limit_step(mode_numbers, "modes_below", "needed", least=True)
+    steps = (limit_step(peak_numbers, "peak", "lowest", least=True), enough_modes)
+    if enough_modes.outcome != "kept":
         values = {"needed": MIN_MODES_BELOW_PEAK, "frequency": hertz(peak)}
-        return unknown("Hz", Caveat("few_modes", values), *packing.of_one_sample)
-    return Value(peak, "Hz", {"resolution": line / 2}, packing.of_one_sample)
+        return unknown("Hz", Caveat("few_modes", values), *packing.of_one_sample, steps=steps)
+    return Value(peak, "Hz", {"resolution": line / 2}, packing.of_one_sample, steps=steps)
 
 
 @on_request("Hz", definition="of standing P-waves r = 1, 2, ... among the lowest modes")

@@ -21,12 +21,11 @@ from analysis.estimators.coherent import (
 )
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
 from analysis.estimators.travel_time import first_peaks_of_columns, travelled
-from analysis.explanation import Step
+from analysis.explanation import Step, UnreadableError, limit_step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import quantity
 from analysis.value import Value, hertz, unknown
 from modal.elasticity.slab import static_velocity
-from modal.tools.errors import UnavailableError
 
 FIT_ORDERS = {"z": (2, 3), "x": (5, 6), "y": (5, 6)}
 """Orders of the fit to a crystal's neighbour ratio, by direction: the order of the value, and the
@@ -70,8 +69,11 @@ def chain(packing: PackingData, key: str, order: int = 0) -> Dispersion:
     record = packing.record(key)
     order = order or FIT_ORDERS[record.direction][0]
     dispersion = chain_dispersion(record, order=order)
-    if not dispersion.velocity < MAX_VELOCITY_IN_CRYSTAL * packing.lattice.velocity:
-        raise UnavailableError("no_coherent_wave", LOST)
+    largest = MAX_VELOCITY_IN_CRYSTAL * packing.lattice.velocity
+    if not dispersion.velocity < largest:
+        numbers = {"velocity": dispersion.velocity, "largest_velocity": largest}
+        step = limit_step(numbers, "velocity", "largest_velocity")
+        raise UnreadableError("no_coherent_wave", LOST, [step])
     return dispersion
 
 
@@ -135,7 +137,7 @@ def longest(packing: PackingData, key: str) -> Value:
 
 def _step_of_order(order: int, velocity: float) -> Step:
     """Return the fit of this order to a crystal's neighbour ratio as a step."""
-    return Step("fit", "fitted", {"order": order, "velocity": velocity}, {"velocity": "m/s"})
+    return Step("fit", "fitted", {"order": order, "velocity": velocity})
 
 
 def _step_of_damping(packing: PackingData, key: str, decay: float) -> Step:
@@ -154,17 +156,19 @@ def _step_of_damping(packing: PackingData, key: str, decay: float) -> Step:
         "highest": frequency.max(initial=-np.inf),
         "end_frequency": known.max(initial=-np.inf),
     }
-    units = {"velocity": "m/s", "error": "m/s"}
-    units |= dict.fromkeys(("lowest", "highest", "end_frequency"), "Hz")
     outcome = "fitted" if np.isfinite(velocity) else "too_few"
-    return Step("window", outcome, numbers, units, wave.ended_by)
+    return Step("window", outcome, numbers, wave.ended_by)
 
 
 def _value_of_arrivals(velocity: float, error: float, scatter: float = 0.0) -> Value:
     """Return a velocity of first peaks; unknown if the fit found none."""
+    numbers = {"velocity": velocity, "error": error}
     if not np.isfinite(velocity):
-        return unknown("m/s", Caveat("first_arrival_stands"))
-    return Value(velocity, "m/s", {"fit": error, "chain": float(np.nan_to_num(scatter))})
+        steps = (Step("fit", "stands", numbers),)
+        return unknown("m/s", Caveat("first_arrival_stands"), steps=steps)
+    steps = (Step("fit", "fitted", numbers),)
+    parts = {"fit": error, "chain": float(np.nan_to_num(scatter))}
+    return Value(velocity, "m/s", parts, steps=steps)
 
 
 @cached_on_packing
@@ -219,11 +223,10 @@ def _measure_long_waves(packing: PackingData, key: str) -> Value:
     length = packing.network.length / packing.diameter
     if packing.crystal:
         return velocity
-    long_enough = length >= MIN_LENGTH_IN_DIAMETERS
     numbers = {"length": length, "limit": MIN_LENGTH_IN_DIAMETERS}
-    limit = Step("limit", "kept" if long_enough else "fallen_short", numbers)
+    limit = limit_step(numbers, "length", "limit", least=True)
     velocity = replace(velocity, steps=(*velocity.steps, limit))
-    if not velocity.known or long_enough:
+    if not velocity.known or limit.outcome == "kept":
         return velocity
     values = {
         "length": length,
@@ -239,12 +242,12 @@ def _velocity_by_moduli(packing: PackingData, polarisations: slice) -> Value:
 
     The `polarisations` select velocities of `ElasticModuli.velocities`, which descend: the first is
     that of the P-wave.
-
-    The velocities of `ElasticModuli.velocities` descend: the first is that of the P-wave.
     """
     velocity = float(packing.moduli.velocities((0, 0, 1))[polarisations].mean())
     error = 0.5 * velocity * packing.moduli.error
-    return Value(velocity, "m/s", {"fit": error}, (Caveat("no_walls"), *packing.of_one_sample))
+    steps = (Step("fit", "converged", {"residual": packing.moduli.error}),)
+    caveats = (Caveat("no_walls"), *packing.of_one_sample)
+    return Value(velocity, "m/s", {"fit": error}, caveats, steps=steps)
 
 
 @quantity("m/s", definition="velocity of the longest P-waves along z; the one to quote")
@@ -268,7 +271,10 @@ def v_p_static(packing: PackingData) -> Value:
     """Measure V_P by the static response to a push, independent of all rules that read waves."""
     packing.require_walls()
     response = static_velocity(packing.network)
-    return Value(response.velocity, "m/s", {"fit": response.error}, packing.of_one_sample)
+    numbers = {"velocity": response.velocity, "error": response.error}
+    steps = (Step("fit", "fitted", numbers),)
+    parts = {"fit": response.error}
+    return Value(response.velocity, "m/s", parts, packing.of_one_sample, steps=steps)
 
 
 @quantity("m/s", definition="velocity of first peaks along the chain, as of the paper")
