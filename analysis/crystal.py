@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.case_measurement import add_quantities, empty_result, measure_result
+from analysis.case_result import CaseResult
 from analysis.estimators import damped_transform, low_pass
 from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.travel_time import arrival_times, travelled
@@ -19,7 +21,6 @@ from analysis.packing_data import PackingData
 from analysis.quantities.passband import Producer
 from analysis.quantities.spectrum import modal_dispersion
 from analysis.quantities.velocity import chain
-from analysis.rows import CaseResult, row_of
 from analysis.table import cell
 
 COLUMNS = ("theory", "modal", "linear", "yade")
@@ -37,7 +38,7 @@ def compare(packing: PackingData) -> list[list[str]]:
 
     Rows without any number are left out.
     """
-    measured = _numbers_of(row_of(packing))
+    measured = _numbers_of(measure_result(packing))
     values = {
         "theory": measured | _by_theory(packing),
         "modal": measured | _by_modes(packing),
@@ -72,8 +73,8 @@ def _by_theory(packing: PackingData) -> Numbers:
     wall = float(packing.network.wall_position[0])
     signals = replace(exact_record, chain_position=wall + exact_record.chain_position)
     exact = PackingData(packing.network, [signals], linear_record=packing.linear)
-    by_rules = CaseResult.of(exact)
-    by_rules.add(exact, RULE_QUANTITIES)
+    by_rules = empty_result(exact)
+    add_quantities(by_rules, exact, RULE_QUANTITIES)
     # Eq. 7
     edge = 2 * lattice.velocity / (np.pi * lattice.low_pass_frequency) / packing.diameter
     return _numbers_of(by_rules) | {

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from analysis.case_result import CaseResult
 from analysis.estimators.fits import power_law, straight_line
 from analysis.expressions import UnknownNameError, evaluate, names_in, short
 from analysis.mean import mean_of_values
-from analysis.rows import CaseResult
 from analysis.value import COMMON, Value
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError

@@ -73,7 +73,8 @@ def checked(value: Any, kind: Any, place: str) -> Any:
     """
     if kind is Any:
         return value
-    outer, inner = get_origin(kind), get_args(kind)
+    outer = get_origin(kind)
+    inner = get_args(kind)
     if outer in (Union, types.UnionType):
         return _any_of(value, inner, place)
     if outer in (list, Sequence):

@@ -15,7 +15,8 @@ import pytest
 from places import ROOT
 
 from analysis.__main__ import main
-from analysis.rows import CaseResult, read_result
+from analysis.case_result import CaseResult
+from analysis.result_file import read_result
 
 PAPER = "studies/otsubo2017/study.yaml"
 CRYSTALS = """

@@ -31,7 +31,8 @@ ORDER = {
             "quantities",
             "measurement",
         ),
-        *("rows", "expressions", "frame", "crystal", "figures", "study"),
+        *("case_columns", "case_result", "case_measurement", "column_results", "result_file"),
+        *("expressions", "frame", "crystal", "figures", "study"),
         *("cli", "__main__"),
     ),
 }

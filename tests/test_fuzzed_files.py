@@ -24,7 +24,7 @@ from analysis.figures.looks import refuse_undrawable
 from analysis.figures.picture import read_picture
 from analysis.figures.render import STYLE, to_figure
 from analysis.frame import frame_of
-from analysis.rows import read_result
+from analysis.result_file import read_result
 from analysis.study.tables import tabulate_all_numbers
 from modal.formats.provenance import Provenance, packing_of, read_provenance
 from modal.modes.eigenmodes import eigenmodes

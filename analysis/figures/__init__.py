@@ -3,12 +3,13 @@
 from collections.abc import Callable
 from typing import Any
 
+from analysis.case_measurement import measure_result
+from analysis.case_result import CaseResult
 from analysis.figures import cases as of_cases
 from analysis.figures import modes, spectra, waves
 from analysis.figures.picture import Panel, Picture, columns_for, merged
 from analysis.frame import frame_of
 from analysis.packing_data import PackingData
-from analysis.rows import CaseResult, row_of
 from modal.tools.errors import InputError, refuse_unknown
 
 Figure = Callable[[Any], Any]
@@ -38,7 +39,7 @@ def compose(name: str, cases: list[PackingData]) -> Picture:
     figure = FIGURES[name]
     rows: list[CaseResult] = []
     if figure in OF_ROWS:
-        rows = [row_of(case) for case in cases]
+        rows = [measure_result(case) for case in cases]
         picture = _as_picture(figure(frame_of(rows)))
     else:
         picture = _join([_as_picture(figure(case)) for case in cases])

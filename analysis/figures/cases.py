@@ -3,12 +3,13 @@
 import numpy as np
 import pandas as pd
 
+from analysis.case_columns import of_one_producer
+from analysis.case_result import CaseResult
 from analysis.estimators.fits import power_law, straight_line
 from analysis.figures import groups
 from analysis.figures.groups import LOG, THIN, legend, mark, points, random_of, scatter, styles
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture
 from analysis.frame import numbers
-from analysis.rows import CaseResult, of_one_producer
 
 COMMON_STRESS = 1e5
 """Stress, Pa, of the curves that are drawn if cases of several stresses have curves."""

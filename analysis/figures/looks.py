@@ -1,10 +1,10 @@
-"""Check whether a picture from a file can be drawn: looks, texts and limits of Matplotlib.
+"""Check whether a figure from a file can be drawn by Matplotlib: styles, texts, limits, lengths.
 
-What a figure draws in this program is its own affair; a CSV may have gone through other hands.
+Figures that this program has just made need no check; a CSV file may have been edited elsewhere.
 """
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Any, Final
 
 import matplotlib
 import numpy as np
@@ -13,29 +13,53 @@ from matplotlib.lines import Line2D
 from matplotlib.markers import MarkerStyle
 from matplotlib.mathtext import MathTextParser
 
-from analysis.figures.picture import Panel, Picture, Series
+from analysis.figures.picture import Panel, Picture, Series, SeriesKind
 from modal.tools.errors import InputError
 
 OUTSIDE = "outside"
-"""Place of a panel's legend beside the panel, where its entries would cover points."""
+"""Place of a legend beside its panel, for entries that would cover points."""
 LEGENDS = {
-    *("best", OUTSIDE, "center", "right", "center left", "center right"),
-    *("upper left", "upper right", "upper center", "lower left", "lower right", "lower center"),
+    "best",
+    OUTSIDE,
+    "center",
+    "right",
+    "center left",
+    "center right",
+    "upper left",
+    "upper right",
+    "upper center",
+    "lower left",
+    "lower right",
+    "lower center",
 }
+"""Places of a legend: those of Matplotlib, and `OUTSIDE`."""
 SCALES = ("linear", "log")
-LARGEST = 1e30
-"""Largest coordinate: sums of larger ones are no numbers to Matplotlib."""
-WIDEST = 60.0
-"""Largest side of a picture, inches: 36 million points."""
-MOST_PANELS, MOST_COLUMNS = 100, 20
+MAX_COORDINATE = 1e30
+"""Largest coordinate: sums of larger ones overflow in Matplotlib."""
+MIN_SIDE_IN_INCHES = 0.5
+MAX_SIDE_IN_INCHES = 60.0
+"""Largest side of a picture: a square of this side has 36 million pixels."""
+MAX_PANELS = 100
+MAX_COLUMNS = 20
+"""Largest number of columns of panels, and of entries of a legend."""
+MAX_SIZE_IN_POINTS = 100
+"""Largest width of a line and size of a marker."""
+StyleCheck = Callable[[Any], bool]
+"""Function that tells whether the value of a word of a style is allowed."""
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value) < MAX_COORDINATE
 
 
 def _is_size(value: Any) -> bool:
-    return _is_number(value) and 0 <= value <= 100
+    return _is_number(value) and 0 <= value <= MAX_SIZE_IN_POINTS
+
+
+def _is_opacity(value: Any) -> bool:
+    return _is_number(value) and 0 <= value <= 1
 
 
 def _is_pair(value: Any) -> bool:
@@ -46,36 +70,50 @@ def _is_colour(value: Any) -> bool:
     return isinstance(value, str) and is_color_like(value)
 
 
-def _is_one_of(words: Any) -> Callable[[Any], bool]:
-    return lambda value: isinstance(value, str) and value in words
+def _check_words(words: Collection[str]) -> StyleCheck:
+    """Return the function that tells whether a value is one of these words."""
+
+    def is_one_of_them(value: Any) -> bool:
+        return isinstance(value, str) and value in words
+
+    return is_one_of_them
 
 
-LOOKS: dict[str, Callable[[Any], bool]] = {
-    **dict.fromkeys(("color", "mec", "mfc"), _is_colour),
-    **dict.fromkeys(("lw", "ms", "mew", "capsize", "diameter"), _is_size),
-    **dict.fromkeys(("vmin", "vmax", "zorder"), _is_number),
-    "alpha": lambda value: _is_number(value) and 0 <= value <= 1,
+MARKERS = {marker for marker in MarkerStyle.markers if isinstance(marker, str)}
+STYLE_CHECKS: Final[Mapping[str, StyleCheck]] = {
+    "color": _is_colour,
+    "mec": _is_colour,
+    "mfc": _is_colour,
+    "lw": _is_size,
+    "ms": _is_size,
+    "mew": _is_size,
+    "capsize": _is_size,
+    "diameter": _is_size,
+    "vmin": _is_number,
+    "vmax": _is_number,
+    "zorder": _is_number,
+    "alpha": _is_opacity,
     "clim": _is_pair,
-    "cmap": _is_one_of(set(matplotlib.colormaps)),
-    "ls": _is_one_of({*Line2D.lineStyles, "none"}),
-    "marker": _is_one_of({mark for mark in MarkerStyle.markers if isinstance(mark, str)}),
+    "cmap": _check_words(set(matplotlib.colormaps)),
+    "ls": _check_words({*Line2D.lineStyles, "none"}),
+    "marker": _check_words(MARKERS),
 }
-"""Tests, by the words of a style, of whether a value is allowed."""
-OF_LINES = ("color", "ls", "lw", "alpha", "zorder")
-STYLES = {
-    "line": (*OF_LINES, "marker", "ms", "mec", "mew", "mfc"),
+"""Checks of the values of a style, by the words of the style."""
+LINE_STYLES = ("color", "ls", "lw", "alpha", "zorder")
+STYLES: Final[Mapping[SeriesKind, tuple[str, ...]]] = {
+    "line": (*LINE_STYLES, "marker", "ms", "mec", "mew", "mfc"),
     "map": ("cmap", "vmin", "vmax", "alpha", "zorder"),
     "spheres": ("cmap", "clim", "diameter", "alpha", "zorder"),
     "band": ("color", "lw", "alpha", "zorder"),
     "error": ("color", "lw", "capsize", "alpha", "zorder"),
-    "vline": OF_LINES,
-    "hline": OF_LINES,
+    "vline": LINE_STYLES,
+    "hline": LINE_STYLES,
 }
 """Words of the style of each kind of series."""
 
 
 def drawable_text(text: str) -> str:
-    r"""Return a text as Matplotlib can set it: its dollars plain, where they enclose no formula.
+    r"""Return a text that Matplotlib can draw: dollars that enclose no formula are escaped.
 
     >>> drawable_text(r"$\chi_z$"), drawable_text(r"cost$ \of $grain")
     ('$\\chi_z$', 'cost\\$ \\of \\$grain')
@@ -89,56 +127,67 @@ def drawable_text(text: str) -> str:
 
 def refuse_undrawable(picture: Picture, path: object) -> None:
     """Raise InputError, which names what is wrong, for a picture that cannot be drawn."""
-    for wrong, fault in _faults(picture):
-        if wrong:
-            raise InputError("figure", f"{path}: {fault}", remedy="draw the figure again")
+    for fault in _find_faults(picture):
+        raise InputError("figure", f"{path}: {fault}", remedy="draw the figure again")
 
 
-Faults = Iterator[tuple[bool, str]]
-
-
-def _faults(picture: Picture) -> Faults:
-    """Yield, one after the other, whether something is wrong, and what."""
+def _find_faults(picture: Picture) -> Iterator[str]:
+    """Yield what is wrong with a picture. Later checks rely on the earlier ones having passed."""
     count = len(picture.panels)
-    yield not 0 < count <= MOST_PANELS, f"{count} panels"
-    yield not 0 < picture.columns <= MOST_COLUMNS, f"columns {picture.columns}"
-    shape = picture.shape or (1.0, 1.0)
-    yield not all(0.5 <= side <= WIDEST for side in shape), f"shape {shape}"
-    for number, panel in enumerate(picture.panels):
-        for wrong, fault in _of_panel(panel):
-            yield wrong, f"panel {number}: {fault}"
-        for place, series in enumerate(panel.series):
-            for wrong, fault in _of_series(series):
-                yield wrong, f"panel {number}, series {place}: {fault}"
+    if not 0 < count <= MAX_PANELS:
+        yield f"{count} panels"
+    if not 0 < picture.columns <= MAX_COLUMNS:
+        yield f"columns {picture.columns}"
+    for side in picture.shape or ():
+        if not MIN_SIDE_IN_INCHES <= side <= MAX_SIDE_IN_INCHES:
+            yield f"shape {picture.shape}"
+    for panel_number, panel in enumerate(picture.panels):
+        for fault in _find_faults_of_panel(panel):
+            yield f"panel {panel_number}: {fault}"
+        for series_number, series in enumerate(panel.series):
+            for fault in _find_faults_of_series(series):
+                yield f"panel {panel_number}, series {series_number}: {fault}"
 
 
-def _of_panel(panel: Panel) -> Faults:
-    """Yield the faults of the limits, the scales and the legend of a panel."""
-    for name in ("xlim", "ylim"):
-        low, high = getattr(panel, name) or (1.0, 2.0)
-        good = -LARGEST < low < high < LARGEST
-        on_log = getattr(panel, f"{name[0]}scale") == "log"
-        yield not good or (on_log and low <= 0), f"{name} {low:g} to {high:g}"
-    for name in ("xscale", "yscale"):
-        yield getattr(panel, name) not in SCALES, f"{name} {getattr(panel, name)}"
-    yield panel.legend not in LEGENDS, f"legend {panel.legend}"
-    yield not 0 < panel.legend_columns <= MOST_COLUMNS, f"legend_columns {panel.legend_columns}"
+def _find_faults_of_panel(panel: Panel) -> Iterator[str]:
+    """Yield what is wrong with the limits, the scales and the legend of a panel."""
+    axes = (("x", panel.xlim, panel.xscale), ("y", panel.ylim, panel.yscale))
+    for name, limits, scale in axes:
+        if limits is None:
+            continue
+        low, high = limits
+        in_order = -MAX_COORDINATE < low < high < MAX_COORDINATE
+        if not in_order or (scale == "log" and low <= 0):
+            yield f"{name}lim {low:g} to {high:g}"
+    for name, _, scale in axes:
+        if scale not in SCALES:
+            yield f"{name}scale {scale}"
+    if panel.legend not in LEGENDS:
+        yield f"legend {panel.legend}"
+    if not 0 < panel.legend_columns <= MAX_COLUMNS:
+        yield f"legend_columns {panel.legend_columns}"
 
 
-def _of_series(series: Series) -> Faults:
-    """Yield the faults of the style, the lengths and the sizes of a series."""
+def _find_faults_of_series(series: Series) -> Iterator[str]:
+    """Yield what is wrong with the style, the lengths and the numbers of a series."""
     for word, value in series.style.items():
-        known = word in STYLES[series.kind] and LOOKS[word](value)
-        yield not known, f"style {word} of a {series.kind} is {value!r}"
-    yield series.kind == "spheres" and "diameter" not in series.style, "spheres have no diameter"
-    size = np.size(series.y) if series.z is None else np.size(series.z)
-    wanted = len(series.y) * (len(series.x) if series.kind == "map" else 1)
-    has_third = series.kind in ("map", "spheres", "band", "error")
-    yield has_third and (series.z is None or size != wanted or size == 0), "z does not fit x and y"
-    yield series.kind != "map" and len(series.x) != len(series.y), "x does not fit y"
-    for name in ("x", "y", "z"):
-        data = getattr(series, name)
-        wrong = data is not None and (abs(data[~np.isnan(data)]) > LARGEST).any()
-        yield bool(wrong), f"{name} has numbers above {LARGEST:g}"
-    negative = series.kind == "error" and series.z is not None and (series.z < 0).any()
-    yield bool(negative), "an error is negative"
+        if word not in STYLES[series.kind] or not STYLE_CHECKS[word](value):
+            yield f"style {word} of a {series.kind} is {value!r}"
+    if series.kind == "spheres" and "diameter" not in series.style:
+        yield "spheres have no diameter"
+    if series.kind in ("map", "spheres", "band", "error"):
+        size = len(series.y)
+        if series.kind == "map":
+            size *= len(series.x)
+        if series.z is None or size == 0 or np.size(series.z) != size:
+            yield "z does not fit x and y"
+    if series.kind != "map" and len(series.x) != len(series.y):
+        yield "x does not fit y"
+    for name, coordinates in (("x", series.x), ("y", series.y), ("z", series.z)):
+        if coordinates is None:
+            continue
+        known = coordinates[~np.isnan(coordinates)]
+        if (abs(known) > MAX_COORDINATE).any():
+            yield f"{name} has numbers above {MAX_COORDINATE:g}"
+    if series.kind == "error" and series.z is not None and (series.z < 0).any():
+        yield "an error is negative"

@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.expressions import evaluate, short
-from analysis.study.kinds import Number, refuse_other, whole
+from analysis.study.kinds import Number, as_whole_number, refuse_other
 from analysis.study.settings import CASE, FILE_NAME, PARTS, STUDY
 from analysis.study.yaml_file import read_small, read_yaml
 from modal.tools.errors import InputError, refuse_unknown
@@ -72,7 +72,7 @@ class Study:
             raise InputError(
                 "groups", f"{path}: no groups", remedy="give at least one, with kind and factors"
             )
-        given = {name: whole(value, STUDY[name]) for name, value in given.items()}
+        given = {name: as_whole_number(value, STUDY[name]) for name, value in given.items()}
         self.settings = DEFAULTS | {"name": self.path.stem} | given
         if self.settings["measure"]:
             from analysis.quantities import QUANTITIES
@@ -208,7 +208,8 @@ class Study:
     def _listed(self, name: str, given: Any) -> list[Any]:
         """Return the values of a factor from a list, a single value, or a text as `1 to 8`."""
         if isinstance(given, str) and (ends := re.fullmatch(r"(\d{1,9}) to (\d{1,9})", given)):
-            first, last = int(ends[1]), int(ends[2])
+            first = int(ends[1])
+            last = int(ends[2])
             if last - first >= MAX_CASES:
                 raise InputError(
                     "too_many_cases",
@@ -277,7 +278,10 @@ class Study:
         for key, value in line.items():
             if value is not None or key in changes:
                 refuse_other(f"{self.path}: {name}", key, value, CASE[key])
-        return {OTHER_NAMES.get(key, key): whole(value, CASE[key]) for key, value in line.items()}
+        settings = {}
+        for key, value in line.items():
+            settings[OTHER_NAMES.get(key, key)] = as_whole_number(value, CASE[key])
+        return settings
 
     @property
     def cases(self) -> pd.DataFrame:
@@ -302,7 +306,8 @@ class Study:
         names: set[Any] = set()
         for number, entry in enumerate(entries, 1):
             name = entry.get("name", entry.get("id")) if isinstance(entry, dict) else None
-            if fault := PARTS[part].fault(entry):
+            fault = PARTS[part].find_fault(entry)
+            if fault:
                 entry_name = short(name or f"entry {number}")
                 raise InputError("setting", f"{where}: {entry_name}", f"{fault}")
             if name in names:
@@ -369,7 +374,8 @@ def following(entry: Mapping[str, Any]) -> Iterator[None]:
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        name, why = entry.get("name", entry.get("id")), f"{type(error).__name__}: {error}"
+        name = entry.get("name", entry.get("id"))
+        why = f"{type(error).__name__}: {error}"
         raise InputError(
             "entry",
             f"{name}: cannot be made ({short(why, 200)})",

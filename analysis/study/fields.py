@@ -1,7 +1,8 @@
-"""Numbers in a study's texts: `{f_max_khz:.1f}` in a sentence, ` .3g` behind a column.
+"""Fill numbers into a study's texts, such as `{f_max_khz:.1f}` in a sentence.
 
-A text names a number and Python's format of it, and nothing else: no attributes, no calls, and no
-width that would fill a page. Names of tables and figures are files in the study's folder alone.
+A text names a number and its format as in Python, and nothing else: attributes, calls and widths
+that would fill a page are refused. Names of tables and figures become files, which must lie in the
+folder of the study's results.
 """
 
 import re
@@ -15,14 +16,15 @@ from analysis.expressions import short
 from modal.tools.errors import InputError
 
 FORMAT = re.compile(r"\+?(\.\d{1,2})?[defg%]?")
-"""Pattern of a number's format: its sign, up to 99 digits, its kind."""
+"""Pattern of a number's format: a sign, up to 99 digits, and the type d, e, f, g or %."""
 FIELD = re.compile(r"{(\w+)(?::([^{}]*))?}")
-SHOWN = str | int | float | np.integer | np.bool_
+"""Pattern of a field: a name in braces, and a format after a colon, if any."""
+SHOWN_TYPES = str | int | float | np.integer | np.bool_
 """Types of values that a sentence can show."""
 
 
 def number_format(text: object) -> str:
-    """Return a format of numbers; InputError where it is none.
+    """Return a format of numbers; raise InputError if the text is no such format.
 
     >>> number_format(".3g")
     '.3g'
@@ -38,29 +40,30 @@ def field_names(text: str) -> set[str]:
 
 
 def fill(text: str, values: Mapping[str, Any]) -> str:
-    """Return a text with values in the place of their names; InputError where one is unknown.
+    """Return a text whose fields are replaced by the values that they name.
+
+    Raises InputError if a value is unknown or is neither a number nor a text, and if there is a
+    brace outside of a field.
 
     >>> fill("case {case}: {peak:.1f} kHz", {"case": 2, "peak": 21.94})
     'case 2: 21.9 kHz'
     """
 
-    def shown(match: re.Match[str]) -> str:
+    def format_field(match: re.Match[str]) -> str:
         name, form = match.groups()
         value = values.get(name)
-        if not isinstance(value, SHOWN):
+        if not isinstance(value, SHOWN_TYPES):
             raise InputError("field", f"{short(text)}: {name} is no number of a case")
         return format(value, number_format(form or ""))
 
-    rest = FIELD.sub("", text)
-    if "{" in rest or "}" in rest:
-        raise InputError(
-            "field", f"{short(text)}", remedy="write names in braces as {f_max_khz:.1f}"
-        )
-    return FIELD.sub(shown, text)
+    without_fields = FIELD.sub("", text)
+    if "{" in without_fields or "}" in without_fields:
+        raise InputError("field", short(text), remedy="write names in braces as {f_max_khz:.1f}")
+    return FIELD.sub(format_field, text)
 
 
-def inside(folder: Path, name: str) -> Path:
-    """Return the file of this name in a folder; InputError for a name that leads out of it."""
+def file_inside(folder: Path, name: str) -> Path:
+    """Return the file of this name in a folder; raise InputError if the name leads out of it."""
     path = folder / name
     if path.parent.resolve() != folder.resolve() or name in ("", ".", ".."):
         raise InputError(

@@ -20,7 +20,7 @@ from analysis.figures.picture import Panel, Picture, merged, read_picture, share
 from analysis.frame import mean_with_error, select
 from analysis.study.captions import Captions
 from analysis.study.description import following
-from analysis.study.fields import inside
+from analysis.study.fields import file_inside
 from analysis.table import cell
 from modal.tools.errors import InputError
 
@@ -78,7 +78,7 @@ def draw_figures(
                 continue
         if cases_without:
             caption += f" Absent: {', '.join(cases_without)}."
-        stem = inside(output, spec["name"])
+        stem = file_inside(output, spec["name"])
         pictures[stem] = picture
         texts[stem] = caption
     with ProcessPoolExecutor(min(MAX_PROCESSES, os.cpu_count() or 1)) as processes:

@@ -1,4 +1,4 @@
-"""Kinds of values of a study: numbers in a range, words, texts, lists, lines NAME: VALUE."""
+"""Define kinds of values of a study: numbers in a range, words, texts, lists, lines NAME: VALUE."""
 
 import math
 import re
@@ -9,13 +9,17 @@ from typing import Any, Protocol
 from analysis.expressions import short
 from modal.tools.errors import InputError
 
+MAX_LENGTH = 20_000
+"""Largest number of characters of a text, and of members of a list. Texts of the studies here have
+700 at most."""
+
 
 class Kind(Protocol):
     """A kind of value that a setting may have."""
 
     @property
-    def told(self) -> str:
-        """What a user should give, as text for a message."""
+    def description(self) -> str:
+        """Describe what a user should write, as the object of "give" in a message."""
 
     def holds(self, value: Any) -> bool:
         """Return whether a value is of this kind."""
@@ -23,7 +27,11 @@ class Kind(Protocol):
 
 @dataclass(frozen=True)
 class Number:
-    """A finite number, whole or not, between bounds that are included or excluded."""
+    """A finite number, whole or not, between bounds.
+
+    `least` and `most` are values that it may have; it must be larger than `above` and smaller than
+    `below`.
+    """
 
     least: float = -math.inf
     most: float = math.inf
@@ -33,16 +41,21 @@ class Number:
     finite: bool = True
 
     @property
-    def told(self) -> str:
-        """What a user should give, as text for a message."""
+    def description(self) -> str:
+        """Describe the number: whether it is whole, and its bounds."""
+        text = "a number"
+        if self.whole:
+            text = "a whole number"
         bounds = {
             "from": self.least,
             "above": self.above,
             "to": self.most,
             "below": self.below,
         }
-        words = [f"{word} {bound:g}" for word, bound in bounds.items() if math.isfinite(bound)]
-        return " ".join(["a whole number" if self.whole else "a number", *words])
+        for preposition, bound in bounds.items():
+            if math.isfinite(bound):
+                text += f" {preposition} {bound:g}"
+        return text
 
     def holds(self, value: Any) -> bool:
         """Return whether a value is such a number."""
@@ -52,9 +65,12 @@ class Number:
             return False
         if self.whole and value != int(value):
             return False
-        inside = self.least <= value <= self.most
-        beyond = math.isinf(self.above) or value > self.above
-        return inside and beyond and (math.isinf(self.below) or value < self.below)
+        # An infinite bound excludes nothing, not even infinity.
+        if math.isfinite(self.above) and value <= self.above:
+            return False
+        if math.isfinite(self.below) and value >= self.below:
+            return False
+        return self.least <= value <= self.most
 
 
 @dataclass(frozen=True)
@@ -64,8 +80,8 @@ class Word:
     words: Collection[str]
 
     @property
-    def told(self) -> str:
-        """What a user should give, as text for a message."""
+    def description(self) -> str:
+        """List the words."""
         return " or ".join(self.words)
 
     def holds(self, value: Any) -> bool:
@@ -75,11 +91,11 @@ class Word:
 
 @dataclass(frozen=True)
 class Text:
-    """A text, of a pattern if there is one, and of no more than so many characters."""
+    """A text that matches a pattern, has at most `length` characters, and not `refused` in it."""
 
-    told: str = "a text"
+    description: str = "a text"
     pattern: str = r"[\s\S]*"
-    length: int = 20_000
+    length: int = MAX_LENGTH
     refused: str = ""
 
     def holds(self, value: Any) -> bool:
@@ -93,9 +109,9 @@ class Text:
 
 @dataclass(frozen=True)
 class Anything:
-    """Any value: it is checked elsewhere."""
+    """Any value, which is checked elsewhere."""
 
-    told: str = "anything"
+    description: str = "anything"
 
     def holds(self, value: Any) -> bool:
         """Return True: any value is accepted."""
@@ -106,7 +122,7 @@ class Anything:
 class Truth:
     """True or false."""
 
-    told: str = "true or false"
+    description: str = "true or false"
 
     def holds(self, value: Any) -> bool:
         """Return whether a value is true or false."""
@@ -115,17 +131,17 @@ class Truth:
 
 @dataclass(frozen=True)
 class Several:
-    """A list of values of one kind, of some length."""
+    """A list of `least` to `most` values of one kind; `plural` names them in messages."""
 
     kind: Kind
-    what: str
+    plural: str
     least: int = 0
-    most: int = 20_000
+    most: int = MAX_LENGTH
 
     @property
-    def told(self) -> str:
-        """What a user should give, as text for a message."""
-        return f"a list of {self.what}"
+    def description(self) -> str:
+        """Name the members of the list."""
+        return f"a list of {self.plural}"
 
     def holds(self, value: Any) -> bool:
         """Return whether a value is such a list."""
@@ -136,34 +152,47 @@ class Several:
 
 @dataclass(frozen=True)
 class Lines:
-    """Lines NAME: VALUE, with known names, or with any names and values of one kind."""
+    """Lines NAME: VALUE.
+
+    The names of `needed` must be there. Those of `known` have values of the kinds there; any other
+    name has a value of `kind`, or is refused if `kind` is None.
+    """
 
     kind: Kind | None = None
     known: Mapping[str, Kind] = field(default_factory=dict)
     needed: tuple[str, ...] = ()
-    told: str = "lines NAME: VALUE"
+    description: str = "lines NAME: VALUE"
 
     def holds(self, value: Any) -> bool:
         """Return whether a value consists of such lines."""
-        return not self.fault(value)
+        return not self.find_fault(value)
 
-    def fault(self, value: Any) -> str:
+    def find_fault(self, value: Any) -> str:
         """Return what is wrong with the lines of a value, in a few words; empty if nothing is."""
         if not isinstance(value, Mapping):
-            return f"{short(value)}: give {self.told}"
+            return f"{short(value)}: give {self.description}"
         for name in self.needed:
             if name not in value:
                 return f"{name} is missing; add it"
-        for name, part in value.items():
+        for name, entry in value.items():
             if not isinstance(name, str):
                 return f"{short(name)}: names are texts; write them in quotes"
-            kind = self.known.get(name, self.kind)
-            if kind is None:
-                return f"{short(name)} is unknown; known are {', '.join(self.known)}"
-            if isinstance(kind, Lines) and (fault := kind.fault(part)):
+            fault = self._find_fault_of_entry(name, entry)
+            if fault:
+                return fault
+        return ""
+
+    def _find_fault_of_entry(self, name: str, entry: Any) -> str:
+        """Return what is wrong with the value of one line; empty if nothing is."""
+        kind = self.known.get(name, self.kind)
+        if kind is None:
+            return f"{short(name)} is unknown; known are {', '.join(self.known)}"
+        if isinstance(kind, Lines):
+            fault = kind.find_fault(entry)
+            if fault:
                 return f"{short(name)}: {fault}"
-            if not kind.holds(part):
-                return f"{short(name)} {short(part)}: give {kind.told}"
+        elif not kind.holds(entry):
+            return f"{short(name)} {short(entry)}: give {kind.description}"
         return ""
 
 
@@ -175,24 +204,30 @@ class Either:
     second: Kind
 
     @property
-    def told(self) -> str:
-        """What a user should give, as text for a message."""
-        return f"{self.first.told} or {self.second.told}"
+    def description(self) -> str:
+        """Describe both kinds."""
+        return f"{self.first.description} or {self.second.description}"
 
     def holds(self, value: Any) -> bool:
         """Return whether a value is of one of the two kinds."""
         return self.first.holds(value) or self.second.holds(value)
 
 
-def refuse_other(where: str, name: str, value: Any, kind: Kind) -> None:
-    """Raise InputError if a value is not of the kind that its setting has."""
-    if isinstance(kind, Lines) and (fault := kind.fault(value)):
-        raise InputError("setting", f"{where}: {name}", f"{fault}")
-    if not kind.holds(value):
-        raise InputError("setting", f"{where}: {name} {short(value)}", remedy=f"give {kind.told}")
+def refuse_other(place: str, name: str, value: Any, kind: Kind) -> None:
+    """Raise InputError if a value is not of the kind that its setting has.
+
+    `place` names the file, and the case if there is one, in the message.
+    """
+    if isinstance(kind, Lines):
+        fault = kind.find_fault(value)
+        if fault:
+            raise InputError("setting", f"{place}: {name}", fault)
+    elif not kind.holds(value):
+        problem = f"{place}: {name} {short(value)}"
+        raise InputError("setting", problem, remedy=f"give {kind.description}")
 
 
-def whole(value: Any, kind: Kind) -> Any:
+def as_whole_number(value: Any, kind: Kind) -> Any:
     """Return 1000 for 1e3 if the kind is a whole number, else the value as it is."""
     if isinstance(kind, Number) and kind.whole and value is not None:
         return int(value)

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from analysis.case import Case
+from analysis.case_measurement import add_quantities, empty_result, measure_result
+from analysis.case_result import CaseResult
 from analysis.crystal import compare
 from analysis.figures import compose
 from analysis.figures.picture import write_picture
@@ -14,10 +16,10 @@ from analysis.packing_data import PackingData
 from analysis.quantities.passband import passband
 from analysis.quantities.records import LOW_PASS
 from analysis.quantities.spectrum import standing, standing_waves
-from analysis.rows import CaseResult, row_of, write_result
+from analysis.result_file import write_result
 from analysis.study.description import Study
 from analysis.study.figure_layout import figures_of_case
-from analysis.study.targets import Rules
+from analysis.study.rules import Rules
 from analysis.table import number
 from analysis.value import Value
 from modal.formats.provenance import read_provenance
@@ -73,17 +75,17 @@ def measure_case(
     case = Case(name, folder, files_by_name)
     case.check()
     m = PackingData.of(case, every_particle=not scatter)
-    row = CaseResult.of(m)
+    row = empty_result(m)
     if is_state:
         row.state = True
-        row.add(m, QUANTITIES_OF_STATE)
+        add_quantities(row, m, QUANTITIES_OF_STATE)
     elif quantities:
         _add_quantities(row, files, quantities)
     elif scatter:
-        row.add(m, QUANTITIES_OF_OTHER_SEEDS)
+        add_quantities(row, m, QUANTITIES_OF_OTHER_SEEDS)
     else:
         m.stated = Rules(study.cases, study.stated()).stated_intervals(name)
-        row = row_of(m)
+        row = measure_result(m)
         _add_tables(row, m)
         _write_panels(study, row, m, output)
         row.notes = [note.replace(f"{folder}/", "") for note in row.notes]

@@ -21,7 +21,8 @@ from analysis.study.yaml_file import read_small
 from analysis.table import number
 from modal.tools.errors import InputError
 
-OWN, PLAIN = "page.html.j2", "plain.html.j2"
+OWN = "page.html.j2"
+PLAIN = "plain.html.j2"
 MAX_LOOPS = 2
 """Largest number of nested loops in a template: rows of a table, and their cells."""
 FILTERS = {

@@ -13,16 +13,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from analysis.case_result import CaseResult
 from analysis.frame import frame_of, runs
-from analysis.rows import CaseResult, read_results
+from analysis.result_file import read_results
 from analysis.study.description import Study
-from analysis.study.fields import inside
+from analysis.study.fields import file_inside
 from analysis.study.figure_layout import DrawnFigure, draw_figures
 from analysis.study.page import page
+from analysis.study.rules import Rules
 from analysis.study.tables import make_tables, tabulate_all_numbers
 from analysis.study.targets import (
     Answer,
-    Rules,
     answer_targets,
     tabulate_second_verdicts,
     tabulate_targets,
@@ -139,9 +140,9 @@ def _write_tables(tables: Sequence[Table], names_on_pages: set[str], output: Pat
     for table in tables:
         if not table.rows:
             continue
-        table.write_csv(inside(output, f"{table.name}.csv"))
+        table.write_csv(file_inside(output, f"{table.name}.csv"))
         if table.name in names_on_pages:
-            write_text(inside(output, f"{table.name}.md"), table.markdown())
+            write_text(file_inside(output, f"{table.name}.md"), table.markdown())
 
 
 def _add_stated_columns(frame: pd.DataFrame, rules: Rules) -> None:

@@ -22,12 +22,13 @@ from modal.packing.contact_models import MODELS, laws_of
 from modal.tools.errors import InputError
 
 NUMBER = r"\d+\.?\d*(?:e[+-]?\d+)?"
+"""Pattern of a decimal number without sign."""
 
 
 class ContactModel:
     """Kind of a contact model that exists, with the numbers that it takes."""
 
-    told = f"{', '.join(MODELS)}, with its numbers, as rough 1e-6"
+    description = f"{', '.join(MODELS)}, with its numbers, as rough 1e-6"
 
     def holds(self, value: Any) -> bool:
         """Return whether a value names such a contact model."""
@@ -48,18 +49,24 @@ def _is_model(text: str) -> bool:
 
 POSITIVE = Number(above=0)
 SHARE = Number(above=0, most=1)
-BETWEEN = Number(above=0, below=1)
+"""A part of a whole, or the whole."""
+PROPER_FRACTION = Number(above=0, below=1)
 COUNT = Number(least=1, most=1e8, whole=True)
-PLAIN = "letters, digits and _ . - +, the first no . - or +"
-FILE_NAME = Text(f"a name of {PLAIN}", r"\w[\w.+-]*", 150, refused="..")
+SEED = Number(least=0, most=2**31 - 1, whole=True)
+ALLOWED_CHARACTERS = "letters, digits and _ . - +, the first no . - or +"
+FILE_NAME = Text(f"a name of {ALLOWED_CHARACTERS}", r"\w[\w.+-]*", 150, refused="..")
 """Kind of the names of cases, tables, figures and studies: names of files contain them."""
 PATH = Text("a path of letters, digits and _ . - + /", r"[\w./+][\w./+-]*|", 1000)
 SENTENCE = Text()
 EXPRESSION = Text("an expression of the cases' columns")
 BAND = Several(Number(least=0), "two frequencies, Hz", 2, 2)
-MADE = Several(Word(PRODUCTS), "kinds of product")
-NUMBERED = Text(f"{PLAIN}, and one {{}} or {{:02d}}", r"[\w.+-]*(\{(:(0\d)?d?)?\})?[\w.+-]*", 100)
-"""Names of cases by their number."""
+PRODUCT_KINDS = Several(Word(PRODUCTS), "kinds of product")
+NUMBERED = Text(
+    f"{ALLOWED_CHARACTERS}, and one {{}} or {{:02d}}",
+    r"[\w.+-]*(\{(:(0\d)?d?)?\})?[\w.+-]*",
+    100,
+)
+"""Pattern of the names of cases, with the place of their number."""
 
 CASE: dict[str, Kind] = {
     "kind": Word(("fcc", "random")),
@@ -69,7 +76,7 @@ CASE: dict[str, Kind] = {
     "width": POSITIVE,
     "spheres": COUNT,
     "layers": COUNT,
-    "seed": Number(least=0, most=2**31 - 1, whole=True),
+    "seed": SEED,
     "amplitude": POSITIVE,
     "input_frequency": POSITIVE,
     "direction": Word(("x", "y", "z")),
@@ -80,10 +87,10 @@ CASE: dict[str, Kind] = {
     "particles": Number(least=0, most=1, whole=True),
     "approach_rate": POSITIVE,
     "agitated_damping": Number(least=0, below=1),
-    "inertial_number": BETWEEN,
+    "inertial_number": PROPER_FRACTION,
     "hot_stress": Number(least=100, most=1e8),
-    "damping": BETWEEN,
-    "residual": BETWEEN,
+    "damping": PROPER_FRACTION,
+    "residual": PROPER_FRACTION,
     "time_step_fraction": SHARE,
     "dilate": Number(least=0, most=0.1),
     "periodic": Truth(),
@@ -93,7 +100,8 @@ CASE: dict[str, Kind] = {
     "sizes": Text("lognormal SPREAD, or two RATIO SHARE", rf"(lognormal|two {NUMBER}) {NUMBER}"),
     "densities": Either(POSITIVE, Text("several densities", rf"{NUMBER}( {NUMBER})*", 200)),
 }
-"""Settings of a case; stresses in Pa, the width in diameters, times in s, the amplitude in m."""
+"""Kinds of the settings of a case: stresses in Pa, the width in diameters, times in s, the
+amplitude in m."""
 STUDY: dict[str, Kind] = {
     "name": FILE_NAME,
     "title": Text("a title of one line", r"[^\n]*", 300),
@@ -110,95 +118,121 @@ STUDY: dict[str, Kind] = {
     "prepare": Word(("yade", "modal")),
     "spheres": COUNT,
     "layers": COUNT,
-    "seed": CASE["seed"],
+    "seed": SEED,
     "amplitude": POSITIVE,
     "lowest_modes": COUNT,
     "band": BAND,
-    "make": Lines(known=dict.fromkeys(("fcc", "random"), MADE)),
+    "make": Lines(known={"fcc": PRODUCT_KINDS, "random": PRODUCT_KINDS}),
     "forget": Truth(),
 }
-"""Settings of a study."""
-TEXTS = Lines(SENTENCE)
-NAMED = Lines(EXPRESSION)
+"""Kinds of the settings of a study."""
+SENTENCES = Lines(SENTENCE)
+EXPRESSIONS = Lines(EXPRESSION)
 ANY_NUMBER = Number(finite=False)
-WITHIN = Either(Number(least=0), Text("a number, or as 2 %", rf"{NUMBER} %"))
+TOLERANCE = Either(Number(least=0), Text("a number, or as 2 %", rf"{NUMBER} %"))
+"""Distance from a stated value, in its unit or in per cent of it."""
 RULE: dict[str, Kind] = {
-    **dict.fromkeys(("select", "quantity", "x", "y"), EXPRESSION),
-    **dict.fromkeys(("stated", "plateau", "unsettled"), SENTENCE),
-    **dict.fromkeys(("value", "low", "high", "aim"), ANY_NUMBER),
-    **dict.fromkeys(("complete", "grows"), Truth()),
+    "select": EXPRESSION,
+    "quantity": EXPRESSION,
+    "x": EXPRESSION,
+    "y": EXPRESSION,
+    "stated": SENTENCE,
+    "plateau": SENTENCE,
+    "unsettled": SENTENCE,
+    "value": ANY_NUMBER,
+    "low": ANY_NUMBER,
+    "high": ANY_NUMBER,
+    "aim": ANY_NUMBER,
+    "complete": Truth(),
+    "grows": Truth(),
     "errors": Number(least=0),
-    "within": WITHIN,
-    "also": Lines(WITHIN),
-    "others": NAMED,
+    "within": TOLERANCE,
+    "also": Lines(TOLERANCE),
+    "others": EXPRESSIONS,
     "mention": Several(SENTENCE, "sentences"),
 }
-"""A target's rule, as `analysis.study.targets` follows it."""
-VERDICT = dict.fromkeys(("near", "inside", "power", "apart"), Lines(known=RULE))
+"""Kinds of the settings of a target's rule, as `analysis.study.rules` applies it."""
+RULES: dict[str, Kind] = {
+    "near": Lines(known=RULE),
+    "inside": Lines(known=RULE),
+    "power": Lines(known=RULE),
+    "apart": Lines(known=RULE),
+}
+"""Rules by their names."""
 FIT: dict[str, Kind] = {
-    **dict.fromkeys(("by", "over", "x"), SENTENCE),
+    "by": SENTENCE,
+    "over": SENTENCE,
+    "x": SENTENCE,
     "select": EXPRESSION,
-    "of": NAMED,
+    "of": EXPRESSIONS,
 }
-PARTS: dict[str, Lines] = {
-    "tables": Lines(
-        needed=("name", "title"),
-        known={
-            "name": FILE_NAME,
-            "title": SENTENCE,
-            "page": Truth(),
-            "select": EXPRESSION,
-            "require": EXPRESSION,
-            "columns": NAMED,
-            "means": Several(SENTENCE, "columns", 1),
-            "limit": Lines(
-                needed=("x", "own", "by"),
-                known={"x": EXPRESSION, "own": Number(), "by": Several(SENTENCE, "columns", 1)},
-            ),
-            "laws": Lines(
-                needed=("quantities", "fits"),
-                known={"quantities": NAMED, "fits": Several(Lines(known=FIT), "fits")},
-            ),
-            "checks": Lines(
-                needed=("names", "rows", "columns"),
-                known={
-                    "names": TEXTS,
-                    "rows": Several(Lines(SENTENCE, needed=("title",)), "rows"),
-                    "columns": Lines(Lines(known=VERDICT)),
-                },
-            ),
-            "side_by_side": SENTENCE,
-            "says": TEXTS,
-        },
-    ),
-    "figures": Lines(
-        needed=("name", "caption"),
-        known={
-            "name": FILE_NAME,
-            "figure": SENTENCE,
-            "caption": SENTENCE,
-            "cases": EXPRESSION,
-            "columns": Number(least=1, most=3, whole=True),
-            "height": Number(above=0, most=20),
-            "like": Word(("x", "y", "xy", "columns")),
-            "together": Truth(),
-            "plot": Lines(
-                needed=("x", "y", "by"),
-                known={
-                    "x": SENTENCE,
-                    "y": Several(EXPRESSION, "quantities", 1, 12),
-                    "by": SENTENCE,
-                },
-            ),
-        },
-    ),
-    "targets": Lines(
-        needed=("id", "stated", "rule"),
-        known={
-            **dict.fromkeys(("id", "stated", "rule", "calibrated"), SENTENCE),
-            **VERDICT,
-            "second": Lines(known={"rule": SENTENCE, **VERDICT}, needed=("rule",)),
-        },
-    ),
-}
-"""Parts of a study that are lists, and what each of their entries is."""
+"""Kinds of the settings of a fit of powers."""
+LIMIT = Lines(
+    needed=("x", "own", "by"),
+    known={"x": EXPRESSION, "own": Number(), "by": Several(SENTENCE, "columns", 1)},
+)
+"""Limit of means over cases as x goes to zero, by a straight line."""
+LAWS = Lines(
+    needed=("quantities", "fits"),
+    known={"quantities": EXPRESSIONS, "fits": Several(Lines(known=FIT), "fits")},
+)
+"""Quantities that are fitted as powers of others."""
+CHECKS = Lines(
+    needed=("names", "rows", "columns"),
+    known={
+        "names": SENTENCES,
+        "rows": Several(Lines(SENTENCE, needed=("title",)), "rows"),
+        "columns": Lines(Lines(known=RULES)),
+    },
+)
+"""A table of verdicts: each row applies the rules of all columns to its own quantities."""
+PLOT = Lines(
+    needed=("x", "y", "by"),
+    known={"x": SENTENCE, "y": Several(EXPRESSION, "quantities", 1, 12), "by": SENTENCE},
+)
+"""Quantities over a column, a curve for each value of `by`."""
+SECOND_RULE = Lines(known={"rule": SENTENCE, **RULES}, needed=("rule",))
+TABLE = Lines(
+    needed=("name", "title"),
+    known={
+        "name": FILE_NAME,
+        "title": SENTENCE,
+        "page": Truth(),
+        "select": EXPRESSION,
+        "require": EXPRESSION,
+        "columns": EXPRESSIONS,
+        "means": Several(SENTENCE, "columns", 1),
+        "limit": LIMIT,
+        "laws": LAWS,
+        "checks": CHECKS,
+        "side_by_side": SENTENCE,
+        "says": SENTENCES,
+    },
+)
+FIGURE = Lines(
+    needed=("name", "caption"),
+    known={
+        "name": FILE_NAME,
+        "figure": SENTENCE,
+        "caption": SENTENCE,
+        "cases": EXPRESSION,
+        "columns": Number(least=1, most=3, whole=True),
+        "height": Number(above=0, most=20),
+        "like": Word(("x", "y", "xy", "columns")),
+        "together": Truth(),
+        "plot": PLOT,
+    },
+)
+TARGET = Lines(
+    needed=("id", "stated", "rule"),
+    known={
+        "id": SENTENCE,
+        "stated": SENTENCE,
+        "rule": SENTENCE,
+        "calibrated": SENTENCE,
+        **RULES,
+        "second": SECOND_RULE,
+    },
+)
+PARTS: dict[str, Lines] = {"tables": TABLE, "figures": FIGURE, "targets": TARGET}
+"""Kinds of the entries of those parts of a study that are lists."""

@@ -13,14 +13,16 @@ from typing import Any, Literal, get_args
 import numpy as np
 import pandas as pd
 
+from analysis.case_columns import OF_RECORD
+from analysis.case_result import CaseResult
 from analysis.crystal import COLUMNS
 from analysis.estimators.fits import power_law, straight_line
 from analysis.frame import frame_of, mean_with_error, numbers, select, spreads
-from analysis.rows import OF_RECORD, CaseResult, read_results
+from analysis.result_file import read_results
 from analysis.study.captions import UNKNOWN, Captions
 from analysis.study.description import Study, following
 from analysis.study.fields import fill, number_format
-from analysis.study.targets import Rules
+from analysis.study.rules import Rules
 from analysis.table import Table, cell, number
 from modal.tools.errors import InputError
 

@@ -1,8 +1,8 @@
-"""A study's YAML as plain data: texts, numbers, true and false, lists, and lines NAME: VALUE.
+"""Read a study's YAML as plain data: texts, numbers, true and false, lists, lines NAME: VALUE.
 
-It may come from someone else, so what YAML can do beyond that is refused: tags that make objects, a
-name that stands twice (the first would be lost), references that grow without end. Numbers are
-decimal: 1e5 is one, 010 is ten, 1:30 is a text.
+A study's file may come from someone else. Whatever else YAML can do is therefore refused: tags that
+make objects, a name that stands twice (its first value would be lost), references that multiply the
+contents without limit. Numbers are decimal: 1e5 is a number, 010 is ten, 1:30 is a text.
 """
 
 import math
@@ -17,27 +17,35 @@ from modal.tools.errors import InputError
 
 MAX_BYTES = 1_000_000
 """Largest size of a file, bytes: the largest study of this project has 20 kB."""
-MAX_PARTS = 100_000
-"""Largest number of texts, numbers, lists and mappings of a file; those behind references are
-counted each time."""
+MAX_NODES = 100_000
+"""Largest number of nodes of a file: texts, numbers, lists and mappings. The nodes that a reference
+stands for are counted at every reference."""
 MAX_DEPTH = 20
 """Largest number of nested levels of lists and mappings; a study has 7."""
 PREFIX = "tag:yaml.org,2002:"
+"""Beginning of the names of YAML's own tags, such as tag:yaml.org,2002:int."""
 WHOLE = re.compile(r"[+-]?\d{1,18}")
+"""Pattern of a whole number, short enough for an integer of 64 bits."""
 DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,4})?")
-NO_DECIMAL = {".inf": math.inf, "+.inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
+"""Pattern of a decimal number."""
+NOT_FINITE = {".inf": math.inf, "+.inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
+"""Numbers that are not finite, by their text in lower case."""
 SCALARS = {
-    "bool": (r"true|True|TRUE|false|False|FALSE", "tTfF"),
-    "int": (WHOLE.pattern, "+-0123456789"),
-    "float": (rf"{DECIMAL.pattern}|[+-]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", "+-.0123456789"),
-    "null": (r"~|null|Null|NULL|", "~nN\0"),
-    "merge": (r"<<", "<"),
+    "bool": (r"true|True|TRUE|false|False|FALSE", [*"tTfF"]),
+    "int": (WHOLE.pattern, [*"+-0123456789"]),
+    "float": (rf"{DECIMAL.pattern}|[+-]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", [*"+-.0123456789"]),
+    "null": (r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    "merge": (r"<<", ["<"]),
 }
-"""How a text that stands without quotes is read: its pattern, and its first characters."""
+"""Types of a text without quotes, by the last word of their tag: the pattern that the text matches,
+and the characters with which it may begin. An empty text, which is null, begins with none."""
 
 
 def read_yaml(path: Path) -> Any:
-    """Return what a YAML file says; InputError, in one line, where it is none or says too much."""
+    """Return the contents of a YAML file.
+
+    Raises InputError if the file is no YAML, contains what is refused, or is too large.
+    """
     text = read_small(path)
     try:
         return yaml.load(text, _Loader)
@@ -51,7 +59,7 @@ def read_yaml(path: Path) -> Any:
 
 
 def read_small(path: Path) -> str:
-    """Return a text file of a study; InputError where it cannot be read, or is too large."""
+    """Return the text of a study's file; raise InputError if it is unreadable or too large."""
     try:
         if not path.is_file():
             raise InputError(
@@ -82,76 +90,70 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML has no types
 
     def __init__(self, stream: str) -> None:
         super().__init__(stream)
-        self.parts = 0
+        self.nodes = 0
         self.depth = 0
-        self.parts_of: dict[str, int] = {}
+        self.nodes_of_anchor: dict[str, int] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        """Return the next part of the file, once it is counted."""
+        """Return the next node of the file, and count it with all nodes that it contains."""
         event = self.peek_event()
         anchor = event.anchor
-        if isinstance(event, yaml.AliasEvent):
-            if anchor in self.anchors and anchor not in self.parts_of:
-                raise yaml.composer.ComposerError(
-                    None, None, f"{short(anchor)} refers to itself", event.start_mark
-                )
-            self.parts += self.parts_of.get(anchor, 0)
-        before = self.parts
-        self.parts += 1
+        is_reference = isinstance(event, yaml.AliasEvent)
+        if is_reference:
+            # An anchor whose nodes are not yet counted is still being read.
+            if anchor in self.anchors and anchor not in self.nodes_of_anchor:
+                raise _fault_at(event, f"{short(anchor)} refers to itself")
+            self.nodes += self.nodes_of_anchor.get(anchor, 0)
+        nodes_before = self.nodes
+        self.nodes += 1
         self.depth += 1
-        if self.parts > MAX_PARTS or self.depth > MAX_DEPTH:
-            raise yaml.composer.ComposerError(
-                None,
-                None,
-                f"more than {MAX_PARTS} parts or {MAX_DEPTH} levels",
-                event.start_mark,
-            )
+        if self.nodes > MAX_NODES or self.depth > MAX_DEPTH:
+            raise _fault_at(event, f"more than {MAX_NODES} parts or {MAX_DEPTH} levels")
         node = super().compose_node(parent, index)
         self.depth -= 1
-        if anchor is not None and not isinstance(event, yaml.AliasEvent):
-            self.parts_of[anchor] = self.parts - before
+        if anchor is not None and not is_reference:
+            self.nodes_of_anchor[anchor] = self.nodes - nodes_before
         return node
 
     def compose_mapping_node(self, anchor: Any) -> Any:
-        """Return lines NAME: VALUE, of which no two have one name."""
+        """Return a mapping; refuse a name that stands twice or is no text or number."""
         node = super().compose_mapping_node(anchor)
         names = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode) or key.tag == f"{PREFIX}null":
-                raise yaml.composer.ComposerError(
-                    None, None, "a name is a text or a number", key.start_mark
-                )
+                raise _fault_at(key, "a name is a text or a number")
             name = key.value
             if key.tag in (f"{PREFIX}int", f"{PREFIX}float"):
-                name = _decimal(key.value)
+                name = _parse_number(key.value)
             if name in names:
-                raise yaml.composer.ComposerError(
-                    None, None, f"{short(key.value)} stands twice", key.start_mark
-                )
+                raise _fault_at(key, f"{short(key.value)} stands twice")
             names.add(name)
         return node
 
     def construct_decimal(self, node: Any) -> int | float:
         """Return the number that a scalar of YAML states."""
-        return _decimal(self.construct_scalar(node))
+        return _parse_number(self.construct_scalar(node))
 
 
-def _decimal(text: str) -> int | float:
-    """Return a number from its text; ValueError where it is none."""
+def _fault_at(place: Any, problem: str) -> yaml.composer.ComposerError:
+    """Return the error that names a problem and the place, an event or a node, in the file."""
+    return yaml.composer.ComposerError(None, None, problem, place.start_mark)
+
+
+def _parse_number(text: str) -> int | float:
+    """Return the number that a text states; raise ValueError if it states none."""
     if WHOLE.fullmatch(text):
         return int(text)
-    if text.lower() in NO_DECIMAL:
-        return NO_DECIMAL[text.lower()]
+    if text.lower() in NOT_FINITE:
+        return NOT_FINITE[text.lower()]
     if not DECIMAL.fullmatch(text):
         raise ValueError(f"{short(text)} is no number")
     return float(text)
 
 
-for _kind, (_pattern, _first) in SCALARS.items():
+for _type, (_pattern, _first_characters) in SCALARS.items():
     _Loader.add_implicit_resolver(
-        f"{PREFIX}{_kind}",
-        re.compile(f"(?:{_pattern})$"),
-        [char.replace("\0", "") for char in _first],
+        f"{PREFIX}{_type}", re.compile(f"(?:{_pattern})$"), _first_characters
     )
-for _kind in ("int", "float"):
-    _Loader.add_constructor(f"{PREFIX}{_kind}", _Loader.construct_decimal)
+for _type in ("int", "float"):
+    _Loader.add_constructor(f"{PREFIX}{_type}", _Loader.construct_decimal)

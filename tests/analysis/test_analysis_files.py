@@ -10,11 +10,11 @@ from packings import frictionless, slender
 
 from analysis.__main__ import main
 from analysis.case import cases_of_files
+from analysis.case_measurement import measure_result
 from analysis.estimators.layer_lattice import LayerLattice, lattice_signals
 from analysis.figures.picture import Panel, Picture, write_picture
 from analysis.figures.render import to_figure, write_png
 from analysis.packing_data import PackingData
-from analysis.rows import row_of
 from analysis.table import Table
 from modal.__main__ import main as modal_main
 from modal.formats.hdf5 import atomic_h5
@@ -64,7 +64,7 @@ def files(folder, *names):
 def test_numbers_of_a_crystal_that_is_no_case(folder):
     """Its theory is found from the packing; every value is that of its own stress."""
     names = "quartz.network.h5", "run7.h5", "quartz_all.h5"
-    row = row_of(PackingData.of(cases_of_files(files(folder, *names))[0]))
+    row = measure_result(PackingData.of(cases_of_files(files(folder, *names))[0]))
     assert row.label == "FCC, 250 kPa (quartz)" and row.number is None
     chain = LayerLattice.of_network(fcc(STRESS, (1, 1, 120)))
     # The damped transform's bias is below 1e-5, the modes' 1e-6.
@@ -77,7 +77,7 @@ def test_numbers_of_a_crystal_that_is_no_case(folder):
 def test_numbers_of_a_random_packing_that_is_no_case(folder):
     """Without stress or friction in its study: its contacts tell the one; f_max is its file's."""
     (case,) = cases_of_files(files(folder, "heap.h5", "heap.signals.h5", "low.h5", "top.h5"))
-    row = row_of(PackingData.of(case))
+    row = measure_result(PackingData.of(case))
     assert row.label == "random, 100 kPa (heap)" and row.record == "yade"
     assert row.values["f_max"].value == case.read("highest.modes").frequency[-1]
 

@@ -9,6 +9,8 @@ from packings import frictionless, slender
 from places import ROOT
 
 from analysis.case import AbsentError, Case
+from analysis.case_columns import of_one_producer
+from analysis.case_measurement import measure_result
 from analysis.estimators.fits import power_law
 from analysis.estimators.layer_lattice import lattice_signals
 from analysis.estimators.low_pass import THRESHOLDS
@@ -17,7 +19,6 @@ from analysis.frame import frame_of, numbers
 from analysis.packing_data import PackingData
 from analysis.packing_state import why_unsettled
 from analysis.quantities import QUANTITIES, passband, spectrum, velocity
-from analysis.rows import of_one_producer, row_of
 from analysis.table import number
 from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import ModeSet
@@ -135,7 +136,7 @@ def test_no_exponent_through_two_producers(two_producers):
     middle = two_producers[1]
     run, linear = (velocity.first_peak(middle, key).value for key in ("yade", "linear"))
     assert run == pytest.approx(0.9 * linear, rel=1e-2)
-    rows = [replace(row_of(m), name=str(k)) for k, m in enumerate(two_producers)]
+    rows = [replace(measure_result(m), name=str(k)) for k, m in enumerate(two_producers)]
     frame, columns = frame_of(rows), ("v_p_first_peaks_{record}_m_per_s", "{record}")
     _, name, producer = of_one_producer(frame["record"], *columns)
     law = power_law(frame["stress"], numbers(frame, name))

@@ -10,7 +10,7 @@ import pytest
 from analysis.expressions import MAX_DEPTH, UnknownNameError, evaluate
 from analysis.frame import numbers, select
 from analysis.study.captions import Captions
-from analysis.study.fields import fill, inside, number_format
+from analysis.study.fields import file_inside, fill, number_format
 from modal.tools.errors import InputError
 
 NAMES = {"friction": 0.4, "width": 4, "kind": "random", "dense": True}
@@ -195,6 +195,6 @@ def test_a_format_is_of_numbers(form):
 @pytest.mark.parametrize("name", ["../x", "a/b", "/etc/x", "..", "", "."])
 def test_no_name_leads_out_of_its_folder(name, tmp_path):
     with pytest.raises(InputError) as refused:
-        inside(tmp_path, name)
+        file_inside(tmp_path, name)
     assert refused.value.code == "outside_folder"
-    assert inside(tmp_path, "x.csv") == tmp_path / "x.csv"
+    assert file_inside(tmp_path, "x.csv") == tmp_path / "x.csv"

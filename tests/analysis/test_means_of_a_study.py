@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from analysis.case_result import CaseResult
 from analysis.frame import frame_of, mean_with_error
 from analysis.measurement import Measurement, mean_of
-from analysis.rows import CaseResult, read_result, write_result
+from analysis.result_file import read_result, write_result
 from analysis.study.figure_layout import plot_quantities
 from analysis.study.tables import tabulate_limits, tabulate_means
 from analysis.table import number

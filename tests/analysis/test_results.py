@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from places import ROOT
 
+from analysis.case_columns import OF_RECORD, paper_column
+from analysis.case_result import CaseResult
 from analysis.caveats import Caveat
-from analysis.rows import OF_RECORD, CaseResult, paper_column, read_result, write_result
+from analysis.result_file import read_result, write_result
 from analysis.value import Value
 from modal.tools.errors import InputError
 

@@ -13,10 +13,11 @@ from places import ROOT
 from analysis.__main__ import main
 from analysis.frame import frame_of
 from analysis.quantities.spectrum import natural_frequency
-from analysis.rows import read_results
+from analysis.result_file import read_results
 from analysis.study.description import Study
+from analysis.study.rules import Rules
 from analysis.study.tables import make_tables, tabulate_all_numbers
-from analysis.study.targets import Rules, answer_targets, tabulate_targets
+from analysis.study.targets import answer_targets, tabulate_targets
 from modal.modes.eigenmodes import modes_of
 from modal.packing.network import write_network
 from modal.packing.state import void_ratio

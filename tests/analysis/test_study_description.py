@@ -5,12 +5,13 @@ import os
 import pytest
 
 from analysis.__main__ import main
+from analysis.case_result import CaseResult
 from analysis.frame import frame_of
-from analysis.rows import CaseResult, write_result
+from analysis.result_file import write_result
 from analysis.study.description import Study
 from analysis.study.page import page
+from analysis.study.rules import Rules
 from analysis.study.tables import make_tables
-from analysis.study.targets import Rules
 from analysis.value import estimate
 from modal.tools.errors import InputError
 

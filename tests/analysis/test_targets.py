@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 from places import ROOT
 
+from analysis.case_columns import of_one_producer
+from analysis.case_result import CaseResult
 from analysis.frame import frame_of, powers
-from analysis.rows import CaseResult, of_one_producer, read_result, read_results, write_result
+from analysis.result_file import read_result, read_results, write_result
 from analysis.study.description import Study
+from analysis.study.finding import Finding
+from analysis.study.rules import Rules
 from analysis.study.tables import make_tables
-from analysis.study.targets import (
-    Finding,
-    Rules,
-    answer_targets,
-    tabulate_second_verdicts,
-)
+from analysis.study.targets import answer_targets, tabulate_second_verdicts
 from analysis.value import estimate
 from modal.tools.errors import InputError
 

@@ -13,7 +13,7 @@ from places import SHEARED
 
 import modal
 from analysis.__main__ import main
-from analysis.watch.page import slip_of_spheres
+from analysis.watch.shown_wave import slip_of_spheres
 from modal.modes.mode_set import write_modes
 from modal.packing.network import write_network
 from modal.packing.sample import read_sample, write_sample
