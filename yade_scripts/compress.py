@@ -24,7 +24,7 @@ from yade import config
 from yade.utils import readParamsFromTable
 
 from modal.preparation import protocol
-from modal.preparation.compression import compress_to_stresses
+from modal.preparation.compression import Simulation, compress_to_stresses
 from modal.preparation.protocol import Study
 from modal.preparation.sizes import MIXTURE
 from modal.tools.errors import InputError
@@ -54,7 +54,7 @@ def main():
         study,
         [stress for stress in protocol.STRESSES if stress <= table.highest],
         study.provenance("yade_scripts/compress.py", yade=config.version),
-        Scene,
+        Simulation(Scene),
         show_progress,
     )
 

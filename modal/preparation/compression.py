@@ -47,6 +47,17 @@ Say = Callable[[str], None]
 """Function that shows a line of progress."""
 
 
+class Simulation(NamedTuple):
+    """How spheres are moved along a path.
+
+    start_motion: sets a sample in motion under a stage. make_stage: makes a stage from its name and
+    the study.
+    """
+
+    start_motion: StartMotion
+    make_stage: Callable[[str, Study], Stage] = Stage
+
+
 class StageProgress(NamedTuple):
     """Time of a stage so far, s; whether the packing has settled; whether the stage is over."""
 
@@ -58,6 +69,10 @@ class StageProgress(NamedTuple):
 def start_dynamics(sample: Sample, stage: Stage) -> Dynamics:
     """Set a sample in modal's own motion, whose strain rates the control of a stage sets."""
     return Dynamics(sample, stage.damping, control=stage.control.follow)
+
+
+WITH_FRICTION = Simulation(start_dynamics)
+"""Spheres with friction, moved by modal's own loop."""
 
 
 def compact_cloud(study: Study, start_motion: StartMotion) -> Sample:
@@ -197,10 +212,9 @@ def compress_to_stresses(
     folder: Path,
     study: Study,
     stresses: Sequence[float],
-    made: Provenance,
-    start_motion: StartMotion,
+    provenance: Provenance,
+    simulation: Simulation,
     say: Say,
-    make_stage: Callable[[str, Study], Stage] = Stage,
     dense: Path | None = None,
 ) -> list[tuple[float, Path]]:
     """Follow the path of a study to each stress, and return the (stress, file) pairs of its states.
@@ -216,14 +230,12 @@ def compress_to_stresses(
         Parameters of the path.
     stresses : sequence of float
         Pa, in rising order with friction.
-    made : Provenance
+    provenance : Provenance
         Command and study, written into each file.
-    start_motion : callable
-        Sets a sample in motion under a stage.
+    simulation : Simulation
+        How spheres are moved: with friction or without, here or in YADE.
     say : callable
         Shows lines of progress.
-    make_stage : callable
-        Makes a stage from its name and the study.
     dense : Path, optional
         Sample of a packing without friction.
 
@@ -252,7 +264,7 @@ def compress_to_stresses(
     files = {f"{stress:g}": folder / f"{stress:g}Pa.sample.h5" for stress in stresses}
 
     def write(path: Path, sample: Sample) -> None:
-        write_sample(path, replace(sample, provenance=made.attributes()))
+        write_sample(path, replace(sample, provenance=provenance.attributes()))
 
     def write_checkpoint(sample: Sample) -> None:
         attributes = sample.study | {"way": STAGE_SEPARATOR.join(passed_stages)}
@@ -263,16 +275,16 @@ def compress_to_stresses(
     if not checkpoint.exists():
         checkpoint = folder / OLD_CHECKPOINT
     if checkpoint.exists():
-        sample = _read_sample_of_study(checkpoint, study, made.command)
+        sample = _read_sample_of_study(checkpoint, study, provenance.command)
         for path in files.values():
             if path.exists():
-                _read_sample_of_study(path, study, made.command)
+                _read_sample_of_study(path, study, provenance.command)
         passed_stages = _resume(checkpoint, sample, stages)
     else:
         if dense:
-            sample = stir(read_sample(dense), study, start_motion)
+            sample = stir(read_sample(dense), study, simulation.start_motion)
         elif study.mu_comp:
-            sample = compact_cloud(study, start_motion)
+            sample = compact_cloud(study, simulation.start_motion)
         else:
             sample = make_cloud(study)
         passed_stages = stages[:1]
@@ -281,7 +293,8 @@ def compress_to_stresses(
     while (name := sample.study["stage"]) != END:
         if name not in passed_stages:
             passed_stages.append(name)
-        sample, has_ended = run_to_checkpoint(sample, make_stage(name, study), start_motion, say)
+        stage = simulation.make_stage(name, study)
+        sample, has_ended = run_to_checkpoint(sample, stage, simulation.start_motion, say)
         if has_ended:
             if name in files:
                 sample.study["stress"] = float(name)

@@ -12,7 +12,7 @@ from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Material
 from modal.packing.network import Network
 from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import read_sample
-from modal.preparation.compression import compress_to_stresses, start_dynamics
+from modal.preparation.compression import WITH_FRICTION, Simulation, compress_to_stresses
 from modal.preparation.frictionless import Descent, Pressure
 from modal.preparation.protocol import JAMMING_STRESS, NOMINAL_FRACTION, PEAK, STRESSES, Study
 from modal.preparation.sizes import NO_WALLS, Mixture, Words, join_words, parse_solid
@@ -35,6 +35,8 @@ MAX_SEED = 2**63 - 1
 """Largest seed that an attribute of a file holds."""
 DENSE_FOLDER = "dense"
 """Folder of the packing without friction that is dilated, within that of the states."""
+WITHOUT_FRICTION = Simulation(Descent, Pressure)
+"""Spheres without friction, which descend to the least enthalpy."""
 COMMAND = "python -m modal pack"
 """Command in the provenance of each packing, which makes it again whoever has called."""
 
@@ -178,9 +180,9 @@ def pack(
     )
     if default_aspect:
         say(f"{spheres} spheres: length over width {default_aspect:.3g}")
-    made = study.provenance(COMMAND)
+    provenance = study.provenance(COMMAND)
     if friction == 0:
-        return compress_to_stresses(folder, study, targets, made, Descent, say, Pressure)
+        return compress_to_stresses(folder, study, targets, provenance, WITHOUT_FRICTION, say)
     dense = None
     if study.dilate:
         frictionless_study = replace(study, mu_comp=0.0, dilate=0.0)
@@ -189,15 +191,14 @@ def pack(
             frictionless_study,
             [JAMMING_STRESS * hardness],
             frictionless_study.provenance(COMMAND),
-            Descent,
+            WITHOUT_FRICTION,
             say,
-            Pressure,
         )
     isotropic_stresses = targets
     if oedometric:
         isotropic_stresses = [targets[0] / 10]
     files = compress_to_stresses(
-        folder, study, isotropic_stresses, made, start_dynamics, say, dense=dense
+        folder, study, isotropic_stresses, provenance, WITH_FRICTION, say, dense
     )
     if not oedometric and stress_ratio is None:
         return files
