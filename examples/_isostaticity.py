@@ -66,7 +66,7 @@ def read_packings(folder):
         stress = contents["stress"]
         path = contents["name"].replace(f"_stress{stress:g}", "")
         row = {"friction": contents["mu_comp"], "stress_pa": stress, "path": path}
-        packings.append(row | numbers)
+        packings.append(row | numbers | {end: contents[end] for end in ("notes", "unsettled")})
     table = pd.DataFrame(packings).rename(columns={"coordination_of_bearing": "z"})
     for name, key in KEYS.items():
         table[name] = table[key].astype(float) / table["highest_frequency"]

@@ -72,7 +72,7 @@ def power(x, low, high):
     return trial[np.argmin(abs(mean - inside.mean()))] - 1
 
 
-def with_error(chosen, low, high):
+def with_error(chosen, low, high, modes=modes):
     """Return the power of the modes of some packings, its standard error, and their number."""
     members = [modes["x"].to_numpy()[modes["packing"] == k] for k in chosen]
     random, every = np.random.default_rng(1), np.concatenate(members)
@@ -100,6 +100,24 @@ for (friction, _), some in packings.groupby(["friction", "large"]):
     rows.append(row)
 rows = pd.DataFrame(rows)
 print(rows.T.to_string(header=False, float_format="%.4g"))
+
+# %%
+# **Which modes have which power?** The sphere that moves most in a mode has few contacts in nine of
+# ten modes. The powers of all packings together, by the number of its contacts.
+
+MOVERS = {
+    "two": modes["contacts"] == 2,
+    "three": modes["contacts"] == 3,
+    "at most three": modes["contacts"] <= 3,
+    "four or more": modes["contacts"] >= 4,
+}
+movers = []
+for name, chosen in MOVERS.items():
+    low, high = RANGES[0]
+    b, error, count = with_error(packings.index, low, high, modes[chosen])
+    movers.append({"contacts": name, "modes": count, "power": b, "error": error})
+movers = pd.DataFrame(movers)
+print(movers.to_string(index=False, float_format="%.3g"))
 
 # %%
 # **The figure.** Over f*, the line on which the peak of D(f) / f^2 lies.
@@ -139,7 +157,8 @@ plt.show()
 
 if __name__ == "__main__" and len(sys.argv) > 1:
     folder = Path(sys.argv[1])
-    write(folder, {"soft_modes": figure}, {"powers": rows}, float_format="%.7g", na_rep="nan")
+    tables = {"powers": rows, "movers": movers}
+    write(folder, {"soft_modes": figure}, tables, float_format="%.7g", na_rep="nan")
     page = {"z": "{z:.2f}", "friction": "{friction:g}", "packings": "{packings}"}
     page |= {"spheres": "{spheres:,}", "f*, kHz": "{f_star_khz:.1f}"}
     for low, high in RANGES:
@@ -152,3 +171,6 @@ if __name__ == "__main__" and len(sys.argv) > 1:
     page["first mover has 2 or 3 contacts"] = "{at_most_three_contacts:.2f}"
     rows = rows.rename(columns=lambda name: name.replace(".", "_"))
     write_page(folder / "powers.md", rows, page)
+    page = {"contacts of the sphere that moves most": "{contacts}", "modes": "{modes}"}
+    page["power, 0.1 to 0.5 f*"] = "{power:.2f} ± {error:.2f}"
+    write_page(folder / "movers.md", movers, page)
