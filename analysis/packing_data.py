@@ -37,7 +37,8 @@ from analysis.record_rules import (
 from analysis.same_state import note
 from modal.elasticity.moduli import ElasticModuli, elastic_moduli
 from modal.exchange.registry import read_remarked
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.ends import has_two_ends
+from modal.packing.network import Network
 from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import Sample
 from modal.packing.summary import crystalline_shares
@@ -160,8 +161,8 @@ class PackingData:
 
     @property
     def walls(self) -> bool:
-        """Tell whether there are two walls along z, a source and a receiver."""
-        return bool(np.isin([SOURCE_WALL, RECEIVER_WALL], self.network.particle_j).all())
+        """Tell whether there are two walls along z, flat or of held spheres."""
+        return has_two_ends(self.network)
 
     def require_walls(self) -> None:
         """Raise UnavailableError without two walls along z."""

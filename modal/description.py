@@ -50,8 +50,10 @@ def describe(network: Network) -> str:
     """
     state = summary(network)
     contacts_with_walls = int(network.with_wall.sum())
-    rows = [
-        ("spheres", f"{network.n_particles}, diameters {_diameters(network)}"),
+    rows = [("spheres", f"{network.n_particles}, diameters {_diameters(network)}")]
+    if network.fixed is not None:
+        rows.append(("held", _held(network)))
+    rows += [
         ("cell", _cell(network)),
         ("contacts", f"{network.n_contacts}, {contacts_with_walls} of them with the walls"),
         ("coordination number", f"{network.coordination_number:.3f}"),
@@ -78,6 +80,17 @@ def _diameters(network: Network) -> str:
     if smallest == largest:
         return smallest
     return f"{smallest} to {largest}"
+
+
+def _held(network: Network) -> str:
+    """Return a text with the number of spheres that are held, wholly or in part."""
+    held = int(network.held.sum())
+    description = f"{held} spheres in all motions"
+    assert network.fixed is not None
+    partly = int(network.fixed.any(axis=1).sum()) - held
+    if partly:
+        description += f", {partly} in some"
+    return f"{description}; {network.degrees_of_freedom} degrees of freedom"
 
 
 def _cell(network: Network) -> str:

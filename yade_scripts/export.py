@@ -12,7 +12,7 @@ from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rigid_bodies import Bodies, joined
 from modal.packing.state import void_ratio
 from modal.tools.errors import InputError
-from yade_scripts.held import refuse_held
+from yade_scripts.held import held_motions
 from yade_scripts.scene import wall_faces
 from yade_scripts.state import canonical_contacts, wrap_into_cell
 
@@ -126,6 +126,7 @@ def network_of_scene(walls=None):
         cell_size=high - low,
         cell_periodic=periodic,
         wall_position=np.array([low[2], high[2]]),
+        fixed=held_motions(bodies),
     )
     clump_ids = sorted({body.clumpId for body in bodies if body.isClumpMember})
     if not clump_ids:
@@ -160,7 +161,7 @@ def _read_clumps(ids):
 
 
 def _find_spheres():
-    """Return the scene's spheres; raise InputError for unknown or held bodies."""
+    """Return the scene's spheres; raise InputError for unknown bodies."""
     bodies = []
     for body in O.bodies:
         if body is None or body.shape is None:
@@ -176,7 +177,6 @@ def _find_spheres():
             )
     if not bodies:
         raise InputError("no_spheres", "the scene has no spheres")
-    refuse_held(bodies)
     return bodies
 
 

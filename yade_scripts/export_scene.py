@@ -17,8 +17,8 @@ Wall, Facet and Box bodies become the two flat walls at low and high z. A networ
 the middle of the overlap, as YADE's torques do; for the motion of a sphere on a Wall it takes the
 Wall's plane, and by default a "ratcheting" variant, which differ by overlap / radius. Other
 cohesion and rolling resistance, walls that stand in the way along x or y, and cells at angles are
-refused, in one line; so are spheres that do not move freely (`fixed`, `blockedDOFs`, moved by an
-engine).
+refused, in one line. Spheres keep the motions that `fixed`, `blockedDOFs` or the mask of the
+integrator leave them; a sphere that an engine moves must have all of them blocked.
 """
 
 import sys

@@ -1,5 +1,6 @@
-"""Spheres of a YADE scene that do not move freely under their contact forces."""
+"""Motions that spheres of a YADE scene cannot make: blocked by the user, or taken by an engine."""
 
+import numpy as np
 from yade import O, wrapper
 
 from modal.tools.errors import InputError
@@ -11,46 +12,51 @@ MOVED_IDS = {
     "StepDisplacer": ("ids",),
 }
 """Engines that move bodies whatever forces act on these, with their lists of ids."""
+MOTIONS = "xyzXYZ"
+"""Letters of `blockedDOFs`: displacements along x, y, z, and turns about them."""
 
 
-def refuse_held(bodies):
-    """Raise InputError, which names the first one, unless all of these spheres move freely.
+def held_motions(bodies):
+    """Return which motions of spheres are held, (n, 6) bool; None if all spheres move freely.
 
-    All spheres of a network move freely. A member of a clump moves as the clump does.
+    A member of a clump moves as the clump does. Raises InputError, which names the first one, for a
+    sphere that an engine moves although not all of its motions are blocked.
     """
-    engine_reasons = _find_moved_bodies()
-    for body in bodies:
+    moving_engines = _find_moved_bodies()
+    fixed = np.zeros((len(bodies), len(MOTIONS)), bool)
+    for row, body in enumerate(bodies):
         mover = O.bodies[body.clumpId] if body.isClumpMember else body
-        reason = (
-            engine_reasons.get(body.id) or engine_reasons.get(mover.id) or _describe_hold(mover)
-        )
-        if reason:
+        blocked = mover.state.blockedDOFs
+        fixed[row] = [letter in blocked for letter in MOTIONS]
+        if _is_outside_masks(mover):
+            fixed[row] = True
+        engine = moving_engines.get(body.id) or moving_engines.get(mover.id)
+        if engine and not fixed[row].all():
             raise InputError(
                 "held_bodies",
-                f"sphere {body.id} does not move freely",
-                f"{reason}, and a network has no held spheres",
-                "put a Wall, Facet or Box in their place, or let them move freely "
-                f"(O.bodies[{mover.id}].state.blockedDOFs = '') and come to rest",
+                f"{engine} moves sphere {body.id}",
+                "which of its motions answer to forces is not known",
+                f"block all of them (O.bodies[{mover.id}].state.blockedDOFs = '{MOTIONS}'), or let "
+                "it move freely and come to rest",
             )
+    return fixed if fixed.any() else None
 
 
-def _describe_hold(body):
-    """Return what keeps a body from moving freely, or an empty text."""
-    kind = "its clump" if body.isClump else "it"
-    blocked = body.state.blockedDOFs
-    if blocked:
-        return f"{kind} has blockedDOFs {blocked!r}"
-    for engine in O.engines:
-        if not isinstance(engine, wrapper.NewtonIntegrator) or engine.dead:
-            continue
-        if engine.mask > 0 and not engine.mask & body.groupMask:
-            return f"{kind} is outside the mask of NewtonIntegrator"
-    return ""
+def _is_outside_masks(body):
+    """Return whether all integrators leave a body out by their masks."""
+    newtons = [
+        engine
+        for engine in O.engines
+        if isinstance(engine, wrapper.NewtonIntegrator) and not engine.dead
+    ]
+    return bool(newtons) and not any(
+        newton.mask <= 0 or newton.mask & body.groupMask for newton in newtons
+    )
 
 
 def _find_moved_bodies():
-    """Return a text for each body that an engine moves, by its id."""
-    reasons = {}
+    """Return the name of the engine that moves each body, by the body's id."""
+    names = {}
     for engine in O.engines:
         if engine.dead:
             continue
@@ -59,5 +65,5 @@ def _find_moved_bodies():
                 continue
             for list_name in list_names:
                 for body_id in getattr(engine, list_name):
-                    reasons[body_id] = f"{type(engine).__name__} moves it"
-    return reasons
+                    names[body_id] = type(engine).__name__
+    return names

@@ -136,7 +136,7 @@ def build_scene(sample, *, margin, damping):
     """Build the scene of a sample, with its contacts, shear forces and velocities.
 
     `margin` is the reach of the collider in radii, `damping` the local damping. Raises InputError
-    for a cell without walls, or if YADE finds other contacts than the sample has.
+    for a cell without walls, for held spheres, or if YADE finds other contacts than the sample has.
     """
     n = len(sample.position)
     if sample.periodic_z:
@@ -145,6 +145,13 @@ def build_scene(sample, *, margin, damping):
             "the sample is periodic along z",
             "scenes have walls",
             "take a sample with walls",
+        )
+    if sample.fixed is not None:
+        raise InputError(
+            "held_bodies",
+            "the sample has held spheres",
+            "scenes of samples move all spheres",
+            "take the waves of `granular-modes`, which hold them",
         )
     O.reset()
     place(

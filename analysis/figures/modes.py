@@ -37,7 +37,7 @@ def natural_frequencies(m: PackingData) -> Picture:
     """
     modes = m.case.read("modes")
     translations = m.case.read("translations.modes")
-    degrees_of_freedom = 6 * m.network.n_particles
+    degrees_of_freedom = m.network.degrees_of_freedom
     left = Panel("share of modes below", "natural frequency (kHz)", "(a)", legend="upper left")
     right = Panel("natural frequency (kHz)", "density (1/kHz)", "(b)")
     right.ylim = (0, MAX_DENSITY_PER_KHZ)

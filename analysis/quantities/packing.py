@@ -23,7 +23,7 @@ MAX_RELATIVE_RADIUS_DIFFERENCE = 1e-9
 
 
 def _measure_coordination(network: Network) -> float:
-    return float(state.contacts_per_particle(network).mean())
+    return network.coordination_number
 
 
 def _measure_coordination_of_bearing(network: Network) -> float:
@@ -31,7 +31,7 @@ def _measure_coordination_of_bearing(network: Network) -> float:
 
 
 def _measure_rattlers(network: Network) -> float:
-    return float(1 - force_bearing(network).mean())
+    return float(1 - force_bearing(network).sum() / max(int((~network.held).sum()), 1))
 
 
 def _measure_fabric(network: Network) -> float:

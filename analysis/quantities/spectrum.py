@@ -73,7 +73,7 @@ def lowest_modes(packing: PackingData) -> tuple[ModeSet, Floats, list[Caveat]]:
 
     The modes are those of a file with shapes; without one, some are computed.
     """
-    n = 6 * packing.network.n_particles
+    n = packing.network.degrees_of_freedom
     modes = packing.case.read("modes")
     along_z = z_shapes(packing)
     if modes is None or along_z is None:
@@ -164,7 +164,7 @@ def modal_fitted(packing: PackingData) -> Value:
 def f_max(packing: PackingData) -> float:
     """Return the highest natural frequency, Hz, from a complete list or from the highest modes."""
     modes = packing.case.read("modes")
-    if modes is not None and len(modes.frequency) == 6 * packing.network.n_particles:
+    if modes is not None and len(modes.frequency) == packing.network.degrees_of_freedom:
         return float(modes.frequency[-1])
     return float(highest(packing).frequency[-1])
 
@@ -323,7 +323,7 @@ def excess_of(frequency: Floats, density: Floats, modes: float, highest: float) 
 def excess(packing: PackingData) -> Excess:
     """Compare the density of states of a packing with that of plane waves."""
     frequency, per_hertz, _ = density(packing)
-    return excess_of(frequency, per_hertz, 6 * packing.network.n_particles, f_max(packing))
+    return excess_of(frequency, per_hertz, packing.network.degrees_of_freedom, f_max(packing))
 
 
 @quantity("Hz", definition="highest natural frequency")

@@ -26,8 +26,8 @@ def run(options: Options) -> Result:
     at_zero = summary_at_zero(system)
     floppy = at_zero["floppy_modes"] + at_zero["unstable_modes"]
     for frequency, count in zip(limits.tolist(), counts, strict=True):
-        below = frequency > 0 and count <= floppy < system.size
-        above = frequency > 0 and count == system.size > floppy
+        below = frequency > 0 and count <= floppy < system.degrees_of_freedom
+        above = frequency > 0 and count == system.degrees_of_freedom > floppy
         remark_on_ends(options, frequency, below, above)
     count_below = dict(zip(options.at, counts, strict=True))
-    return {"count_below": count_below, **at_zero, "degrees_of_freedom": system.size}
+    return {"count_below": count_below, **at_zero, "degrees_of_freedom": system.degrees_of_freedom}

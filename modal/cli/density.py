@@ -51,5 +51,5 @@ def run(options: Options) -> Result:
         "standard_error": dict(zip(options.at, error[:, -1].tolist(), strict=True)),
         "floppy_modes": round(float(states.zero_modes.sum())),
         "floppy_modes_counted": states.counted,
-        "degrees_of_freedom": 6 * network.n_particles,
+        "degrees_of_freedom": network.degrees_of_freedom,
     }

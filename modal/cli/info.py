@@ -40,8 +40,9 @@ def run(options: Options) -> Result:
             "particles": network.n_particles,
             "contacts": network.n_contacts,
             "wall_contacts": int(network.with_wall.sum()),
+            **_held_bodies(network),
             "length_m": network.length,
-            "degrees_of_freedom": 6 * network.n_particles,
+            "degrees_of_freedom": network.degrees_of_freedom,
         },
         "state": {
             **{name: value for name, value in state.items() if name not in bulk},
@@ -59,6 +60,14 @@ def run(options: Options) -> Result:
     if notes:
         options.groups["notes of the file, in SI units"] = {"": notes}
     return result | {"study": study}
+
+
+def _held_bodies(network: Network) -> dict[str, int]:
+    """Return how many particles are held in all motions, and in some; empty if all are free."""
+    if network.fixed is None:
+        return {}
+    held = int(network.held.sum())
+    return {"held": held, "held_in_some_motions": int(network.fixed.any(axis=1).sum()) - held}
 
 
 def _is_about_bulk(name: str) -> bool:

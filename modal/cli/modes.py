@@ -80,7 +80,7 @@ def run(options: Options) -> Result:
         "floppy_modes": modes.floppy_modes,
         "floppy_modes_by_kind": structural.kinds | {"collective": collective},
         "unstable_modes": modes.unstable_modes,
-        "degrees_of_freedom": system.size,
+        "degrees_of_freedom": system.degrees_of_freedom,
         "certified": modes.certified,
         "missing": modes.missing,
         "uncertified_because": modes.attributes.get("uncertified_because", ""),

@@ -22,8 +22,9 @@ read_product = None
 
 def run(options: Options) -> Result:
     """Compute the response up to the highest frequency, and find the maxima of the gain."""
-    arguments = chosen_for(frequency_response, options) | source_arguments(options)
-    response = frequency_response(packing_of(options), **arguments)
+    network = packing_of(options)
+    arguments = chosen_for(frequency_response, options) | source_arguments(options, network)
+    response = frequency_response(network, **arguments)
     if options.output:
         write_response(options.output, response, options.made)
     result: Result = {}

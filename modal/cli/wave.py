@@ -26,7 +26,7 @@ from modal.waves.motions import Motion, Pulse, chirp, read_motion, step
 from modal.waves.nonlinear import NONLINEAR_TOLERANCE, NonlinearWave
 from modal.waves.propagate import LINEAR_TOLERANCE, LinearWave, propagate
 from modal.waves.signals import COMPONENT, read_signals, write_signals
-from modal.waves.sources import Plane, Point, Source, Wall
+from modal.waves.sources import Plane, Point, RoughWall, Source, default_source
 
 
 class MotionKind(NamedTuple):
@@ -77,6 +77,7 @@ WHICH_MOTION = (
 )
 DIRECTION_HELP = "of the source's motion: along z, along x or y for S-waves, or torsion about z"
 PLANE_HELP = "in the place of the source wall the contacts across this height, m, open"
+ROUGH_HELP = "the held spheres at the lower end move (default if no sphere touches a flat wall)"
 POINT_HELP = "in its place a force, in N, pushes sphere K (from 0 on), or a torque turns it"
 DAMPING_HELP = "of the contacts, over the critical: normal, tangential (default: none)"
 SOURCE_OPTIONS = (
@@ -86,6 +87,7 @@ SOURCE_OPTIONS = (
         [
             Option("--plane", "Z", PLANE_HELP),
             Option("--point", "K", POINT_HELP, kind=int),
+            flag("--rough-wall", ROUGH_HELP),
         ],
     ),
     Option("--damping", ("N", "T"), DAMPING_HELP),
@@ -125,13 +127,15 @@ def set_defaults(options: Options) -> None:
         options.tolerance = NONLINEAR_TOLERANCE if options.nonlinear else LINEAR_TOLERANCE
 
 
-def source_arguments(options: Options) -> dict[str, Any]:
+def source_arguments(options: Options, network: Network) -> dict[str, Any]:
     """Return the arguments of `propagate` for the source and for the dashpots of the contacts."""
-    source: Source = Wall()
+    source = default_source(network)
     if options.point is not None:
         source = Point(options.point)
     if options.plane is not None:
         source = Plane(options.plane)
+    if options.rough_wall:
+        source = RoughWall()
     damping = None
     if options.damping:
         damping = ContactDamping(*options.damping)
@@ -195,7 +199,7 @@ def run(options: Options) -> Result:
     else:
         packing = packing_of(options, waves=True)
         network = packing
-    arguments = chosen_for(propagate, options) | source_arguments(options)
+    arguments = chosen_for(propagate, options) | source_arguments(options, network)
     motion = motion_in(network, options, arguments["source"])
     duration = options.duration
     if duration is None:
@@ -216,7 +220,7 @@ def run(options: Options) -> Result:
         "particles_of_the_chain": len(signals.chain_particle),
         "times": len(signals.time),
         "largest_displacement_m": float(abs(displacement).max()),
-        "degrees_of_freedom": 6 * len(packing.position),
+        "degrees_of_freedom": network.degrees_of_freedom,
     }
     if options.nonlinear:
         options.remarks += _nonlinear_remarks(wave)

@@ -94,7 +94,10 @@ class MovingContacts:
     max_step : float
         Largest displacement of a sphere in one step, m; infinite by default.
     load : ndarray (n, 6) or (n, 3)
-        Net force, N, and with history the torque, N m, on each sphere.
+        Net force, N, and with history the torque, N m, on each sphere; zero along held motions.
+    on_held : ndarray, as `load`
+        Force and torque of the contacts along the held motions of each sphere, which its holder
+        takes up.
     stiffness : ndarray (n,) or (0,)
         Sum of the normal stiffnesses of each sphere, N/m.
     mean_force, mean_contact, mean_stiffness : float
@@ -137,6 +140,7 @@ class MovingContacts:
         self.smallest = float(self.radius.min())
         self.position = sample.position.copy()
         self.load = np.zeros((n, 6 if history else 3))
+        self.on_held = np.zeros((n, 6 if history else 3))
         self.stiffness = np.zeros(n if stiffness else 0)
         self._history = history
         self.work = np.zeros((0, 2))
@@ -254,6 +258,10 @@ class MovingContacts:
                 velocity, dt, change, self.friction, self._normal, self._shear, self.work
             )
         totals = forces_by_loop(self._slabs, geometry, self._laws, step, self.load, self.stiffness)
+        if self._sample.fixed is not None:
+            fixed = self._sample.fixed[:, : self.load.shape[1]]
+            self.on_held = np.where(fixed, self.load, 0.0)
+            self.load[fixed] = 0.0
         self.touching = int(totals.touching)
         self.sliding = int(totals.sliding)
         count = max(self.touching, 1)

@@ -260,7 +260,7 @@ class Dynamics:
         The forces of the last step are used.
         """
         total = -self.contacts.on_walls[0]
-        load = self.contacts.load[self.carried]
+        load = self.contacts.load[self.carried] + self.contacts.on_held[self.carried]
         x, y = self._from_axis()
         total[:3] -= load[:, :3].sum(axis=0)
         total[5] -= (x * load[:, 1] - y * load[:, 0] + load[:, 5]).sum()
@@ -286,6 +286,8 @@ class Dynamics:
         contacts = self.contacts
         if self.push is not None:
             contacts.load += self.push
+            if self._start.fixed is not None:
+                contacts.load[self._start.fixed] = 0.0
         rates = self.rates
         if control is not None:
             rates = np.asarray(control(self.stress()), float)

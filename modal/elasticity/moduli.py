@@ -27,6 +27,7 @@ from modal.elasticity.strain import STRAINS, UNIT_STRAINS, has_walls, stressed_s
 from modal.formats.product import Column, product_of, stored
 from modal.formats.provenance import Provenance
 from modal.modes.zero_modes import by_structure
+from modal.packing.ends import end_heights
 from modal.packing.network import Network
 from modal.packing.precision import overlap_error
 from modal.packing.rattlers import force_bearing
@@ -340,6 +341,9 @@ def _compute(
     network = stressed_system.network
     walls = has_walls(stressed_system)
     volume = volume_between_walls(network)
+    if walls:
+        # Rough walls are not strained.
+        volume *= float(np.diff(end_heights(network))[0]) / network.length
     density = float(network.mass[force_bearing(network)].sum()) / volume
     if network.with_wall.all() or density == 0:
         raise UnavailableError(

@@ -16,12 +16,13 @@ import numpy as np
 
 from modal.elasticity.steady import steady_motion
 from modal.elasticity.strain import AXES, UNIT_STRAINS
+from modal.packing.ends import end_heights
 from modal.packing.layers import Layers
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.network import Network
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import WALL_ZONE_IN_DIAMETERS
 from modal.system.contacts import contact_tangent, motion_of_contacts
-from modal.system.imposed import WallMoves
+from modal.system.imposed import end_moves
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
@@ -49,7 +50,7 @@ class Bulk:
         """Find the bulk beyond the zones of both walls; None if the packing is too short."""
         diameter = 2 * float(network.radius.mean())
         wall_zone = WALL_ZONE_IN_DIAMETERS * diameter
-        low, high = network.wall_position + np.array([wall_zone, -wall_zone])
+        low, high = end_heights(network) + np.array([wall_zone, -wall_zone])
         if high - low < max(MIN_LAYERS, 2 * SOFT_END_DIAMETERS) * diameter:
             return None
         return cls(float(low), float(high), SOFT_END_DIAMETERS * diameter)
@@ -167,8 +168,8 @@ def static_velocity(network: Network) -> StaticVelocity:
             "the packing is too short for a velocity of its bulk",
             remedy="take a longer one",
         )
-    source = system.put_on(WallMoves(SOURCE_WALL))
-    receiver = system.put_on(WallMoves(RECEIVER_WALL))
+    source = system.put_on(end_moves(network, "source"))
+    receiver = system.put_on(end_moves(network, "receiver"))
     # A factor takes minutes or gigabytes where some hundred products take a second.
     solution, _ = steady_motion(
         system, source, lambda work: MOTION_TOLERANCE**2 * work, "gradients"

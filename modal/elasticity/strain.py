@@ -21,7 +21,7 @@ left out are of the order of the square of stress divided by modulus.
 import numpy as np
 
 from modal.elasticity.plane_waves import INDEX
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
+from modal.packing.ends import has_two_ends
 from modal.system.imposed import Gradients
 from modal.system.linear_system import LinearSystem
 from modal.tools.arrays import Floats
@@ -40,6 +40,8 @@ UNIT_STRAINS = Gradients(ALL_GRADIENTS.gradient[[3 * moving + along for moving, 
 def has_walls(system: LinearSystem) -> bool:
     """Tell whether a packing stands between two walls along z; False if it is periodic there.
 
+    Walls are flat, or rough (`modal.packing.ends`).
+
     InputError for a packing that cannot be strained: it is not periodic along x or y, is neither
     periodic along z nor touches two walls, or is a slab with pre-stress.
     """
@@ -55,7 +57,7 @@ def has_walls(system: LinearSystem) -> bool:
         )
     if network.cell_periodic[2]:
         return False
-    if not {SOURCE_WALL, RECEIVER_WALL} <= {*np.unique(network.particle_j).tolist()}:
+    if not has_two_ends(network):
         raise UnavailableError(
             "no_walls",
             "no strain zz can be put on this packing",

@@ -351,7 +351,13 @@ def _read_wall(
 
 
 def read_packing(
-    frame: Frame, units: Units, walls: Mapping[int, float], *, needs_type: bool, body: str = ""
+    frame: Frame,
+    units: Units,
+    walls: Mapping[int, float],
+    *,
+    needs_type: bool,
+    body: str = "",
+    fixed: Bools | None = None,
 ) -> Packing:
     """Return the spheres of a dump, in the order of their numbers, in the cell of its box.
 
@@ -367,6 +373,8 @@ def read_packing(
         Whether the law depends on types. Otherwise spheres without types are of type 1.
     body : str
         Column with the numbers of rigid bodies; empty if there are none.
+    fixed : ndarray of bool (n, 6), optional
+        Held motions of the spheres, in the order of the rows.
     """
     rows = frame.rows
     _refuse_shapes(rows)
@@ -405,7 +413,7 @@ def read_packing(
     bodies = None
     if body:
         bodies = rows.to_integers(table[:, names.index(body)], body)
-    columns = SphereColumns(table[:, 0], position, radius, mass, kind, bodies)
+    columns = SphereColumns(table[:, 0], position, radius, mass, kind, bodies, fixed)
     cell = Cell(
         units.length * frame.head.low,
         units.length * frame.head.high,

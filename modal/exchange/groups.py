@@ -95,13 +95,36 @@ class Groups:
 
     def may_contain_atoms(self, chosen: Bools) -> bool:
         """Tell whether some atom of the dump may be one of the `chosen` possible atoms."""
-        likely = chosen & self.possible
-        key_of_likely = np.zeros(int(likely.sum()), int)
+        key_of_likely, key_of_atom = self._keys(np.flatnonzero(chosen & self.possible))
+        return bool(np.isin(key_of_likely, key_of_atom).any())
+
+    def of_dumped_atoms(self, values: Bools) -> Bools | None:
+        """Return the values (n, k) of the atoms of the dump, from those (p, k) of possible atoms.
+
+        None if the log leaves open, for some atom, which of several different values it has.
+        """
+        likely = np.flatnonzero(self.possible)
+        key_of_likely, key_of_atom = self._keys(likely)
+        order = np.argsort(key_of_likely, kind="stable")
+        first = np.searchsorted(key_of_likely[order], key_of_atom)
+        last = np.searchsorted(key_of_likely[order], key_of_atom, side="right")
+        # Sums of values up to each possible atom tell whether all between two have the same.
+        sums = np.zeros((len(likely) + 1, values.shape[1]), int)
+        np.cumsum(values[likely][order], axis=0, out=sums[1:])
+        count = sums[last] - sums[first]
+        total = (last - first)[:, None]
+        if not ((count == 0) | (count == total)).all():
+            return None
+        return count > 0
+
+    def _keys(self, likely: Ints) -> tuple[Ints, Ints]:
+        """Return one number for all answers of each likely possible atom, and of each atom (n,)."""
+        key_of_likely = np.zeros(len(likely), int)
         key_of_atom = np.zeros(self.count, int)
         for k, answer in enumerate(self.answers.values()):
             key_of_likely += answer.of_possible_atoms[likely].astype(int) << k
             key_of_atom += answer.of_atoms.astype(int) << k
-        return bool(np.isin(key_of_likely, key_of_atom).any())
+        return key_of_likely, key_of_atom
 
     def _add_question(self) -> Bools:
         """Double the possible atoms by a new question; return those whose answer is yes."""

@@ -1,8 +1,9 @@
-"""Find which spheres a LAMMPS or LIGGGHTS script does not let move freely at the step of a dump.
+"""Find which motions a LAMMPS or LIGGGHTS script takes from spheres at the step of a dump.
 
-The spheres of a network move and turn freely. A script may differ from that in two ways: by fixes
-that hold spheres (setforce, freeze, move, ...), and by integrating only some of the spheres (`fix
-ID GROUP nve/sphere`), or all without their rotations (`fix nve`).
+A script holds spheres in two ways: by fixes (setforce, freeze, move, ...), and by integrating only
+some of the spheres (`fix ID GROUP nve/sphere`), or all without their rotations (`fix nve`). Held
+motions go to the column `fixed` of a network. What a fix does beyond holding, as springs to places
+do, has no place in a network and is refused.
 
 The run that wrote the dump decides. The fixes that hold spheres are those during this run. Which
 spheres are integrated is read from the last run, up to this one, that integrates any: scripts often
@@ -14,15 +15,15 @@ with rigid bodies alone.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from modal.exchange.groups import Groups
-from modal.exchange.text import Refusal
-from modal.tools.arrays import Ints
+from modal.exchange.text import refuse
+from modal.tools.arrays import Bools, Ints
 
 ACCELERATED = re.compile("/(omp|kk|kk/host|kk/device|intel|opt|gpu)$")
 """Endings of styles with the same effect as the styles without these endings."""
@@ -32,11 +33,13 @@ TURNING = {"sphere", "asphere", "body", "superquadric", "nonspherical"}
 """Parts of the names of integrating fixes that also turn atoms by the torques on them."""
 NOT_FREE = ("nve/noforce", "nve/manifold/rattle")
 """Fixes that are named like an integrating fix but do not move atoms freely."""
-REASON = "only packings whose spheres all move freely are known"
-REMEDY = (
-    "let fix ID all nve/sphere move them, unfix what holds some, and dump again, or type --pair "
-    "and --wall in place of --log, which takes all as free"
+UNKNOWN_MEMBERS = "which spheres of the dump are in it is not known from the log"
+MAKE_GROUPS_BY_NUMBER = (
+    "make its groups by type or id, and dump these; or type --pair and --wall in place of --log, "
+    "which takes all spheres as free"
 )
+NO_PLACE = "a network has nothing for it"
+UNFIX = "unfix it and dump again"
 
 
 class Fix(NamedTuple):
@@ -108,47 +111,107 @@ class Run:
         return self.length > 0 and any(fix.is_rigid for fix in self.fixes.values())
 
 
+ALL_MOTIONS = np.ones(6, bool)
+TURNS = np.array([False, False, False, True, True, True])
+IN_PLANE = np.array([False, False, True, True, True, False])
+"""Motions that are held in a plane across z: along z, and turns about x and y."""
+
+MotionsOf = Callable[[Sequence[str]], Bools | None]
+"""Function of the words of a fix that returns the motions (6,) that it holds: along x, y, z, and
+turns about them. None for words with which the fix does more than to hold."""
+
+
+def _components_of_zero(words: Sequence[str]) -> Bools | None:
+    """Return the motions that `setforce` holds: components of zero; those that are NULL are free.
+
+    Another force moves spheres, or has a value that the log does not show. Torques are not set.
+    """
+    held = np.zeros(6, bool)
+    for axis, word in enumerate(words[:3]):
+        if word.upper() == "NULL":
+            continue
+        try:
+            held[axis] = float(word) == 0
+        except ValueError:
+            return None
+        if not held[axis]:
+            return None
+    return held
+
+
+def _moved(words: Sequence[str]) -> Bools | None:
+    """Return the motions that `move` prescribes; components that are NULL are not known.
+
+    Only `rotate` and `transrot` set the turns, too.
+    """
+    if "NULL" in words:
+        return None
+    if words[:1] in (["rotate"], ["transrot"]):
+        return ALL_MOTIONS
+    return ~TURNS
+
+
+def _along_axis(words: Sequence[str]) -> Bools | None:
+    """Return the displacement along the axis that the first three numbers point to, if they do."""
+    try:
+        direction = np.array(words[:3], float)
+    except ValueError:
+        return None
+    if np.count_nonzero(direction) != 1:
+        return None
+    return np.concatenate([direction != 0, np.zeros(3, bool)])
+
+
+def _across_axis(words: Sequence[str]) -> Bools | None:
+    """Return the displacements across the axis that the first three numbers point to."""
+    along = _along_axis(words)
+    if along is None:
+        return None
+    return ~along & ~TURNS
+
+
 class Hold(NamedTuple):
-    """How a fix holds spheres: a description, and whether components that are NULL stay free."""
+    """How a fix holds spheres: a description, and the motions that it holds; None for unknown."""
 
     description: str
-    by_component: bool = False
+    motions: MotionsOf = lambda words: None
 
 
 HOLDING: Mapping[str, Hold] = {
-    "freeze": Hold("frozen spheres"),
-    "setforce": Hold("spheres whose forces it sets", by_component=True),
-    "aveforce": Hold("spheres that it gives one force", by_component=True),
-    "move": Hold("spheres that it moves itself"),
+    "freeze": Hold("frozen spheres", lambda words: ALL_MOTIONS),
+    "setforce": Hold("spheres whose forces it sets", _components_of_zero),
+    "aveforce": Hold("spheres that it gives one force"),
+    "move": Hold("spheres that it moves itself", _moved),
     "spring": Hold("spheres that it ties to a point or to others"),
     "spring/self": Hold("spheres that it ties to their places"),
     "spring/rg": Hold("spheres that it ties to others"),
     "smd": Hold("spheres that it ties to a point or to others"),
     "drag": Hold("spheres that it pulls to a point"),
-    "enforce2d": Hold("spheres that it keeps in a plane"),
-    "planeforce": Hold("spheres that it keeps in a plane"),
-    "lineforce": Hold("spheres that it keeps on a line"),
+    "enforce2d": Hold("spheres that it keeps in a plane", lambda words: IN_PLANE),
+    "planeforce": Hold("spheres that it keeps in a plane", _along_axis),
+    "lineforce": Hold("spheres that it keeps on a line", _across_axis),
     "manifoldforce": Hold("spheres that it keeps on a surface"),
     "nve/manifold/rattle": Hold("spheres that it keeps on a surface"),
     "shake": Hold("spheres whose distances it keeps"),
     "rattle": Hold("spheres whose distances it keeps"),
 }
 """Fixes that hold atoms, by their styles."""
+BY_COMPONENT = ("setforce", "aveforce")
+"""Fixes that leave components free which are NULL."""
 
 
-def describe_held_spheres(fix: Fix) -> str:
-    """Return a description of the spheres that a fix holds; empty if it holds none."""
+def hold_of(fix: Fix) -> Hold | None:
+    """Return how a fix holds spheres; None if it holds none."""
     if fix.style in HOLDING:
-        hold = HOLDING[fix.style]
-        components = fix.words[:3]
-        if hold.by_component and all(word.upper() == "NULL" for word in components):
-            return ""
-        return hold.description
+        is_idle = all(word.upper() == "NULL" for word in fix.words[:3])
+        if fix.style in BY_COMPONENT and is_idle:
+            return None
+        return HOLDING[fix.style]
     if fix.integrates and "disc" in fix.words:
-        return "discs"
+        return Hold("discs")
     if fix.is_rigid and "off" in fix.words:
-        return "bodies that it holds (off)"
-    return ""
+        return Hold("bodies that it holds (off)")
+    return None
 
 
 def find_runs_of_dump(runs: Sequence[Run], step: int) -> list[int]:
@@ -172,31 +235,47 @@ def _is_boundary(runs: Sequence[Run], k: int, step: int) -> bool:
     return runs[k - 1].steps[-1] == step == runs[k].steps[0]
 
 
-class Motion(NamedTuple):
-    """Refusals if some spheres of a dump are held, or do not turn freely."""
+class HeldMotions(NamedTuple):
+    """What a script takes from the spheres of a dump.
 
-    held: Refusal | None = None
-    unturned: Refusal | None = None
+    fixed: (n, 6), which motions each sphere of the dump's rows cannot make; None if all are free.
+    groups: names of groups all of whose spheres are held in all motions.
+    """
 
-    def refuse_held(self) -> None:
-        """Raise InputError if some spheres do not move freely."""
-        if self.held:
-            self.held.raise_error()
+    fixed: Bools | None = None
+    groups: frozenset[str] = frozenset()
 
-    def refuse_unturned(self) -> None:
-        """Raise InputError if some spheres do not turn freely."""
-        if self.unturned:
-            self.unturned.raise_error()
+    def fixed_motions(self, count: int) -> Bools:
+        """Return which motions (count, 6) of `count` spheres are held."""
+        if self.fixed is None:
+            return np.zeros((count, 6), bool)
+        return self.fixed
 
 
-def find_motion(
+class _History(NamedTuple):
+    """Lines of a log that define groups, columns of the dump, and groups that are asked about.
+
+    The arguments are those of `find_held_motions`.
+    """
+
+    lines: Sequence[Sequence[str]]
+    columns: Mapping[str, Ints]
+    count: int
+    other_groups: tuple[str, ...]
+
+
+def find_held_motions(
     runs: Sequence[Run],
     history: Sequence[Sequence[str]],
     step: int,
     columns: Mapping[str, Ints],
     count: int,
-) -> Motion:
-    """Return how the spheres of a dump move, from the runs and the groups of a log.
+    other_groups: Iterable[str] = (),
+) -> HeldMotions:
+    """Return the held motions of the spheres of a dump, from the runs and the groups of a log.
+
+    Raises InputError if a fix does more than to hold, or if the log does not show which spheres of
+    the dump it acts on.
 
     Parameters
     ----------
@@ -210,53 +289,73 @@ def find_motion(
         Columns (n,) of the dump that groups refer to: id, type, mol.
     count : int
         Number of spheres in the dump.
+    other_groups : iterable of str
+        Further groups of which to tell whether all spheres are held.
     """
     if not runs:
-        return Motion()
-    motions = [
-        _find_motion_in_run(runs, index, history, columns, count)
-        for index in find_runs_of_dump(runs, step)
-    ]
-    for motion in motions:
-        if motion.held:
-            return motion
-    for motion in motions:
-        if motion.unturned:
-            return motion
-    return Motion()
+        return HeldMotions()
+    parts = _History(history, columns, count, tuple(other_groups))
+    first, *others = [_find_in_run(runs, index, parts) for index in find_runs_of_dump(runs, step)]
+    for other in others:
+        if not np.array_equal(first.fixed_motions(count), other.fixed_motions(count)):
+            refuse(
+                "the log",
+                "held_bodies",
+                f"two runs have a step {step}, and hold different spheres",
+                "which of them wrote the dump is not known",
+                "give the part of the log that belongs to the dump",
+            )
+        first = first._replace(groups=first.groups & other.groups)
+    return first
 
 
-def _find_motion_in_run(
-    runs: Sequence[Run],
-    index: int,
-    history: Sequence[Sequence[str]],
-    columns: Mapping[str, Ints],
-    count: int,
-) -> Motion:
-    """Return how the spheres of a dump move if this run wrote it; arguments as `find_motion`."""
+def _find_in_run(runs: Sequence[Run], index: int, parts: _History) -> HeldMotions:
+    """Return the held motions of the spheres of a dump that the run of this index wrote."""
     informing = [run for run in runs[: index + 1] if run.shows_integration]
-    fixes_at_dump = runs[index].fixes
-    holding = {name: fix for name, fix in fixes_at_dump.items() if describe_held_spheres(fix)}
+    holding: dict[str, Fix] = {}
+    for name, fix in runs[index].fixes.items():
+        if hold_of(fix):
+            holding[name] = fix
     movers: dict[str, Fix] = {}
     if informing:
         for name, fix in informing[-1].fixes.items():
             if fix.integrates or fix.is_rigid:
                 movers[name] = fix
     names = {fix.group for fix in (*holding.values(), *movers.values())} - {"all"}
-    groups = Groups.from_history(history, columns, count, names)
+    names |= {*parts.other_groups}
+    groups = Groups.from_history(parts.lines, parts.columns, parts.count, names)
     for name in names:
-        groups.possible_members(name)
+        groups.possible_members(name)  # new questions double all, so they come first
+    fixed = _not_integrated(groups, movers)
     for name, fix in holding.items():
-        if groups.may_contain_atoms(groups.possible_members(fix.group)):
-            held = f"{describe_held_spheres(fix)} (fix {name}, group {fix.group})"
-            return Motion(held=_refusal(fix.place, f"fix {fix.style} has {held}"))
+        fixed |= _held_by_fix(groups, name, fix)
+    fixed_spheres = groups.of_dumped_atoms(fixed)
+    if fixed_spheres is None:
+        listed = [f"fix {name} {fix.group} {fix.style}" for name, fix in (holding | movers).items()]
+        place = next(iter((holding | movers).values())).place
+        refuse(
+            place,
+            "held_bodies",
+            f"{', '.join(listed)} acts on a part of the spheres",
+            UNKNOWN_MEMBERS,
+            MAKE_GROUPS_BY_NUMBER,
+        )
+    free = ~fixed.all(axis=1)
+    held_groups = [
+        name
+        for name in parts.other_groups
+        if not groups.may_contain_atoms(groups.possible_members(name) & free)
+    ]
+    if not fixed_spheres.any():
+        return HeldMotions(None, frozenset(held_groups))
+    return HeldMotions(fixed_spheres, frozenset(held_groups))
+
+
+def _not_integrated(groups: Groups, movers: Mapping[str, Fix]) -> Bools:
+    """Return the motions (p, 6) of possible atoms that no fix integrates; none without `movers`."""
+    fixed = np.zeros((len(groups.possible), 6), bool)
     if not movers:
-        return Motion()
-    return _check_coverage(groups, movers)
-
-
-def _check_coverage(groups: Groups, movers: Mapping[str, Fix]) -> Motion:
-    """Return whether fixes that move atoms move all of them, and turn all of them."""
+        return fixed
     moved = np.zeros_like(groups.possible)
     turned = np.zeros_like(groups.possible)
     for fix in movers.values():
@@ -264,16 +363,29 @@ def _check_coverage(groups: Groups, movers: Mapping[str, Fix]) -> Motion:
         moved = moved | members
         if fix.turns:
             turned = turned | members
-    place = next(iter(movers.values())).place
-    listed = ", ".join(f"fix {name} {fix.group} {fix.style}" for name, fix in movers.items())
-    if groups.may_contain_atoms(~moved):
-        problem = f"{listed} does not move all spheres, as far as the log shows"
-        return Motion(held=_refusal(place, problem))
-    if groups.may_contain_atoms(~turned):
-        return Motion(unturned=_refusal(place, f"{listed} does not turn all spheres"))
-    return Motion()
+    fixed[~turned] = TURNS
+    fixed[~moved] = ALL_MOTIONS
+    return fixed
 
 
-def _refusal(place: str, problem: str) -> Refusal:
-    """Return the refusal of spheres that are held."""
-    return Refusal(place, "held_bodies", problem, REASON, REMEDY)
+def _held_by_fix(groups: Groups, name: str, fix: Fix) -> Bools:
+    """Return the motions (p, 6) of possible atoms that a fix holds.
+
+    Raises InputError if it does more than to hold some sphere.
+    """
+    hold = hold_of(fix)
+    members = groups.possible_members(fix.group)
+    held = np.zeros((len(groups.possible), 6), bool)
+    if hold is None or not groups.may_contain_atoms(members):
+        return held
+    motions = hold.motions(fix.words)
+    if motions is None:
+        refuse(
+            fix.place,
+            "held_bodies",
+            f"fix {fix.style} has {hold.description} (fix {name}, group {fix.group})",
+            NO_PLACE,
+            UNFIX,
+        )
+    held[members] = motions
+    return held

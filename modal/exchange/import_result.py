@@ -228,6 +228,7 @@ def _assemble_network(
             cell_periodic=packing.cell.periodic,
             wall_position=np.array(packing.cell.planes),
             study=study,
+            fixed=packing.fixed,
             **vars(replace(geometry, overlap=state.overlap)),
             **state.columns,
         )
@@ -250,14 +251,18 @@ def _assign_laws(contacts: Contacts, packing: Packing, pair_law: PairLaw) -> Con
 def _select_contacts(listed: Contacts, packing: Packing, overlap: Floats) -> Bools:
     """Return which (m,) of the listed pairs are contacts.
 
-    Pairs inside one rigid body are not contacts, nor are spheres that do not touch, unless a table
-    lists the pair with a stiffness. Raises InputError, with the line, for two spheres in one place,
-    and for a contact of spheres that lie apart.
+    Pairs in one rigid body are not contacts, nor are held spheres that overlap, nor spheres that
+    do not touch, unless a table lists the pair. Raises InputError, with the line, for two spheres
+    in one place, and for a contact of spheres that lie apart.
     """
     reach, _ = packing.reach(listed.i, listed.j)
     body_i = packing.body[listed.i]
     body_j = packing.body[np.maximum(listed.j, 0)]
     selected: Bools = (listed.j < 0) | (body_i < 1) | (body_i != body_j)
+    if packing.fixed is not None and listed.force is None and not listed.columns:
+        # Held spheres do not act on each other, however deep a program lets them overlap.
+        held = packing.fixed.all(axis=1)
+        selected &= (listed.j < 0) | ~held[listed.i] | ~held[np.maximum(listed.j, 0)]
     listed.refuse(
         selected & (overlap == reach),
         "same_place",

@@ -63,9 +63,13 @@ MAX_QUOTED_COMMAND = 80
 
 
 class Exclusion(NamedTuple):
-    """A `neigh_modify exclude`, whose pairs of atoms have no contact: its style, and its place."""
+    """A `neigh_modify exclude`, whose pairs of atoms have no contact.
+
+    style: how pairs are chosen. words: the two words after the style. place: file and line.
+    """
 
     style: str
+    words: tuple[str, ...]
     place: str
 
 
@@ -111,6 +115,8 @@ class Script:
         False for a part of a log, in which a run ends whose table is absent.
     changed : int
         Last step before the law or a wall changed.
+    place_of_plane : str
+        File and line of `dimension 2`; empty for spheres that move in space.
     remarks : list of str
         Assumptions where the log says nothing.
     """
@@ -134,6 +140,7 @@ class Script:
     created: int = 0
     has_all_tables: bool = True
     changed: int = 0
+    place_of_plane: str = ""
     remarks: list[str] = field(default_factory=list)
 
     @property
@@ -271,9 +278,8 @@ def _apply_command(script: Script, words: list[str], place: str) -> None:
     match words:
         case ["units", name]:
             script.units = name
-        case ["dimension", "2"]:
-            remedy = "a network has spheres that move in space"
-            refuse(place, "two_dimensions", "dimension 2", remedy=remedy)
+        case ["dimension", number]:
+            script.place_of_plane = place if number == "2" else ""
         case ["bond_style", style, *_] if style not in ("none", "zero"):
             refuse(place, "bonds", f"bond_style {style}", NO_BONDS)
         case ["pair_style", *style] if style:
@@ -374,11 +380,11 @@ def _note_exclusions(script: Script, words: list[str], place: str) -> None:
     """Store the pairs that `neigh_modify exclude` leaves without contact."""
     if words[0] != "neigh_modify":
         return
-    for word, style in zip(words, words[1:], strict=False):
+    for k, (word, style) in enumerate(zip(words, words[1:], strict=False)):
         if word == "exclude" and style == "none":
             script.exclusions.clear()
         elif word == "exclude":
-            script.exclusions.append(Exclusion(style, place))
+            script.exclusions.append(Exclusion(style, tuple(words[k + 2 : k + 4]), place))
 
 
 def list_liggghts_columns(values: Sequence[str] = ()) -> list[str]:

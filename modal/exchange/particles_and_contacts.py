@@ -62,7 +62,7 @@ class SphereColumns(NamedTuple):
 
     number: numbers (n,) of the program. position: (n, 3). radius, mass: (n,). kind: types (n,) that
     choose the law, or None if all spheres are of type 0. body: numbers (n,) of rigid bodies, or
-    None if there are none.
+    None if there are none. fixed: held motions (n, 6), or None if all spheres move freely.
     """
 
     number: Floats
@@ -71,6 +71,7 @@ class SphereColumns(NamedTuple):
     mass: Floats
     kind: Ints | None = None
     body: Ints | None = None
+    fixed: Bools | None = None
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,8 @@ class Packing:
         Types that choose the law.
     body : ndarray (n,)
         Number of the rigid body that a sphere belongs to; below 1 for a single sphere.
+    fixed : ndarray of bool (n, 6) or None
+        Motions that a sphere cannot make, as in a network.
     """
 
     name: str
@@ -109,6 +112,7 @@ class Packing:
     mass: Floats
     kind: Ints
     body: Ints
+    fixed: Bools | None = None
 
     @classmethod
     def from_columns(
@@ -149,6 +153,7 @@ class Packing:
             mass=units.mass * columns.mass[order],
             kind=kind[order],
             body=body[order],
+            fixed=None if columns.fixed is None else columns.fixed[order],
         )
         packing._check()
         return replace(packing, position=packing._wrap_positions())

@@ -18,6 +18,7 @@ from modal.modes.counts import count_below
 from modal.modes.effort import factorisation
 from modal.modes.search import AboutShift, Search
 from modal.modes.zero_modes import FloppyModes, by_structure
+from modal.packing.rattlers import contacts_that_move
 from modal.solvers.factor import SingularError
 from modal.solvers.lanczos import BASIS_VECTORS_PER_MODE, Held, orthonormal
 from modal.system.linear_system import LinearSystem
@@ -87,7 +88,7 @@ def _count(system: LinearSystem, at_zero: Floats | None) -> FloppyModes:
         collective = sp.csc_matrix((system.size, 0))
         unstable = _find(system, floppy.basis, count_below(system, 0.0), "unstable")
         known = sp.hstack([floppy.basis, unstable], format="csc")
-        if floppy.total < system.size:
+        if floppy.total < system.degrees_of_freedom:
             missing = count_below(system, system.zero_frequency / 2) - known.shape[1]
             collective = _find(system, known, missing, "zero", definite=not unstable.shape[1])
     return replace(
@@ -162,7 +163,8 @@ def doubtful(system: LinearSystem, floppy: FloppyModes) -> bool:
     large to be analysed, and motions that may release energy.
     """
     network = system.network
-    springs = int((network.stiffness_normal != 0).sum())
-    springs += 2 * int((network.stiffness_tangential != 0).sum())
-    motions = floppy.basis.shape[0] - floppy.total
+    moves = contacts_that_move(network)
+    springs = int((network.stiffness_normal[moves] != 0).sum())
+    springs += 2 * int((network.stiffness_tangential[moves] != 0).sum())
+    motions = system.degrees_of_freedom - floppy.total
     return not floppy.whole or not network.stiffness_tangential.all() or springs <= motions

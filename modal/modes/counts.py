@@ -39,14 +39,15 @@ def check_count(system: LinearSystem, count: int, available_modes: int) -> None:
         raise UnavailableError(
             "no_stiffness",
             "no modes to list",
-            f"no spring holds any of the {system.size} motions",
+            f"no spring holds any of the {system.degrees_of_freedom} motions",
             "see the contacts with `info`",
         )
     if not (isinstance(count, int | np.integer) and 1 <= count <= available_modes):
         raise InputError(
             "mode_count",
             f"{count} modes asked",
-            f"the network has {system.size} degrees of freedom and {available_modes} modes to list",
+            f"the network has {system.degrees_of_freedom} degrees of freedom and {available_modes} "
+            "modes to list",
             f"ask for 1 to {available_modes}",
         )
 
@@ -163,7 +164,7 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
         apart = False
     may_be_above_all = square > MIN_SQUARE_ABOVE_ALL * system.diagonal.max(initial=0.0)
     if may_be_above_all and square > system.row_sum_bound:
-        return system.size
+        return system.degrees_of_freedom
     for counts in _counts_by_method(system, square, apart):
         count = counts.pop()
         if not counts and count is not None:

@@ -129,7 +129,7 @@ def damped_modes(
     if not frequencies(near) > 0:
         raise InputError("frequency", f"modes near {near:g} Hz", remedy="give a frequency above 0")
     dense = system.size <= MAX_DENSE_SIZE
-    available_modes = system.size
+    available_modes = system.degrees_of_freedom
     if not dense:
         available_modes -= 2  # ARPACK's limit
     check_count(system, count, available_modes)
@@ -140,7 +140,7 @@ def damped_modes(
     if dense:
         rate, phi = _find_all_rates(A, C, shift, min_rate)
     else:
-        zero_modes = by_structure(system).basis
+        zero_modes = sp.hstack([by_structure(system).basis, system.held_motions], format="csr")
         rate, phi = _find_rates_near(A, C, zero_modes, shift, count, min_rate)
     if len(rate) < count:
         raise InputError(

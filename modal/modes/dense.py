@@ -125,14 +125,14 @@ def _equal_cells(system: LinearSystem) -> Cells:
         particles[index[0] + nx * index[1], repeats.member] = np.arange(network.n_particles)
         cells = Cells(nx, ny, particles)
     count = len(cells.particles)
-    rows = system.size // count
+    rows = system.degrees_of_freedom // count
     blocks = "with no lateral symmetry"
     if count > 1:
         blocks = f"in {count} blocks of {rows} rows"
     refuse_endless_search(
         system,
         of_blocks(rows, count),
-        f"all {system.size} modes {blocks} take",
+        f"all {system.degrees_of_freedom} modes {blocks} take",
         "ask for the lowest, the highest or those of an interval",
     )
     return cells
@@ -141,13 +141,17 @@ def _equal_cells(system: LinearSystem) -> Cells:
 def _blocks(system: LinearSystem, cells: Cells) -> Iterator[tuple[Array, sp.csr_matrix]]:
     """Yield a block (b, b) and U (size, b) for each pair of wave vectors q, -q.
 
-    The block is real if q is -q. An eigenvector w of the block is the Bloch wave U w of the whole
-    network, of equal size in every cell. The first block is the laterally uniform one (q = 0).
+    The columns of U are motions that the bodies can make. The block is real if q is -q. An
+    eigenvector w of the block is the Bloch wave U w of the whole network, of equal size in every
+    cell. The first block is the laterally uniform one (q = 0).
     """
     nx, ny, particles = cells
     n_cells = len(particles)
-    size = system.size // n_cells
-    rows = (system.dof * particles[:, :, None] + np.arange(system.dof)).reshape(-1, size)
+    rows = (system.dof * particles[:, :, None] + np.arange(system.dof)).reshape(n_cells, -1)
+    is_free = np.zeros(system.size, bool)
+    is_free[system.free_rows] = True
+    rows = rows[:, is_free[rows[0]]]  # all cells are held alike
+    size = rows.shape[1]
     cell_y, cell_x = np.divmod(np.arange(n_cells), nx)
     for y, x in np.ndindex((ny, nx)):
         q = (y, x)

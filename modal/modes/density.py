@@ -309,7 +309,8 @@ def _estimate(
     highest = system.highest_frequency
     # The kernel's standard deviation in x is pi divided by the number of orders, odd ones included.
     count = max(2, int(np.ceil(np.pi * FULL_WIDTH * highest / resolution / 2)))
-    vectors = max(MIN_VECTORS, int(np.ceil(min(1 / (2 * tolerance**2 * size), 1e18))))
+    motions = max(system.degrees_of_freedom, 1)
+    vectors = max(MIN_VECTORS, int(np.ceil(min(1 / (2 * tolerance**2 * motions), 1e18))))
     exact = size <= MAX_DENSE_SIZE and size <= DENSE_PAYS * vectors
     _refuse_endless(system, resolution, tolerance, count, vectors, exact)
     if unstable := count_below(system, 0.0):
@@ -324,6 +325,7 @@ def _estimate(
         moments, at_zero = _exact_moments(system, top, count)
         return DensityOfStates(moments, highest, at_zero, resolution, products)
     zero_modes = floppy.basis
+    held = system.held_motions
     squares = np.asarray(zero_modes.multiply(zero_modes).sum(axis=1))
     at_zero = squares.reshape(-1, 6).sum(axis=0)
     random = np.random.default_rng(seed)
@@ -336,6 +338,7 @@ def _estimate(
         start = np.zeros((size, width))
         for column in start.T[:n_vectors]:
             column[:] = 2.0 * random.integers(0, 2, size, np.int8) - 1
+        start -= held @ (held.T @ start)
         start -= zero_modes @ (zero_modes.T @ start)
         label = f"density {some.stop}/{vectors}"
         moments[some] = moments_of(system.renumbered, start, top, count, label)[:n_vectors]
@@ -380,11 +383,12 @@ def _multiplied_vectors(size: int, vectors: int) -> int:
 
 def _exact_moments(system: LinearSystem, top: float, count: int) -> tuple[Floats, Floats]:
     """Compute the traces of elastic modes, (1, 6, count), and the shares of zero modes, (6,)."""
-    square, vector = eigh(system.dynamical_matrix.toarray(), overwrite_a=True)
+    rows = system.free_rows
+    square, vector = eigh(system.dynamical_matrix[rows][:, rows].toarray(), overwrite_a=True)
     at_zero = square <= system.zero_threshold
     angle = np.arccos(np.clip(2 * square[~at_zero] / top - 1, -1, 1))
-    by_particle = vector.reshape(-1, 6, len(square))
-    share = np.einsum("ncv,ncv->cv", by_particle, by_particle)
+    component = rows % 6
+    share = np.array([(vector[component == k] ** 2).sum(axis=0) for k in range(6)])
     moments = share[:, ~at_zero] @ np.cos(angle[:, None] * np.arange(count))
     return moments[None], share[:, at_zero].sum(axis=1)
 

@@ -81,7 +81,7 @@ def eigenmodes(
     between : tuple of 2 float, optional
         All modes in an interval, Hz.
     all : bool, default False
-        All 6n modes.
+        All modes, 6n of free spheres.
     translations_only : bool, default False
         Hold the rotations at zero.
     sliding : str, default "elastic"
@@ -196,9 +196,9 @@ def _find(system: LinearSystem, kind: str, value: Any, certify: bool) -> ModeSet
         interval = Choice.of_interval(*value)
         modes = _find_interval(system, interval, interval)
     elif kind == "all":
-        modes = _find_at_end(system, "all", 0, system.size, certify)
+        modes = _find_at_end(system, "all", 0, system.degrees_of_freedom, certify)
     else:
-        available = system.size
+        available = system.degrees_of_freedom
         if kind == "lowest":
             available -= every_floppy(system).held
         count = min(DEFAULT_COUNT, available) if value is None else value
@@ -284,7 +284,7 @@ def _find_highest(system: LinearSystem, choice: Choice, certify: bool) -> ModeSe
         reason = ""
         try:
             missing = search.complete(
-                choice.count, -1, lambda f: system.size - count_below(system, f)
+                choice.count, -1, lambda f: system.degrees_of_freedom - count_below(system, f)
             )
         except InputError as error:
             reason = f"no exact count: {error}"
@@ -316,7 +316,7 @@ def _find_interval(system: LinearSystem, interval: Choice, choice: Choice) -> Mo
     may therefore end on a mode, whose computed frequency decides whether it is in the list. If the
     `choice` is that of the lowest modes, the list has no more than these.
     """
-    if ModeRequest(system, interval, 0, system.size).method == "dense":
+    if ModeRequest(system, interval, 0, system.degrees_of_freedom).method == "dense":
         return dense_modes(system, interval)
     low = interval.low
     high = interval.high
@@ -350,7 +350,7 @@ def _find_between(
         system,
         Choice("between", low=low, high=high),
         count,
-        available=system.size - floppy.held,
+        available=system.degrees_of_freedom - floppy.held,
         from_zero=below[low] == floppy.held and not floppy.unstable,
     )
     if request.method == "dense":

@@ -273,14 +273,16 @@ def chi_z(shape: Array, particles: Ints | slice = slice(None), axis: int = 2) ->
 def participation_ratio(shape: Array, root: RootMass) -> Floats:
     """Compute the share of the particles that take part in modes of shapes (k, n, 6), (k,).
 
-    This is (sum e)^2 / (n sum e^2), with the kinetic energy e of each particle, rotations included:
+    This is (sum e)^2 / (n sum e^2), with the kinetic energy e of each particle, rotations included,
+    and the number n of particles that are not held:
     1 if all move alike, 2/3 in a plane standing wave, 1/n if one moves alone (R. J. Bell and P.
     Dean, Discuss. Faraday Soc. 50, 55, 1970). `root` is M^1/2.
     """
     count, n, _ = shape.shape
     scaled = root.times(np.ascontiguousarray(shape.reshape(count, -1).T)).T
     energy = (np.abs(scaled.reshape(count, n, 6)) ** 2).sum(axis=2)
-    return energy.sum(axis=1) ** 2 / (n * (energy**2).sum(axis=1))
+    moving = int(root.diagonal.reshape(n, 6).any(axis=1).sum())
+    return energy.sum(axis=1) ** 2 / (moving * (energy**2).sum(axis=1))
 
 
 def write_modes(path: str | Path, modes: ModeSet, made: Provenance | None = None) -> None:

@@ -132,7 +132,7 @@ class FromTop:
     def _find_by_products(self, count: int, held: Held) -> Nearest:
         """Find the highest modes as far as a limited number of products does."""
         max_products = self._max_products(count)
-        if count == 1 and held.free == self.system.size:
+        if count == 1 and held.free == self.system.degrees_of_freedom:
             operator = self.system.renumbered
             top = top_mode(operator, max_products)
             top.vector = operator.outward(top.vector[:, 0])[:, None]
@@ -160,7 +160,7 @@ class FromTop:
         while True:
             about = AboutShift(self.system, highest + distance)
             with suppress(SingularError):
-                if about.factorised().negative in (None, self.system.size):
+                if about.factorised().negative in (None, self.system.degrees_of_freedom):
                     return about
             about.release()
             distance *= SHIFT_GROWTH
@@ -174,8 +174,9 @@ class FromTop:
 class Search:
     """The modes that the rounds have found: omega^2 (k,), 1/s^2, and unit vectors (size, k) of A.
 
-    The orthonormal modes `null` (size, z) are held out of all rounds. The omega^2 of a motion
-    without energy that is not among them is exactly zero.
+    The orthonormal modes `null` (size, z) are held out of all rounds, as are the motions that
+    bodies cannot make. The omega^2 of a motion without energy that is not among them is exactly
+    zero.
     """
 
     def __init__(
@@ -184,6 +185,8 @@ class Search:
         self.system = system
         self.source = source
         self.null = null
+        if system.network.fixed is not None:
+            self.null = sp.hstack([null, system.held_motions], format="csc")
         self.square = np.empty(0)
         self.vector = np.empty((null.shape[0], 0))
 

@@ -57,9 +57,10 @@ def modes_at_an_end(system: LinearSystem, choice: Choice) -> ModeSet:
     Raises InputError if they do not converge, or if a factor takes more than the memory.
     """
     count = choice.count
-    # Motions that no contact resists are rows of zeros, which are left out of the matrix.
+    # Motions that no contact resists are rows of zeros, left out of the matrix as held ones are.
     floppy = by_structure(system)
-    rows = np.flatnonzero(np.asarray(floppy.basis.sum(axis=1)).ravel() == 0)
+    is_floppy = np.asarray(floppy.basis.sum(axis=1)).ravel() != 0
+    rows = system.free_rows[~is_floppy[system.free_rows]]
     A = system.dynamical_matrix[rows][:, rows].tocsc()
     sigma = None
     inverse = None

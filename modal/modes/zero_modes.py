@@ -7,6 +7,9 @@ With the remaining spheres fixed, each connected loose part is a small matrix. I
 padded with zeros, is a null space of K: K has no negative direction, and no energy means no
 stretched contact. A cluster that no wall holds also moves as a whole. Whether the remaining spheres
 really are rigid is found by the exact count of `modal.modes.collective`.
+
+Held bodies are walls: they hold the clusters that touch them. Bodies of which some motions are held
+keep the others, and only these count.
 """
 
 from dataclasses import dataclass
@@ -91,22 +94,28 @@ def _find_by_structure(system: LinearSystem) -> FloppyModes:
     touching = _adjacency(network)
     n_clusters, cluster = connected_components(touching, directed=False)
     anchored = np.zeros(n_clusters, bool)
-    anchored[cluster[network.particle_i[network.with_wall]]] = True
-    touched = np.isin(np.arange(len(cluster)), [network.particle_i, network.particle_j])
+    last_end = np.where(network.with_wall, network.particle_i, network.partner)
+    for end in (network.particle_i, last_end):
+        anchored[cluster[end[network.with_held]]] = True
+    moves = network.free_motions[:, :dof].any(axis=1)
+    touched = np.isin(np.arange(len(cluster)), [network.particle_i, network.particle_j]) & moves
     loose = touched & ~keeping_contacts(network, CONTACTS_OF_HELD_SPHERE) & semidefinite
-    kinds = {"free_particles": dof * int((~touched).sum()), "loose_clusters": 0, "hinged": 0}
-    free_rows = _rows(np.flatnonzero(~touched), dof)
-    rows = [free_rows]
-    null_spaces = [sp.identity(len(free_rows))]
-    in_rigid_part = np.repeat(touched, dof)
+    is_free = network.free_motions[:, :dof].ravel()
+    untouched_rows = _rows(np.flatnonzero(~touched), dof)
+    untouched_rows = untouched_rows[is_free[untouched_rows]]
+    kinds = {"free_particles": len(untouched_rows), "loose_clusters": 0, "hinged": 0}
+    rows = [untouched_rows]
+    null_spaces = [sp.identity(len(untouched_rows))]
+    in_rigid_part = np.repeat(touched, dof) & is_free
     loose_spheres = np.flatnonzero(loose)
     local_index = np.full(network.n_particles, -1)
     local_index[loose_spheres] = np.arange(len(loose_spheres))
     local_stiffness = _stiffness_among(system, loose_spheres)
     loose_parts = _loose_parts(touching, loose)
     for spheres in _pieces(loose_parts, system.limits.piece):
-        local_rows = _rows(local_index[spheres], dof)
         piece_rows = _rows(spheres, dof)
+        local_rows = _rows(local_index[spheres], dof)[is_free[piece_rows]]
+        piece_rows = piece_rows[is_free[piece_rows]]
         in_rigid_part[piece_rows] = False
         stiffness = local_stiffness[local_rows][:, local_rows].toarray()
         square, vector = eigh(stiffness, check_finite=False)
@@ -149,8 +158,11 @@ def _pieces(parts: list[Ints], max_size: int) -> list[Ints]:
 
 
 def _adjacency(network: Network) -> sp.csr_matrix:
-    """Return a matrix (n, n) with an entry at i, j for each contact of two spheres."""
-    is_pair = ~network.with_wall
+    """Return a matrix (n, n) with an entry at i, j for each contact of two spheres.
+
+    Contacts with held bodies are left out, as those with walls are.
+    """
+    is_pair = ~network.with_held
     n = network.n_particles
     ends = (network.particle_i[is_pair], network.particle_j[is_pair])
     return sp.coo_matrix((np.ones(len(ends[0])), ends), shape=(n, n)).tocsr()
@@ -206,7 +218,10 @@ def _rigid_motions(system: LinearSystem, touching: sp.csr_matrix, members: Bools
         if k >= 3:
             motion[members, :3] = np.cross(np.eye(3)[k - 3], position[members])
         vector = system.sqrt_mass.times(motion.ravel())
-        vector /= norm(vector)
+        length = norm(vector)
+        if not length > 0:
+            continue  # all bodies are held along this motion
+        vector /= length
         if dot(vector, product @ vector) <= system.zero_threshold:
             free.append(vector)
     return np.column_stack(free) if free else np.empty((system.size, 0))
@@ -217,7 +232,7 @@ def _unwrap_positions(network: Network, touching: sp.csr_matrix, members: Bools)
 
     They are followed from contact to contact.
     """
-    is_pair = ~network.with_wall
+    is_pair = ~network.with_held
     i = network.particle_i[is_pair]
     j = network.particle_j[is_pair]
     branch = (network.lever_i - network.lever_j)[is_pair]

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.ends import bodies_at_end
+from modal.packing.network import Network
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import UnavailableError
 
@@ -12,6 +13,8 @@ TIE_TOLERANCE = 1e-9
 
 def wall_to_wall_chain(network: Network) -> Ints:
     """Return the particles (nc,) from source to receiver wall, each touching the next.
+
+    Walls may be flat or rough (`modal.packing.ends`); held bodies are not part of the chain.
 
     This is the path through the contacts that stays closest to a vertical line: a step costs its
     length times 1 + (lateral distance from the line / diameter)^2. The line starts at the particle
@@ -25,8 +28,8 @@ def _chain(network: Network) -> Ints:
     """Find the chain as `wall_to_wall_chain` does, without the cache."""
     i = network.particle_i
     j = network.particle_j
-    start = np.unique(i[j == SOURCE_WALL])
-    goal = np.unique(i[j == RECEIVER_WALL])
+    start = bodies_at_end(network, "source")
+    goal = bodies_at_end(network, "receiver")
     if len(start) == 0 or len(goal) == 0:
         raise UnavailableError(
             "no_walls",
@@ -46,7 +49,7 @@ def _chain(network: Network) -> Ints:
             period = network.cell_size[axis]
             offset[:, axis] -= period * np.round(offset[:, axis] / period)
     weight = 1 + (offset**2).sum(axis=1) / (2 * network.radius) ** 2
-    pair = j >= 0
+    pair = ~network.with_held
     length = np.linalg.norm(network.lever_i - network.lever_j, axis=1)[pair]
     return _find_cheapest_path((i[pair], j[pair]), length, weight, first, goal)
 

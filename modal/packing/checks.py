@@ -82,6 +82,8 @@ def convert_columns(columns: Mapping[str, Any]) -> dict[str, Any]:
         if columns[name] is None and column.optional:
             continue
         converted[name] = column.array(name, columns[name], lengths)
+    if converted["fixed"] is not None and not converted["fixed"].any():
+        converted["fixed"] = None  # a packing whose bodies are all free has no such column
     for name in ("study", "provenance"):
         if not isinstance(columns[name], Mapping):
             raise InputError(

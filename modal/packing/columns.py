@@ -19,8 +19,8 @@ RECEIVER_WALL = -2
 
 SCHEMA = NETWORK_SCHEMA
 VERSION = (1, 2)
-"""Versions of the file format. Version 2 has the `BOND_COLUMNS`; programs that do not know these
-columns refuse the file."""
+"""Versions of the file format. Version 2 has the `BOND_COLUMNS` and `fixed`; programs that do not
+know these columns refuse the file."""
 OPTIONAL_CONTACT_COLUMNS = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
 """Columns of contacts that a program may be unable to give."""
 ROTATIONAL = stored("contacts", "f", "m", unit="N m/rad", since=2)
@@ -64,6 +64,7 @@ class Columns:
     inertia_tensor: Annotated[
         Floats | None, stored("particles", "f", "n", 3, 3, unit=KG_M2, since=2)
     ] = None
+    fixed: Annotated[Bools | None, stored("particles", "b", "n", 6, since=2)] = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
     _cache: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -103,9 +104,38 @@ class Columns:
         return len(self.particle_i)
 
     @property
+    def free_motions(self) -> Bools:
+        """Whether each body can make each motion (n, 6): along x, y, z, and turning about them."""
+        if self.fixed is None:
+            return np.ones((self.n_particles, 6), bool)
+        return ~self.fixed
+
+    @property
+    def held(self) -> Bools:
+        """Whether each body (n,) is held in all its six motions, as a part of a wall."""
+        if self.fixed is None:
+            return np.zeros(self.n_particles, bool)
+        return self.fixed.all(axis=1)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of motions of all bodies that are not held."""
+        if self.fixed is None:
+            return 6 * self.n_particles
+        return int((~self.fixed).sum())
+
+    @property
     def with_wall(self) -> Bools:
         """Whether each contact (m,) is between a particle and a wall."""
         return self.particle_j < 0
+
+    @property
+    def with_held(self) -> Bools:
+        """Whether each contact (m,) is with a wall or with a body that is held as a wall is."""
+        if self.fixed is None:
+            return self.with_wall
+        held = self.held
+        return self.with_wall | held[self.particle_i] | held[self.partner]
 
     @property
     def partner(self) -> Ints:
@@ -187,7 +217,7 @@ PARTICLES = [name for name, column in COLUMNS.items() if column.shape[0] == "n"]
 """Names of the columns of the particles."""
 CONTACTS = [name for name, column in COLUMNS.items() if column.shape[0] == "m"]
 """Names of the columns of the contacts."""
-BOND_COLUMNS = tuple(name for name, column in COLUMNS.items() if column.since > 1)
+BOND_COLUMNS = ("stiffness_rolling", "stiffness_twisting", "inertia_tensor")
 """Columns that ordinary contacts of spheres do not have: those of bonds that resist rolling or
 twisting, and of bodies of other shapes."""
 

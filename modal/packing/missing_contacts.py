@@ -13,7 +13,7 @@ import numpy as np
 
 from modal.packing.columns import Columns
 from modal.packing.neighbours import images_within, periodic_pairs
-from modal.tools.arrays import Floats, Ints
+from modal.tools.arrays import Bools, Floats, Ints
 
 SIZE_STEP = 2.0
 """Largest ratio of radii within one class of sizes: among similar spheres few pairs are near each
@@ -76,7 +76,13 @@ def _missing_contacts(network: Columns) -> MissingContacts:
     depth = least_overlap(network, overlap)
     is_deep = overlap > depth
     wall = network.with_wall
-    pairs = _count_pairs(network, depth) - int(is_deep[~wall].sum())
+    pairs = _count_pairs(network, depth, np.ones(network.n_particles, bool))
+    pairs -= int(is_deep[~wall].sum())
+    if network.fixed is not None:
+        # Held bodies do not act on each other, and programs may leave out their contacts.
+        held = network.held
+        between_held = ~wall & held[network.particle_i] & held[network.partner]
+        pairs -= _count_pairs(network, depth, held) - int(is_deep[between_held].sum())
     with_wall = _count_at_walls(network, depth) - int(is_deep[wall].sum())
     return MissingContacts(max(pairs, 0), max(with_wall, 0))
 
@@ -94,12 +100,17 @@ def _count_at_walls(network: Columns, depth: float) -> int:
     return int((radius - (z - low) > depth).sum() + (radius - (high - z) > depth).sum())
 
 
-def _count_pairs(network: Columns, depth: float) -> int:
-    """Count pairs of spheres that overlap by more than `depth`, m, once for each image."""
+def _count_pairs(network: Columns, depth: float, selection: Bools) -> int:
+    """Count pairs of selected spheres (n,) that overlap by more than `depth`, m.
+
+    A pair is counted once for each image.
+    """
     periodic = network.cell_periodic
-    radius = network.radius
+    radius = network.radius[selection]
+    if not len(radius):
+        return 0
     periods = np.where(periodic, network.cell_size, 0.0)
-    position = network.position - network.position.min(axis=0)
+    position = network.position[selection] - network.position.min(axis=0)
     position[:, periodic] %= network.cell_size[periodic]
     # Along an axis without a period images lie beyond the reach of any sphere.
     open_side = position.max(axis=0) + 6 * radius.max()

@@ -71,6 +71,9 @@ class Network(Columns):
     inertia_tensor : ndarray (n, 3, 3), optional
         Of bodies such as clumps, in the axes of the packing, kg m^2; `inertia` is a third of its
         trace.
+    fixed : ndarray of bool (n, 6), optional
+        Motions that a body cannot make: along x, y, z, and turns about them. A body that can make
+        none is a part of a wall; by default all bodies move freely.
     study, provenance : dict, optional
         Free attributes.
 
@@ -96,8 +99,14 @@ class Network(Columns):
 
     @property
     def coordination_number(self) -> float:
-        """Mean number of contacts of a particle, walls and rattlers included."""
-        return (2 * self.n_contacts - int(self.with_wall.sum())) / self.n_particles
+        """Mean number of contacts of a particle, walls and rattlers included.
+
+        Held bodies count as walls, not as particles.
+        """
+        held = self.held
+        ends = int((~held[self.particle_i]).sum())
+        ends += int((~self.with_wall & ~held[self.partner]).sum())
+        return ends / max(int((~held).sum()), 1)
 
     @property
     def fingerprint(self) -> str:

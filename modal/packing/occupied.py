@@ -13,8 +13,9 @@ from itertools import product
 
 import numpy as np
 
-from modal.packing.columns import PART, RECEIVER_WALL, SOURCE_WALL
+from modal.packing.columns import PART
 from modal.packing.contact_law import sphere_volume
+from modal.packing.ends import is_open_end
 from modal.packing.network import Network
 from modal.tools.arrays import Bools, Floats
 
@@ -81,9 +82,9 @@ class Occupied:
 def free_ends(network: Network) -> Bools:
     """Return which ends (3, 2) of the packing along x, y and z are free surfaces.
 
-    An end along z is free if nothing touches its wall. Both ends along x or y are free if there is
-    no period and the cell is wider than the packing. A cell without a width has no free ends there,
-    and spheres without any contact have none at all.
+    An end along z is free if nothing touches its wall and no held bodies are there. Both ends along
+    x or y are free if there is no period and the cell is wider than the packing. A cell without a
+    width has no free ends there, and spheres without any contact have none at all.
     """
     free = np.zeros((3, 2), bool)
     if not network.n_contacts:
@@ -97,7 +98,7 @@ def free_ends(network: Network) -> Bools:
         gap = MIN_GAP_IN_DIAMETERS * 2 * float(radius.mean())
         free[axis] = network.cell_size[axis] - reach > gap
     if network.length > 0 and not network.cell_periodic[2]:
-        free[2] = [wall not in network.particle_j for wall in (SOURCE_WALL, RECEIVER_WALL)]
+        free[2] = [is_open_end(network, "source"), is_open_end(network, "receiver")]
     return free
 
 

@@ -15,7 +15,7 @@ def keeping_contacts(network: Network, least: int) -> Bools:
     """Return which particles (n,) remain when those with fewer than `least` contacts are removed.
 
     A particle's contacts are removed with it, so this is repeated until all remaining particles
-    have at least `least` contacts with each other and with walls.
+    have at least `least` contacts with each other and with walls. Held bodies remain, as walls do.
     """
     return network.cached(f"keeping {least} contacts", lambda: _keeping_contacts(network, least))
 
@@ -25,15 +25,22 @@ def _keeping_contacts(network: Network, least: int) -> Bools:
     i = network.particle_i
     j = network.partner
     pair = ~network.with_wall
+    held = network.held
     remaining = np.ones(network.n_particles, bool)
     while True:
         present = remaining[i] & (remaining[j] | ~pair)
         ends = np.concatenate([i[present], j[present & pair]])
         contacts = np.bincount(ends, minlength=len(remaining))
-        fewer = remaining & (contacts >= least)
+        fewer = remaining & ((contacts >= least) | held)
         if np.array_equal(fewer, remaining):
             return remaining
         remaining = fewer
+
+
+def contacts_that_move(network: Network) -> Bools:
+    """Return which contacts (m,) have at least one end that is neither a wall nor a held body."""
+    held = network.held
+    return ~held[network.particle_i] | ~(network.with_wall | held[network.partner])
 
 
 def force_bearing(network: Network) -> Bools:
@@ -41,23 +48,27 @@ def force_bearing(network: Network) -> Bools:
 
     A particle with a single contact cannot be in balance under a force; it is a rattler. Rattlers
     are also all particles of a cluster that touches no wall and is not the largest. A cluster with
-    a contact through a period is taken for one that spans the cell.
+    a contact through a period is taken for one that spans the cell. Held bodies are walls: they
+    support others, and are not among the particles that bear force.
     """
     return network.cached("force-bearing", lambda: _force_bearing(network))
 
 
 def _force_bearing(network: Network) -> Bools:
     """Find the particles as `force_bearing` does, without the cache."""
+    held = network.held
     remaining = keeping_contacts(network, 2)
     i = network.particle_i
     j = network.partner
-    pair = remaining[i] & remaining[j] & ~network.with_wall
+    with_held = network.with_held
+    pair = remaining[i] & remaining[j] & ~with_held
     cluster = _find_clusters(len(remaining), i[pair], j[pair])
-    size = np.bincount(cluster, remaining)
+    size = np.bincount(cluster, remaining & ~held)
     is_supported = size == size.max(initial=0)
     through_period = pair & network.periods.any(axis=1)
-    is_supported[cluster[i[network.with_wall | through_period]]] = True
-    return remaining & is_supported[cluster]
+    is_supported[cluster[i[with_held | through_period]]] = True
+    is_supported[cluster[network.partner[with_held & ~network.with_wall]]] = True
+    return remaining & is_supported[cluster] & ~held
 
 
 def _find_clusters(n: int, i: Ints, j: Ints) -> Ints:

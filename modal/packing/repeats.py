@@ -258,6 +258,8 @@ def _largest_difference(
     network: Network, image: Ints, contacts: _ContactImage, columns: tuple[str, ...]
 ) -> float:
     """Return the `difference`, as in `Repeats`, between spheres and contacts and their images."""
+    if network.fixed is not None and (network.fixed[image] != network.fixed).any():
+        return np.inf
     _, here, there, sign = contacts
     reach = float(network.radius.min())
     lever_i = np.where(sign > 0, network.lever_i[here], network.lever_j[here])

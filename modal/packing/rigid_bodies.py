@@ -10,7 +10,7 @@ import numpy as np
 
 from modal.packing.checks import Fault, refuse_first
 from modal.packing.network import Network
-from modal.tools.arrays import Floats, Ints
+from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
 
 MAX_OFFSET_IN_PERIODS = 0.45
@@ -112,6 +112,7 @@ def joined(network: Network, body: Ints, properties: Bodies | None = None) -> Ne
         centre[joint] += centre_offset
         mass[joint] = properties.mass[rows]
         tensor[joint] = properties.tensor[rows]
+    fixed = _fixed_of_bodies(network, index, count)
     arm = position - centre[index]
     i = network.particle_i
     j = network.partner
@@ -133,7 +134,29 @@ def joined(network: Network, body: Ints, properties: Bodies | None = None) -> Ne
         lever_i=(network.lever_i + arm[i])[outer],
         lever_j=np.where(wall[:, None], 0.0, network.lever_j + arm[j])[outer],
         cell_shift=cell_shift[outer],
+        fixed=fixed,
     )
+
+
+def _fixed_of_bodies(network: Network, index: Ints, count: int) -> Bools | None:
+    """Return the held motions (count, 6) of bodies, of which each sphere's is in `index` (n,).
+
+    Raises InputError if members of a body are held differently, or in a part of their motions:
+    those of a sphere about its own centre are not those of the body.
+    """
+    if network.fixed is None:
+        return None
+    members = np.bincount(index, minlength=count)
+    fixed_members = np.column_stack([np.bincount(index, held, count) for held in network.fixed.T])
+    some = (fixed_members > 0) & (fixed_members < members[:, None])
+    in_part = fixed_members.any(axis=1) & ~fixed_members.all(axis=1) & (members > 1)
+    if some.any() or in_part.any():
+        raise InputError(
+            "held_bodies",
+            "a body of several spheres is held in a part of its spheres or motions",
+            remedy="hold all of its spheres, or none",
+        )
+    return fixed_members > 0
 
 
 def _sum_rows(index: Ints, values: Floats, count: int) -> Floats:

@@ -1,6 +1,6 @@
 """Store a sample of spheres compactly: its contact network is rebuilt from positions.
 
-This module is the one definition of the format "granular-sample", versions 1 to 3. Overlaps,
+This module is the one definition of the format "granular-sample", versions 1 to 4. Overlaps,
 normals and stiffnesses follow from the positions; only shear forces, which depend on history, are
 stored, as two components in a frame that follows from the normal.
 """
@@ -28,13 +28,13 @@ from modal.packing.contact_law import (
 from modal.packing.contact_models import ContactLaw, law_of_each, laws_of
 from modal.packing.neighbours import ContactList, canonical, touching
 from modal.packing.network import Network
-from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.errors import InputError
 
 SCHEMA = "granular-sample"
-VERSION = 1, 2, 3
+VERSION = 1, 2, 3, 4
 """Versions of the file format. 1: between walls. 2: periodic along z. 3: another contact model than
-that of Hertz and Mindlin. Earlier readers would not notice the last two."""
+that of Hertz and Mindlin. 4: held spheres. Earlier readers would not notice the last three."""
 MAX_DENSITY_ERROR = 1e-9
 """Largest relative deviation of a density from that of the material that round-off explains."""
 MAX_STIFFNESS_ERROR = 1e-6
@@ -78,6 +78,8 @@ class Sample:
         Whether there are no walls and `walls` are the ends of a period along z.
     periodic_sides : tuple of 2 bool, default (True, True)
         Whether x and y are periodic. A packing with free sides can be written to no file.
+    fixed : ndarray of bool (n, 6), optional
+        Motions that a sphere cannot make, as in a network; by default all spheres move freely.
     study, provenance : dict, optional
         Free attributes.
 
@@ -108,6 +110,7 @@ class Sample:
     wall_material: Elasticity | None = None
     periodic_z: bool = False
     periodic_sides: tuple[bool, bool] = (True, True)
+    fixed: Annotated[Bools | None, stored("particles", "b", "n", 6, since=4)] = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
@@ -196,6 +199,7 @@ class Sample:
             wall_position=np.asarray(self.walls, float),
             study=self.study | densities | self.constants,
             provenance=self.provenance,
+            fixed=self.fixed,
             **frozen(radius=np.full(n, self.sizes), mass=mass, inertia=inertia),
             **frozen(**vars(contact), **self._compute_springs(contact)),
         )
@@ -325,6 +329,7 @@ def _bare_sample(network: Network, friction: float) -> Sample:
         ),
         periodic_z=bool(network.cell_periodic[2]),
         periodic_sides=(bool(network.cell_periodic[0]), bool(network.cell_periodic[1])),
+        fixed=network.fixed,
         study=study,
         provenance=network.provenance,
     )

@@ -134,13 +134,15 @@ def fabric_tensor(network: Network) -> Floats:
 def coordination_without_rattlers(network: Network) -> tuple[float, int]:
     """Return the mean number of contacts of a force-bearing particle, and the number of rattlers.
 
-    Only contacts with walls and between force-bearing particles count; rattlers are all others.
+    Only contacts with walls or held bodies and between force-bearing particles count; rattlers are
+    all other particles that are not held.
     """
     bearing = force_bearing(network)
-    wall = network.with_wall
-    counts = bearing[network.particle_i] & (bearing[network.partner] | wall)
-    ends = 2 * int(counts.sum()) - int((counts & wall).sum())
-    return ends / max(int(bearing.sum()), 1), int((~bearing).sum())
+    bearing_i = bearing[network.particle_i]
+    bearing_j = bearing[network.partner] & ~network.with_wall
+    with_held = network.with_held
+    ends = 2 * int((bearing_i & bearing_j).sum()) + int(((bearing_i | bearing_j) & with_held).sum())
+    return ends / max(int(bearing.sum()), 1), int((~bearing & ~network.held).sum())
 
 
 def friction_used(network: Network, friction: float) -> Floats:
@@ -257,7 +259,10 @@ def write_profile(path: str | Path, layers: Profile) -> None:
 
 
 def net_forces(network: Network) -> Floats:
-    """Return force and torque (n, 6), N and N m, of the contacts on each sphere."""
+    """Return force and torque (n, 6), N and N m, of the contacts on each sphere.
+
+    They are zero along held motions, whose holder takes them up.
+    """
     force = contact_forces(network, "balance")
     load = np.zeros((network.n_particles, 6))
     ends = ((network.particle_i, network.lever_i), (network.particle_j, network.lever_j))
@@ -269,7 +274,7 @@ def net_forces(network: Network) -> Floats:
             load[:, column] += np.bincount(end[is_sphere], values, len(load))
         # The force on j is opposite to that on i.
         np.negative(force, out=force)
-    return load
+    return load * network.free_motions
 
 
 def sizes_of_loads(load: Floats, radius: Floats) -> Floats:

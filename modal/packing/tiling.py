@@ -76,5 +76,6 @@ def repeat_sample(sample: Sample, times_x: int, times_y: int) -> Sample:
         shear=large.shear,
         radii=large.radii,
         densities=large.densities,
+        fixed=large.fixed,
         study=sample.study | {"repeated": f"{times_x} x {times_y}"},
     )

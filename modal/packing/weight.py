@@ -35,16 +35,22 @@ def _gravity_of(network: Network) -> Floats | None:
     """Fit the acceleration as `gravity_of` does, without the cache."""
     has_contacts = contacts_per_particle(network) > 0
     force = net_forces(network)[has_contacts, :3]
-    mass = network.mass[has_contacts]
+    mass = _free_masses(network)[has_contacts]
     if has_contacts.sum() < MIN_SPHERES:
         return None
-    acceleration = -(mass @ force) / (mass @ mass)
-    unexplained = force + mass[:, None] * acceleration
+    squares = (mass**2).sum(axis=0)
+    acceleration = -(mass * force).sum(axis=0) / np.where(squares > 0, squares, 1.0)
+    unexplained = force + mass * acceleration
     if np.linalg.norm(unexplained) > MAX_UNEXPLAINED_SHARE * np.linalg.norm(force):
         return None
     mean_force = float(abs(network.require("force_normal", "weight")).mean())
-    weight = float(mass.mean() * np.linalg.norm(acceleration))
+    weight = float(network.mass[has_contacts].mean() * np.linalg.norm(acceleration))
     return acceleration if weight > MIN_WEIGHT_IN_MEAN_FORCES * mean_force else None
+
+
+def _free_masses(network: Network) -> Floats:
+    """Return the mass (n, 3), kg, that is free to move along x, y and z."""
+    return network.mass[:, None] * network.free_motions[:, :3]
 
 
 def unbalanced_forces(network: Network) -> Floats:
@@ -57,6 +63,6 @@ def unbalanced_forces(network: Network) -> Floats:
     acceleration = gravity_of(network)
     if acceleration is not None:
         has_contacts = contacts_per_particle(network) > 0
-        load[has_contacts, :3] += network.mass[has_contacts, None] * acceleration
+        load[has_contacts, :3] += _free_masses(network)[has_contacts] * acceleration
     mean_force = abs(network.require("force_normal", "balance")).mean()
     return sizes_of_loads(load, network.radius) / mean_force

@@ -69,6 +69,11 @@ class ContactDamping:
         m_i = network.mass[network.particle_i]
         m_j = network.mass[network.partner]
         mass = np.where(network.with_wall, m_i, m_i * m_j / (m_i + m_j))
+        if network.fixed is not None:
+            # A held body is as heavy as a wall; where both ends are held, nothing moves.
+            held = network.held
+            mass = np.where(held[network.partner] & ~network.with_wall, m_i, mass)
+            mass = np.where(held[network.particle_i], m_j, mass)
         return network.unchecked(
             stiffness_normal=2 * self.normal * np.sqrt(network.stiffness_normal * mass),
             stiffness_tangential=2 * self.tangential * np.sqrt(network.stiffness_tangential * mass),

@@ -24,7 +24,7 @@ from modal.system.damping import ContactDamping
 from modal.system.imposed import Coupling, Imposed, put_on
 from modal.system.operator import ContactOperator
 from modal.system.root_mass import RootMass
-from modal.tools.arrays import Floats
+from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import refuse_unknown
 from modal.tools.workload import MAX_SECONDS
 
@@ -191,8 +191,31 @@ class LinearSystem:
 
     @property
     def size(self) -> int:
-        """Number of degrees of freedom."""
+        """Number of rows of matrices and vectors: the motions of all bodies, held ones included."""
         return self.dof * self.network.n_particles
+
+    @property
+    def free_rows(self) -> Ints:
+        """Rows (degrees_of_freedom,) of the motions that the bodies can make."""
+        free = self.network.free_motions[:, : self.dof]
+        return self.cached("free rows", lambda: np.flatnonzero(free))
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of motions that the bodies can make."""
+        if self.network.fixed is None:
+            return self.size
+        return len(self.free_rows)
+
+    @property
+    def held_motions(self) -> sp.csc_matrix:
+        """Unit vectors (size, h) of the motions that bodies cannot make."""
+        is_held = np.zeros(self.size, bool)
+        if self.network.fixed is not None:
+            is_held = self.network.fixed[:, : self.dof].ravel()
+        rows = np.flatnonzero(is_held)
+        columns = np.arange(len(rows))
+        return sp.csc_matrix((np.ones(len(rows)), (rows, columns)), (self.size, len(rows)))
 
     @property
     def symmetric(self) -> bool:
@@ -329,9 +352,16 @@ class LinearSystem:
         return put_on(self.network, terms_of(self.pre_stress), imposed)
 
     def shifted(self, square: float) -> sp.csr_matrix:
-        """Return A minus `square`, an omega^2 in 1/s^2, times the identity; sparse (size, size)."""
-        shift = square * sp.identity(self.size, format="csr")
-        return (self.assemble_dynamical_matrix() - shift).tocsr()
+        """Return A minus `square`, an omega^2 in 1/s^2, times the identity; sparse (size, size).
+
+        The diagonal entries of held motions are positive instead, so that these have no part in the
+        inertia, and a definite matrix stays so.
+        """
+        shift = np.full(self.size, -square)
+        if self.network.fixed is not None:
+            held = self.network.fixed[:, : self.dof].ravel()
+            shift[held] = self.diagonal.max(initial=0.0) or 1.0
+        return (self.assemble_dynamical_matrix() + sp.diags(shift, format="csr")).tocsr()
 
     def factorised(
         self,

@@ -19,7 +19,7 @@ from modal.system.assembly import stiffness_matrix
 from modal.system.contact_order import OrderedContacts
 from modal.system.contacts import SYMMETRIC, PreStress
 from modal.system.root_mass import RootMass
-from modal.tools.arrays import Array, Floats, Ints
+from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.workload import refuse_above_memory
 
 ASSEMBLY_BYTES_PER_CONTACT = 5000.0
@@ -51,6 +51,7 @@ class ContactOperator(LinearOperator):
         super().__init__(np.dtype(float), 2 * (dof * network.n_particles,))
         self._matrix: sp.csr_matrix | None = None
         self._unturning: Floats | None = None
+        self._free: Bools | None = None
         if numba is None or dof == 3 or pre_stress not in SYMMETRIC:
             refuse_above_memory(
                 ASSEMBLY_BYTES_PER_CONTACT * network.n_contacts,
@@ -69,6 +70,21 @@ class ContactOperator(LinearOperator):
             self._unturning = RootMass.of(network).unturning
         if self._unturning is not None:
             self._scale[:, 1] = 1
+        if mass_scaled and network.fixed is not None:
+            self._hold(network.fixed)
+
+    def _hold(self, fixed: Bools) -> None:
+        """Give a scale of zero to held motions (n, 6).
+
+        The loops have one scale for the displacements of a body and one for its rotations. Where
+        some of three are held, motions and forces are multiplied by `_free` (n, 6) beside the
+        loops.
+        """
+        by_kind = fixed.reshape(-1, 2, 3)
+        all_held = by_kind.all(axis=2)
+        self._scale[all_held] = 0.0
+        if (by_kind.any(axis=2) & ~all_held).any():
+            self._free = ~fixed
 
     def renumbered(self) -> ContactOperator:
         """Return the operator on motions whose particles are numbered as its loops meet them.
@@ -83,6 +99,8 @@ class ContactOperator(LinearOperator):
         other._scale = self._scale[other.order]
         if self._unturning is not None:
             other._unturning = self._unturning[other.order]
+        if self._free is not None:
+            other._free = self._free[other.order]
         return other
 
     def symmetric_part(self) -> ContactOperator:
@@ -128,8 +146,7 @@ class ContactOperator(LinearOperator):
             raise ValueError(f"u and out have shapes {u.shape}, {out.shape}; take {self.shape[0]}")
         if np.iscomplexobj(u) or np.iscomplexobj(out):
             raise ValueError("motions are real: give real and imaginary parts as two columns")
-        unturning = self._unturning
-        if self._matrix is None and unturning is None:
+        if self._matrix is None and self._unturning is None and self._free is None:
             source = np.ascontiguousarray(u, dtype=float)
             target = np.ascontiguousarray(out, dtype=float)
             self._loop(source, target, (alpha, beta, gamma), sums)
@@ -138,7 +155,7 @@ class ContactOperator(LinearOperator):
             return out
         if sums is not None:
             sums[:] = component_sums(out, u, self.dof)
-        force = self._matrix @ u if unturning is None else self._multiply_turned(u, unturning)
+        force = self._multiply_beside_loops(u) if self._matrix is None else self._matrix @ u
         # A `gamma` of 0 also clears a NaN.
         out[...] = gamma * out if gamma else 0.0
         out += alpha * force
@@ -146,19 +163,26 @@ class ContactOperator(LinearOperator):
             out += beta * u
         return out
 
-    def _multiply_turned(self, u: Floats, unturning: Floats) -> Floats:
-        """Return K u for bodies with tensors of inertia.
+    def _multiply_beside_loops(self, u: Floats) -> Floats:
+        """Return K u for bodies with tensors of inertia, or with some of three motions held.
 
-        The loops scale by the masses alone; the inverse roots of the tensors (n, 3, 3), in
-        `unturning`, are multiplied before and after.
+        The loops scale by the masses alone; the inverse roots of the tensors, `_unturning`
+        (n, 3, 3), and `_free` are multiplied before and after.
         """
         by_body = (len(self._scale), self.dof, -1)
-        turned = np.array(u, order="C")
+        scaled = np.array(u, order="C")
         force = np.zeros(u.shape)
-        turned.reshape(by_body)[:, 3:] = unturning @ turned.reshape(by_body)[:, 3:]
-        self._loop(turned, force, (1.0, 0.0, 0.0), None)
-        force.reshape(by_body)[:, 3:] = unturning @ force.reshape(by_body)[:, 3:]
+        self._scale_beside_loops(scaled.reshape(by_body))
+        self._loop(scaled, force, (1.0, 0.0, 0.0), None)
+        self._scale_beside_loops(force.reshape(by_body))
         return force
+
+    def _scale_beside_loops(self, motion: Floats) -> None:
+        """Multiply motions or forces (n, 6, k), in place, by what the loops have no scale for."""
+        if self._unturning is not None:
+            motion[:, 3:] = self._unturning @ motion[:, 3:]
+        if self._free is not None:
+            motion *= self._free[:, :, None]
 
     def _loop(
         self, u: Floats, out: Floats, factors: tuple[float, float, float], sums: Floats | None

@@ -3,6 +3,9 @@
 For v = M^1/2 u the equation of motion is v'' + A v = 0, A = M^-1/2 K M^-1/2. Spheres have one
 moment of inertia, and M is diagonal. Bodies of another shape (clumps) have a tensor of inertia: M
 then has a block of 3 by 3 for the rotations of each body.
+
+A motion that a body cannot make (`Network.fixed`) has a row of zeros in M^1/2 and in M^-1/2, as if
+its mass were infinite: A then has no entries in that row and that column, and v stays zero there.
 """
 
 from __future__ import annotations
@@ -17,6 +20,10 @@ from modal.packing.network import Network
 from modal.system.assembly import mass_diagonal
 from modal.tools.arrays import Array, Floats, Ints
 
+MIN_FREE_INERTIA = 1e-12
+"""Least principal moment of inertia of the turns that a body can make, divided by its inertia;
+below it lies the round-off of a held turn."""
+
 
 @dataclass(frozen=True)
 class RootMass:
@@ -25,6 +32,7 @@ class RootMass:
     Attributes
     ----------
     diagonal : ndarray (dof n,)
+        Zero for motions that are held.
     turning, unturning : ndarray (n, 3, 3) or None
         The roots of the tensors of inertia, and their inverses. For rotations they take the place
         of the diagonal; None for spheres.
@@ -38,12 +46,20 @@ class RootMass:
     def of(cls, network: Network, dof: int = 6) -> RootMass:
         """Compute M^1/2 of the bodies of a network; a `dof` of 3 leaves the translations alone."""
         diagonal = np.sqrt(mass_diagonal(network, dof))
+        if network.fixed is not None:
+            diagonal[network.fixed[:, :dof].ravel()] = 0.0
         if network.inertia_tensor is None or dof == 3:
             return cls(diagonal)
-        value, vector = np.linalg.eigh(network.inertia_tensor)
-        root = np.sqrt(value)[:, None, :]
+        tensor = network.inertia_tensor
+        if network.fixed is not None:
+            turns = ~network.fixed[:, 3:]
+            tensor = tensor * turns[:, :, None] * turns[:, None, :]
+        value, vector = np.linalg.eigh(tensor)
+        # A held turn leaves an eigenvalue of zero, or its round-off.
+        is_free = value > MIN_FREE_INERTIA * network.inertia[:, None]
+        root = np.sqrt(np.where(is_free, value, 0.0))[:, None, :]
         transposed = vector.transpose(0, 2, 1)
-        return cls(diagonal, (vector * root) @ transposed, (vector / root) @ transposed)
+        return cls(diagonal, (vector * root) @ transposed, _divide(vector, root) @ transposed)
 
     def times(self, u: Array) -> Array:
         """Return M^1/2 u for u of shape (dof n,) or (dof n, k)."""
@@ -51,7 +67,7 @@ class RootMass:
 
     def over(self, v: Array) -> Array:
         """Return M^-1/2 v for v of shape (dof n,) or (dof n, k)."""
-        return self._scale(v, 1 / self.diagonal, self.unturning)
+        return self._scale(v, _divide(1.0, self.diagonal), self.unturning)
 
     def _scale(self, u: Array, diagonal: Floats, turning: Floats | None) -> Array:
         """Return u times a diagonal, with the rotations multiplied by matrices if there are any."""
@@ -76,9 +92,11 @@ class RootMass:
     def around(self, K: sp.csr_matrix) -> sp.csr_matrix:
         """Return M^-1/2 K M^-1/2; K may be overwritten."""
         if self.unturning is None:
-            scale = 1 / self.diagonal
+            scale = _divide(1.0, self.diagonal)
             K.data *= scale[K.indices]
             K.data *= np.repeat(scale, np.diff(K.indptr))
+            if not self.diagonal.all():
+                K.eliminate_zeros()  # entries of held motions would fill a factor
             return K
         return (self._inverse() @ K @ self._inverse()).tocsr()
 
@@ -94,8 +112,14 @@ class RootMass:
     def _inverse(self) -> sp.csr_matrix:
         """Return M^-1/2 as a sparse matrix."""
         if self.unturning is None:
-            return sp.diags(1 / self.diagonal, format="csr")
+            return sp.diags(_divide(1.0, self.diagonal), format="csr")
         blocks = self._inverse_blocks()
         size = 6 * len(blocks)
         starts = np.arange(len(blocks) + 1)
         return sp.bsr_matrix((blocks, starts[:-1], starts), (size, size)).tocsr()
+
+
+def _divide(numerator: Floats | float, root: Floats) -> Floats:
+    """Return the quotient with roots of masses, and zero for a root of zero."""
+    shape = np.broadcast_shapes(np.shape(numerator), root.shape)
+    return np.divide(numerator, root, out=np.zeros(shape), where=root > 0)

@@ -26,9 +26,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import norm
 
-from modal.packing.network import RECEIVER_WALL, Network
+from modal.packing.network import Network
 from modal.packing.repeats import Repeats, lateral_repeats, undivided
-from modal.system.imposed import Imposed, WallMoves
+from modal.system.imposed import Imposed, end_moves
 from modal.system.linear_system import LinearSystem
 from modal.system.operator import ContactOperator
 from modal.tools.arrays import Array, Floats
@@ -220,8 +220,8 @@ def _wall_forces(source: Source, receivers: Receivers, network: Network) -> list
         # The force that holds the source against the bodies.
         forces.append(_WallForce("source_stress", imposed, -1.0))
     if receivers.walls:
-        moves = WallMoves(RECEIVER_WALL, COMPONENT[receivers.direction])
-        forces.append(_WallForce("receiver_stress", moves, 1.0))
+        receiver = end_moves(network, "receiver", COMPONENT[receivers.direction])
+        forces.append(_WallForce("receiver_stress", receiver, 1.0))
     return forces
 
 

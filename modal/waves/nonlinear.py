@@ -7,9 +7,9 @@ is of second order, so that the difference of two runs whose steps differ by a f
 r^2 - 1, is the error of the finer run. Where contacts slide or open the order may be lower; the
 reported error is then only an estimate, the last difference divided by r^2 - 1.
 
-Sources are those of the linear wave: the source wall, a plane between spheres that opens, a sphere
-that a force pushes or a torque turns. A wall that twists turns about z as a body. With a plane, all
-that lies below it turns, and moves in the frame that turns.
+Sources are those of the linear wave: the source wall, flat or of held spheres, a plane between
+spheres that opens, a sphere that a force pushes or a torque turns. A wall that twists turns about z
+as a body. With a plane, all that lies below it turns, and moves in the frame that turns.
 
 The energy is balanced: the work of the source is kinetic energy, energy stored in contacts, or
 energy dissipated by slip. With the kinetic energy from the velocities on both sides of a state, and
@@ -23,10 +23,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from modal.packing.ends import rough_wall
 from modal.packing.network import Network
 from modal.packing.sample import Sample, sample_of_network
+from modal.system.imposed import TURN
 from modal.system.linear_system import LinearSystem
-from modal.tools.arrays import Bools, Floats
+from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError, UnavailableError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
@@ -355,7 +357,7 @@ class _DrivenDynamics:
         self.source_motion = source_motion
         self.dynamics = Dynamics(runs.sample, track_energy=True)
         self.dynamics.axis = runs.network.cell_size[:2] / 2
-        self.dynamics.carried = runs.source.carried(runs.sample.position)
+        self.dynamics.carried = runs.source.carried(runs.network)
         self.contacts = self.dynamics.contacts
         self.inertia = np.repeat(self.dynamics.masses, 3, axis=1)
         self.rotation = np.zeros(len(self.inertia))
@@ -420,4 +422,16 @@ class _DrivenDynamics:
 
     def wall_forces(self) -> tuple[float, float]:
         """Return the force that holds the source and that on the receiver wall, N or N m."""
-        return self.source_force, self.contacts.on_walls[1, self.runs.component]
+        component = self.runs.component
+        bodies = rough_wall(self.runs.network, "receiver")
+        if not len(bodies):
+            return self.source_force, self.contacts.on_walls[1, component]
+        return self.source_force, self._force_on_held(bodies, component)
+
+    def _force_on_held(self, bodies: Ints, component: int) -> float:
+        """Return the force, N, or the torque about z, N m, on held spheres, by their indices."""
+        load = self.contacts.on_held[bodies]
+        if component != TURN:
+            return float(load[:, component].sum())
+        x, y = (self.contacts.position[bodies, :2] - self.dynamics.axis).T
+        return float((x * load[:, 1] - y * load[:, 0] + load[:, 5]).sum())

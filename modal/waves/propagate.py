@@ -20,7 +20,7 @@ from modal.waves.motions import Motion
 from modal.waves.nonlinear import NONLINEAR_TOLERANCE, NonlinearRuns, NonlinearWave, sample_at_rest
 from modal.waves.receivers import Receivers
 from modal.waves.signals import Direction, Wave
-from modal.waves.sources import Source, Wall
+from modal.waves.sources import Source, default_source
 
 LINEAR_TOLERANCE = 1e-9
 """Default error of a linear wave, relative to the largest record. The number of products with K
@@ -129,8 +129,8 @@ def propagate(
     nonlinear : bool, default False
         Let contacts follow their law.
     source : Source, optional
-        One of `modal.waves.sources`: the source wall (default), a plane inside the packing that
-        opens, or one sphere that is pushed.
+        One of `modal.waves.sources`: the source wall (default), flat or of held spheres, a plane
+        inside the packing that opens, or one sphere that is pushed.
     motion : Motion, optional
         Motion of the source, m (force: N). The default is one pulse of frequency 0.33 V / D, Hz,
         and of amplitude 1e-6 D or a hundredth of the mean overlap, whichever is smaller.
@@ -203,7 +203,7 @@ def propagate(
         sample = sample_at_rest(network, friction)
     if isinstance(network, Sample):
         network = network.network()
-    source = source or Wall()
+    source = source or default_source(network)
     if motion is None:
         motion = default_pulse(network, source, direction)
     if interval is None:

@@ -7,8 +7,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from modal.packing.chain import wall_to_wall_chain
+from modal.packing.ends import has_two_ends
 from modal.packing.layers import Layers
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.network import Network
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
 from modal.waves.motions import Motion
@@ -33,7 +34,7 @@ class Receivers:
     rows : sparse matrix (count, 6n)
         Read the displacements of the chain, the means of the layers, and those of all spheres.
     chain : ndarray (nc,)
-        Spheres from wall to wall; empty if there are no two walls.
+        Spheres from wall to wall; empty if there are no two walls, flat or rough.
     layers : Layers
     """
 
@@ -47,7 +48,7 @@ class Receivers:
         self.direction = direction
         self.network = network
         self.particles = particles
-        self.walls = bool(np.isin([SOURCE_WALL, RECEIVER_WALL], network.particle_j).all())
+        self.walls = has_two_ends(network)
         self.chain = np.empty(0, int)
         if self.walls:
             self.chain = wall_to_wall_chain(network)
@@ -93,16 +94,21 @@ class Receivers:
 
         `settings` are the further fields of `Signals`: producer, time step and so on.
         """
+        fields = self.columns(record, stresses)
+        source_displacement = motion.displacement(time)
+        if self.particles:
+            bodies = source.own_bodies(self.network)
+            fields["particle_displacement"][:, bodies] = source_displacement[:, None]
         return Signals(
             time=time,
             chain_position=self.network.position[self.chain, 2],
-            source_displacement=motion.displacement(time),
+            source_displacement=source_displacement,
             source=source.name,
             source_height=source.height_in(self.network),
             case=str(self.network.study.get("case", "")),
             amplitude=motion.amplitude,
             input_frequency=motion.frequency,
-            **self.columns(record, stresses),
+            **fields,
             **settings,
         )
 

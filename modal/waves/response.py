@@ -48,7 +48,7 @@ from modal.waves.signals import (
     read_recording,
     write_recording,
 )
-from modal.waves.sources import Source, Wall
+from modal.waves.sources import Source, default_source
 
 RESOLUTION = 0.005
 """Default resolution divided by the highest mode's frequency: 1 kHz in the study's packings under
@@ -250,7 +250,7 @@ def frequency_response(
             "resolution_or_tolerance",
             "resolution must be a positive number of Hz, tolerance between 0 and 1",
         )
-    source = source or Wall()
+    source = source or default_source(network)
     receivers = Receivers(system.network, direction)
     # The window cuts a wave off after about 1 / gamma.
     forced = ForcedSystem.of(system, source, receivers, 1 / (np.pi * resolution), tolerance)

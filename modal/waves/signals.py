@@ -33,6 +33,8 @@ DIRECTIONS = ("x", "y", "z")
 """Directions of a source that moves without turning."""
 COMPONENT = {"x": 0, "y": 1, "z": 2, TORSION: 5}
 """Index, among the six motions of a sphere, of the one that is recorded for each direction."""
+WALL_SOURCES = ("wall", "rough wall")
+"""Names of the sources at the end of a packing, from which a wave goes to the other end."""
 FILE_VERSIONS = (1, 2)
 """Versions of the file format that are read."""
 DIRECTED_COLUMNS = ("displacement", "stress")
@@ -194,7 +196,7 @@ class Signals(Recording, Drawn):
         """True if a wall sent the wave along x, y or z, and a chain leads to another wall."""
         records = (self.chain_particle, self.source_stress, self.receiver_stress)
         is_complete = all(len(record) for record in records)
-        return is_complete and self.source == "wall" and self.direction != TORSION
+        return is_complete and self.source in WALL_SOURCES and self.direction != TORSION
 
     def draw(self, ax: Any) -> None:
         """Draw the displacement over time and height.

@@ -1,4 +1,4 @@
-"""Sources of waves: the source wall, a plane inside the packing, or one sphere.
+"""Sources of waves: the source wall, flat or of held spheres, a plane inside, or one sphere.
 
 A source moves, or pushes, along the direction of the wave: x, y, z, or by turning about the line
 along z through the middle of the cell, which sends torsion. How it moves in time is a `Motion`
@@ -11,13 +11,17 @@ from typing import ClassVar
 
 import numpy as np
 
+from modal.packing.ends import rough_wall
 from modal.packing.network import SOURCE_WALL, Network
-from modal.system.imposed import Imposed, PlaneOpens, WallMoves
+from modal.system.imposed import Imposed, PlaneOpens, WallMoves, end_moves
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 from modal.waves.signals import COMPONENT, TORSION, Direction
 
-OTHER_SOURCES = "take a plane that opens (--plane Z), or a sphere that is pushed (--point K)"
+OTHER_SOURCES = (
+    "take held spheres at the lower end (--rough-wall), a plane that opens (--plane Z), or a "
+    "sphere that is pushed (--point K)"
+)
 """Remedy for a packing without a source wall."""
 
 
@@ -49,8 +53,12 @@ class Source(ABC):
         """Return the unit force, N, or torque, N m, on all spheres (6n,); zero if it moves."""
 
     @abstractmethod
-    def carried(self, position: Floats) -> Ints:
-        """Return the indices of the spheres that move with the source, of positions (n, 3), m."""
+    def carried(self, network: Network) -> Ints:
+        """Return the indices (k,) of the spheres that move with the source."""
+
+    def own_bodies(self, network: Network) -> Ints:
+        """Return the indices (k,) of the bodies that are the source itself; none by default."""
+        return np.empty(0, int)
 
 
 class MovingSource(Source):
@@ -76,7 +84,7 @@ class PushingSource(Source):
         """Return no motion: the source pushes."""
         return None
 
-    def carried(self, position: Floats) -> Ints:
+    def carried(self, network: Network) -> Ints:
         """Return no spheres: those that are pushed move by themselves."""
         return np.empty(0, int)
 
@@ -124,9 +132,66 @@ class Wall(MovingSource):
             )
         return WallMoves(SOURCE_WALL, COMPONENT[direction])
 
-    def carried(self, position: Floats) -> Ints:
+    def carried(self, network: Network) -> Ints:
         """Return no spheres: all are on the other side of the wall's contacts."""
         return np.empty(0, int)
+
+
+@dataclass(frozen=True)
+class RoughWall(MovingSource):
+    """The wall of held spheres at the lower end of the packing, which is moved as a whole.
+
+    Propagating a wave raises InputError if there is no such wall (`modal.packing.ends`).
+
+    Examples
+    --------
+    >>> import dataclasses, modal, numpy
+    >>> crystal = modal.fcc(cells=(1, 1, 20))
+    >>> lowest_layer = crystal.position[:, 2] < 1.1 * crystal.position[:, 2].min()
+    >>> held = numpy.repeat(lowest_layer[:, None], 6, axis=1)
+    >>> rough = dataclasses.replace(crystal, fixed=held)
+    >>> modal.propagate(rough, 2e-5, source=RoughWall()).signals.source
+    'rough wall'
+    """
+
+    @property
+    def name(self) -> str:
+        """The name of the source: rough wall."""
+        return "rough wall"
+
+    def height_in(self, network: Network) -> None:
+        """Return None: the wall is at the end of the packing."""
+        return None
+
+    def imposed(self, network: Network, direction: Direction) -> Imposed:
+        """Return the unit motion of the held spheres.
+
+        Raises InputError if the packing has no such wall, or if spheres that move touch the flat
+        source wall beside it.
+        """
+        if not len(rough_wall(network, "source")):
+            raise InputError(
+                "no_rough_wall",
+                "no held spheres are at the lower end of the packing",
+                remedy="take the flat source wall, a plane that opens or a sphere that is pushed",
+            )
+        _refuse_torsion_of_periods(network, direction)
+        at_flat_wall = network.particle_i[network.particle_j == SOURCE_WALL]
+        if not network.held[at_flat_wall].all():
+            raise InputError(
+                "two_source_walls",
+                "spheres that move touch the flat source wall beside the held spheres",
+                remedy="take the flat wall as the source (the default)",
+            )
+        return end_moves(network, "source", COMPONENT[direction])
+
+    def carried(self, network: Network) -> Ints:
+        """Return the indices (k,) of the held spheres of the wall."""
+        return self.own_bodies(network)
+
+    def own_bodies(self, network: Network) -> Ints:
+        """Return the indices (k,) of the held spheres of the wall."""
+        return rough_wall(network, "source")
 
 
 @dataclass(frozen=True)
@@ -182,9 +247,9 @@ class Plane(MovingSource):
         _refuse_torsion_of_periods(network, direction)
         return PlaneOpens(self.height, COMPONENT[direction])
 
-    def carried(self, position: Floats) -> Ints:
+    def carried(self, network: Network) -> Ints:
         """Return the indices of all spheres below the plane."""
-        return np.flatnonzero(position[:, 2] < self.height)
+        return np.flatnonzero(network.position[:, 2] < self.height)
 
 
 @dataclass(frozen=True)
@@ -233,6 +298,13 @@ class Point(PushingSource):
         load = np.zeros(6 * network.n_particles)
         load[6 * int(self.particle) + COMPONENT[direction]] = 1
         return load
+
+
+def default_source(network: Network) -> Source:
+    """Return the source wall: that of held spheres if no sphere touches a flat one."""
+    if SOURCE_WALL not in network.particle_j and len(rough_wall(network, "source")):
+        return RoughWall()
+    return Wall()
 
 
 def _refuse_torsion_of_periods(network: Network, direction: Direction) -> None:

@@ -70,7 +70,7 @@ LAMMPS = [
     (Replaced("log", "compute p", "compute q"), "unknown_column", "line 9, column c_p[1]:"),
     (Replaced("log", END, "dimension 2\n"), "two_dimensions", "log.lammps, line 10:"),
     (Replaced("log", END, "bond_style bpm/spring\n"), "bonds", "log.lammps, line 10:"),
-    (Replaced("log", END, "fix f all freeze\n"), "held_bodies", "log.lammps, line 10: fix freeze"),
+    (Replaced("log", END, "fix f all spring/self 1\n"), "held_bodies", "line 10: fix spring/self"),
     (Replaced("log", END, "fix h all wall/harmonic zlo EDGE 1\n"), "unknown_fix", "wall/harmonic"),
     (
         Replaced("log", END, f"fix w all wall/gran {HERTZ} wiggle z 1 1\n"),

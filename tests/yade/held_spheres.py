@@ -2,11 +2,12 @@
 
     yade -n -x -j1 held_spheres.py ROOT CODES.json
 
-writes the code with which each scene is refused, or an empty text.
+writes the held motions of each scene, as letters, or the code with which it is refused.
 
-    yade -n -x -j1 held_spheres.py ROOT OUT.network.h5
+    yade -n -x -j1 held_spheres.py ROOT OUT.network.h5 [ends]
 
-exports the first of them, as a script of a user does.
+exports a scene that is refused, or with "ends" a column between two fixed spheres, as a script of a
+user does.
 """
 
 import json
@@ -64,6 +65,11 @@ def one_motion():
 
 def held_clump():
     number = O.bodies.clump([0, 1])
+    O.bodies[number].state.blockedDOFs = "xyzXYZ"
+
+
+def half_held_clump():
+    number = O.bodies.clump([0, 1])
     O.bodies[number].state.blockedDOFs = "z"
 
 
@@ -76,6 +82,11 @@ def free_clump_of_a_fixed_sphere():
 
 def moved():
     O.engines += [wrapper.TranslationEngine(ids=[0], velocity=0, translationAxis=(0, 0, 1))]
+
+
+def moved_and_blocked():
+    fixed()
+    moved()
 
 
 def moved_no_more():
@@ -106,13 +117,14 @@ def on_a_wall():
 
 
 SCENES = (
-    *(fixed, not_dynamic, without_turns, one_motion, held_clump, free_clump_of_a_fixed_sphere),
-    *(moved, moved_no_more, turned_in_a_group, strained, outside_the_mask, on_a_wall),
+    *(fixed, not_dynamic, without_turns, one_motion, held_clump, half_held_clump),
+    *(free_clump_of_a_fixed_sphere, moved, moved_and_blocked, moved_no_more, turned_in_a_group),
+    *(strained, outside_the_mask, on_a_wall),
 )
 
 
-def code_of(change):
-    """The code with which a scene is refused, or an empty text."""
+def held_in(change):
+    """The held motions of the bodies of a scene, or the code with which it is refused."""
     column()
     change()
     engines = O.engines
@@ -120,18 +132,26 @@ def code_of(change):
     O.step()
     O.engines = engines
     try:
-        network_of_scene()
+        network = network_of_scene()
     except InputError as error:
         return error.code
-    return ""
+    words = []
+    for free in network.free_motions:
+        letters = [letter for letter, is_free in zip("xyzXYZ", free, strict=True) if not is_free]
+        words.append("".join(letters) or "-")
+    return " ".join(words)
 
 
 OUT = Path(sys.argv[2])
 if OUT.suffix == ".json":
-    OUT.write_text(json.dumps({change.__name__: code_of(change) for change in SCENES}))
+    OUT.write_text(json.dumps({change.__name__: held_in(change) for change in SCENES}))
 else:
     column()
-    fixed()
+    if sys.argv[3:] == ["ends"]:
+        fixed()
+        not_dynamic()
+    else:
+        moved()
     O.step()
     export_scene(OUT)
     print("went on")

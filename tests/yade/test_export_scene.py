@@ -10,6 +10,7 @@ import pytest
 from in_yade import error_lines, forked, measured_tangent, script
 from places import ROOT
 
+import modal
 from modal.packing.network import read_network
 from modal.system.assembly import stiffness_matrix
 
@@ -110,17 +111,39 @@ def test_saved_scene_gives_the_same_network(tmp_path, yade):
 
 
 HELD = ROOT / "tests" / "yade" / "held_spheres.py"
-FREE = {"free_clump_of_a_fixed_sphere", "moved_no_more", "on_a_wall"}
+EXPECTED = {
+    "fixed": "xyzXYZ - - -",
+    "not_dynamic": "- - - xyzXYZ",
+    "without_turns": "XYZ XYZ XYZ XYZ",
+    "one_motion": "- - y -",
+    "held_clump": "xyzXYZ - -",
+    "outside_the_mask": "- xyzXYZ - -",
+    "moved_and_blocked": "xyzXYZ - - -",
+    "free_clump_of_a_fixed_sphere": "- - -",
+    "moved_no_more": "- - - -",
+    "on_a_wall": "- - - -",
+}
+"""Held motions of the bodies of each scene; a clump counts as one."""
 
 
-def test_spheres_that_do_not_move_freely_are_refused(tmp_path, yade):
+def test_held_motions_of_scenes(tmp_path, yade):
     """Hold spheres wholly or in one motion, move them, or leave them out of the integration."""
-    out = tmp_path / "codes.json"
+    out = tmp_path / "held.json"
     script(HELD, ROOT, out, folder=tmp_path)
-    codes = json.loads(out.read_text())
-    assert set(codes) > FREE
-    for scene, code in codes.items():
-        assert code == ("" if scene in FREE else "held_bodies"), scene
+    held = json.loads(out.read_text())
+    refused = {"half_held_clump", "moved", "turned_in_a_group", "strained"}
+    assert held == EXPECTED | dict.fromkeys(refused, "held_bodies")
+
+
+def test_a_column_between_fixed_spheres(tmp_path, yade):
+    """Two masses and three springs kn: omega^2 = k / m and 3 k / m along z."""
+    out = tmp_path / "a.network.h5"
+    script(HELD, ROOT, out, "ends", folder=tmp_path)
+    network = read_network(out)
+    kn, mass = network.stiffness_normal[0], network.mass[0]
+    frequency = modal.eigenmodes(network, all=True).frequency
+    for square in (kn / mass, 3 * kn / mass):
+        assert abs((2 * np.pi * frequency) ** 2 / square - 1).min() < 1e-9
 
 
 def test_a_refusal_ends_a_users_script_with_one_line(tmp_path, yade):

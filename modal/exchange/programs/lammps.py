@@ -8,6 +8,7 @@ programs is in `modal.exchange.lammps` and `modal.exchange.liggghts`.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -17,15 +18,15 @@ import numpy as np
 
 from modal.exchange import dump, lammps, liggghts
 from modal.exchange.groups import COLUMNS
-from modal.exchange.held import Motion, find_motion
+from modal.exchange.held import IN_PLANE, HeldMotions, find_held_motions
 from modal.exchange.import_result import ImportResult, build_network
 from modal.exchange.input_script import Script, read_log
 from modal.exchange.law import ProgramLaw, Units
 from modal.exchange.particles_and_contacts import Packing, PairLaw
 from modal.exchange.registry import Option, read_beginning
 from modal.exchange.text import Words, read_lines, refuse
-from modal.packing.network import Network
 from modal.packing.rigid_bodies import Bodies
+from modal.tools.arrays import Bools
 
 NAME = "LAMMPS or LIGGGHTS"
 OPTIONS = {
@@ -81,9 +82,9 @@ def read(
     script = read_log(log, program.DEFAULT_UNITS)
     frame = dump.read_frame(path, "ATOMS", step)
     script.refuse_other_run(path, frame.head.step, len(frame.rows.texts))
-    motion = find_motion_of_spheres(script, frame)
-    motion.refuse_held()
-    _refuse_exclusions(script, request)
+    held = find_held_motions_of_spheres(script, frame)
+    _refuse_free_in_plane(script, held)
+    _refuse_exclusions(script, request, held)
     fixes = tuple(script.walls)
     _apply_typed_lines(script, request)
     if not script.style:
@@ -100,7 +101,7 @@ def read(
     pair_law = program.read_pair_law(script, units)
     read_wall_law = partial(program.read_wall_law, script=script, units=units, pair_law=pair_law)
     walls = dump.read_walls(script, units, read_wall_law, program.PLANES_PER_FIX)
-    packing = _read_spheres(path, frame, units, walls, script, request)
+    packing = _read_spheres(path, frame, units, walls, script, request, held.fixed)
     _refuse_walls_of_groups(script, request)
     touching = None
     if contacts is not None:
@@ -111,8 +112,6 @@ def read(
             touching = touching.with_walls(*at_walls)
     rigid_bodies = read_bodies(bodies, units) if bodies else None
     result = build_network(packing, touching, _join_laws(pair_law, walls), rigid_bodies)
-    if resists_turning(result.network):
-        motion.refuse_unturned()
     result.remarks += script.remarks
     return result
 
@@ -157,11 +156,18 @@ def _refuse_without_law(path: Path, frame: dump.Frame, program: ModuleType) -> N
     refuse(path, "no_law", problem, remedy=remedy)
 
 
-def _refuse_exclusions(script: Script, request: Request) -> None:
+def _refuse_free_in_plane(script: Script, held: HeldMotions) -> None:
+    """Raise InputError for `dimension 2` without `enforce2d`, which keeps spheres in the plane."""
+    if script.place_of_plane and (held.fixed is None or not held.fixed[:, IN_PLANE].all()):
+        remedy = "hold them there (fix ID all enforce2d), or let them move in space"
+        refuse(script.place_of_plane, "two_dimensions", "dimension 2", remedy=remedy)
+
+
+def _refuse_exclusions(script: Script, request: Request, held: HeldMotions) -> None:
     """Raise InputError if `neigh_modify exclude` removes contacts that are sought from positions.
 
     A dump of contacts lacks such pairs already. Pairs inside one rigid body are not contacts here
-    either.
+    either, nor are pairs of held spheres.
     """
     if request.contacts is not None:
         return
@@ -169,7 +175,8 @@ def _refuse_exclusions(script: Script, request: Request) -> None:
         inside_bodies = exclusion.style == "molecule/intra" and any(
             words[:1] == ("molecule",) for words in script.bodies.values()
         )
-        if not inside_bodies:
+        of_held = exclusion.style == "group" and held.groups.issuperset(exclusion.words)
+        if not (inside_bodies or of_held):
             refuse(
                 exclusion.place,
                 "excluded_pairs",
@@ -186,8 +193,12 @@ def _read_spheres(
     walls: dump.Walls,
     script: Script,
     request: Request,
+    fixed: Bools | None,
 ) -> Packing:
-    """Return the spheres; raise InputError if it is unclear which of them are one body."""
+    """Return the spheres, of which motions are `fixed` (n, 6), in the order of the dump's rows.
+
+    Raises InputError if it is unclear which of them are one body.
+    """
     if request.bodies and not script.bodies:
         problem = "no fix rigid is known"
         refuse("--bodies", "no_bodies", problem, remedy="give the log that has it (--log)")
@@ -198,7 +209,13 @@ def _read_spheres(
     column = find_body_column(script, has_masses=request.bodies is not None)
     planes = {code: wall.z for code, wall in walls.items()}
     needs_type = script.depends_on_type
-    packing = dump.read_packing(frame, units, planes, needs_type=needs_type, body=column)
+    packing = dump.read_packing(
+        frame, units, planes, needs_type=needs_type, body=column, fixed=fixed
+    )
+    if script.place_of_plane:
+        # The period across the plane only has to hold the spheres.
+        periodic = packing.cell.periodic & np.array([True, True, False])
+        packing = replace(packing, cell=replace(packing.cell, periodic=periodic))
     includes_all = any(script.groups[name] == "all" for name in script.bodies)
     if includes_all and (packing.body < 1).any():
         problem = f"a {column} of 0, which is one more body to fix rigid"
@@ -219,24 +236,20 @@ def _refuse_walls_of_groups(script: Script, request: Request) -> None:
             refuse(str(request.log), "wall_of_group", problem, remedy=remedy)
 
 
-def find_motion_of_spheres(script: Script, frame: dump.Frame) -> Motion:
-    """Return how the spheres of a dump move, as the log says."""
+def find_held_motions_of_spheres(script: Script, frame: dump.Frame) -> HeldMotions:
+    """Return which motions of the spheres of a dump are held, as the log says."""
     rows = frame.rows
     columns = {}
     for name in COLUMNS.values():
         if rows.has(name):
             columns[name] = rows.to_integers(rows.read(name)[:, 0], name)
-    return find_motion(script.runs, script.history, frame.head.step, columns, len(rows.texts))
-
-
-def resists_turning(network: Network) -> bool:
-    """Tell whether some contact of a network exerts a moment against rolling or twisting."""
-    columns = (
-        network.stiffness_tangential,
-        network.stiffness_rolling,
-        network.stiffness_twisting,
-    )
-    return any(stiffness is not None and bool(stiffness.any()) for stiffness in columns)
+    excluded: list[str] = []
+    for exclusion in script.exclusions:
+        if exclusion.style == "group":
+            excluded += exclusion.words
+    count = len(rows.texts)
+    step = frame.head.step
+    return find_held_motions(script.runs, script.history, step, columns, count, excluded)
 
 
 def find_body_column(script: Script, *, has_masses: bool) -> str:

@@ -24,7 +24,8 @@ from modal.exchange.particles_and_contacts import (
 )
 from modal.exchange.programs import lammps
 from modal.exchange.text import Rows, Words, count_significant_digits, read_lines, refuse
-from modal.tools.arrays import Bools, Floats
+from modal.packing.contact_law import sphere_volume
+from modal.tools.arrays import Bools, Floats, Ints
 
 NAME = "MercuryDPM"
 OPTIONS = {"scales": lammps.OPTIONS["scales"]}
@@ -175,7 +176,7 @@ def _plane_height(walls: dict[int, Wall], inner: dict[Side, int], side: Side) ->
 def read_restart(path: Path, units: Units) -> Restart:
     """Return the sections of a restart file.
 
-    Raises InputError for a file that ends early, and for particles that are no moving spheres.
+    Raises InputError for a file that ends early, and for particles that are no spheres.
     """
     section = ""
     announced: dict[str, float] = {}
@@ -215,15 +216,11 @@ def _refuse_other_dimensions(line: Words) -> None:
 
 
 def _refuse_other_particles(line: Words) -> None:
-    """Raise InputError for a particle that is no sphere, or that is held."""
+    """Raise InputError for a particle that is no sphere."""
     kind = line.remaining[0]
     if kind not in SPHERES:
         remedy = "only single spheres are known"
         line.refuse("no_spheres", f"{kind} is no sphere", remedy=remedy)
-    if not line.number_after("invMass") > 0:
-        problem = f"particle {line.number_after('id'):.0f} is fixed (invMass 0)"
-        reason = "a network knows no held spheres yet"
-        line.refuse("held_bodies", problem, reason, "put an InfiniteWall in their place")
 
 
 class SpeciesName(NamedTuple):
@@ -409,19 +406,39 @@ def _enclose_spheres(file: Restart, bounds: Floats, periodic: Bools) -> tuple[Fl
 
 
 def _read_spheres(file: Restart, cell: Cell) -> Packing:
-    """Return the spheres of the file in a cell."""
+    """Return the spheres of the file in a cell.
+
+    MercuryDPM holds a particle in all motions by a mass without end (invMass 0); its mass, which
+    then has no effect, is that of its species' density.
+    """
+    radius = file.numbers("Particles", "radius", 1)[:, 0]
+    kind = file.numbers("Particles", "indSpecies", 1)[:, 0].astype(int)
+    inverse_mass = file.numbers("Particles", "invMass", 1)[:, 0]
+    is_fixed = ~(inverse_mass > 0)
+    mass = sphere_volume(radius) * _densities(file, kind)
+    mass[~is_fixed] = 1 / inverse_mass[~is_fixed]
     columns = SphereColumns(
         number=file.numbers("Particles", "id", 1)[:, 0],
         position=file.numbers("Particles", "position"),
-        radius=file.numbers("Particles", "radius", 1)[:, 0],
-        mass=1 / file.numbers("Particles", "invMass", 1)[:, 0],
-        kind=file.numbers("Particles", "indSpecies", 1)[:, 0].astype(int),
+        radius=radius,
+        mass=mass,
+        kind=kind,
+        fixed=np.repeat(is_fixed[:, None], 6, axis=1) if is_fixed.any() else None,
     )
     words: list[str] = []
     for line in file.sections["Particles"]:
         words += line.words_after("position", 3)
     digits = count_significant_digits(words)
     return Packing.from_columns(file.rows("Particles"), cell, file.units, columns, digits)
+
+
+def _densities(file: Restart, kind: Ints) -> Floats:
+    """Return the density (n,) of the species of each particle, in the file's units."""
+    density = {}
+    for line in _species_lines(file):
+        if "density" in line and "id" in line:
+            density[int(line.number_after("id"))] = line.number_after("density")
+    return np.array([density.get(number, np.nan) for number in kind.tolist()])
 
 
 def _read_contacts(file: Restart, packing: Packing, codes: dict[int, int]) -> Contacts:
