@@ -96,6 +96,8 @@ def _held(network: Network) -> str:
 def _cell(network: Network) -> str:
     """Return a text with the sides of the cell, and with what bounds the cell along z."""
     sides = " x ".join(quantity(side, "m") for side in network.cell_size)
+    if network.cell_vectors is not None:
+        sides += ", at angles"
     if network.cell_periodic[2]:
         return f"{sides}, periodic along z"
     return f"{sides}, walls {quantity(network.length, 'm')} apart"

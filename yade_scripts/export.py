@@ -112,7 +112,12 @@ def network_of_scene(walls=None):
     if walls is None:
         walls = _find_wall_planes(contacts, i, j, normal, position[:, 2], radius)
     low, high, periodic = _find_cell(position, radius, walls)
-    position, periods = wrap_into_cell(position, low, high - low, periodic)
+    vectors = _find_periods_at_angles(periodic)
+    if vectors is None:
+        position, periods = wrap_into_cell(position, low, high - low, periodic)
+    else:
+        periods = np.floor(position @ np.linalg.inv(vectors)).astype(int)
+        position = position - periods @ vectors
     contacts, i, j, shift, sign, normal = canonical_contacts(ids, periods)
     network = Network(
         position=position,
@@ -127,6 +132,7 @@ def network_of_scene(walls=None):
         cell_periodic=periodic,
         wall_position=np.array([low[2], high[2]]),
         fixed=held_motions(bodies),
+        cell_vectors=vectors,
     )
     clump_ids = sorted({body.clumpId for body in bodies if body.isClumpMember})
     if not clump_ids:
@@ -251,10 +257,6 @@ def _find_cell(position, radius, walls):
     periodic = np.zeros(3, bool)
     if O.periodic:
         size = np.array(O.cell.hSize)
-        if abs(size - np.diag(np.diag(size))).max() > FLAT * size.max():
-            raise InputError(
-                "sheared_cell", "the cell is at angles", "only rectangular periods are known"
-            )
         periodic[:] = (True, True, np.isnan(walls).all())
         low = np.where(periodic, 0.0, low)
         high = np.where(periodic, np.diag(size), high)
@@ -265,3 +267,20 @@ def _find_cell(position, radius, walls):
         if not np.isnan(receiver):
             high[2] = receiver
     return low, high, periodic
+
+
+def _find_periods_at_angles(periodic):
+    """Return the periods as rows (3, 3), m, if they are at angles; otherwise None.
+
+    `periodic` (3,) are the axes with a period. Raises InputError for such a cell between walls.
+    """
+    if not O.periodic:
+        return None
+    vectors = np.array(O.cell.hSize).T
+    if abs(vectors - np.diag(np.diag(vectors))).max() <= FLAT * vectors.max():
+        return None
+    if not periodic.all():
+        raise InputError(
+            "sheared_cell", "the cell is at angles", "between walls only right angles are known"
+        )
+    return vectors

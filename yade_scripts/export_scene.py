@@ -16,9 +16,9 @@ spheres. Cohesive-frictional contacts keep `kr` and `ktw` where their moment law
 Wall, Facet and Box bodies become the two flat walls at low and high z. A network's levers end in
 the middle of the overlap, as YADE's torques do; for the motion of a sphere on a Wall it takes the
 Wall's plane, and by default a "ratcheting" variant, which differ by overlap / radius. Other
-cohesion and rolling resistance, walls that stand in the way along x or y, and cells at angles are
-refused, in one line. Spheres keep the motions that `fixed`, `blockedDOFs` or the mask of the
-integrator leave them; a sphere that an engine moves must have all of them blocked.
+cohesion and rolling resistance, walls that stand in the way along x or y, and cells at angles
+between walls are refused, in one line. Spheres keep the motions that `fixed`, `blockedDOFs` or the
+mask of the integrator leave them; a sphere that an engine moves must have all of them blocked.
 """
 
 import sys

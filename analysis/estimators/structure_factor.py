@@ -250,6 +250,9 @@ def wave_vectors(network: Network, orders: np.ndarray) -> np.ndarray:
         )
     if not orders.any(axis=1).all():
         raise InputError("zero_wave_vector", "wave vectors", "0 0 0 is no wave")
+    if network.cell_vectors is not None:
+        # k . a = 2 pi n along each of the three periods a.
+        return 2 * np.pi * orders @ np.linalg.inv(network.cell_vectors).T
     return 2 * np.pi * orders / np.where(network.cell_periodic, network.cell_size, 1.0)
 
 

@@ -243,6 +243,7 @@ def _width_of_lines(packing: PackingData, polarisation: str) -> Value:
     network = packing.network
     if not network.cell_periodic.all():
         return unknown("Hz", Caveat("walls"))
+    network.refuse_angles("width of lines along the axes")
     shortest = MIN_WAVELENGTH_IN_DIAMETERS * packing.diameter
     most_periods = int(network.cell_size.min() / shortest)
     if most_periods < 1:

@@ -7,6 +7,7 @@ Bouchbinder, Phys. Rev. Lett. 117, 035501 (2016) took small cells for this reaso
 
 import numpy as np
 
+from analysis.estimators.structure_factor import wave_vectors
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request
 from analysis.value import Value
@@ -31,8 +32,9 @@ def lowest_wave(packing: PackingData) -> float:
             remedy="take a periodic cell",
         )
     frequencies = []
-    for axis, side in zip(np.eye(3), packing.network.cell_size, strict=True):
-        frequencies.append(packing.moduli.velocities(axis)[-1] / side)
+    for vector in wave_vectors(packing.network, np.eye(3, dtype=int)):
+        wavenumber = float(np.linalg.norm(vector)) / (2 * np.pi)
+        frequencies.append(packing.moduli.velocities(vector)[-1] * wavenumber)
     return float(min(frequencies))
 
 

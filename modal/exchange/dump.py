@@ -16,7 +16,14 @@ import numpy as np
 
 from modal.exchange.input_script import LIGGGHTS_WIDTHS, Script, list_liggghts_columns
 from modal.exchange.law import SI, ProgramLaw, Units
-from modal.exchange.particles_and_contacts import WALLS, Cell, Packing, SphereColumns, find_ends
+from modal.exchange.particles_and_contacts import (
+    WALLS,
+    Cell,
+    Packing,
+    SphereColumns,
+    edges_of_cell,
+    find_ends,
+)
 from modal.exchange.text import (
     Rows,
     Words,
@@ -116,6 +123,8 @@ class FrameHead:
         distance of a contact through a period has an error of this size.
     units : str
         Name of the units, if the dump has it (`dump_modify ... units yes`).
+    tilt : ndarray (3,)
+        How far the edges of a triclinic box lean: xy, xz, yz.
     """
 
     step: int
@@ -125,6 +134,7 @@ class FrameHead:
     periodic: Bools
     rounding: Floats
     units: str
+    tilt: Floats
 
 
 @dataclass(frozen=True)
@@ -208,31 +218,38 @@ def _refuse_times(path: str | Path, item: Item, step: int | None, steps: Sequenc
 def _parse_head(path: str | Path, header: dict[str, list[list[str]]], line: int) -> FrameHead:
     """Return the header of a frame; `header` has, for each ITEM, its title and its lines as words.
 
-    Raises InputError if the header is incomplete, or if the box is triclinic.
+    Raises InputError if the header is incomplete, or if the box is triclinic and turned ("abc").
     """
     try:
         title, *bounds = header["BOX"]
         box = np.array([words[:2] for words in bounds], float)
-        has_tilts = "xy" in title
-        is_tilted = "abc" in title or (has_tilts and any(float(words[2]) for words in bounds))
+        is_turned = "abc" in title
+        tilt = np.zeros(3)
+        if "xy" in title:
+            tilt = np.array([float(words[2]) for words in bounds])
         step = int(header["TIMESTEP"][1][0])
         count = int(header["NUMBER"][1][0])
         has_flags = len(title) > 4
-        is_known = is_tilted or (np.isfinite(box).all() and box.shape == (3, 2) and has_flags)
+        is_finite = np.isfinite(box).all() and np.isfinite(tilt).all()
+        is_known = is_turned or (is_finite and box.shape == (3, 2) and has_flags)
     except (KeyError, ValueError, IndexError):
         is_known = False
     if not is_known or count < 0:
         problem = "no TIMESTEP, NUMBER OF and BOX BOUNDS before it, or these are none"
         remedy = "write the dump anew, with pp or ff for each axis of the box"
         refuse(path, "no_header", problem, remedy=remedy, line=line)
-    if is_tilted:
-        problem = "the cell is triclinic (its periods are at angles)"
-        remedy = "only rectangular cells are known; compress without shear"
+    if is_turned:
+        problem = "the box is triclinic and turned (BOX BOUNDS abc)"
+        remedy = "dump it with its first edge along x (dump_modify ... triclinic/general no)"
         refuse(path, "triclinic_cell", problem, remedy=remedy, line=line)
     rounding = np.zeros(3)
     bound_digits = count_written_digits(word for words in bounds for word in words[:2])
     if bound_digits == FORMAT_G_DIGITS:
         rounding = np.array([last_digit_unit(axis, FORMAT_G_DIGITS) for axis in box])
+    # The bounds of a triclinic box are those of a rectangular one around it.
+    xy, xz, yz = tilt.tolist()
+    box[0] -= min(0.0, xy, xz, xy + xz), max(0.0, xy, xz, xy + xz)
+    box[1] -= min(0.0, yz), max(0.0, yz)
     units = ""
     if "UNITS" in header:
         units = " ".join(*header["UNITS"][1:])
@@ -244,6 +261,7 @@ def _parse_head(path: str | Path, header: dict[str, list[list[str]]], line: int)
         periodic=np.array([word.startswith("p") for word in title[-3:]]),
         rounding=rounding,
         units=units,
+        tilt=tilt,
     )
 
 
@@ -401,7 +419,7 @@ def read_packing(
         largest_diameter = 2 * float(radius.max(initial=0.0))
         stretch = float((frame.head.rounding / extent).max()) * largest_diameter
         step = max(step * float(extent.max()), stretch)
-        position = frame.head.low + position * extent
+        position = frame.head.low + position @ edges_of_cell(extent, frame.head.tilt)
     # Radii count in overlaps as positions do; those that few digits hold are exact.
     radius_digits = rows.count_digits(size)
     if radius_digits in ROUNDED_DIGITS and last_digit_unit(radius, radius_digits) > step:
@@ -420,6 +438,7 @@ def read_packing(
         frame.head.periodic,
         (walls.get(WALLS[0], np.nan), walls.get(WALLS[1], np.nan)),
         units.length * frame.head.rounding,
+        units.length * frame.head.tilt,
     )
     return Packing.from_columns(rows, cell, units, columns, digits, step)
 

@@ -274,8 +274,8 @@ def find_held_motions(
 ) -> HeldMotions:
     """Return the held motions of the spheres of a dump, from the runs and the groups of a log.
 
-    Raises InputError if a fix does more than to hold, or if the log does not show which spheres of
-    the dump it acts on.
+    Raises InputError if a fix does more than to hold, if the log does not show which spheres of the
+    dump it acts on, or if all are held.
 
     Parameters
     ----------
@@ -339,6 +339,14 @@ def _find_in_run(runs: Sequence[Run], index: int, parts: _History) -> HeldMotion
             f"{', '.join(listed)} acts on a part of the spheres",
             UNKNOWN_MEMBERS,
             MAKE_GROUPS_BY_NUMBER,
+        )
+    if fixed_spheres.all():
+        place = next(iter((holding | movers).values())).place
+        refuse(
+            place,
+            "held_bodies",
+            "no sphere of the dump is let move",
+            remedy="integrate some, or type --pair and --wall in place of --log",
         )
     free = ~fixed.all(axis=1)
     held_groups = [

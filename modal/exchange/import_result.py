@@ -226,6 +226,7 @@ def _assemble_network(
             sliding=state.sliding,
             cell_size=packing.cell.high - packing.cell.low,
             cell_periodic=packing.cell.periodic,
+            cell_vectors=packing.cell.edges if packing.cell.tilt.any() else None,
             wall_position=np.array(packing.cell.planes),
             study=study,
             fixed=packing.fixed,

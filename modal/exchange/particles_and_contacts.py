@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ MIN_PERIOD_IN_DIAMETERS = 2.0
 sphere and also its image."""
 MAX_DISTANCE_OUTSIDE_IN_RADII = 1e-3
 """Distance, in largest radii, by which a centre may lie outside the cell, as rounding may do."""
+MAX_STEPS_AT_ANGLES = 2
+"""Largest number of periods along each axis among which the shortest sum is sought."""
 WALLS = (SOURCE_WALL, RECEIVER_WALL)
 
 
@@ -36,6 +39,8 @@ class Cell:
         z of the source wall and of the receiver wall; NaN for a wall that is absent.
     rounding : ndarray (3,), m
         Unit of the last digit of bounds that the program has rounded; 0 for bounds in full.
+    tilt : ndarray (3,), m
+        By how far the period along y leans along x, that along z along x, and along y.
     """
 
     low: Floats
@@ -43,11 +48,52 @@ class Cell:
     periodic: Bools
     walls: tuple[float, float] = (np.nan, np.nan)
     rounding: Floats = field(default_factory=lambda: np.zeros(3))
+    tilt: Floats = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def edges(self) -> Floats:
+        """Return the edges of the cell as rows (3, 3), m."""
+        return edges_of_cell(self.high - self.low, self.tilt)
 
     @property
     def periods(self) -> Floats:
-        """Return the periods (3,), m; 0 along an axis without a period."""
-        return np.where(self.periodic, self.high - self.low, 0.0)
+        """Return the periods (3,), m, or (3, 3) at angles; 0 along an axis without one."""
+        if not self.tilt.any():
+            return np.where(self.periodic, self.high - self.low, 0.0)
+        return np.where(self.periodic[:, None], self.edges, 0.0)
+
+    @property
+    def shortest_periods(self) -> Floats:
+        """Return the lengths (3,), m, of the shortest sums of periods with one step along each."""
+        if not self.tilt.any():
+            return self.high - self.low
+        shortest = np.linalg.norm(self.edges, axis=1)
+        for turns in product(range(-MAX_STEPS_AT_ANGLES, MAX_STEPS_AT_ANGLES + 1), repeat=3):
+            stepped = (np.array(turns) == 1) & self.periodic
+            length = float(np.linalg.norm(turns @ self.periods))
+            shortest[stepped] = np.minimum(shortest[stepped], length)
+        return shortest
+
+    def in_edges(self, vector: Floats) -> Floats:
+        """Return vectors (k, 3), m, in units of the cell's edges."""
+        return vector @ np.linalg.inv(self.edges)
+
+    def nearest_shift(self, branch: Floats) -> Ints:
+        """Return the periods (m, 3) to add to branch vectors (m, 3), m, to make them shortest."""
+        if not self.tilt.any():
+            period = np.where(self.periodic, self.high - self.low, np.inf)
+            return (-np.round(branch / period)).astype(np.int32)
+        shift = -np.round(self.in_edges(branch)) * self.periodic
+        # In a cell at angles the image in the nearest cell need not be the nearest image.
+        best = np.linalg.norm(branch + shift @ self.edges, axis=1)
+        rounded = shift.copy()
+        for turns in product((-1, 0, 1), repeat=3):
+            other = rounded + np.array(turns) * self.periodic
+            distance = np.linalg.norm(branch + other @ self.edges, axis=1)
+            is_nearer = distance < best
+            shift[is_nearer] = other[is_nearer]
+            best = np.minimum(best, distance)
+        return shift.astype(np.int32)
 
     @property
     def planes(self) -> tuple[float, float]:
@@ -55,6 +101,12 @@ class Cell:
         bounds = (self.low[2], self.high[2])
         low, high = np.where(np.isnan(self.walls), bounds, self.walls)
         return float(low), float(high)
+
+
+def edges_of_cell(sides: Floats, tilt: Floats) -> Floats:
+    """Return the edges of a cell as rows (3, 3), from its sides (3,) and its tilt (3,)."""
+    xy, xz, yz = tilt.tolist()
+    return np.diag(sides) + np.array([[0, 0, 0], [xy, 0, 0], [xz, yz, 0]])
 
 
 class SphereColumns(NamedTuple):
@@ -162,6 +214,9 @@ class Packing:
         """Return the positions (n, 3), m, with those outside of a period moved into it."""
         low = self.cell.low
         high = self.cell.high
+        if self.cell.tilt.any():
+            turns = np.floor(self.cell.in_edges(self.position - low)) * self.cell.periodic
+            return self.position - turns @ self.cell.edges
         wrapped = low + (self.position - low) % np.where(high > low, high - low, 1.0)
         outside = (self.position < low) | (self.position > high)
         return np.where(self.cell.periodic & outside, wrapped, self.position)
@@ -176,6 +231,7 @@ class Packing:
         largest_radius = float(self.radius.max())
         slack = MAX_DISTANCE_OUTSIDE_IN_RADII * largest_radius
         min_period = MIN_PERIOD_IN_DIAMETERS * 2 * largest_radius
+        shortest = self.cell.shortest_periods
         for k, axis in enumerate("xyz"):
             low = self.cell.low[k]
             high = self.cell.high[k]
@@ -185,12 +241,12 @@ class Packing:
                 problem = f"lies outside the cell along {axis}"
                 remedy = "leave lost spheres out, or mend the bounds"
                 self.refuse(outside, "outside_cell", problem, remedy)
-            elif not high - low > min_period:
+            elif not shortest[k] > min_period:
                 refuse(
                     self.name,
                     "narrow_cell",
-                    f"the period along {axis}, {high - low:.4g} m, is less than two of the largest "
-                    f"diameters, {min_period:.4g} m",
+                    f"the period along {axis}, {shortest[k]:.4g} m, is less than two of the "
+                    f"largest diameters, {min_period:.4g} m",
                     "images cannot be told apart",
                     "take a wider cell",
                 )
@@ -205,7 +261,7 @@ class Packing:
         """Return the contacts of i (m,) with the nearest image of j (m,), or with a wall."""
         is_pair = (j >= 0)[:, None]
         branch = self.position[np.maximum(j, 0)] - self.position[i]
-        shift = -np.round(branch / np.where(self.cell.periodic, self.cell.periods, np.inf))
+        shift = self.cell.nearest_shift(branch)
         ends = (i, j, np.where(is_pair, shift, 0).astype(np.int32))
         planes = np.array(self.cell.planes)
         with np.errstate(invalid="ignore"):  # two in one place are refused later

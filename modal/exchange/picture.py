@@ -280,7 +280,10 @@ def _describe_cell(network: Network) -> str:
     low = np.where(has_size, np.where(fits_from_zero, 0.0, lowest_centre), lowest_surface)
     if has_size[2]:
         low[2] = network.wall_position[0]
-    lattice = _join_numbers(np.diag(size))
+    edges = np.diag(size)
+    if network.cell_vectors is not None:
+        edges = network.cell_vectors
+    lattice = _join_numbers(edges)
     origin = _join_numbers(low)
     pbc = " ".join("T" if periodic else "F" for periodic in network.cell_periodic)
     return f'Lattice="{lattice}" Origin="{origin}" pbc="{pbc}"'

@@ -43,11 +43,10 @@ def _chain(network: Network) -> Ints:
     rounded = np.round(off_middle / network.radius.max(), 6)
     first = int(start[np.lexsort((start, rounded))[0]])
 
-    offset = xy - xy[first]
-    for axis in (0, 1):
-        if network.cell_periodic[axis]:
-            period = network.cell_size[axis]
-            offset[:, axis] -= period * np.round(offset[:, axis] / period)
+    offset = network.position - network.position[first]
+    offset[:, 2] = 0.0
+    offset -= np.round(network.in_periods(offset)) @ network.period_vectors
+    offset = offset[:, :2]
     weight = 1 + (offset**2).sum(axis=1) / (2 * network.radius) ** 2
     pair = ~network.with_held
     length = np.linalg.norm(network.lever_i - network.lever_j, axis=1)[pair]

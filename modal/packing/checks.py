@@ -16,7 +16,7 @@ import numpy as np
 from modal.packing.columns import COLUMNS, CONTACTS, PART, RECEIVER_WALL, Columns
 from modal.packing.contact_law import sphere_volume
 from modal.packing.neighbours import canonical
-from modal.tools.arrays import Floats
+from modal.tools.arrays import Bools, Floats
 from modal.tools.errors import InputError
 
 MAX_NORMAL_ANGLE_RAD = 0.02
@@ -63,6 +63,9 @@ MAX_STIFFNESS_RATIO = 10.0
 MAX_PERIOD_ERROR = 1e-3
 """Largest relative difference between the distance of the walls and the side of the cell along
 z."""
+MAX_VECTOR_ERROR = 1e-9
+"""Largest difference between the diagonal of the cell's vectors and its sides, divided by the
+longest component."""
 MAX_ASYMMETRY = 1e-9
 """Largest difference between an inertia tensor and its transpose, relative to its largest entry."""
 MAX_TRACE_ERROR = 1e-6
@@ -84,6 +87,9 @@ def convert_columns(columns: Mapping[str, Any]) -> dict[str, Any]:
         converted[name] = column.array(name, columns[name], lengths)
     if converted["fixed"] is not None and not converted["fixed"].any():
         converted["fixed"] = None  # a packing whose bodies are all free has no such column
+    vectors = converted["cell_vectors"]
+    if vectors is not None and np.array_equal(vectors, np.diag(converted["cell_size"])):
+        converted["cell_vectors"] = None  # a cell without angles has no such column
     for name in ("study", "provenance"):
         if not isinstance(columns[name], Mapping):
             raise InputError(
@@ -205,6 +211,8 @@ def _check_cell(network: Columns) -> Faults:
         "cell_size",
         "cell_size must be positive along the periodic axes, and 0 or the packing's width else",
     )
+    if network.cell_vectors is not None:
+        yield from _check_vectors(network.cell_vectors, cell, periodic)
     if shift is not None:
         with_itself = network.particle_i == network.particle_j
         yield Fault(
@@ -241,6 +249,25 @@ def _check_cell(network: Columns) -> Faults:
         yield Fault(
             "particle", (z < low) | (z > high), "beyond_wall", "has its centre beyond a wall"
         )
+
+
+def _check_vectors(vectors: Floats, cell: Floats, periodic: Bools) -> Faults:
+    """Check the periods (3, 3) of a cell at angles against its sides (3,)."""
+    disagrees = abs(np.diag(vectors) - cell) > MAX_VECTOR_ERROR * abs(vectors).max()
+    yield Fault(
+        "",
+        disagrees.any() or not np.linalg.det(vectors) > 0,
+        "cell_vectors",
+        "cell_vectors must have cell_size on its diagonal, and enclose a volume",
+    )
+    along_own_axis = np.diag(np.diag(vectors))
+    aslant = (vectors != along_own_axis).any(axis=1)
+    yield Fault(
+        "",
+        (aslant & ~periodic).any() or (not periodic[2] and vectors[:2, 2].any()),
+        "cell_vectors",
+        "only periods may be at angles, and between walls they must be parallel to these",
+    )
 
 
 def _check_spheres(network: Columns) -> Faults:

@@ -19,8 +19,8 @@ RECEIVER_WALL = -2
 
 SCHEMA = NETWORK_SCHEMA
 VERSION = (1, 2)
-"""Versions of the file format. Version 2 has the `BOND_COLUMNS` and `fixed`; programs that do not
-know these columns refuse the file."""
+"""Versions of the file format. Version 2 has the `BOND_COLUMNS`, `fixed` and `cell_vectors`;
+programs that do not know these columns refuse the file."""
 OPTIONAL_CONTACT_COLUMNS = ("force_normal", "force_tangential", "overlap", "sliding", "cell_shift")
 """Columns of contacts that a program may be unable to give."""
 ROTATIONAL = stored("contacts", "f", "m", unit="N m/rad", since=2)
@@ -65,6 +65,9 @@ class Columns:
         Floats | None, stored("particles", "f", "n", 3, 3, unit=KG_M2, since=2)
     ] = None
     fixed: Annotated[Bools | None, stored("particles", "b", "n", 6, since=2)] = None
+    cell_vectors: Annotated[
+        Floats | None, stored("cell", "f", 3, 3, unit="m", since=2, name="vectors")
+    ] = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
     _cache: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -152,8 +155,28 @@ class Columns:
         if self.cell_shift is not None:
             return self.cell_shift
         missing = self.lever_i - self.lever_j - self._difference_of_positions
-        period = np.where(self.cell_periodic & (self.cell_size > 0), self.cell_size, np.inf)
-        return np.round(missing / period).astype(int)
+        return np.round(self.in_periods(missing)).astype(int)
+
+    @property
+    def period_vectors(self) -> Floats:
+        """The periods, m, as rows (3, 3); an axis without a period has a row of zeros."""
+        if self.cell_vectors is None:
+            return np.diag(np.where(self.cell_periodic, self.cell_size, 0.0))
+        return np.where(self.cell_periodic[:, None], self.cell_vectors, 0.0)
+
+    @property
+    def cell_widths(self) -> Floats:
+        """Distances (3,), m, of opposite faces of the cell; its sides unless it is at angles."""
+        if self.cell_vectors is None:
+            return self.cell_size
+        return 1 / np.linalg.norm(np.linalg.inv(self.cell_vectors), axis=0)
+
+    def in_periods(self, vector: Floats) -> Floats:
+        """Return vectors (k, 3), m, in units of the periods; zero along an axis without one."""
+        if self.cell_vectors is None:
+            period = np.where(self.cell_periodic & (self.cell_size > 0), self.cell_size, np.inf)
+            return vector / period
+        return (vector @ np.linalg.inv(self.cell_vectors)) * self.cell_periodic
 
     @property
     def _difference_of_positions(self) -> Floats:
@@ -166,7 +189,9 @@ class Columns:
     def branch(self) -> Floats:
         """Branch vectors (m, 3), m: from the centre of i to that of j or to the wall's plane."""
         branch = self._difference_of_positions
-        if self.cell_periodic.any():
+        if self.cell_vectors is not None:
+            branch += self.periods @ self.period_vectors
+        elif self.cell_periodic.any():
             branch += self.periods * np.where(self.cell_periodic, self.cell_size, 0.0)
         wall = np.flatnonzero(self.with_wall)
         branch[wall] = 0

@@ -1,9 +1,9 @@
 """Find what holds a packing at its two ends along z: flat walls, or rough walls of held bodies.
 
 A rough wall consists of bodies that are held in all six motions (`Network.fixed`), from the lowest
-or the highest body of the packing on, without a gap in height wider than the largest diameter. It
-is no wall of that end if it reaches beyond the middle of the bodies that move, as spheres held
-along a side do.
+or the highest surface of the packing on, without a gap in height wider than the largest diameter.
+It is no wall of that end if it reaches beyond the middle of the bodies that move, as spheres held
+along a side do. Bodies without a contact are not looked at.
 """
 
 from typing import Literal
@@ -42,8 +42,11 @@ def _rough_wall(network: Network, end: End) -> Ints:
     held = network.held
     inward = 1.0 if end == "source" else -1.0
     height = inward * network.position[:, 2]
-    outermost = int(np.argmin(height))
-    if held.all() or not held[outermost]:
+    is_part = held.copy()
+    is_part[network.particle_i] = True
+    is_part[network.particle_j[~network.with_wall]] = True
+    surface = np.where(is_part, height - network.radius, np.inf)
+    if held.all() or not held[np.argmin(surface)]:
         return nothing
     bodies = np.flatnonzero(held)
     bodies = bodies[np.argsort(height[bodies], kind="stable")]

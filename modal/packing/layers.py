@@ -35,6 +35,13 @@ class Layers:
             raise UnavailableError(
                 "no_volume", "the walls are in one place", remedy="such a packing carries no wave"
             )
+        if network.period_vectors[:2, 2].any():
+            raise UnavailableError(
+                "triclinic_cell",
+                "the periods along x or y rise along z",
+                "no layer across z repeats itself",
+                "turn the packing until they are horizontal",
+            )
         bearing = firmly_held(network)
         if not bearing.any():
             raise UnavailableError(

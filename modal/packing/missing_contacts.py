@@ -109,19 +109,27 @@ def _count_pairs(network: Columns, depth: float, selection: Bools) -> int:
     radius = network.radius[selection]
     if not len(radius):
         return 0
-    periods = np.where(periodic, network.cell_size, 0.0)
     position = network.position[selection] - network.position.min(axis=0)
-    position[:, periodic] %= network.cell_size[periodic]
+    if network.cell_vectors is None:
+        position[:, periodic] %= network.cell_size[periodic]
+    else:
+        position -= np.floor(network.in_periods(position)) @ network.period_vectors
     # Along an axis without a period images lie beyond the reach of any sphere.
-    open_side = position.max(axis=0) + 6 * radius.max()
-    side = np.where(periodic, periods, open_side)[: 2 + int(periodic[2])]
+    open_side = np.ptp(position, axis=0) + 6 * radius.max()
+    if network.cell_vectors is None:
+        side = np.where(periodic, network.cell_size, open_side)[: 2 + int(periodic[2])]
+    else:
+        side = network.period_vectors + np.diag(np.where(periodic, 0.0, open_side))
+    vectors = side
+    if side.ndim == 1:
+        vectors = np.diag([*side, 0.0][:3])
     sizes = np.floor(np.log(radius / radius.min()) / np.log(SIZE_STEP) + 1e-9).astype(int)
     classes = [np.flatnonzero(sizes == size) for size in np.unique(sizes)]
     count = 0
     for number, small in enumerate(classes):
         i, j, shift = periodic_pairs(position[small], side, 2 * float(radius[small].max()))
         branch = position[small[j]] - position[small[i]]
-        branch[:, : len(side)] += shift[:, : len(side)] * side
+        branch += shift @ vectors
         overlap = radius[small[i]] + radius[small[j]] - np.linalg.norm(branch, axis=1)
         count += int((overlap > depth).sum())
         for large in classes[number + 1 :]:

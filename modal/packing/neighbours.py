@@ -107,17 +107,21 @@ def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Int
     """Return pairs (i, j, shift) of points at most `distance` apart, one for each image.
 
     `position` is (n, 3); x and y lie inside the periodic cell of `side` (2,), and z as well if
-    `side` is (3,). All lengths have one unit. The results are (p,), (p,) and (p, 3) with i <= j,
+    `side` is (3,). Of a cell at angles `side` has the edges as rows (3, 3). All lengths have one
+    unit. The results are (p,), (p,) and (p, 3) with i <= j,
     and a pair of a point and its own image is listed once. InputError if the pairs would not fit
     into the free memory.
     """
     n = len(position)
-    if len(side) == 3:
-        height = side[2]
+    if side.ndim == 2:
+        volume = float(np.linalg.det(side))
+    elif len(side) == 3:
+        volume = float(side.prod())
     else:
         low = position[:, 2].min(initial=np.inf)
         height = max(position[:, 2].max(initial=low) - low, distance)
-    share_in_reach = 4 / 3 * np.pi * distance**3 / (side[0] * side[1] * height)
+        volume = float(side.prod()) * height
+    share_in_reach = 4 / 3 * np.pi * distance**3 / volume
     refuse_more_than_fit(n, n**2 / 2 * share_in_reach)
     image, original, period = images_within(position, np.asarray(side), distance)
     i_parts: list[Ints] = []
@@ -143,6 +147,8 @@ def images_within(position: Floats, side: Floats, distance: float) -> tuple[Floa
     The results are the positions (k, 3), those of the points first, the point (k,) of each image,
     and the periods (k, 3) by which it is moved.
     """
+    if side.ndim == 2:
+        return _images_at_angles(position, side, distance)
     axes = len(side)
     reach = np.ceil(distance / side).astype(int)
     points = [position]
@@ -158,6 +164,31 @@ def images_within(position: Floats, side: Floats, distance: float) -> tuple[Floa
         period.append(np.broadcast_to((*turns, 0)[:3], (near.sum(), 3)))
     periods = np.concatenate(period).astype(np.int8)
     return np.concatenate(points), np.concatenate(original), periods
+
+
+def _images_at_angles(
+    position: Floats, edges: Floats, distance: float
+) -> tuple[Floats, Ints, Ints]:
+    """Return the images as `images_within` does, for a cell with these `edges` (3, 3), m, as rows.
+
+    What lies within `distance` of the cell lies so near to all of its faces.
+    """
+    inverse = np.linalg.inv(edges)
+    margin = distance * np.linalg.norm(inverse, axis=0)
+    place = position @ inverse
+    reach = np.ceil(margin).astype(int)
+    points = [position]
+    original = [np.arange(len(position))]
+    period = [np.zeros((len(position), 3), np.int8)]
+    for turns in product(*(range(-count, count + 1) for count in reach)):
+        if not any(turns):
+            continue
+        moved = place + turns
+        near = np.flatnonzero(((moved > -margin) & (moved < 1 + margin)).all(axis=1))
+        points.append(position[near] + turns @ edges)
+        original.append(near)
+        period.append(np.broadcast_to(np.array(turns, np.int8), (len(near), 3)))
+    return np.concatenate(points), np.concatenate(original), np.concatenate(period)
 
 
 def _near_pairs(points: Floats, distance: float) -> Iterator[tuple[Ints, Ints]]:
@@ -207,7 +238,8 @@ def touching(
     position : ndarray (n, 3)
         m.
     low, periods : ndarray (3,)
-        Where the periods begin, and their lengths, m; 0 along an axis without a period.
+        Where the periods begin, and their lengths, m; 0 along an axis without a period. `periods`
+        at angles are rows (3, 3), of zeros for an axis without a period.
     walls : ndarray (2,)
         z of the flat walls, m; NaN where there is none. They are ignored if z is periodic.
     radius : float or ndarray (n,)
@@ -217,9 +249,13 @@ def touching(
     widest = 2 * float(np.max(radius))
     position = position - low
     walls = walls - low[2]
-    whole = periods[2] > 0
+    lengths = np.diag(periods) if periods.ndim == 2 else periods
+    whole = lengths[2] > 0
     # Along an axis without a period images lie beyond the reach of any sphere.
-    side = np.where(periods > 0, periods, np.ptp(position, axis=0) + 3 * widest)[: 2 + whole]
+    beyond = np.ptp(position, axis=0) + 3 * widest
+    side = np.where(lengths > 0, lengths, beyond)[: 2 + whole]
+    if periods.ndim == 2:
+        side = periods + np.diag(np.where(lengths > 0, 0.0, beyond))
     parts = [periodic_pairs(position, side, widest)]
     if not whole:
         for (wall, direction), z in zip(WALL_DIRECTIONS.items(), walls, strict=True):
@@ -246,8 +282,11 @@ def between(
     i, j, shift = ends
     partner = np.maximum(j, 0)  # a wall's code is no index of a single sphere
     normal = position[partner]
-    for axis in range(len(side)):
-        normal[:, axis] += shift[:, axis] * side[axis]
+    if side.ndim == 2:
+        normal += shift @ side
+    else:
+        for axis in range(len(side)):
+            normal[:, axis] += shift[:, axis] * side[axis]
     normal -= position[i]
     distance = np.linalg.norm(normal, axis=1)
     distance[j < 0] = 1.0

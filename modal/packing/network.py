@@ -74,6 +74,8 @@ class Network(Columns):
     fixed : ndarray of bool (n, 6), optional
         Motions that a body cannot make: along x, y, z, and turns about them. A body that can make
         none is a part of a wall; by default all bodies move freely.
+    cell_vectors : ndarray (3, 3), optional
+        Periods along x, y and z as rows, m, of a cell at angles; its diagonal is `cell_size`.
     study, provenance : dict, optional
         Free attributes.
 
@@ -138,8 +140,13 @@ class Network(Columns):
 
     @property
     def area(self) -> float:
-        """Cross-section, m^2, to which stresses refer; UnavailableError if there is none."""
+        """Cross-section, m^2, to which stresses refer; UnavailableError if there is none.
+
+        Times the length it is the volume of the cell.
+        """
         area = float(self.cell_size[0] * self.cell_size[1])
+        if self.cell_vectors is not None:
+            area = float(np.linalg.det(self.cell_vectors) / self.cell_size[2])
         if not area > 0:
             raise UnavailableError(
                 "no_area",
@@ -152,6 +159,15 @@ class Network(Columns):
     def absent(self) -> list[str]:
         """Names of the optional columns of contacts that the network lacks."""
         return [name for name in OPTIONAL_CONTACT_COLUMNS if getattr(self, name) is None]
+
+    def refuse_angles(self, purpose: str) -> None:
+        """Raise UnavailableError for a cell at angles, of which there is no `purpose`."""
+        if self.cell_vectors is not None:
+            raise UnavailableError(
+                "triclinic_cell",
+                f"no {purpose} of a cell whose periods are at angles",
+                remedy="modes, counts, densities of states, moduli and linear waves take it",
+            )
 
     def require(self, name: str, purpose: str) -> Array:
         """Return the optional column `name` of the contacts; UnavailableError if it is absent.

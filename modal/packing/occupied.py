@@ -112,6 +112,7 @@ def _occupied_part(network: Network) -> Occupied | None:
     free = free_ends(network)
     if not free.any() or not network.length > 0 or not network.cell_size[:2].all():
         return None
+    network.refuse_angles("void ratio with free ends")
     solid = float(sphere_volume(network.radius).sum())
     fractions = core_solid_fractions(network)
     if len(fractions):

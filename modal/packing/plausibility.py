@@ -196,7 +196,7 @@ def _remark_on_shape(network: Network, waves: bool) -> list[Remark]:
         share_of_all = shares.get("crystalline_share", 0.0 if is_small else 1.0)
         is_lattice = bool(are_equal) and share_of_all > MIN_LATTICE_SHARE
     share = shares.get("crystalline_share_of_bulk", shares.get("crystalline_share", 0.0))
-    width = float(network.cell_size[network.cell_periodic].min(initial=np.inf)) / diameter
+    width = float(network.cell_widths[network.cell_periodic].min(initial=np.inf)) / diameter
     length = network.length / diameter
     has_walls = not network.cell_periodic[2]
     remarks = [

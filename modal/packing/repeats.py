@@ -108,6 +108,8 @@ def _find_finest(network: Network, pre_stress: bool) -> Repeats | None:
     """
     if any(getattr(network, name) is not None for name in BOND_COLUMNS):
         return None  # bonds and clumps are not compared
+    if network.cell_vectors is not None:
+        return None  # nor are cells at angles
     columns: tuple[str, ...] = STIFFNESSES
     if pre_stress:
         columns += PRE_STRESS

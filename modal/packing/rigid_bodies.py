@@ -62,14 +62,13 @@ def joined(network: Network, body: Ints, properties: Bodies | None = None) -> Ne
     index = rank[index]
     first = np.sort(first)
     count = len(first)
-    period = np.where(network.cell_periodic, network.cell_size, np.inf)
-    finite_period = np.where(network.cell_periodic, network.cell_size, 0.0)
+    periods = network.period_vectors
     # Move members beside the first one of their body, so that the body is in one piece.
     offset = network.position - network.position[first[index]]
-    turns = -np.round(offset / period).astype(int)
-    shift = finite_period * turns
+    turns = -np.round(network.in_periods(offset)).astype(int)
+    shift = turns @ periods
     offset += shift
-    too_far = (abs(offset) > MAX_OFFSET_IN_PERIODS * period).any(axis=1)
+    too_far = (abs(network.in_periods(offset)) > MAX_OFFSET_IN_PERIODS).any(axis=1)
     refuse_first(
         [
             Fault(
@@ -99,7 +98,7 @@ def joined(network: Network, body: Ints, properties: Bodies | None = None) -> Ne
                 remedy="give those of all of them",
             )
         centre_offset = properties.centre[rows] - centre[joint]
-        centre_offset -= np.round(centre_offset / period) * finite_period
+        centre_offset -= np.round(network.in_periods(centre_offset)) @ periods
         reach = np.zeros(count)
         np.maximum.at(reach, index, np.linalg.norm(offset, axis=1) + network.radius)
         outside = np.linalg.norm(centre_offset, axis=1) > reach[joint]

@@ -303,6 +303,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
 
 def _bare_sample(network: Network, friction: float) -> Sample:
     """Return the sample of a network without shear forces."""
+    network.refuse_angles("sample")
     radius = network.radius
     radii_are_equal = bool((radius == radius[0]).all())
     study = network.study

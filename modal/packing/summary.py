@@ -60,10 +60,15 @@ def _summarise_volume(network: Network) -> dict[str, Any]:
 def crystalline_shares(network: Network) -> dict[str, float]:
     """Return the share of crystalline spheres, of all and of the bulk if there is one.
 
-    The result is empty unless spheres are equal and the cell is periodic along x and y.
+    The result is empty unless spheres are equal and the cell is periodic along x and y, at right
+    angles.
     """
     periodic = bool(network.cell_periodic[0] and network.cell_periodic[1])
-    if not periodic or np.ptp(network.radius) > 1e-9 * network.radius.mean():
+    if (
+        not periodic
+        or network.cell_vectors is not None
+        or np.ptp(network.radius) > 1e-9 * network.radius.mean()
+    ):
         return {}
     ordered = crystalline(network)
     edges, bulk = state.layer_edges(network)

@@ -50,11 +50,15 @@ def repeat(network: Network, times_x: int, times_y: int) -> Network:
         i[rows] = first_copy_i + copy
         j[rows] = np.where(network.with_wall, network.particle_j, partner)
     bodies = {name: data[original] for name, data in network.bodies().items()}
-    bodies["position"] += np.tile(cells, (len(order), 1)) * network.cell_size
+    bodies["position"] += np.tile(cells, (len(order), 1)) @ network.period_vectors
+    vectors = network.cell_vectors
+    if vectors is not None:
+        vectors = vectors * np.asarray(times)[:, None]
     return replace(
         network.some(np.tile(np.arange(m, dtype=np.int32), copies)),
         **frozen(**bodies, particle_i=i, particle_j=j, cell_shift=shift),
         cell_size=network.cell_size * times,
+        cell_vectors=vectors,
         provenance=network.provenance | {"repeated": f"{times_x} x {times_y}"},
     )
 

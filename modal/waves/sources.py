@@ -15,7 +15,7 @@ from modal.packing.ends import rough_wall
 from modal.packing.network import SOURCE_WALL, Network
 from modal.system.imposed import Imposed, PlaneOpens, WallMoves, end_moves
 from modal.tools.arrays import Floats, Ints
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 from modal.waves.signals import COMPONENT, TORSION, Direction
 
 OTHER_SOURCES = (
@@ -236,6 +236,13 @@ class Plane(MovingSource):
                 "plane_outside_cell",
                 f"a source at {self.height:g} m lies outside the cell, which reaches from "
                 f"{bottom:g} to {top:g} m",
+            )
+        if network.period_vectors[:2, 2].any():
+            raise UnavailableError(
+                "triclinic_cell",
+                "the periods along x or y rise along z",
+                "no plane across z repeats itself",
+                "turn the packing until they are horizontal, or push a sphere",
             )
         z = network.position[:, 2]
         if not network.cell_periodic[2] and not z.min() < self.height < z.max():

@@ -125,8 +125,39 @@ def test_a_triclinic_box_without_tilt_is_the_rectangular_one(given):
         files.respell("spheres", line, slice(2, 2), [tilt])
     again = files.imported(contacts=None)
     assert all(again[name] == summary[name] for name in ("contacts", "law"))
-    files.respell("spheres", 7, 2, "1e-4")
+    files.spoil("spheres", "xy xz yz", "abc origin")
     files.refused("triclinic_cell", "x.atoms, line 9:")
+
+
+@pytest.mark.parametrize("columns", ["x y z", "xs ys zs"])
+def test_a_triclinic_box_of_the_same_periods_is_the_same_packing(given, columns):
+    """The periods a, a + b and c - b repeat the packing as a, b and c do."""
+    files = given("lammps")
+    expected = files.network(contacts=None)
+    side = float(expected.cell_size[0])
+    edges = side * np.array([[1, 0, 0], [1, 1, 0], [0, -1, 1]])
+    lines = files.spheres.read_text().splitlines()
+    lines[4] = lines[4].replace("BOUNDS", "BOUNDS xy xz yz")
+    # The smallest rectangular box around the cell, and the tilts xy, xz, yz.
+    lines[5:8] = [f"0 {2 * side!r} {side!r}", f"{-side!r} {side!r} 0", f"0 {side!r} {-side!r}"]
+    if columns == "xs ys zs":
+        lines[8] = lines[8].replace("x y z", columns)
+        for row in range(9, len(lines)):
+            words = lines[row].split()
+            place = np.linalg.solve(edges.T, np.array(words[2:5], float))
+            lines[row] = " ".join([*words[:2], *map(repr, place.tolist()), *words[5:]])
+    files.spheres.write_text("\n".join(lines) + "\n")
+    network = files.network(contacts=None)
+    np.testing.assert_allclose(network.cell_vectors, edges)
+    assert network.n_contacts == expected.n_contacts
+    difference = abs(stiffness_matrix(network) - stiffness_matrix(expected)).max()
+    # Overlaps of a thousandth of a radius, and stiffnesses with them, are known to 1e-12.
+    assert difference < 1e-10 * abs(stiffness_matrix(expected)).max()
+    with_contacts = files.network()
+    assert with_contacts.n_contacts == expected.n_contacts
+    np.testing.assert_allclose(
+        modal.count_modes(with_contacts, 1e5), modal.count_modes(expected, 1e5)
+    )
 
 
 def test_step_chooses_one_time_of_a_dump(given):

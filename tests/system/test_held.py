@@ -16,7 +16,7 @@ from modal.modes.collective import every_floppy
 from modal.modes.damped import damped_modes
 from modal.packing.crystal import column, fcc
 from modal.packing.ends import bodies_at_end, end_heights, rough_wall
-from modal.packing.network import SOURCE_WALL, read_network, write_network
+from modal.packing.network import read_network, write_network
 from modal.packing.rattlers import force_bearing
 from modal.packing.rigid_bodies import joined
 from modal.system.assembly import mass_diagonal, stiffness_matrix
@@ -75,16 +75,25 @@ def squares(network, pre_stress="none") -> np.ndarray:
     return eigh(K[np.ix_(rows, rows)], np.diag(mass_diagonal(network)[rows]), eigvals_only=True)
 
 
-def frequencies(network, pre_stress="none") -> np.ndarray:
-    """Return all frequencies, Hz, of elastic modes, ascending."""
-    square = squares(network, pre_stress)
-    return np.sqrt(square[square > 1e-9 * square[-1]]) / (2 * np.pi)
+@pytest.fixture(scope="module")
+def partly_squares(partly):
+    """Return all omega^2 of `partly`."""
+    return squares(partly)
+
+
+@pytest.fixture(scope="module")
+def wanted(partly_squares):
+    """Return all frequencies, Hz, of elastic modes of `partly`, ascending."""
+    elastic = partly_squares > 1e-9 * partly_squares[-1]
+    return np.sqrt(partly_squares[elastic]) / (2 * np.pi)
 
 
 @pytest.mark.parametrize("pre_stress", ["none", "normal"])
-def test_all_modes_are_those_of_the_matrices_without_held_rows(partly, pre_stress):
+def test_all_modes_are_those_of_the_matrices_without_held_rows(partly, partly_squares, pre_stress):
     modes = modal.eigenmodes(partly, all=True, pre_stress=pre_stress)
-    square = squares(partly, pre_stress)
+    square = partly_squares
+    if pre_stress != "none":
+        square = squares(partly, pre_stress)
     assert len(modes.frequency) == partly.degrees_of_freedom < 6 * partly.n_particles
     found = np.sign(modes.frequency) * (2 * np.pi * modes.frequency) ** 2
     # Round-off of a dense solver is some eps of the largest.
@@ -93,8 +102,7 @@ def test_all_modes_are_those_of_the_matrices_without_held_rows(partly, pre_stres
     assert modes.floppy_modes == (abs(square) < 1e-9 * square[-1]).sum()
 
 
-def test_lists_and_counts_are_exact(partly):
-    wanted = frequencies(partly)
+def test_lists_and_counts_are_exact(partly, wanted):
     floppy = every_floppy(LinearSystem.of(partly)).total
     assert floppy == partly.degrees_of_freedom - len(wanted)
     low = modal.eigenmodes(partly, lowest=9)
@@ -114,7 +122,8 @@ def test_translations_only(partly):
     rows = np.flatnonzero(partly.free_motions[:, :3])
     K = stiffness_matrix(partly, 3).toarray()[np.ix_(rows, rows)]
     square = eigh(K, np.diag(mass_diagonal(partly, 3)[rows]), eigvals_only=True)
-    np.testing.assert_allclose((2 * np.pi * modes.frequency) ** 2, square, rtol=1e-9)
+    found = np.sign(modes.frequency) * (2 * np.pi * modes.frequency) ** 2
+    assert abs(found - square).max() < 1e-12 * square[-1]
 
 
 def test_product_and_matrix(partly):
@@ -134,8 +143,8 @@ def test_a_tensor_of_inertia_keeps_the_turns_that_are_free():
     """M without held rows has an inverse root of its own, which is no part of the whole one."""
     rng = np.random.default_rng(2)
     plain = polydisperse(n=12)
-    root = rng.standard_normal((12, 3, 3)) + 3 * np.eye(3)
-    tensor = plain.inertia[:, None, None] * (root @ root.transpose(0, 2, 1)) / 30
+    axes = np.linalg.qr(rng.standard_normal((12, 3, 3)))[0]
+    tensor = axes * [0.7, 1.0, 1.3] @ axes.transpose(0, 2, 1) * plain.inertia[:, None, None]
     shape = {"inertia_tensor": tensor, "inertia": np.trace(tensor, axis1=1, axis2=2) / 3}
     network = held_at_random(replace(plain, **shape), seed=1)
     M = np.diag(mass_diagonal(network))
@@ -158,14 +167,13 @@ def test_a_tensor_of_inertia_keeps_the_turns_that_are_free():
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 0.03])
-def test_density_counts_the_motions_that_are_free(partly, tolerance):
+def test_density_counts_the_motions_that_are_free(partly, wanted, tolerance):
     """From exact traces, and with random vectors, whose error is told."""
     states = modal.density_of_states(partly, tolerance=tolerance)
-    wanted = frequencies(partly)
     assert states.zero_modes.sum() == pytest.approx(partly.degrees_of_freedom - len(wanted))
     middle = float(np.median(wanted))
     value, error = states.count_below([middle, states.highest])
-    assert value[1, 6] == pytest.approx(partly.degrees_of_freedom, rel=1e-9)
+    assert abs(value[1, 6] - partly.degrees_of_freedom) <= 5 * error[1, 6] + 1e-6
     components = partly.free_motions.sum(axis=0)
     assert (abs(value[1, :6] - components) <= 5 * error[1, :6] + 1e-6).all()
     # The kernel is a hundredth of the spectrum wide; modes within it may be on either side.
@@ -437,19 +445,17 @@ def test_equal_parts_are_held_alike():
     other = fixed.copy()
     other[0, 3:] = True
     assert modal.propagate(replace(crystal, fixed=other), 1e-5).repeats == 1
-    dense = modal.eigenmodes(held, all=True).frequency
-    np.testing.assert_allclose((2 * np.pi * dense) ** 2, squares(held), rtol=1e-9)
+    dense = (2 * np.pi * modal.eigenmodes(held, all=True).frequency) ** 2
+    assert abs(dense - squares(held)).max() < 1e-12 * dense[-1]
 
 
 def test_clumps_are_held_as_a_whole():
-    crystal = fcc(cells=(1, 1, 4))
-    crystal = replace(crystal, cell_shift=crystal.periods)
+    chain = column(4)
     body = np.array([1, 1, 0, 0])
     fixed = np.zeros((4, 6), bool)
     fixed[:2] = True
-    clumps = joined(replace(crystal, fixed=fixed), body)
+    clumps = joined(replace(chain, fixed=fixed), body)
     assert clumps.held.tolist() == [True, False, False]
     fixed[1] = False
     with refusal("held_bodies"):
-        joined(replace(crystal, fixed=fixed), body)
-    assert (crystal.particle_j == SOURCE_WALL).any()
+        joined(replace(chain, fixed=fixed), body)
