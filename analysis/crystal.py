@@ -22,6 +22,8 @@ from analysis.quantities.passband import Producer
 from analysis.quantities.spectrum import modal_dispersion
 from analysis.quantities.velocity import chain
 from analysis.table import cell
+from modal.packing.network import Network
+from modal.theory.fcc import frequency_of_equal_turns
 
 COLUMNS = ("theory", "modal", "linear", "yade")
 TABLE = Path(__file__).with_name("comparison.csv")
@@ -80,10 +82,19 @@ def _by_theory(packing: PackingData) -> Numbers:
     return _numbers_of(by_rules) | {
         "f_first": omega[0] / 2e3 / np.pi,
         "f_last": omega[-1] / 2e3 / np.pi,
+        "f_top": _highest_frequency(packing.network) / 1e3,
         "layers": lattice.layers,
         "lambda_edge": edge,
         "arrival": _arrival_velocity(exact, "yade"),
     }
+
+
+def _highest_frequency(network: Network) -> float:
+    """Return the highest natural frequency of the endless crystal, Hz, by its own springs."""
+    pair = ~network.with_wall
+    tangential = float(np.median(network.stiffness_tangential[pair]))
+    lever = float(np.median(np.linalg.norm(network.branch[pair], axis=1))) / 2
+    return frequency_of_equal_turns(tangential, lever, float(network.inertia.mean()))
 
 
 def _by_modes(packing: PackingData) -> Numbers:

@@ -18,10 +18,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from modal.description import describe as describe
     from modal.elasticity.moduli import elastic_moduli as elastic_moduli
+    from modal.elasticity.sensitivity import moduli_sensitivity as moduli_sensitivity
     from modal.exchange.registry import read as read
     from modal.modes.counts import count_modes as count_modes
     from modal.modes.density import density_of_states as density_of_states
     from modal.modes.eigenmodes import eigenmodes as eigenmodes
+    from modal.modes.sensitivity import frequency_sensitivity as frequency_sensitivity
     from modal.packing.crystal import fcc as fcc
     from modal.packing.network import Network as Network
     from modal.preparation.random_packing import random_packing as random_packing
@@ -42,6 +44,8 @@ _MODULES = {
     "elastic_moduli": "modal.elasticity.moduli",
     "fcc": "modal.packing.crystal",
     "frequency_response": "modal.waves.response",
+    "frequency_sensitivity": "modal.modes.sensitivity",
+    "moduli_sensitivity": "modal.elasticity.sensitivity",
     "propagate": "modal.waves.propagate",
     "random_packing": "modal.preparation.random_packing",
     "read": "modal.exchange.registry",

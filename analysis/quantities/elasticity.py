@@ -11,6 +11,7 @@ from modal.elasticity.moduli import UNEVEN_ASYMMETRY, ElasticModuli
 from modal.elasticity.plane_waves import isotropic_mean
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import coordination_without_rattlers
+from modal.theory.effective_medium import assembly_of, walton
 
 ALONG_Z = (0, 0, 1)
 MIN_RELATIVE_VELOCITY = 1e-5
@@ -33,6 +34,7 @@ def _shear_over_affine(moduli: ElasticModuli) -> float:
     return moduli.shear_modulus / shear
 
 
+_SMOOTH = "of spheres without friction"
 _OVER_AFFINE = "over that of spheres that follow the mean strain"
 OF_MODULI: dict[str, tuple[str, Callable[[ElasticModuli], float], str]] = {
     "bulk_modulus": ("Pa", lambda m: m.bulk_modulus, "bulk modulus, mean over directions"),
@@ -98,6 +100,26 @@ def _register(
 
 for _name, (_unit, _function, _definition) in OF_MODULI.items():
     _register(_name, _unit, _function, _definition)
+
+
+def _register_walton(name: str, rough: bool, modulus: str, definition: str) -> None:
+    """Register a modulus divided by that of Walton's theory as a quantity."""
+
+    def measure(packing: PackingData) -> Value:
+        expected = getattr(walton(assembly_of(packing.network), rough=rough), modulus)
+
+        def ratio(moduli: ElasticModuli) -> float:
+            return float(getattr(moduli, f"{modulus}_modulus")) / expected
+
+        return measure_of_moduli(packing, "1", ratio)
+
+    quantity("1", name=name, definition=definition, on_request=True)(measure)
+
+
+_OVER_WALTON = "over that of Walton's effective medium of the same z, phi and pressure"
+_register_walton("bulk_over_walton", True, "bulk", f"bulk modulus {_OVER_WALTON}")
+_register_walton("shear_over_walton", True, "shear", f"shear modulus {_OVER_WALTON}, rough")
+_register_walton("shear_over_walton_smooth", False, "shear", f"the same, {_SMOOTH}")
 
 
 @on_request("1", definition="(G D / k) / (h D^3), level in poorly coordinated packings")

@@ -91,6 +91,10 @@ EXACT: dict[str, tuple[Callable[[Network], float], str]] = {
         _measure_coordination_of_bearing,
         "contacts among force-bearing spheres, of one",
     ),
+    "mobilised": (
+        state.mobilised_per_particle,
+        "contacts at the friction limit, of a force-bearing sphere; each counts once",
+    ),
     "rattlers": (_measure_rattlers, "share of spheres that bear no force"),
     "fabric_zz": (_measure_fabric, "mean n_z^2 of contact normals"),
     "lateral_stress": (_measure_lateral_stress, "mean lateral stress over that along z"),
@@ -131,7 +135,7 @@ def void_ratio(packing: PackingData) -> Value:
 
 
 for _name, (_function, _definition) in EXACT.items():
-    _on_request = _name != "coordination"
+    _on_request = _name not in ("coordination", "mobilised")
     quantity("1", name=_name, definition=_definition, on_request=_on_request)(_exact(_function))
 
 

@@ -1,10 +1,20 @@
 """The elastic stiffness tensor, V_P and V_S along any direction."""
 
+import math
+from contextlib import suppress
+
 from modal.cli.options import Group, Option, Options, Result, chosen_for, flag
 from modal.cli.reading import packing_of, springs
+from modal.elasticity.cross_anisotropy import cross_anisotropy
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli, read_moduli, write_moduli
-from modal.elasticity.plane_waves import unit_vector
+from modal.elasticity.plane_waves import isotropic_mean, unit_vector
 from modal.elasticity.steady import SOLVERS
+from modal.packing.network import Network
+from modal.packing.noted_laws import noted_material
+from modal.theory.effective_medium import IsotropicModuli, assembly_of, walton
+from modal.theory.saturation import named_fluid, saturate
+from modal.tools.display import quantity
+from modal.tools.errors import InputError, UnavailableError
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 DIRECTION_HELP = "of waves, besides x, y and z; may be repeated"
@@ -28,14 +38,15 @@ def run(options: Options) -> Result:
         unit_vector(tuple(vector))  # refuses a vector without length before the work
         name = " ".join(f"{x:g}" for x in vector)
         directions[name] = tuple(vector)
-    moduli = elastic_moduli(packing_of(options), **chosen_for(elastic_moduli, options))
+    network = packing_of(options, added_mass=False)
+    moduli = elastic_moduli(network, **chosen_for(elastic_moduli, options))
     options.remarks.extend(map(str, moduli.remarks()))
     if options.output:
         write_moduli(options.output, moduli, options.made)
     velocities = {}
     for name, vector in directions.items():
         velocities[name] = moduli.velocities(vector).tolist()
-    return {
+    result: Result = {
         "region": moduli.region,
         "order": "xx yy zz yz zx xy",
         "stiffness_pa": moduli.stiffness.tolist(),
@@ -53,4 +64,58 @@ def run(options: Options) -> Result:
         "soft_strains": len(moduli.soft_strains()),
         "solver": moduli.solver,
         "products_with_k": moduli.products,
+    }
+    measured = IsotropicModuli(moduli.bulk_modulus, moduli.shear_modulus)
+    bulk, shear = isotropic_mean(moduli.affine)
+    theories = {"affine": IsotropicModuli(bulk, shear)}
+    # A packing without forces or notes on its material is compared with its own springs alone.
+    with suppress(InputError):
+        assembly = assembly_of(network)
+        theories["walton_rough"] = walton(assembly)
+        theories["walton_smooth"] = walton(assembly, rough=False)
+    result["theory"] = {name: _compare(measured, expected) for name, expected in theories.items()}
+    if not len(moduli.soft_strains()):
+        constants = cross_anisotropy(moduli)._asdict()
+        result["cross_anisotropy"] = {name: list(each) for name, each in constants.items()}
+    if options.fluid:
+        result["saturated"] = _saturated(network, measured, moduli.density, options)
+    return result
+
+
+def _compare(measured: IsotropicModuli, expected: IsotropicModuli) -> Result:
+    """Return the moduli by a theory, and the measured ones divided by them."""
+    shear_ratio = math.nan
+    if expected.shear > 0:
+        shear_ratio = measured.shear / expected.shear
+    return {
+        "bulk_modulus_pa": expected.bulk,
+        "shear_modulus_pa": expected.shear,
+        "poisson": expected.poisson,
+        "measured_over_theory": [measured.bulk / expected.bulk, shear_ratio],
+    }
+
+
+def _saturated(network: Network, dry: IsotropicModuli, density: float, options: Options) -> Result:
+    """Return Gassmann's moduli and velocities with the named fluid, and where they end."""
+    if "young" not in network.study:
+        raise UnavailableError(
+            "unknown_material",
+            f"{options.network}: it does not say of which material its spheres are",
+            "Gassmann's moduli need the bulk modulus of the grains",
+            "note young and poisson in its group study",
+        )
+    fluid = named_fluid(options.fluid)
+    full = saturate(network, dry, density, noted_material(network.study), fluid)
+    options.remarks.append(
+        f"full of {options.fluid}: Gassmann's moduli hold well below Biot's frequency, "
+        f"{quantity(full.biot_frequency, 'Hz')} here, above which the fluid slips past the grains"
+    )
+    return {
+        "fluid": options.fluid,
+        "bulk_modulus_pa": full.moduli.bulk,
+        "shear_modulus_pa": full.moduli.shear,
+        "density_kg_per_m3": full.density,
+        "velocity_m_per_s": list(full.velocities),
+        "permeability_m2": full.permeability,
+        "biot_frequency_hz": full.biot_frequency,
     }

@@ -19,8 +19,9 @@ from modal.cli.options import (
 from modal.exchange.registry import read_remarked
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS
 from modal.packing.contact_models import MODELS
+from modal.packing.noted_laws import ELASTIC
 from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
-from modal.packing.sample import ELASTIC, read_sample
+from modal.packing.sample import read_sample
 from modal.preparation.protocol import FRICTION_PARAMETERS, PEAK, Study, unused_parameters
 from modal.preparation.random_packing import ASPECT
 from modal.preparation.random_packing import pack as pack_samples
@@ -51,7 +52,9 @@ DILATE_HELP = (
     "compressed again: dense with few contacts"
 )
 MODEL_HELP = (
-    f"{', '.join(MODELS)}; rough with its roughness, m, as rough 1e-6 (default {HERTZ_MINDLIN})"
+    f"{', '.join(MODELS)}; rough with its roughness, m, as rough 1e-6; dmt and jkr with the work "
+    "of adhesion, J/m^2, as jkr 0.1; liquid-bridge with surface tension, N/m, volume of a bridge, "
+    f"m^3, and contact angle, degrees (default {HERTZ_MINDLIN})"
 )
 STRESS_RATIO_HELP = "then the lateral stresses go to K times the axial one, which stays"
 OEDOMETRIC_HELP = "from a tenth of the first stress compressed along z alone; K0 is told"

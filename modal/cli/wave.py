@@ -193,6 +193,12 @@ def run(options: Options) -> Result:
             "contacts",
         )
     check_motion(options)
+    if options.nonlinear and options.fluid:
+        raise InputError(
+            "fluid_of_nonlinear_wave",
+            "--fluid: --nonlinear takes a sample, whose spheres are dry",
+            remedy="leave one out",
+        )
     if options.nonlinear:
         packing: Any = read_sample(path)
         network = packing.network()

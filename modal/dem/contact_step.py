@@ -71,7 +71,8 @@ class ShearStep(NamedTuple):
 class Totals(NamedTuple):
     """Sums over all contacts.
 
-    normal_force, contact_force, N: sizes, the latter with shear, 0 without history. touching,
+    normal_force, contact_force, N: sizes, the latter with shear, 0 without history; pulls count
+    as pushes. touching,
     sliding: numbers of contacts. virial, N m: principal stresses times the volume. elastic_energy,
     J, of normal forces. stiffness, N/m, of normal forces. source, receiver, N: forces on the walls;
     in a cell without walls `source` is the force across its period along z. source_torque,

@@ -15,6 +15,8 @@ import numpy as np
 from modal.dem.contact_step import UPRIGHT, Geometry, ShearStep
 from modal.dem.forces import forces_by_loop
 from modal.dem.near_contacts import contacts_in_reach, longest_paths
+from modal.packing.contact_models import acts_across_gaps
+from modal.packing.neighbours import contact_keys
 from modal.packing.sample import Sample
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
@@ -39,16 +41,6 @@ class _Slips(NamedTuple):
     key: Ints
     ends: Ints
     energy: Floats
-
-
-def _contact_keys(i: Ints, j: Ints, shift: Ints) -> Ints:
-    """Return a number for each contact, unique by its ends and periods."""
-    key = i.astype(np.int64)
-    # Walls are -1 and -2; periods are small, a sphere reaches few images of another.
-    key = (key << 22) + j + 2
-    for axis in range(3):
-        key = (key << 6) + shift[:, axis].astype(np.int64) + 32
-    return key
 
 
 def _match_rows(old: Ints, new: Ints) -> tuple[Ints, Ints]:
@@ -138,6 +130,9 @@ class MovingContacts:
         self.radius = np.full(n, sample.sizes)
         self.largest = float(self.radius.max())
         self.smallest = float(self.radius.min())
+        # Contacts that act across a gap must stay in the list: a pair's gap is shared by two.
+        pair_gap, wall_gap = sample.rupture_distances
+        self._gap = max(pair_gap / 2, wall_gap) / self.largest
         self.position = sample.position.copy()
         self.load = np.zeros((n, 6 if history else 3))
         self.on_held = np.zeros((n, 6 if history else 3))
@@ -159,7 +154,7 @@ class MovingContacts:
         self._shift = network.require("cell_shift", "list of contacts").astype(int)
         self._normal = network.normal.copy()
         self._shear = network.require("force_tangential", "history of contacts").copy()
-        self._key_at_start = _contact_keys(self._ends[:, 0], self._ends[:, 1], self._shift)
+        self._key_at_start = contact_keys(self._ends[:, 0], self._ends[:, 1], self._shift)
         self._slips_of_open = [_Slips(self._key_at_start[:0], self._ends[:0], np.zeros(0))]
         if track_energy:
             self.work = np.zeros((network.n_contacts, 2))
@@ -171,7 +166,7 @@ class MovingContacts:
             self.skin = max(self.skin, min(2 * self.skin, MAX_SKIN))
         inside, periods = self._wrap_positions()
         inside[:, 2] -= self.walls[0]
-        skin = self.largest * self.skin
+        skin = self.largest * (self.skin + self._gap)
         ends, shift = contacts_in_reach(inside, self.lengths, self.radius, skin, self.periodic_z)
         # Periods between the actual positions, which are not brought back into the cell.
         i, j = ends.T
@@ -193,8 +188,8 @@ class MovingContacts:
     def _transfer_history(self, ends: Ints, shift: Ints) -> None:
         """Copy the normals and shear forces of contacts that still exist to a new list of pairs."""
         touched = self._normal.any(axis=1)
-        old_keys = _contact_keys(self._ends[:, 0], self._ends[:, 1], self._shift)
-        new_keys = _contact_keys(ends[:, 0], ends[:, 1], shift)
+        old_keys = contact_keys(self._ends[:, 0], self._ends[:, 1], self._shift)
+        new_keys = contact_keys(ends[:, 0], ends[:, 1], shift)
         before, after = _match_rows(old_keys[touched], new_keys)
         normal = self._normal[touched]
         shear = self._shear[touched]
@@ -301,7 +296,8 @@ class MovingContacts:
         # Of spheres of several sizes the list reaches the skin of the largest beyond the touch of
         # each pair, which holds longer than for two of the largest. Two spheres beyond the reach
         # are at least (D + skin D) s - 2 u apart by now, a sphere and a wall half as far.
-        if not (1 + self.skin) * min(1.0, stretch.min()) - moved / self.largest >= 1:
+        reach = 1 + self._gap
+        if not (reach + self.skin) * min(1.0, stretch.min()) - moved / self.largest >= reach:
             self._list_pairs()
 
     def stress(self) -> Floats:
@@ -330,7 +326,7 @@ class MovingContacts:
         touching = self._normal.any(axis=1)
         ends = self._ends[touching]
         shift = self._shift[touching]
-        return ~np.isin(self._key_at_start, _contact_keys(ends[:, 0], ends[:, 1], shift))
+        return ~np.isin(self._key_at_start, contact_keys(ends[:, 0], ends[:, 1], shift))
 
     def slips(self) -> tuple[Ints, Floats, Ints]:
         """Return ends (k, 2), dissipated energy (k,), J, and row (k,) of contacts that have slid.
@@ -341,7 +337,7 @@ class MovingContacts:
         slid = self.work[:, 1] != 0
         ends = self._ends[slid]
         shift = self._shift[slid]
-        listed = _Slips(_contact_keys(ends[:, 0], ends[:, 1], shift), ends, self.work[slid, 1])
+        listed = _Slips(contact_keys(ends[:, 0], ends[:, 1], shift), ends, self.work[slid, 1])
         all_slips = [*self._slips_of_open, listed]
         key, first, which = np.unique(
             np.concatenate([slips.key for slips in all_slips]),
@@ -377,13 +373,16 @@ class MovingContacts:
         )
         if not self._history:
             return bare
-        contact = bare.contacts()
         i, j = self._ends.T.astype(int)
         shift = self._shift.astype(int)
         pair = j >= 0
         shift[pair] += periods[j[pair]] - periods[i[pair]]
-        keys = _contact_keys(contact.particle_i, contact.particle_j, contact.cell_shift)
-        before, after = _match_rows(_contact_keys(i, j, shift), keys)
-        force = np.zeros((len(keys), 3))
+        listed_keys = contact_keys(i, j, shift)
+        if acts_across_gaps(self._laws[0]):
+            touched = self._normal.any(axis=1)
+            bare.acting = np.isin(bare.pairs_in_reach().keys, listed_keys[touched])
+        contact = bare.contacts()
+        before, after = _match_rows(listed_keys, contact.keys)
+        force = np.zeros((len(contact.overlap), 3))
         force[after] = self._shear[before]
         return replace(bare, shear=contact.along(force))

@@ -30,7 +30,7 @@ from modal.dem.contact_step import (
     turn_shear,
 )
 from modal.dem.forces_by_arrays import forces_by_arrays
-from modal.packing.contact_models import ContactLaw
+from modal.packing.contact_models import ContactLaw, acts_across_gaps
 from modal.packing.contact_models.hertz_mindlin import HertzMindlin
 from modal.packing.network import SOURCE_WALL
 from modal.tools.arrays import Floats, Ints
@@ -50,6 +50,8 @@ from modal.tools.loops import (
 
 LAW_FUNCTIONS = ("normal_force", "elastic_energy", "stiffness_normal", "stiffness_tangential")
 """The functions of a contact model that the loop calls."""
+ADHESION_FUNCTIONS = ("friction_force", "rupture_distance")
+"""The functions of a contact model that the loop calls if the model has them."""
 TOTALS = len(Totals._fields)
 # The loop is compiled with those of its contact model in place of these.
 Law = HertzMindlin
@@ -58,6 +60,13 @@ normal_force = HertzMindlin.normal_force
 elastic_energy = HertzMindlin.elastic_energy
 stiffness_normal = HertzMindlin.stiffness_normal
 stiffness_tangential = HertzMindlin.stiffness_tangential
+friction_force = HertzMindlin.normal_force
+rupture_distance = HertzMindlin.normal_force
+# What depends on one of these is left out of the loop where it is False.
+ADHESIVE = False
+ACTS_ACROSS_GAPS = False
+OPEN = 0.0
+"""Overlap of a pair that does not touch: below that of any contact of the model."""
 
 
 def forces_by_loop(
@@ -109,6 +118,12 @@ def _compile_loop(law: type[ContactLaw]) -> Loop:
     replaced = {"Law": law, "LAW_NUMBERS": len(law._fields)}
     for name in LAW_FUNCTIONS:
         replaced[name] = elementwise(getattr(law, name))
+    for name in ADHESION_FUNCTIONS:
+        if hasattr(law, name):
+            replaced[name] = elementwise(getattr(law, name))
+    replaced["ADHESIVE"] = hasattr(law, "friction_force")
+    if acts_across_gaps(law):
+        replaced |= {"ACTS_ACROSS_GAPS": True, "OPEN": -np.inf}
     sources = fingerprint(module, contact_step)
     for part in (_list_candidates, _add_forces_of_slab):
         replaced[part.__name__] = compiled_part(part, sources, replaced, fastmath={"contract"})
@@ -251,15 +266,25 @@ def _add_forces_of_slab(
         end = ends[c, 1]
         j = np.uint64(max(end, 0))
         radius_i = radius[i]
-        overlap = 0.0
+        overlap = OPEN
+        least_overlap = 0.0
         effective_radius = 0.0
         longer = 0.0
         law = pair_law
+        has_touched = False
+        if ACTS_ACROSS_GAPS and shear is not None:
+            has_touched = normal[c, 0] != 0 or normal[c, 1] != 0 or normal[c, 2] != 0
         if end >= 0:
             bx, by, bz = _branch_vector(position, shift, cell, c, i, j)
             square = bx * bx + by * by + bz * bz
             reach = radius_i + radius[j]
-            if 0.0 < square < reach * reach:
+            farthest = reach
+            if ACTS_ACROSS_GAPS:
+                effective_radius = radius_i * (radius[j] / reach)
+                if has_touched:
+                    least_overlap = -rupture_distance(law, effective_radius)
+                    farthest = reach - least_overlap
+            if 0.0 < square < farthest * farthest:
                 distance = np.sqrt(square)
                 overlap = reach - distance
                 longer = radius[j] - radius_i
@@ -277,7 +302,9 @@ def _add_forces_of_slab(
             overlap = radius_i - outward * bz
             effective_radius = radius_i
             law = wall_law
-        if overlap <= 0:
+            if ACTS_ACROSS_GAPS and has_touched:
+                least_overlap = -rupture_distance(law, effective_radius)
+        if overlap <= least_overlap:
             if shear is not None and (normal[c, 0] != 0 or normal[c, 1] != 0 or normal[c, 2] != 0):
                 _set(normal, c, (0.0, 0.0, 0.0))
                 _set(shear, c, (0.0, 0.0, 0.0))
@@ -285,6 +312,9 @@ def _add_forces_of_slab(
                     # What an opening contact had stored in shear is dissipated.
                     work[c, 1] += work[c, 0]
                     work[c, 0] = 0.0
+                    if ACTS_ACROSS_GAPS:
+                        # What a contact gives off that breaks under tension is dissipated, too.
+                        work[c, 1] += elastic_energy(law, least_overlap, effective_radius)
             continue
         pressed = normal_force(law, overlap, effective_radius)
         fx = -pressed * n[0]
@@ -317,13 +347,20 @@ def _add_forces_of_slab(
             kt = stiffness_tangential(law, overlap, effective_radius)
             trial = plus(before, kt, slip)
             after = trial
-            limit = friction * pressed
+            bearing = pressed
+            if ADHESIVE:
+                bearing = friction_force(law, overlap, effective_radius)
+            limit = friction * bearing
             if dot(after, after) > limit * limit:
                 share = friction_share(after, limit)
                 after = (share * after[0], share * after[1], share * after[2])
                 sliding += 1
             if len(work):
-                stored, dissipated = shear_work(before, trial, after, kt)
+                if ACTS_ACROSS_GAPS and kt == 0.0:
+                    stored = -work[c, 0]
+                    dissipated = work[c, 0]
+                else:
+                    stored, dissipated = shear_work(before, trial, after, kt)
                 work[c, 0] += stored
                 work[c, 1] += dissipated
             _set(normal, c, n)
@@ -360,7 +397,10 @@ def _add_forces_of_slab(
             stiffness[i] += kn
             if end >= 0:
                 stiffness[j] += kn
-        sum_normal += pressed
+        if ADHESIVE:
+            sum_normal += abs(pressed)
+        else:
+            sum_normal += pressed
         sum_stiffness += kn
         energy += elastic_energy(law, overlap, effective_radius)
         virial_x -= fx * bx

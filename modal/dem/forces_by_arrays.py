@@ -23,7 +23,13 @@ from modal.dem.contact_step import (
     shear_work,
     turn_shear,
 )
-from modal.packing.contact_models import ContactLaw, law_of_each
+from modal.packing.contact_models import (
+    ContactLaw,
+    acts_across_gaps,
+    friction_force,
+    law_of_each,
+    rupture_distance,
+)
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.loops import cross, dot, plus
@@ -72,14 +78,11 @@ def forces_by_arrays(
     `slabs` are not used.
     """
     count = len(geometry.position)
-    contacts = _touching_contacts(geometry)
+    contacts = _touching_contacts(geometry, laws, step)
     i = contacts.i
     pair = contacts.pair
     j_of_pairs = contacts.j[pair]
-    radius_j = contacts.radius_j
-    # In this order the half of a radius comes out to the last bit.
-    effective = contacts.radius_i * (radius_j / (contacts.radius_i + radius_j))
-    effective = np.where(pair, effective, contacts.radius_i)
+    effective = _effective_radius(pair, contacts.radius_i, contacts.radius_j)
     law = law_of_each(laws, ~pair)
     normal_force = law.normal_force(contacts.overlap, effective)
     normal_stiffness = law.stiffness_normal(contacts.overlap, effective)
@@ -90,7 +93,11 @@ def forces_by_arrays(
     load[:] = 0
     if step is not None:
         tangential = law.stiffness_tangential(contacts.overlap, effective)
-        shear = _advance_shear(geometry, step, contacts, normal_force, tangential)
+        bearing = friction_force(law, contacts.overlap, effective)
+        broken = _energy_of_broken(geometry, laws, step, contacts)
+        shear = _advance_shear(geometry, step, contacts, bearing, tangential)
+        if len(step.work):
+            step.work[:, 1] += broken
         sliding = shear.sliding
         force = force + shear.force
         contact_force = np.sqrt(dot(force, force)).sum()
@@ -116,13 +123,59 @@ def forces_by_arrays(
     periods_along_z = np.where(pair, geometry.shift[contacts.rows, 2], 0)
     on_source = on_source + (force * periods_along_z).sum(axis=1)
     elastic_energy = law.elastic_energy(contacts.overlap, effective).sum()
-    sums = (normal_force.sum(), contact_force, len(contacts.rows), sliding, *virial)
+    sums = (abs(normal_force).sum(), contact_force, len(contacts.rows), sliding, *virial)
     sums += (elastic_energy, normal_stiffness.sum(), *on_source, *on_receiver, *torques)
     return Totals(*sums)
 
 
-def _touching_contacts(geometry: Geometry) -> _Contacts:
-    """Return the contacts of the list that touch."""
+def _effective_radius(pair: Bools, radius_i: Floats, radius_j: Floats) -> Floats:
+    """Return the effective radius (k,), m, of contacts; `pair` (k,) are those of two spheres."""
+    # In this order the half of a radius comes out to the last bit.
+    return np.where(pair, radius_i * (radius_j / (radius_i + radius_j)), radius_i)
+
+
+def _least_overlap(
+    geometry: Geometry, laws: tuple[ContactLaw, ContactLaw], step: ShearStep | None
+) -> Floats:
+    """Return the overlap (m,), m, above which each pair of the list acts.
+
+    It is 0, or less if the pair has touched and its contact model acts across gaps.
+    """
+    i, j = geometry.ends.T
+    if step is None or not acts_across_gaps(laws[0]):
+        return np.zeros(len(i))
+    pair = j >= 0
+    radius = geometry.radius
+    effective = _effective_radius(pair, radius[i], radius[np.where(pair, j, 0)])
+    has_touched = step.normal.any(axis=1)
+    return np.where(has_touched, -rupture_distance(law_of_each(laws, ~pair), effective), 0.0)
+
+
+def _energy_of_broken(
+    geometry: Geometry,
+    laws: tuple[ContactLaw, ContactLaw],
+    step: ShearStep,
+    contacts: _Contacts,
+) -> Floats:
+    """Return the energies (m,), J, that contacts give off that break across a gap in the step."""
+    energy = np.zeros(len(geometry.ends))
+    if not acts_across_gaps(laws[0]):
+        return energy
+    is_broken = step.normal.any(axis=1)
+    is_broken[contacts.rows] = False
+    i, j = geometry.ends[is_broken].T
+    pair = j >= 0
+    radius = geometry.radius
+    effective = _effective_radius(pair, radius[i], radius[np.where(pair, j, 0)])
+    law = law_of_each(laws, ~pair)
+    energy[is_broken] = law.elastic_energy(-rupture_distance(law, effective), effective)
+    return energy
+
+
+def _touching_contacts(
+    geometry: Geometry, laws: tuple[ContactLaw, ContactLaw], step: ShearStep | None
+) -> _Contacts:
+    """Return the contacts of the list that act."""
     position, ends, shift, cell, walls, radius = geometry
     i, j = ends.T
     pair = j >= 0
@@ -135,7 +188,8 @@ def _touching_contacts(geometry: Geometry) -> _Contacts:
     distance = np.where(pair, np.sqrt((branch**2).sum(axis=1)), outward * to_wall)
     reach = radius[i] + np.where(pair, radius[partner], 0.0)
     overlap = reach - distance
-    rows = np.flatnonzero((overlap > 0) & ((distance > 0) | ~pair))
+    acts = overlap > _least_overlap(geometry, laws, step)
+    rows = np.flatnonzero(acts & ((distance > 0) | ~pair))
     pair = pair[rows]
     normal = np.where(pair, branch[rows].T / np.where(pair, distance[rows], 1.0), 0.0)
     normal[2, ~pair] = outward[rows][~pair]
@@ -179,12 +233,13 @@ def _advance_shear(
     geometry: Geometry,
     step: ShearStep,
     contacts: _Contacts,
-    normal_force: Floats,
+    bearing: Floats,
     stiffness: Any,
 ) -> _Shear:
     """Return the shear forces after a step, and store them and the normals in `step`.
 
-    `normal_force` (k,), N; `stiffness` (k,), N/m, is tangential.
+    `bearing` (k,), N, is the force of which friction bears a share; `stiffness` (k,), N/m, is
+    tangential.
     """
     rows = contacts.rows
     normal = contacts.normal
@@ -196,7 +251,7 @@ def _advance_shear(
         step.shear[rows].T, step.normal[rows].T, normal, motion.spin_sum, step.time_step
     )
     trial = np.array(plus(before, stiffness, slip))
-    limit = step.friction * normal_force
+    limit = step.friction * bearing
     sliding = int((dot(trial, trial) > limit**2).sum())
     shear = trial * friction_share(trial, limit)
     if len(step.work):
@@ -204,7 +259,13 @@ def _advance_shear(
         opened = np.setdiff1d(np.arange(len(geometry.ends)), rows)
         step.work[opened, 1] += step.work[opened, 0]
         step.work[opened, 0] = 0
-        step.work[rows] += np.transpose(shear_work(before, trial, shear, stiffness))
+        has_stiffness = stiffness > 0
+        sprung = np.where(has_stiffness, stiffness, 1.0)
+        stored, dissipated = shear_work(before, trial, shear, sprung)
+        # A contact that loses its stiffness gives off what it had stored.
+        earlier = step.work[rows, 0]
+        step.work[rows, 0] += np.where(has_stiffness, stored, -earlier)
+        step.work[rows, 1] += np.where(has_stiffness, dissipated, earlier)
     step.normal[:] = 0
     step.shear[:] = 0
     step.normal[rows] = normal.T

@@ -71,11 +71,17 @@ def isotropic_mean(stiffness: Floats) -> tuple[float, float]:
 
     Nearest means in the Euclidean norm of tensors; both are Voigt's means over all directions.
     """
-    normal = stiffness[:3, :3]
-    trace = np.trace(normal)
-    total = normal.sum()
-    shear_trace = np.diag(stiffness)[3:].sum()
-    return float(total / 9), float((3 * trace - total) / 30 + shear_trace / 5)
+    bulk, shear = isotropic_means(stiffness)
+    return float(bulk), float(shear)
+
+
+def isotropic_means(stiffness: Floats) -> tuple[Floats, Floats]:
+    """Return bulk and shear moduli (...,) of many stiffnesses (..., 6, 6), as `isotropic_mean`."""
+    diagonal = np.diagonal(stiffness, axis1=-2, axis2=-1)
+    trace = diagonal[..., :3].sum(axis=-1)
+    shear_trace = diagonal[..., 3:].sum(axis=-1)
+    total = stiffness[..., :3, :3].sum(axis=(-2, -1))
+    return total / 9, (3 * trace - total) / 30 + shear_trace / 5
 
 
 def anisotropy(stiffness: Floats) -> float:

@@ -45,6 +45,15 @@ class ContactList:
     normal: Floats
     overlap: Floats
 
+    def some(self, selection: Bools) -> "ContactList":
+        """Return the selected contacts; `selection` is (m,)."""
+        return ContactList(*(data[selection] for data in vars(self).values()))
+
+    @property
+    def keys(self) -> Ints:
+        """Return the `contact_keys` (m,)."""
+        return contact_keys(self.particle_i, self.particle_j, self.cell_shift)
+
     def frames(self) -> Iterator[tuple[slice, Floats, Floats]]:
         """Yield slices of `PART` contacts, each with the two `tangents` of these contacts."""
         for first in range(0, len(self.normal), PART):
@@ -228,10 +237,27 @@ def _near_pairs(points: Floats, distance: float) -> Iterator[tuple[Ints, Ints]]:
             yield order[one[near]], order[two[near]]
 
 
+def contact_keys(i: Ints, j: Ints, shift: Ints) -> Ints:
+    """Return a number for each contact (m,), unique by its ends and periods."""
+    key = i.astype(np.int64)
+    # Walls are -1 and -2; periods are small, a sphere reaches few images of another.
+    key = (key << 22) + j + 2
+    for axis in range(3):
+        key = (key << 6) + shift[:, axis].astype(np.int64) + 32
+    return key
+
+
 def touching(
-    position: Floats, low: Floats, periods: Floats, walls: Floats, radius: float | Floats
+    position: Floats,
+    low: Floats,
+    periods: Floats,
+    walls: Floats,
+    radius: float | Floats,
+    gap: float = 0.0,
 ) -> ContactList:
-    """Find all contacts of overlapping spheres, whose centres lie inside the periods.
+    """Find all pairs of spheres that overlap or are less than a gap apart, and those with walls.
+
+    The centres of the spheres lie inside the periods.
 
     Parameters
     ----------
@@ -244,6 +270,8 @@ def touching(
         z of the flat walls, m; NaN where there is none. They are ignored if z is periodic.
     radius : float or ndarray (n,)
         Radius of all spheres, or of each, m.
+    gap : float, default 0
+        Distance of surfaces below which pairs are listed, m.
     """
     radii = np.broadcast_to(radius, len(position))
     widest = 2 * float(np.max(radius))
@@ -252,24 +280,29 @@ def touching(
     lengths = np.diag(periods) if periods.ndim == 2 else periods
     whole = lengths[2] > 0
     # Along an axis without a period images lie beyond the reach of any sphere.
+<<<<<<< HEAD
     beyond = np.ptp(position, axis=0) + 3 * widest
     side = np.where(lengths > 0, lengths, beyond)[: 2 + whole]
     if periods.ndim == 2:
         side = periods + np.diag(np.where(lengths > 0, 0.0, beyond))
     parts = [periodic_pairs(position, side, widest)]
+=======
+    side = np.where(periods > 0, periods, np.ptp(position, axis=0) + 3 * widest)[: 2 + whole]
+    parts = [periodic_pairs(position, side, widest + gap)]
+>>>>>>> 18b06b2d (Add adhesive contacts, theory beside moduli, fluids, sensitivities)
     if not whole:
         for (wall, direction), z in zip(WALL_DIRECTIONS.items(), walls, strict=True):
-            (spheres,) = np.nonzero(radii - direction * (z - position[:, 2]) > 0)
+            (spheres,) = np.nonzero(radii - direction * (z - position[:, 2]) > -gap)
             no_shift = np.zeros((len(spheres), 3), np.int8)
             parts.append((spheres, np.full(len(spheres), wall), no_shift))
     i, j, shift = (np.concatenate(column) for column in zip(*parts, strict=True))
     del parts  # to save memory
     order = canonical_order(i, j, shift)
     contacts = between((i[order], j[order], shift[order]), position, side, walls, radii)
-    overlaps = contacts.overlap > 0
-    if overlaps.all():
+    is_near = contacts.overlap > -gap
+    if is_near.all():
         return contacts
-    return ContactList(*(data[overlaps] for data in vars(contacts).values()))
+    return contacts.some(is_near)
 
 
 def between(

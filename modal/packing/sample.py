@@ -5,14 +5,12 @@ normals and stiffnesses follow from the positions; only shear forces, which depe
 stored, as two components in a frame that follows from the normal.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
-from modal.formats.attributes import number_noted
 from modal.formats.hdf5 import named
 from modal.formats.product import Column, Product, columns_of, stored
 from modal.packing.checks import Fault, Faults, density_of, refuse_first
@@ -25,9 +23,26 @@ from modal.packing.contact_law import (
     Elasticity,
     Material,
 )
-from modal.packing.contact_models import ContactLaw, law_of_each, laws_of
-from modal.packing.neighbours import ContactList, canonical, touching
+from modal.packing.contact_models import (
+    ContactLaw,
+    acts_across_gaps,
+    friction_force,
+    law_of_each,
+    laws_of,
+    rupture_distance,
+)
+from modal.packing.neighbours import ContactList, canonical, contact_keys, touching
 from modal.packing.network import Network
+<<<<<<< HEAD
+=======
+from modal.packing.noted_laws import (
+    ELASTIC,
+    WALL_ELASTIC,
+    noted_material,
+    noted_walls,
+    wall_material,
+)
+>>>>>>> 18b06b2d (Add adhesive contacts, theory beside moduli, fluids, sensitivities)
 from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.errors import InputError
 
@@ -44,12 +59,11 @@ MIN_FRICTION_USED = 1 - 1e-9
 """Least share of the friction limit at which a contact counts as sliding; 1 up to round-off."""
 EDGE_SLACK_IN_RADII = 1e-9
 """Largest distance, in radii, of a centre outside of the cell that round-off explains."""
+UNSTABLE_CONTACTS = "contacts_of_negative_stiffness"
+"""Note of a network: the number of its contacts whose normal stiffness is negative."""
 MAKE_AGAIN = "make the sample again"
 """Text of the remedy for a sample that no program of this project writes."""
 SPIN = "rad/s"
-ELASTIC = ("young", "poisson")
-WALL_ELASTIC = ("wall_young", "wall_poisson")
-"""Names of the elastic constants of walls, in attributes of files and in notes of networks."""
 
 
 @dataclass
@@ -66,6 +80,9 @@ class Sample:
         Friction coefficient mu of the contacts.
     shear : ndarray (m, 2), optional
         Shear force on i of each contact in canonical order along `neighbours.tangents`, N.
+    acting : ndarray of bool (p,), optional
+        Which of the `pairs_in_reach` are contacts; by default those that overlap. Only for contact
+        models whose contacts act across a gap once they have formed.
     velocity, angular_velocity, strain_rate : ndarray (n, 3), (n, 3), (3,), optional
         m/s, rad/s, and 1/s of the cell; only for a sample in motion.
     radius, radii : float, default 1.27e-3, and ndarray (n,), optional
@@ -98,6 +115,7 @@ class Sample:
     walls: Annotated[Floats, stored("walls", "f", 2, unit="m", name="position")]
     friction: float
     shear: Annotated[Floats | None, stored("contacts", "f", "m", 2, unit="N")] = None
+    acting: Annotated[Bools | None, stored("contacts", "b", "p")] = None
     velocity: Annotated[Floats | None, stored("particles", "f", "n", 3, unit="m/s")] = None
     angular_velocity: Annotated[Floats | None, stored("particles", "f", "n", 3, unit=SPIN)] = None
     strain_rate: Annotated[Floats | None, stored("cell", "f", 3, unit="1/s")] = None
@@ -170,18 +188,64 @@ class Sample:
         """The `periods` and the `length` (3,), m."""
         return np.array([*self.periods, self.length])
 
+    @property
+    def rupture_distances(self) -> tuple[float, float]:
+        """Largest gap, m, of a contact between two spheres, and of one with a wall."""
+        largest = float(np.max(self.sizes))
+        pair_law, wall_law = self.laws
+        pair_gap = rupture_distance(pair_law, largest / 2)
+        return float(pair_gap), float(rupture_distance(wall_law, largest))
+
     def contacts(self) -> ContactList:
-        """Return all contacts in canonical order; their overlaps follow from the positions."""
+        """Return all contacts in canonical order; their overlaps follow from the positions.
+
+        InputError if `acting` does not belong to the positions.
+        """
+        pairs = self.pairs_in_reach()
+        if self.acting is None:
+            if not acts_across_gaps(self.laws[0]):
+                return pairs
+            return pairs.some(pairs.overlap > 0)
+        if len(self.acting) != len(pairs.overlap):
+            raise InputError(
+                "acting_pairs",
+                "sample",
+                f"{len(self.acting)} pairs are said to act or not, {len(pairs.overlap)} are in "
+                "reach",
+                "it was written by another program or is damaged, make it again",
+            )
+        return pairs.some(self.acting)
+
+    def pairs_in_reach(self) -> ContactList:
+        """Return the pairs in canonical order that overlap or that a contact could still join."""
         periodic = np.array([*self.periodic_sides, self.periodic_z])
         low = np.where(periodic, [0.0, 0.0, self.walls[0]], 0.0)
-        return touching(self.position, low, periodic * self.lengths, self.walls, self.sizes)
+        periods = periodic * self.lengths
+        largest_gap = max(self.rupture_distances)
+        pairs = touching(self.position, low, periods, self.walls, self.sizes, largest_gap)
+        if not largest_gap:
+            return pairs
+        wall = pairs.particle_j < 0
+        law = law_of_each(self.laws, wall)
+        return pairs.some(pairs.overlap > -rupture_distance(law, self._effective_radius(pairs)))
+
+    def _effective_radius(self, contact: ContactList) -> Floats:
+        """Return R1 R2 / (R1 + R2) of each contact (m,), m, and R of those with a wall."""
+        radius = np.broadcast_to(self.sizes, len(self.position))
+        radius_i = radius[contact.particle_i]
+        radius_j = radius[np.maximum(contact.particle_j, 0)]
+        effective: Floats = radius_i * (radius_j / (radius_i + radius_j))
+        return np.where(contact.particle_j < 0, radius_i, effective)
 
     def network(self, contact: ContactList | None = None) -> Network:
         """Return the contact network: springs of the contact model at the present overlaps.
 
         The contacts are sought unless `contact` gives them. A contact point lies in the middle of
         the overlap, also at a wall. The relative error of an overlap is eps times diameter divided
-        by overlap, 1e-12 at 100 kPa. InputError if the shear forces are not those of the contacts.
+        by overlap, 1e-12 at 100 kPa. A contact that pulls beyond its largest pull, or across a
+        gap by a liquid, has a negative normal stiffness: the network has 0 in its place, and the
+        number of these contacts among its notes. InputError if the shear forces are not those of
+        the contacts.
         """
         if contact is None:
             contact = self.contacts()
@@ -192,16 +256,22 @@ class Sample:
             "coordination_number": float(ends / n),
         }
         mass, inertia = self.masses
+        springs = self._compute_springs(contact)
+        unstable = springs["stiffness_normal"] < 0
+        notes: dict[str, Any] = {}
+        if unstable.any():
+            notes[UNSTABLE_CONTACTS] = int(unstable.sum())
+            springs["stiffness_normal"] = np.where(unstable, 0.0, springs["stiffness_normal"])
         return Network(
             position=self.position,
             cell_size=np.array([*self.side, self.length]),
             cell_periodic=np.array([*self.periodic_sides, self.periodic_z]),
             wall_position=np.asarray(self.walls, float),
-            study=self.study | densities | self.constants,
+            study=self.study | densities | self.constants | notes,
             provenance=self.provenance,
             fixed=self.fixed,
             **frozen(radius=np.full(n, self.sizes), mass=mass, inertia=inertia),
-            **frozen(**vars(contact), **self._compute_springs(contact)),
+            **frozen(**vars(contact), **springs),
         )
 
     def _compute_springs(self, contact: ContactList) -> dict[str, Array]:
@@ -211,13 +281,13 @@ class Sample:
         radius = np.broadcast_to(self.sizes, len(self.position))
         radius_i = radius[contact.particle_i]
         radius_j = radius[np.maximum(contact.particle_j, 0)]
-        effective = np.where(wall, radius_i, radius_i * (radius_j / (radius_i + radius_j)))
+        effective = self._effective_radius(contact)
         law = law_of_each(self.laws, wall)
         force = law.normal_force(overlap, effective)
         tangential = self._compute_shear(contact)
         lever_j = (overlap / 2 - radius_j)[:, None] * contact.normal
         lever_j[wall] = 0
-        limit = self.friction * force * MIN_FRICTION_USED
+        limit = self.friction * friction_force(law, overlap, effective) * MIN_FRICTION_USED
         return {
             "lever_i": (radius_i - overlap / 2)[:, None] * contact.normal,
             "lever_j": lever_j,
@@ -283,10 +353,12 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     if stiffnesses are those of another law or of other moduli, or if there are other contacts.
     """
     sample = _bare_sample(network, friction)
-    contact = sample.contacts()
     shift = network.require("cell_shift", "sample with its contacts in order")
     force = network.require("force_tangential", "sample with its history")
     rows, i, j, ordered_shift, turned = canonical(network.particle_i, network.particle_j, shift)
+    if acts_across_gaps(sample.laws[0]):
+        sample.acting = np.isin(sample.pairs_in_reach().keys, contact_keys(i, j, ordered_shift))
+    contact = sample.contacts()
     ends_agree = np.array_equal(i, contact.particle_i) and np.array_equal(j, contact.particle_j)
     if not ends_agree or not np.array_equal(ordered_shift, contact.cell_shift):
         raise InputError(
@@ -307,13 +379,7 @@ def _bare_sample(network: Network, friction: float) -> Sample:
     radius = network.radius
     radii_are_equal = bool((radius == radius[0]).all())
     study = network.study
-    constants = {}
-    for name in (*ELASTIC, "density"):
-        number = number_noted(study, name)
-        if number is not None:
-            constants[name] = number
-    contact_model = str(study.get("contact_model", HERTZ_MINDLIN))
-    material = replace(GLASS, contact_model=contact_model, **constants)
+    material = noted_material(study)
     density = density_of(network)
     densities_differ = abs(density / material.density - 1).max() > MAX_DENSITY_ERROR
     return Sample(
@@ -325,9 +391,7 @@ def _bare_sample(network: Network, friction: float) -> Sample:
         radii=None if radii_are_equal else radius.copy(),
         material=material,
         densities=density if densities_differ else None,
-        wall_material=_read_wall_material(
-            {name: number_noted(study, name) for name in WALL_ELASTIC}
-        ),
+        wall_material=noted_walls(study),
         periodic_z=bool(network.cell_periodic[2]),
         periodic_sides=(bool(network.cell_periodic[0]), bool(network.cell_periodic[1])),
         fixed=network.fixed,
@@ -352,24 +416,6 @@ def _check_stiffnesses(network: Network, sample: Sample, rebuilt: Network, rows:
                     "wall_poisson in its group study, or take the linear wave, which knows any law"
                 ),
             )
-
-
-def _read_wall_material(notes: Mapping[str, float | None]) -> Elasticity | None:
-    """Return the material of the walls from notes or attributes; None if there is none.
-
-    InputError if one of the two numbers is missing.
-    """
-    young = notes.get("wall_young")
-    poisson = notes.get("wall_poisson")
-    if young is None and poisson is None:
-        return None
-    if young is None or poisson is None:
-        raise InputError(
-            "incomplete",
-            "one of wall_young and wall_poisson lacks",
-            remedy="give both, or none",
-        )
-    return Elasticity(young, poisson)
 
 
 def write_sample(path: str | Path, sample: Sample) -> None:
@@ -414,12 +460,12 @@ def read_sample(path: str | Path) -> Sample:
     values = FORMAT.read(path)
     wall_constants = {name: values.pop(name) for name in WALL_ELASTIC}
     with named(path):
-        wall_material = _read_wall_material(wall_constants)
+        walls = wall_material(wall_constants)
     material = Material(**{name: values.pop(name) for name in vars(GLASS)})
     if values["radii"] is not None:
         values["radius"] = float(values["radii"].mean())
     periodic_z = values.pop("period") is not None
-    sample = Sample(**values, periodic_z=periodic_z, material=material, wall_material=wall_material)
+    sample = Sample(**values, periodic_z=periodic_z, material=material, wall_material=walls)
     validate(sample, str(path))
     return sample
 

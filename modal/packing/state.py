@@ -16,6 +16,7 @@ import numpy as np
 from modal.formats.whole_file import write_text
 from modal.packing.contact_law import sphere_volume
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.noted_laws import friction_bearing_force
 from modal.packing.occupied import occupied_part
 from modal.packing.rattlers import force_bearing
 from modal.tools.arrays import Array, Bools, Floats, Ints
@@ -145,12 +146,39 @@ def coordination_without_rattlers(network: Network) -> tuple[float, int]:
     return ends / max(int(bearing.sum()), 1), int((~bearing & ~network.held).sum())
 
 
-def friction_used(network: Network, friction: float) -> Floats:
-    """Return the shear force of each contact (m,) divided by friction times normal force.
+def mobilised_per_particle(network: Network) -> float:
+    """Return the number of contacts at the friction limit divided by that of bearing particles.
 
-    It is 1 at the friction limit and 0 without shear. UnavailableError if forces are absent.
+    Only contacts that `coordination_without_rattlers` counts are counted. UnavailableError if the
+    network does not know which contacts are at their limit.
     """
-    limit = friction * network.require("force_normal", "share of friction")
+    at_limit = network.require("sliding", "number of mobilised contacts")
+    bearing = force_bearing(network)
+    counts = bearing[network.particle_i] & (bearing[network.partner] | network.with_wall)
+    return float((at_limit & counts).sum()) / max(int(bearing.sum()), 1)
+
+
+def isostatic_coordination(mobilised: float) -> float:
+    """Return the coordination number 4 + 2 n_m / 3 at which forces follow from their balance.
+
+    Spheres with friction have six equations of balance each, and three forces at each of z / 2
+    contacts, less one at each of `mobilised` n_m contacts at the friction limit (K. Shundyak, M.
+    van Hecke, W. van Saarloos, Phys. Rev. E 75, 010301, 2007; S. Henkes, M. van Hecke, W. van
+    Saarloos, EPL 90, 14003, 2010).
+
+    >>> isostatic_coordination(0.0)
+    4.0
+    """
+    return 4 + 2 * mobilised / 3
+
+
+def friction_used(network: Network, friction: float) -> Floats:
+    """Return the shear force of each contact (m,) divided by the force that friction can bear.
+
+    This is the friction times `modal.packing.noted_laws.friction_bearing_force`. The result is 1 at
+    the friction limit and 0 without shear. UnavailableError if forces are absent.
+    """
+    limit = friction * friction_bearing_force(network)
     shear = np.linalg.norm(network.require("force_tangential", "share of friction"), axis=1)
     return shear / np.where(shear > 0, limit, 1.0)
 

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 
 from modal.packing import state
+from modal.packing.grading import PERCENTILES, finer_diameters
 from modal.packing.network import Network
+from modal.packing.noted_laws import friction_bearing_force
 from modal.packing.occupied import occupied_part
 from modal.packing.order import crystalline
 from modal.tools.errors import UnavailableError
@@ -28,11 +30,19 @@ def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
         "rattlers": rattlers,
         "fabric_diagonal": np.diag(state.fabric_tensor(network)).tolist(),
     }
+    diameter = 2 * network.radius
+    if np.ptp(diameter) > 0:
+        finer = finer_diameters(diameter, network.mass)
+        for percent, size in zip(PERCENTILES, finer.tolist(), strict=True):
+            result[f"d{percent}_m"] = size
     if network.sliding is not None:
+        mobilised = state.mobilised_per_particle(network)
         result["sliding_contacts"] = int(network.sliding.sum())
-    # A contact without friction, or one that pulls, has no friction limit.
-    force = network.force_normal if state.has_forces(network) else None
-    if friction and network.n_contacts > 0 and force is not None and force.min() > 0:
+        result["mobilised_contacts_per_particle"] = mobilised
+        result["isostatic_coordination_number"] = state.isostatic_coordination(mobilised)
+    # A contact without friction, or one that nothing presses together, has no friction limit.
+    knows_limit = bool(friction) and network.n_contacts > 0 and state.has_forces(network)
+    if friction and knows_limit and friction_bearing_force(network).min() > 0:
         result["largest_share_of_friction"] = float(state.friction_used(network, friction).max())
     with suppress(UnavailableError):
         result |= _summarise_volume(network)

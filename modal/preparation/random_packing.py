@@ -9,13 +9,21 @@ from tempfile import TemporaryDirectory
 from typing import TypedDict, Unpack
 
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Material
+from modal.packing.contact_models import acts_across_gaps, laws_of
 from modal.packing.network import Network
 from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import read_sample
 from modal.preparation.compression import WITH_FRICTION, Simulation, compress_to_stresses
 from modal.preparation.frictionless import Descent, Pressure
 from modal.preparation.protocol import JAMMING_STRESS, NOMINAL_FRACTION, PEAK, STRESSES, Study
-from modal.preparation.sizes import NO_WALLS, Mixture, Words, join_words, parse_solid
+from modal.preparation.sizes import (
+    NO_WALLS,
+    Mixture,
+    Words,
+    join_words,
+    parse_solid,
+    sizes_of_file,
+)
 from modal.preparation.unequal_stress import RATIO_RANGE, load_further
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
@@ -149,6 +157,8 @@ def pack(
         _refuse_peak(peak, targets, hardness)
         relative_peak = peak / hardness
     _refuse_unequal_stresses(friction, stress_ratio, oedometric)
+    if friction == 0 or protocol.get("dilate"):
+        _refuse_history(solid)
     if not 0 <= seed <= MAX_SEED:
         raise InputError("seed", f"seed {seed}", "outside 0 to 2^63 - 1", "give 0, 1, 2 ...")
     if periodic and walls:
@@ -158,7 +168,9 @@ def pack(
             "it has none",
             "leave one out",
         )
-    words = join_words({"sizes": sizes, "densities": densities, "walls": walls, "solid": solid})
+    words = join_words(
+        {"sizes": sizes_of_file(sizes), "densities": densities, "walls": walls, "solid": solid}
+    )
     if periodic:
         words["walls"] = NO_WALLS
     default_aspect = None
@@ -204,6 +216,21 @@ def pack(
         return files
     ratio = math.nan if stress_ratio is None else stress_ratio
     return load_further(folder, study, files, targets, ratio, COMMAND, say)
+
+
+def _refuse_history(solid: Words | None) -> None:
+    """Raise InputError for a contact model whose energy depends on which spheres have touched."""
+    if not solid:
+        return
+    material, _ = parse_solid(solid)
+    if acts_across_gaps(laws_of(material)[0]):
+        raise InputError(
+            "history_without_friction",
+            f"{material.contact_model} contacts without friction",
+            "packings without friction are minima of an energy of the positions alone, and these "
+            "contacts depend on which spheres have touched",
+            "give a friction above 0 and no dilation, or take dmt",
+        )
 
 
 def _refuse_stresses(stresses: Sequence[float], hardness: float) -> None:
@@ -294,8 +321,9 @@ def random_packing(
         Length over width; by default such that the cell is 8 diameters wide, at least that of a
         cube (up to 740 spheres) and at most 10.05 (from 7,400 on).
     sizes : sequence, optional
-        ("lognormal", spread of ln R), or ("two", ratio of radii, share of the large ones by
-        volume); equal spheres by default.
+        ("lognormal", spread of ln R); ("two", ratio of radii, share of the large ones by volume);
+        or (name of a grading curve, *.csv,), whose diameters, m, replace `radius`; equal spheres by
+        default.
     densities : sequence of float, optional
         kg/m^3, one for all or several: two of two sizes are of the small and of the large ones,
         others are dealt out at random in equal numbers. By default that of the material.

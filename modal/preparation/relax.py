@@ -184,7 +184,7 @@ def relax(
             "the sample has no contacts",
             remedy="compress it before it is brought to rest",
         )
-    overlap = float(np.median(sample.contacts().overlap))
+    overlap = float(np.median(abs(sample.contacts().overlap)))
     round_off = ROUND_OFF_FACTOR * np.finfo(float).eps
     attainable = float(round_off * contacts.lengths[2] / overlap)
     goal = max(tolerance, attainable)
@@ -315,7 +315,7 @@ def elastic_motion(contacts: MovingContacts, sample: Sample) -> Floats | None:
     """
     network = sample.network()
     system = LinearSystem(network)
-    median_overlap = float(np.median(network.require("overlap", "rest")))
+    median_overlap = float(np.median(abs(network.require("overlap", "rest"))))
     max_displacement = MAX_DISPLACEMENT_OVERLAPS * median_overlap
     is_sliding = friction_used(network, contacts.friction) > SLIDING_SHARE
     excluded = np.zeros(network.n_particles, bool)

@@ -19,6 +19,7 @@ from modal.packing.contact_law import (
     Material,
 )
 from modal.packing.contact_models import laws_of
+from modal.packing.grading import CURVE, radii_of_curve, read_grading
 from modal.packing.sample import Sample
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
@@ -35,8 +36,8 @@ MIXTURE: Final = ("sizes", "densities", "walls")
 NO_WALLS: Final = "none"
 """Word for the walls of a cell that is periodic along z and has no walls."""
 KINDS = (
-    f"lognormal SPREAD (of ln R, 0 to {MAX_LOGNORMAL_SPREAD:g}) or two RATIO SHARE (of the large "
-    "ones by volume)"
+    f"lognormal SPREAD (of ln R, 0 to {MAX_LOGNORMAL_SPREAD:g}), two RATIO SHARE (of the large "
+    "ones by volume), or a grading curve, *.csv, of diameters in m and per cent finer by mass"
 )
 DENSITIES = (
     "kg/m^3, one for all or several: two of a mixture of two sizes are of the small and of the "
@@ -99,8 +100,12 @@ class Mixture:
         if solid:
             material, radius = parse_solid(solid.split())
         radii = None
-        if sizes:
-            radii = draw_radii(spheres, sizes.split(), seed) * (radius / RADIUS)
+        words = sizes.split()
+        if words and words[0] == CURVE:
+            radii = draw_radii(spheres, words, seed)
+            radius = float(radii.mean())
+        elif words:
+            radii = draw_radii(spheres, words, seed) * (radius / RADIUS)
         sphere_densities = None
         if densities:
             sphere_densities = assign_densities(spheres, densities.split(), radii, seed)
@@ -192,12 +197,21 @@ def join_words(fields: Mapping[str, Words | None]) -> dict[str, str]:
     return texts
 
 
+def sizes_of_file(sizes: Words | None) -> Words | None:
+    """Return the words of a mixture, read from its file if they are the name of a grading curve."""
+    if sizes is not None and len(sizes) == 1 and str(sizes[0]).endswith(".csv"):
+        return read_grading(str(sizes[0]))
+    return sizes
+
+
 def draw_radii(spheres: int, sizes: Words, seed: int) -> Floats:
     """Return the radius of each sphere (n,), m, in a random order that `seed` fixes.
 
-    `sizes` is either "lognormal" and the standard deviation of ln R, or "two", the ratio of the
-    radii and the share of the large spheres in the volume. Log-normal radii are the quantiles at
-    (k + 1/2) / n, so that the set of sizes is not random. Raises InputError for other sizes.
+    `sizes` is "lognormal" and the standard deviation of ln R; "two", the ratio of the radii and the
+    share of the large spheres in the volume; or "curve" and pairs of a diameter, m, and the per
+    cent of the mass that is finer. Radii of a curve are in m, others have the mean of the study's
+    spheres. Log-normal radii, and those of a curve, are quantiles at (k + 1/2) / n, so that the set
+    of sizes is not random. Raises InputError for other sizes.
 
     >>> radii = draw_radii(1000, ("two", 2, 0.5), seed=1)
     >>> float(radii.max() / radii.min()), len(np.unique(radii))
@@ -214,17 +228,23 @@ def draw_radii(spheres: int, sizes: Words, seed: int) -> Floats:
         and 0 < numbers[1] < 1
     ):
         radii = _two_sizes(spheres, *numbers)
+    elif kind == CURVE and numbers:
+        radii = radii_of_curve(spheres, numbers)
     else:
         raise InputError("sizes", f"sizes {_joined(sizes)}", remedy=f"give {KINDS}")
-    if radii.max() > MAX_RADIUS_RATIO * radii.min():
+    size_ratio = float(radii.max() / radii.min())
+    if kind == CURVE:
+        # Few spheres may leave out the coarsest part of a curve.
+        size_ratio = numbers[-2] / numbers[0]
+    if size_ratio > MAX_RADIUS_RATIO:
         raise InputError(
             "size_ratio",
             f"sizes {_joined(sizes)}",
-            f"radii from 1 to {radii.max() / radii.min():.3g}, up to {MAX_RADIUS_RATIO:g} is "
-            "allowed",
+            f"radii from 1 to {size_ratio:.3g}, up to {MAX_RADIUS_RATIO:g} is allowed",
             "take a smaller spread",
         )
-    radii = RADIUS * radii / radii.mean()
+    if kind != CURVE:
+        radii = RADIUS * radii / radii.mean()
     return np.random.default_rng(seed).permutation(radii)
 
 

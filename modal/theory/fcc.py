@@ -22,6 +22,16 @@ def dispersion(kappa: Floats, C: float, m: float, distance: float) -> Floats:
     return 2 * np.sqrt(C / m) * np.abs(np.sin(distance * np.asarray(kappa) / 2))
 
 
+def frequency_of_equal_turns(kt: float, lever: float, inertia: float) -> float:
+    """Return the frequency, Hz, at which all spheres of an FCC crystal turn alike about any axis.
+
+    At each of the twelve contacts of a sphere both ends slide against each other by 2 l, where l is
+    the `lever`, m: omega^2 = 16 kt l^2 / I. No other motion is faster. `kt` in N/m, `inertia` I in
+    kg m^2.
+    """
+    return float(np.sqrt(16 * kt * lever**2 / inertia) / (2 * np.pi))
+
+
 @dataclass(frozen=True, repr=False)
 class FccLattice(FccPacking, Drawn):
     """An endless face-centred cubic crystal of spheres, whose waves are known in closed form.
@@ -85,6 +95,15 @@ class FccLattice(FccPacking, Drawn):
         l is the distance of layers, C the stiffness between them, m the mass of a sphere.
         """
         return self.layer_distance * np.sqrt(self.C / self.mass)
+
+    @property
+    def highest_frequency(self) -> float:
+        """Return the highest natural frequency of the endless crystal, Hz.
+
+        All spheres turn alike; see `frequency_of_equal_turns`.
+        """
+        inertia = 0.4 * self.mass * self.radius**2
+        return frequency_of_equal_turns(self.kt, self.spacing / 2, inertia)
 
     @property
     def stiffness(self) -> Floats:

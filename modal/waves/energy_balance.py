@@ -92,7 +92,7 @@ def drift_limit(network: Network, fraction: float, amplitude: float, energy: flo
     """
     purpose = "limit of the energy drift"
     overlap = network.require("overlap", purpose)
-    force = float(network.require("force_normal", purpose).mean())
-    stiffness_change = min(1.0, 2 * abs(amplitude) / float(overlap.mean()))
+    force = float(abs(network.require("force_normal", purpose)).mean())
+    stiffness_change = min(1.0, 2 * abs(amplitude) / float(abs(overlap).mean()))
     rounding = np.finfo(float).eps * network.length * force * math.sqrt(network.n_contacts)
     return fraction**2 * stiffness_change + ROUNDINGS * rounding / energy

@@ -9,7 +9,14 @@ overlap, m, and the effective radius R1 R2 / (R1 + R2), m, and return
 - `stiffness_normal`: its tangent, N/m;
 - `stiffness_tangential`: the tangent along the contact without slip, N/m;
 
-and `overlap_of_force` returns the overlap of a force, N. They are plain functions of numbers or
+and `overlap_of_force` returns the overlap of a force, N. A model may have two more:
+
+- `friction_force`: the force, N, whose product with the coefficient of friction bounds the shear
+  force, where this is not the normal force, because adhesion presses the surfaces together;
+- `rupture_distance`, of the effective radius alone: the gap, m, up to which a contact that has
+  formed at touch goes on to act. Its other functions then take negative overlaps.
+
+They are plain functions of numbers or
 arrays, from which the loop over moving contacts is compiled, too: they may call functions of their
 module, but no other methods. A model with numbers behind its name makes its own parameters of them
 in `own_numbers`. Networks, crystals, pre-stress and samples from files take the laws from
@@ -76,6 +83,28 @@ def laws_of(spheres: Material, walls: Elasticity | None = None) -> tuple[Contact
     pair = law(*spheres.moduli, *pair_numbers)
     wall = law(*spheres.against(walls or spheres), *wall_numbers)
     return pair, wall
+
+
+def friction_force(law: ContactLaw, overlap: Any, radius: Any) -> Any:
+    """Return the force, N, of which friction bears a share: that of the law, or the normal force.
+
+    `overlap` and effective `radius`, m, are numbers or (m,).
+    """
+    if hasattr(law, "friction_force"):
+        return law.friction_force(overlap, radius)
+    return law.normal_force(overlap, radius)
+
+
+def rupture_distance(law: ContactLaw, radius: Any) -> Any:
+    """Return the gap, m, up to which contacts act that have formed; 0 for most models."""
+    if hasattr(law, "rupture_distance"):
+        return law.rupture_distance(radius)
+    return 0.0 * radius
+
+
+def acts_across_gaps(law: ContactLaw) -> bool:
+    """Return whether contacts of a law depend on whether the spheres have touched before."""
+    return hasattr(law, "rupture_distance")
 
 
 def law_of_each(laws: tuple[ContactLaw, ContactLaw], wall: Bools) -> ContactLaw:

@@ -1,0 +1,117 @@
+"""Model contacts of soft adhesive spheres, which stick and act beyond the distance of touch.
+
+K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. Lond. A 324, 301 (1971). With the work of
+adhesion w the contact has a circle of radius a also without load:
+
+    overlap  a^2 / R* - sqrt(2 pi w a / E*)
+    force    4/3 E* a^3 / R* - sqrt(8 pi w E* a^3)
+
+It forms at touch (overlap 0), bears pulls up to 3/2 pi w R*, and breaks at the overlap where two
+circles of contact become one, which is negative. Beyond the largest pull kn is negative. In units
+of the radius L at touch, L^3 = 2 pi w R*^2 / E*, y = sqrt(a / L) is the larger root of
+y^4 - y = overlap R* / L^2, which has a closed form.
+
+Without slip kt = 8 G* a. Friction bears on the force plus twice the largest pull (C. Thornton,
+J. Phys. D 24, 1942, 1991), as in LAMMPS's `granular jkr`, whose cohesion is w / 2.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal.packing.adhesion import read_work_of_adhesion
+
+DEEPEST_GAP = 0.75 * 0.25 ** (1 / 3)
+"""Gap at which the contact breaks, in units of L^2 / R*: y^4 - y is least at y^3 = 1/4."""
+ENERGY_AT_TOUCH = 8 / 15 - 4 / 3 + 1 / 2
+"""Integral of the force at y = 1, in units of 2 pi w L^2."""
+
+
+def radius_at_touch(young: Any, work: Any, radius: Any) -> Any:
+    """Return the radius L of the circle of contact at touch, m."""
+    return np.cbrt(2 * np.pi * work * radius * radius / young)
+
+
+def reduced_radius(depth: Any) -> Any:
+    """Return the larger root y of y^4 - y = depth, by Ferrari's method.
+
+    The quartic is the product (y^2 + p y + s)(y^2 - p y + t), where u = p^2 is the real root of
+    u^3 + 4 depth u - 1. Cardano's two cube roots are added without cancellation.
+    """
+    discriminant = np.maximum(0.25 + 64 / 27 * depth * depth * depth, 0.0)
+    larger = np.cbrt(0.5 + np.sqrt(discriminant))
+    product = -4 / 3 * depth
+    smaller = product / larger
+    u = 1 / (larger * larger - product + smaller * smaller)
+    p = np.sqrt(u)
+    return 0.5 * (p + np.sqrt(np.maximum(2 / p - u, 0.0)))
+
+
+def solve_contact(young: Any, work: Any, overlap: Any, radius: Any) -> Any:
+    """Return y = sqrt(a / L), and L, m."""
+    at_touch = radius_at_touch(young, work, radius)
+    return reduced_radius(overlap * radius / (at_touch * at_touch)), at_touch
+
+
+def adhesive_force(young: Any, work: Any, overlap: Any, radius: Any) -> Any:
+    """Return the force 2 pi w R* (4/3 y^6 - 2 y^3), N."""
+    y, _ = solve_contact(young, work, overlap, radius)
+    cube = y * y * y
+    return 2 * np.pi * work * radius * (4 / 3 * cube * cube - 2 * cube)
+
+
+class Jkr(NamedTuple):
+    """A JKR contact, or many: E* and G*, Pa, and the work of adhesion w, J/m^2; numbers or (m,)."""
+
+    effective_young: Any
+    effective_shear: Any
+    work_of_adhesion: Any
+
+    @staticmethod
+    def own_numbers(numbers: Sequence[float], wall: bool) -> tuple[float]:
+        """Return the work of adhesion, J/m^2; see `read_work_of_adhesion`."""
+        return (read_work_of_adhesion("jkr", numbers, wall),)
+
+    def rupture_distance(self, radius: Any) -> Any:
+        """Return the gap, m, at which a contact breaks."""
+        at_touch = radius_at_touch(self.effective_young, self.work_of_adhesion, radius)
+        return DEEPEST_GAP * at_touch * at_touch / radius
+
+    def normal_force(self, overlap: Any, radius: Any) -> Any:
+        """Return the force on the branch that is stable at a given overlap."""
+        return adhesive_force(self.effective_young, self.work_of_adhesion, overlap, radius)
+
+    def friction_force(self, overlap: Any, radius: Any) -> Any:
+        """Return the force plus twice the largest pull, 3 pi w R*."""
+        force = adhesive_force(self.effective_young, self.work_of_adhesion, overlap, radius)
+        return force + 3 * np.pi * self.work_of_adhesion * radius
+
+    def elastic_energy(self, overlap: Any, radius: Any) -> Any:
+        """Return the integral of the force from touch on, J."""
+        y, at_touch = solve_contact(self.effective_young, self.work_of_adhesion, overlap, radius)
+        y4 = y * y * y * y
+        y7 = y4 * y * y * y
+        integral = 8 / 15 * y7 * y * y * y - 4 / 3 * y7 + 0.5 * y4 - ENERGY_AT_TOUCH
+        return 2 * np.pi * self.work_of_adhesion * at_touch * at_touch * integral
+
+    def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
+        """Return kn = 2 E* a (4 y^3 - 3) / (4 y^3 - 1)."""
+        y, at_touch = solve_contact(self.effective_young, self.work_of_adhesion, overlap, radius)
+        cube = 4 * y * y * y
+        return 2 * self.effective_young * at_touch * y * y * (cube - 3) / (cube - 1)
+
+    def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
+        """Return kt = 8 G* a."""
+        y, at_touch = solve_contact(self.effective_young, self.work_of_adhesion, overlap, radius)
+        return 8 * self.effective_shear * at_touch * y * y
+
+    def overlap_of_force(self, force: Any, radius: Any) -> Any:
+        """Return the overlap of a force of at least -3/2 pi w R*, N: y^3 solves a quadratic."""
+        at_touch = radius_at_touch(self.effective_young, self.work_of_adhesion, radius)
+        load = force / (2 * np.pi * self.work_of_adhesion * radius)
+        y = np.cbrt(0.75 * (1 + np.sqrt(1 + 4 / 3 * load)))
+        return at_touch * at_touch / radius * (y * y * y * y - y)
+
+
+LAW = Jkr

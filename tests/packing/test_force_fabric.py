@@ -1,0 +1,108 @@
+"""Tests of the anisotropy of contacts and forces, and of constants of cross-anisotropy."""
+
+import numpy as np
+import pytest
+
+import modal
+from modal.elasticity.cross_anisotropy import about_z, constants_of, cross_anisotropy
+from modal.packing.force_fabric import fabric_of_forces, force_fabric, size_of
+from modal.packing.state import stress_tensor
+
+AXIAL = np.diag([-0.5, -0.5, 1.0])
+
+
+def directions(number):
+    """Return evenly spread unit vectors (m, 3) on the spiral of the golden angle."""
+    k = np.arange(number) + 0.5
+    z = 1 - 2 * k / number
+    angle = np.pi * (1 + 5**0.5) * k
+    across = np.sqrt(1 - z**2)
+    return np.column_stack([across * np.cos(angle), across * np.sin(angle), z])
+
+
+def test_tensors_and_identity_of_contacts_with_known_anisotropy():
+    """Thin out even directions by E(n), and put on forces of known tensors; the rest is of second
+    order, a few times .1^2."""
+    normal = directions(200_000)
+    along = np.einsum("ci,ij,cj->c", normal, AXIAL, normal)
+    a_c, a_n, a_t = 0.1, 0.12, 0.06
+    density = (1 + a_c * along) / (1 + a_c)
+    kept = (np.arange(len(normal)) * 2**0.5) % 1 < density
+    n = normal[kept]
+    along = along[kept]
+    force = 2.0 * (1 + a_n * along)
+    shear = 2.0 * a_t * (n @ AXIAL - n * along[:, None])
+    fabric = fabric_of_forces(n, force, shear)
+    assert fabric.contacts == pytest.approx(a_c * AXIAL, abs=2e-3)
+    assert fabric.normal_forces == pytest.approx(a_n * AXIAL, abs=2e-3)
+    assert fabric.shear_forces == pytest.approx(a_t * AXIAL, abs=2e-3)
+    assert fabric.mean_force == pytest.approx(2.0, rel=1e-3)
+    total = force[:, None] * n + shear
+    stress = np.einsum("ci,cj->ij", total, n) / len(n)
+    mean = np.trace(stress) / 3
+    ratio = (stress - mean * np.eye(3)) / mean
+    assert fabric.stress_ratio == pytest.approx(ratio, abs=0.01)
+    assert size_of(ratio) == pytest.approx(ratio[2, 2] - ratio[0, 0], rel=1e-3)
+    assert size_of(-ratio) == -size_of(ratio)
+
+
+def test_identity_gives_the_stress_of_a_packing():
+    """Without friction and under equal stresses both sides are small; walls order few contacts."""
+    packing = modal.random_packing(300, seed=1, aspect=1.0, periodic=True)
+    fabric = force_fabric(packing)
+    stress = stress_tensor(packing)
+    mean = np.trace(stress) / 3
+    ratio = (stress - mean * np.eye(3)) / mean
+    assert abs(fabric.stress_ratio - ratio).max() < 0.03
+    assert abs(fabric.shear_forces).max() == 0
+
+
+def cross_anisotropic(young_v, young_h, poisson_vh, poisson_hh, shear_vh):
+    """Return the stiffness (6, 6) by the compliance in engineering constants."""
+    s = np.diag([1 / young_h, 1 / young_h, 1 / young_v, 1 / shear_vh, 1 / shear_vh, 0.0])
+    s[5, 5] = 2 * (1 + poisson_hh) / young_h
+    s[0, 1] = s[1, 0] = -poisson_hh / young_h
+    s[:2, 2] = s[2, :2] = -poisson_vh / young_v
+    return np.linalg.inv(s)
+
+
+def test_constants_are_those_of_which_a_stiffness_is_made():
+    expected = 3e8, 2e8, 0.22, 0.15, 1.1e8
+    constants = constants_of(cross_anisotropic(*expected))
+    assert [each.value for each in constants] == pytest.approx(expected, rel=1e-10)
+    assert [each.error for each in constants] == pytest.approx([0] * 5, abs=1e-6)
+
+
+def test_errors_cover_what_chance_does_to_a_stiffness():
+    """Disturb a stiffness by 2 % and compare both: errors hold most deviations."""
+    expected = np.array([3e8, 2e8, 0.22, 0.15, 1.1e8])
+    stiffness = cross_anisotropic(*expected)
+    random = np.random.default_rng(3)
+    inside = 0
+    for _ in range(40):
+        noise = random.standard_normal((6, 6)) * 0.01
+        disturbed = stiffness + stiffness.max() * (noise + noise.T) / 2
+        constants = constants_of(disturbed)
+        errors = np.array([each.error for each in constants])
+        values = np.array([each.value for each in constants])
+        inside += int((abs(values - expected) < 3 * errors).sum())
+    assert inside > 0.6 * 200
+
+
+def test_mean_over_rotations_is_that_of_many_frames():
+    """Turn the crystal's tensor by angles about z and average; the mean has the symmetry."""
+    moduli = modal.elastic_moduli(modal.fcc(cells=(2, 2, 4), periodic_z=True))
+    index = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+    tensor = moduli.stiffness[index[:, :, None, None], index]
+    mean = np.zeros((3, 3, 3, 3))
+    for angle in np.pi * np.arange(8) / 8:
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        mean += np.einsum("ai,bj,ck,dl,ijkl->abcd", turn, turn, turn, turn, tensor) / 8
+    first = [0, 1, 2, 1, 2, 0]
+    second = [0, 1, 2, 2, 0, 1]
+    expected = np.array(
+        [[mean[first[a], second[a], first[b], second[b]] for b in range(6)] for a in range(6)]
+    )
+    assert about_z(moduli.stiffness) == pytest.approx(expected, abs=1e-9 * expected.max())
+    assert cross_anisotropy(moduli).young_v.value > 0

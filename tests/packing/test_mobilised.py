@@ -1,0 +1,42 @@
+"""Tests of contacts at the friction limit: their number, and what it means for isostaticity."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import modal
+from analysis.measurement import measure
+from modal.packing.state import isostatic_coordination, mobilised_per_particle
+from modal.packing.summary import summary
+from modal.tools.errors import UnavailableError
+
+
+@pytest.fixture(scope="module")
+def packing():
+    return modal.random_packing(100, seed=2, aspect=1.0)
+
+
+def test_without_friction_every_contact_is_mobilised(packing):
+    """Spheres that no friction holds have n_m = z / 2; at z = 6 this is isostatic: 4 + 2 = 6."""
+    told = summary(packing)
+    mobilised = told["mobilised_contacts_per_particle"]
+    with_wall = packing.with_wall.sum()
+    bearing = packing.n_particles - told["rattlers"]
+    half = (told["coordination_number_without_rattlers"] + with_wall / bearing) / 2
+    # Contacts of rattlers with walls are few.
+    assert mobilised == pytest.approx(half, rel=0.02)
+    assert isostatic_coordination(3.0) == 6
+    assert told["isostatic_coordination_number"] == 4 + 2 / 3 * mobilised
+
+
+def test_only_contacts_at_the_limit_of_bearing_spheres_count(packing):
+    sliding = np.zeros(packing.n_contacts, bool)
+    assert mobilised_per_particle(replace(packing, sliding=sliding)) == 0
+    pair = np.flatnonzero(~packing.with_wall)[:7]
+    sliding[pair] = True
+    few = replace(packing, sliding=sliding)
+    assert 0 < mobilised_per_particle(few) <= 7 / (packing.n_particles - summary(few)["rattlers"])
+    assert measure(few, quantities=["mobilised"])["mobilised"].value == mobilised_per_particle(few)
+    with pytest.raises(UnavailableError):
+        mobilised_per_particle(replace(packing, sliding=None))
