@@ -280,16 +280,11 @@ def touching(
     lengths = np.diag(periods) if periods.ndim == 2 else periods
     whole = lengths[2] > 0
     # Along an axis without a period images lie beyond the reach of any sphere.
-<<<<<<< HEAD
     beyond = np.ptp(position, axis=0) + 3 * widest
     side = np.where(lengths > 0, lengths, beyond)[: 2 + whole]
     if periods.ndim == 2:
         side = periods + np.diag(np.where(lengths > 0, 0.0, beyond))
-    parts = [periodic_pairs(position, side, widest)]
-=======
-    side = np.where(periods > 0, periods, np.ptp(position, axis=0) + 3 * widest)[: 2 + whole]
     parts = [periodic_pairs(position, side, widest + gap)]
->>>>>>> 18b06b2d (Add adhesive contacts, theory beside moduli, fluids, sensitivities)
     if not whole:
         for (wall, direction), z in zip(WALL_DIRECTIONS.items(), walls, strict=True):
             (spheres,) = np.nonzero(radii - direction * (z - position[:, 2]) > -gap)

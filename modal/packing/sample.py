@@ -33,8 +33,6 @@ from modal.packing.contact_models import (
 )
 from modal.packing.neighbours import ContactList, canonical, contact_keys, touching
 from modal.packing.network import Network
-<<<<<<< HEAD
-=======
 from modal.packing.noted_laws import (
     ELASTIC,
     WALL_ELASTIC,
@@ -42,7 +40,6 @@ from modal.packing.noted_laws import (
     noted_walls,
     wall_material,
 )
->>>>>>> 18b06b2d (Add adhesive contacts, theory beside moduli, fluids, sensitivities)
 from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.errors import InputError
 
