@@ -18,7 +18,6 @@ Real packings relax from the mean strain: the theory is an upper bound, and for 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from modal.packing.contact_law import Material, sphere_volume
 from modal.packing.contact_models import laws_of
@@ -112,6 +111,8 @@ def digby(assembly: Assembly, *, bond_radius: float) -> IsotropicModuli:
     a^2 = b^2 + r^2; kn = 2 E* a, and only the bonded part resists sliding, kt = 8 G* b. Without
     bonds these are smooth spheres. InputError if the packing has neither pressure nor bonds.
     """
+    from scipy.optimize import brentq  # not at import: the command line would load it each time
+
     if not (bond_radius > 0 and assembly.stress >= 0):
         _refuse_loose(assembly)
     effective = assembly.radius / 2
