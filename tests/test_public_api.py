@@ -33,7 +33,7 @@ from modal.waves.sources import Point
 OFFERED = {
     *("InputError", "Network", "read", "fcc", "random_packing", "eigenmodes", "count_modes"),
     *("density_of_states", "propagate", "frequency_response", "FccLattice", "elastic_moduli"),
-    "describe",
+    *("describe", "frequency_sensitivity", "moduli_sensitivity"),
 }
 
 
