@@ -325,7 +325,7 @@ def _estimate(
         moments, at_zero = _exact_moments(system, top, count)
         return DensityOfStates(moments, highest, at_zero, resolution, products)
     zero_modes = floppy.basis
-    held = system.held_motions
+    network = system.network
     squares = np.asarray(zero_modes.multiply(zero_modes).sum(axis=1))
     at_zero = squares.reshape(-1, 6).sum(axis=0)
     random = np.random.default_rng(seed)
@@ -338,7 +338,8 @@ def _estimate(
         start = np.zeros((size, width))
         for column in start.T[:n_vectors]:
             column[:] = 2.0 * random.integers(0, 2, size, np.int8) - 1
-        start -= held @ (held.T @ start)
+        if network.fixed is not None:
+            start[network.fixed.ravel()] = 0.0
         start -= zero_modes @ (zero_modes.T @ start)
         label = f"density {some.stop}/{vectors}"
         moments[some] = moments_of(system.renumbered, start, top, count, label)[:n_vectors]

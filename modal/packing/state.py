@@ -302,7 +302,9 @@ def net_forces(network: Network) -> Floats:
             load[:, column] += np.bincount(end[is_sphere], values, len(load))
         # The force on j is opposite to that on i.
         np.negative(force, out=force)
-    return load * network.free_motions
+    if network.fixed is not None:
+        load[network.fixed] = 0.0
+    return load
 
 
 def sizes_of_loads(load: Floats, radius: Floats) -> Floats:

@@ -197,8 +197,9 @@ class LinearSystem:
     @property
     def free_rows(self) -> Ints:
         """Rows (degrees_of_freedom,) of the motions that the bodies can make."""
-        free = self.network.free_motions[:, : self.dof]
-        return self.cached("free rows", lambda: np.flatnonzero(free))
+        return self.cached(
+            "free rows", lambda: np.flatnonzero(self.network.free_motions[:, : self.dof])
+        )
 
     @property
     def degrees_of_freedom(self) -> int:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from oracles import slow_stiffness
 from packings import polydisperse, sheared
+from places import SHEARED
 from refusals import refusal
 from scipy.integrate import solve_ivp
 from scipy.linalg import eig, eigh
@@ -19,6 +20,8 @@ from modal.packing.ends import bodies_at_end, end_heights, rough_wall
 from modal.packing.network import read_network, write_network
 from modal.packing.rattlers import force_bearing
 from modal.packing.rigid_bodies import joined
+from modal.packing.sample import read_sample, sample_of_network, write_sample
+from modal.preparation.relax import relax
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.contacts import contact_tangent
 from modal.system.damping import ContactDamping
@@ -421,6 +424,58 @@ def test_the_file_says_what_is_held(partly, tmp_path):
     assert none.fixed is None and none.fingerprint == sheared().fingerprint
     with refusal("wrong_shape", "fixed"):
         replace(partly, fixed=partly.fixed[:, :3])
+
+
+@pytest.fixture(scope="module")
+def rough_sample():
+    """Return 150 spheres with friction at rest, of which those at both flat walls are held."""
+    sample = read_sample(SHEARED)
+    contacts = sample.contacts()
+    fixed = np.zeros((len(sample.position), 6), bool)
+    fixed[contacts.particle_i[contacts.particle_j < 0]] = True
+    return replace(sample, fixed=fixed, friction=10.0)
+
+
+def test_a_wave_of_small_amplitude_follows_the_springs(rough_sample):
+    """Held spheres move with the source, or not at all; their holder takes up the forces."""
+    network = rough_sample.network()
+    top = LinearSystem.of(network).highest_frequency
+    motion = Pulse(1e-3 * float(np.median(network.overlap)), 0.1 * top)
+    settings = {"motion": motion, "interval": 0.4 / top, "particles": True, "source": RoughWall()}
+    linear = modal.propagate(network, 8 / top, pre_stress="full", **settings).signals
+    # At a tenth of the highest frequency the step's error is (omega dt)^2 / 24 = 1e-5 a period.
+    settings |= {"nonlinear": True, "time_step": 0.025 / top}
+    wave = modal.propagate(rough_sample, 8 / top, **settings)
+    signals = wave.signals
+    for name in ("particle_displacement", "source_stress", "receiver_stress"):
+        expected = getattr(linear, name)
+        difference = abs(getattr(signals, name) - expected).max()
+        # A thousandth of an overlap changes stiffnesses by half as much; and the time step.
+        assert difference < 5e-3 * abs(expected).max(), name
+    receiver = rough_wall(network, "receiver")
+    assert not signals.particle_displacement[:, receiver].any()
+    work = wave.energy[-1]
+    assert abs(work[0] - work[1:].sum()) < 1e-3 * abs(work[0])
+
+
+def test_relax_leaves_held_spheres_where_they_are(rough_sample, tmp_path):
+    """A sample whose inner spheres are displaced by a tenth of an overlap comes to rest again."""
+    rng = np.random.default_rng(1)
+    overlap = float(np.median(rough_sample.network().overlap))
+    shaken = rough_sample.position + 0.1 * overlap * rng.standard_normal(
+        rough_sample.position.shape
+    )
+    held = rough_sample.fixed.all(axis=1)
+    shaken[held] = rough_sample.position[held]
+    shaken[:, :2] %= rough_sample.side
+    rested, state = relax(replace(rough_sample, position=shaken, shear=None, friction=0.5))
+    assert state.residual < 1e-6
+    np.testing.assert_array_equal(rested.position[held], rough_sample.position[held])
+    assert (rested.position[~held] != shaken[~held]).any()
+    path = tmp_path / "rough.sample.h5"
+    write_sample(path, rested)
+    np.testing.assert_array_equal(read_sample(path).fixed, rough_sample.fixed)
+    np.testing.assert_array_equal(sample_of_network(rested.network(), 0.5).fixed, rested.fixed)
 
 
 def test_what_is_told_counts_held_bodies_as_walls(rough):
