@@ -22,7 +22,7 @@ from benchmarks.harness.packing import KnownPacking, by_energy
 from benchmarks.harness.report import Page, Rows
 from modal.modes.eigenmodes import modes_of
 from modal.packing.network import read_network
-from modal.solvers.factor import SOLVERS, available, factorise
+from modal.solvers.factor import available, direct_solvers, factorise
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import LinearSystem, frequency_of
 
@@ -103,7 +103,7 @@ def packing_rows(job: Job, packing: KnownPacking) -> Rows:
                 row |= {"seconds": None, "failure": f"{elastic} elastic modes, {LOWEST} wanted"}
         rows.append(row)
 
-    for solver in (None, *filter(available, SOLVERS)):
+    for solver in (None, *filter(available, direct_solvers())):
         name = f"{OWN}, {solver}" if solver else OWN
         add(name, f"{LOWEST} elastic modes", program, solver=solver, count=LOWEST)
     for name, sigma in (("eigsh, sigma = 0", 0.0), ("eigsh, sigma < 0", SHIFT)):

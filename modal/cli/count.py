@@ -4,7 +4,7 @@ from modal.cli.options import REQUIRED, Group, Option, Options, Result, chosen
 from modal.cli.reading import packing_of, remark_on_ends, springs
 from modal.modes.collective import summary_at_zero
 from modal.modes.counts import counts_below
-from modal.solvers.factor import SOLVERS
+from modal.solvers.factor import direct_solvers
 from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import frequencies
 
@@ -13,7 +13,7 @@ SOLVER_HELP = "what factorises (default: the fastest)"
 OPTIONS = (
     *springs(),
     Option("--at", "HZ ...", "one or several frequencies", kind=str, more=REQUIRED),
-    Group("advanced", [Option("--solver", "", SOLVER_HELP, kind=SOLVERS)]),
+    Group("advanced", [Option("--solver", "", SOLVER_HELP, kind=direct_solvers())]),
 )
 
 

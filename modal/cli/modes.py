@@ -32,8 +32,8 @@ WHICH_MODES = (
 )
 ADVANCED = (
     flag("--no-shapes", "a small file, sooner: all but the shapes"),
-    flag("--uncertified", "--highest without its inertia count: faster"),
-    Option("--solver", "", "factorisation (default: the fastest)", kind=SOLVERS),
+    flag("--uncertified", "--lowest or --highest without an inertia count: faster"),
+    Option("--solver", "", "factorisation, or multigrid (default: the fastest)", kind=SOLVERS),
 )
 OPTIONS = (
     *springs(".modes.h5"),
@@ -42,6 +42,9 @@ OPTIONS = (
     flag("--translations-only", "hold rotations at zero"),
     Group("advanced", ADVANCED),
 )
+
+UNCOUNTED = ("expected_modes", "expected_modes_error", "found_by_second_search")
+"""What speaks for a list without a count (`modal.modes.uncounted`)."""
 
 read_product = read_modes
 
@@ -54,11 +57,11 @@ def current_result(options: Options) -> Result:
 def run(options: Options) -> Result:
     """Compute the requested modes, and tell whether their list is complete."""
     network = packing_of(options)
-    if options.uncertified and options.highest is None:
+    if options.uncertified and options.highest is None and options.lowest is None:
         raise InputError(
             "uncertified",
-            "--uncertified is for --highest",
-            remedy="other lists cost hardly less without",
+            "--uncertified is for --lowest and --highest",
+            remedy="other lists need their count",
         )
     modes = eigenmodes(
         network,
@@ -87,6 +90,9 @@ def run(options: Options) -> Result:
         "solver": modes.attributes["solver"],
         f"modes_with_chi_z_above_{PLANAR}": int((modes.chi_z > PLANAR).sum()),
     }
+    for name in UNCOUNTED:
+        if name in modes.attributes:
+            result[name] = modes.attributes[name]
     if options.pre_stress == "none":
         shift = shift_by_law(system.network, modes)
         if shift is not None:

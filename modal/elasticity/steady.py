@@ -1,10 +1,10 @@
 """Solve for the static response of all spheres to several loads at once.
 
-Conjugate gradients run with one of two preconditioners. A factor of K with a very small shift takes
-a few steps; it is used if PARDISO is installed and the factor costs less than it saves. Otherwise
-the inverse of each sphere's own block of K takes some hundreds of steps. Both work on the
-mass-scaled matrix A = M^-1/2 K M^-1/2, so that motions without energy, which the load does not
-drive, stay zero.
+Conjugate gradients run with one of three preconditioners. A factor of K with a very small shift, by
+PARDISO, takes a few steps. A cycle of multigrid takes some tens, in less memory; its hierarchy is
+made sooner than a factor, except where contacts are few. The inverse of each sphere's own block of
+K needs no package, and takes some hundreds of steps. All work on the mass-scaled matrix A = M^-1/2
+K M^-1/2, so that motions without energy, which the load does not drive, stay zero.
 """
 
 from collections.abc import Callable
@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from modal.modes.effort import factorisation
+from modal.modes.soft_motions import soft_motions
 from modal.solvers.conjugate_gradients import Solution, conjugate_gradients
 from modal.solvers.factor import Factor, available
 from modal.system.imposed import Coupling
@@ -21,12 +22,13 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import refuse_unknown
 from modal.tools.memory import memory_at_hand
 
-SOLVERS = ("pardiso", "gradients")
-"""Names of the preconditioners: a factor of K, or the inverses of the spheres' own blocks."""
+SOLVERS = ("pardiso", "multigrid", "gradients")
+"""Names of the preconditioners: a factor of K, a hierarchy of coarser matrices, or the inverses of
+the spheres' own blocks."""
 SHIFT_SHARE = 1e-8
 """Shift of the factor below zero, divided by the largest diagonal entry of A. The softest elastic
 motion of 150 layers has an eigenvalue of 1e-5 of that entry, motions without energy have zero."""
-LOOK_BACK_STEPS = {"pardiso": 1, "gradients": 30}
+LOOK_BACK_STEPS = {"pardiso": 1, "multigrid": 4, "gradients": 30}
 """Number of steps of conjugate gradients over which the error is measured, by the
 preconditioner."""
 MAX_PRODUCTS = 20000
@@ -69,18 +71,19 @@ def steady_motion(
     refuse_unknown("solver", solver, SOLVERS)
     root = system.sqrt_mass
     operator = system.renumbered
-    if solver == "pardiso":
+    if solver == "gradients":
+        factor = _own_blocks(system)
+    else:
         # Spheres that touch only their own images have no stiffness at all: any shift will do.
         sigma = -SHIFT_SHARE * system.diagonal.max() or -1.0
-        factor = system.factor(sigma, definite=True, solver="pardiso")
-    else:
-        factor = _own_blocks(system)
+        soft = soft_motions(system) if solver == "multigrid" else None
+        factor = system.factor(sigma, definite=True, solver=solver, soft=soft)
     load = root.over(coupling.push.toarray())
     load_terms = root.over(coupling.terms.toarray())
     round_off = LOAD_ROUNDINGS * np.finfo(float).eps * np.linalg.norm(load_terms, axis=0)
 
     def precondition(residual: Floats) -> Floats:
-        return operator.inward(factor.solve(operator.outward(residual)))
+        return operator.inward(factor.precondition(operator.outward(residual)))
 
     scaled = conjugate_gradients(
         operator.apply,

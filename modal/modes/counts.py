@@ -129,6 +129,8 @@ def count_modes(
 def counts_below(system: LinearSystem, frequency: ArrayLike) -> Ints:
     """Count the modes of a system as `count_modes` does, in the shape of `frequency`, Hz."""
     limits = frequencies(frequency)
+    if system.solver is not None:
+        choose(shape_of(system), system.solver, kept=False)  # refuses one that counts no modes
     counts = [
         count_below(system, limits.flat[k], apart=True) for k in progress(limits.size, "counts")
     ]
@@ -190,7 +192,7 @@ def _counts_by_method(
     """
     cost = factorisation(system, kept=False)
     refuse_endless_search(system, cost, "an exact count takes", "take the density of states")
-    chosen = choose(shape_of(system), system.solver, kept=False).name
+    chosen = choose(shape_of(system), system.direct_solver, kept=False).name
     step = max(SIDE_STEP * abs(square), system.zero_threshold if apart else 0.0)
     for solver in dict.fromkeys([chosen, "blocks"]):
         yield {_count_negative(system, square, solver, apart)}

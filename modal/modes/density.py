@@ -22,6 +22,7 @@ from modal.formats.product import Column, Product
 from modal.formats.provenance import Provenance
 from modal.modes.collective import every_floppy
 from modal.modes.counts import count_below
+from modal.modes.zero_modes import by_structure
 from modal.packing.network import Network
 from modal.solvers.chebyshev import WIDTHS, chebyshev, jackson
 from modal.solvers.spectrum import largest_growth
@@ -284,20 +285,29 @@ def density_of_states(
 
 
 def density_of(
-    system: LinearSystem, resolution: float | None = None, tolerance: float = 1e-3, seed: int = 1
+    system: LinearSystem,
+    resolution: float | None = None,
+    tolerance: float = 1e-3,
+    seed: int = 1,
+    *,
+    counting: bool = True,
 ) -> DensityOfStates:
-    """Estimate the density of a system as `density_of_states` does; kept with the network."""
+    """Estimate the density of a system as `density_of_states` does; kept with the network.
+
+    Without `counting` the zero modes are those that the structure of the contacts shows, and no
+    matrix is factorised.
+    """
     width = RESOLUTION * system.highest_frequency if resolution is None else resolution
     return system.cached_recent(
         "densities of states",
-        (width, tolerance, seed),
-        lambda: _estimate(system, width, tolerance, seed),
+        (width, tolerance, seed, counting),
+        lambda: _estimate(system, width, tolerance, seed, counting),
         lambda states: states.moments.nbytes,
     )
 
 
 def _estimate(
-    system: LinearSystem, resolution: float, tolerance: float, seed: int
+    system: LinearSystem, resolution: float, tolerance: float, seed: int, counting: bool
 ) -> DensityOfStates:
     """Estimate the density as `density_of` does, without the cache."""
     size = system.size
@@ -320,7 +330,7 @@ def _estimate(
             "the packing does not vibrate with these springs",
             "`count` says how many modes lie below a frequency, with these",
         )
-    floppy = every_floppy(system)
+    floppy = every_floppy(system) if counting else by_structure(system)
     if exact:
         moments, at_zero = _exact_moments(system, top, count)
         return DensityOfStates(moments, highest, at_zero, resolution, products)

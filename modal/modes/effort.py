@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from modal.solvers.factor import Cost, Shape, choose
+from modal.solvers.factor import Cost, Shape, choose, named
 from modal.system.linear_system import LinearSystem
+from modal.tools.memory import memory_at_hand
 from modal.tools.workload import refuse_above
 
 OPERATIONS_PER_SECOND = 1e10
@@ -23,6 +24,9 @@ BLOCK_PRODUCT_OPERATIONS = 1.2
 and each vector of the block. Without numba the product takes four times as long."""
 ORTHOGONALISATION_OPERATIONS = 4
 """Multiplications to make a vector orthogonal to a basis, for each number of the basis."""
+VECTORS_PER_MODE = 4
+MORE_VECTORS = 100
+"""Vectors of a search by solves for each mode, and besides."""
 DENSE_OPERATIONS = 5
 """Multiplications of a dense eigenproblem, divided by the cube of its rows. Two blocks of opposite
 wave vectors share one complex eigenproblem, which costs about as much as two real ones."""
@@ -47,7 +51,7 @@ def factorisation(system: LinearSystem, *, kept: bool) -> Cost:
     The factor is `kept` for solutions, or gives the inertia alone.
     """
     shape = shape_of(system)
-    cost = choose(shape, system.solver, kept=kept).cost(shape, kept)
+    cost = choose(shape, system.direct_solver, kept=kept).cost(shape, kept)
     return replace(cost, bytes=cost.bytes + 40 * shape.nonzeros)
 
 
@@ -70,10 +74,18 @@ def near_a_shift(system: LinearSystem, count: int) -> Cost:
     factor = factorisation(system, kept=True)
     counting = factorisation(system, kept=False)
     modes_of_slice = -(-count // slices)
-    # About four vectors for each mode, and a hundred.
-    search = _lanczos(system, 4 * modes_of_slice + 100, factor.each)
+    search = _lanczos(system, VECTORS_PER_MODE * modes_of_slice + MORE_VECTORS, factor.each)
     operations = factor.operations + counting.operations + search.operations
     return Cost(max(factor.bytes + search.bytes, counting.bytes), slices * operations)
+
+
+def by_multigrid(system: LinearSystem, count: int) -> Cost:
+    """Estimate the cost of the `count` lowest modes by multigrid, without a count."""
+    shape = shape_of(system)
+    solver = named("multigrid").cost(shape, True)
+    search = _lanczos(system, VECTORS_PER_MODE * count + MORE_VECTORS, solver.each)
+    operations = solver.operations + search.operations
+    return Cost(solver.bytes + search.bytes, operations)
 
 
 def below_an_edge(system: LinearSystem, count: int, degree: int) -> Cost:
@@ -102,6 +114,12 @@ def from_the_top(system: LinearSystem, count: int) -> Cost:
 def of_blocks(rows: int, blocks: int) -> Cost:
     """Estimate the cost of all modes of dense complex blocks, solved one after the other."""
     return Cost(48.0 * rows**2, float(blocks * DENSE_OPERATIONS * rows**3))
+
+
+def is_endless(system: LinearSystem, cost: Cost) -> bool:
+    """Tell whether a search takes more time or memory than it may."""
+    seconds = cost.operations / OPERATIONS_PER_SECOND
+    return seconds > 3600 * system.hours or cost.bytes > memory_at_hand()
 
 
 def refuse_endless_search(system: LinearSystem, cost: Cost, task: str, remedy: str) -> None:

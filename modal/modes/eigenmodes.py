@@ -19,8 +19,9 @@ from modal.modes.mode_set import Choice, ChoiceKind, ModeSet, certificate
 from modal.modes.observables import Piece, found_modes
 from modal.modes.search import AboutShift, FromBelow, FromTop, Search
 from modal.modes.strategy import ModeRequest
+from modal.modes.uncounted import search_uncounted
 from modal.modes.unsymmetric import modes_at_an_end
-from modal.modes.zero_modes import FloppyModes
+from modal.modes.zero_modes import FloppyModes, by_structure
 from modal.packing.network import Network
 from modal.packing.precision import refuse_few_digits
 from modal.system.contacts import PreStress, Sliding
@@ -39,6 +40,9 @@ A; with this shift A - sigma is positive definite."""
 MIN_RELATIVE_WIDTH = 1e-6
 """Relative width of an interval of frequencies that is not cut further: mostly it holds modes of
 equal frequency."""
+LEFT_OUT = "the exact count was left out, as was asked for"
+DOES_NOT_FIT = "an exact count takes too much time or memory"
+"""Reasons why a list is not certified."""
 FREQUENCY_STEP = 1.1
 """Factor by which a frequency grows if fewer modes lie below it than were estimated."""
 
@@ -89,11 +93,12 @@ def eigenmodes(
     pre_stress : str, default "none"
         Terms that the contact forces add: "normal", "full" or "law" (`modal.system.contacts`).
     solver : str, optional
-        A factorisation: pardiso, blocks or superlu.
+        A factorisation: pardiso, blocks or superlu; or, for the lowest modes, multigrid.
     shapes : bool, default True
         Keep the mode shapes, if they take no more than 2 GB.
     certify : bool, default True
-        Count the modes; False is possible with `highest` only.
+        Count the modes exactly; False is possible with `lowest` and `highest`. Where a count does
+        not fit, the lowest modes come without it, beside an estimate of their number.
     hours : float, default 24
         Longest estimated time of the search.
 
@@ -164,11 +169,11 @@ def modes_of(
         raise InputError("mode_choice", f"{names}: which modes?", remedy="ask for one of them")
     kind = next(iter(requested), "lowest")
     value: Any = requested.get(kind)
-    if not certify and kind != "highest":
+    if not certify and kind not in ("lowest", "highest"):
         raise InputError(
             "certify",
-            "certify=False is for the highest modes only",
-            "elsewhere it saves hardly any time",
+            "certify=False is for the lowest and the highest modes only",
+            "elsewhere the count tells when the list is complete",
             "leave it out",
         )
     if kind == "between" and np.shape(value) != (2,):
@@ -200,7 +205,8 @@ def _find(system: LinearSystem, kind: str, value: Any, certify: bool) -> ModeSet
     else:
         available = system.degrees_of_freedom
         if kind == "lowest":
-            available -= every_floppy(system).held
+            floppy = every_floppy(system) if certify else by_structure(system)
+            available -= floppy.held
         count = min(DEFAULT_COUNT, available) if value is None else value
         check_count(system, count, available)
         end: ChoiceKind = "lowest" if kind == "lowest" else "highest"
@@ -220,7 +226,7 @@ def _find_at_end(
     The method is the one that is estimated to be fastest.
     """
     choice = Choice(kind, count)
-    request = ModeRequest(system, choice, count, available)
+    request = ModeRequest(system, choice, count, available, certify=certify)
     if request.method == "dense":
         return dense_modes(system, choice)
     if request.method == "arnoldi":
@@ -228,6 +234,13 @@ def _find_at_end(
     request.refuse_endless()
     if request.method == "top":
         return _find_highest(system, choice, certify)
+    if request.method == "multigrid":
+        if certify and request.count_fits:
+            return _beside_zero_modes(
+                system, lambda floppy: _find_lowest(system, choice, floppy, "multigrid")
+            )
+        reason = DOES_NOT_FIT if certify else LEFT_OUT
+        return _find_uncounted(system, choice, reason)
     if request.method == "shift":
         return _beside_zero_modes(system, lambda floppy: _find_lowest(system, choice, floppy))
     high = request.upper_frequency
@@ -253,10 +266,12 @@ def _beside_zero_modes(system: LinearSystem, find: Callable[[FloppyModes], ModeS
     return modes.with_zero_modes(floppy.total, floppy.unstable)
 
 
-def _find_lowest(system: LinearSystem, choice: Choice, floppy: FloppyModes) -> ModeSet:
+def _find_lowest(
+    system: LinearSystem, choice: Choice, floppy: FloppyModes, solver: str | None = None
+) -> ModeSet:
     """Find the lowest modes beside the `floppy` ones, about a shift just below zero."""
     sigma = -SHIFT_BELOW_ZERO * system.diagonal.max()
-    source = AboutShift(system, sigma, definite=not floppy.unstable)
+    source = AboutShift(system, sigma, definite=not floppy.unstable, by=solver)
     search = Search(system, source, floppy.basis)
     missing = search.complete(choice.count, 1, lambda f: count_below(system, f) - floppy.held)
     if not len(search.square):
@@ -271,6 +286,18 @@ def _find_lowest(system: LinearSystem, choice: Choice, floppy: FloppyModes) -> M
     return _list_found(search, choice, missing)
 
 
+def _find_uncounted(system: LinearSystem, choice: Choice, reason: str) -> ModeSet:
+    """Find the lowest modes by multigrid; `reason` tells why they are not counted."""
+    sigma = -SHIFT_BELOW_ZERO * system.diagonal.max()
+    result = search_uncounted(system, choice.count, sigma)
+    search = result.search
+    missing = result.missing
+    modes = _list_found(search, choice, missing, f"{reason}; {result.evidence}")
+    modes.attributes |= result.attributes
+    floppy = by_structure(system)
+    return modes.with_zero_modes(floppy.total + search.at_zero.shape[1], 0)
+
+
 def _find_highest(system: LinearSystem, choice: Choice, certify: bool) -> ModeSet:
     """Find the highest modes; zero modes, far from the top, need not be held out.
 
@@ -279,7 +306,7 @@ def _find_highest(system: LinearSystem, choice: Choice, certify: bool) -> ModeSe
     """
     search = Search(system, FromTop(system), sp.csc_matrix((system.size, 0)))
     missing = 0
-    reason = "the exact count was left out, as was asked for"
+    reason = LEFT_OUT
     if certify:
         reason = ""
         try:

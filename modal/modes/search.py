@@ -15,7 +15,8 @@ import scipy.sparse as sp
 
 from modal.modes.effort import PRODUCT_OPERATIONS, factorisation, refuse_endless_search
 from modal.modes.observables import Piece
-from modal.solvers.factor import Factor, SingularError
+from modal.modes.soft_motions import soft_motions
+from modal.solvers.factor import Factor, SingularError, named
 from modal.solvers.lanczos import (
     ROOM,
     Held,
@@ -50,19 +51,35 @@ above the shift."""
 
 
 class AboutShift:
-    """Search for the modes nearest to a shift `sigma` in omega^2, 1/s^2, by solving A - sigma."""
+    """Search for the modes nearest to a shift `sigma` in omega^2, 1/s^2, by solving A - sigma.
 
-    def __init__(self, system: LinearSystem, sigma: float, *, definite: bool = False) -> None:
+    `by` names the solver; by default it is the factorisation of the system, or the fastest one.
+    """
+
+    def __init__(
+        self,
+        system: LinearSystem,
+        sigma: float,
+        *,
+        definite: bool = False,
+        by: str | None = None,
+    ) -> None:
         self.system = system
         self.sigma = sigma
         self.definite = definite
+        self.by = by or system.direct_solver
         self.factor: Factor | None = None
         self.solver = "lanczos, solves"
 
     def factorised(self) -> Factor:
         """Return the factor of A - sigma, which is computed at the first call."""
         if self.factor is None:
-            self.factor = self.system.factor(self.sigma, definite=self.definite)
+            soft = None
+            if self.by is not None and not named(self.by).direct:
+                soft = soft_motions(self.system)
+            self.factor = self.system.factor(
+                self.sigma, definite=self.definite, solver=self.by, soft=soft
+            )
             self.solver = f"lanczos, solves by {self.factor.solver}"
         return self.factor
 

@@ -2,7 +2,8 @@
 
 Each module of `modal.solvers.factorisations` holds one method as its `FACTORISATION`; to add a
 method, add a module there. A factor gives solutions and, for a real symmetric matrix, its inertia:
-the number of negative eigenvalues, which counts modes (Sylvester's law).
+the number of negative eigenvalues, which counts modes (Sylvester's law). An iterative method, which
+has no factor, gives solutions alone.
 """
 
 from __future__ import annotations
@@ -85,6 +86,9 @@ class Factor:
         Name of the factorisation.
     bytes : float
         Estimated memory.
+    approximate : callable or None
+        Returns an approximation of A^-1 b, a symmetric and positive definite operator, at a small
+        part of the cost; None where `solve` itself is cheap.
     """
 
     solve: Callable[[Array], Array]
@@ -92,6 +96,53 @@ class Factor:
     release: Callable[[], None] = _release_nothing
     solver: str = ""
     bytes: float = 0.0
+    approximate: Callable[[Floats], Floats] | None = None
+
+    def precondition(self, load: Floats) -> Floats:
+        """Return the cheapest approximation of A^-1 b for b of shape (size, k)."""
+        return (self.approximate or self.solve)(load)
+
+
+@dataclass(frozen=True)
+class SoftMotions:
+    """The motions of a packing that cost little energy or none, which an iterative method needs.
+
+    Attributes
+    ----------
+    rigid : ndarray (size, 6)
+        Rigid motions of all bodies together, in the scaled degrees of freedom of the matrix. Soft
+        motions are nearly rigid over some diameters.
+    free : sparse matrix (size, z)
+        An orthonormal basis of motions without energy.
+    """
+
+    rigid: Floats
+    free: sp.csc_matrix
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A matrix to be factorised, and what is known about it.
+
+    Attributes
+    ----------
+    matrix : sparse matrix (size, size), real or complex
+    order : ndarray of int (size,)
+        Order of the rows in which the matrix is a narrow band.
+    definite, symmetric : bool
+        Whether the matrix is positive definite, and whether it is symmetric.
+    kept : bool
+        Whether the factor is kept for solutions; otherwise it gives the inertia alone.
+    soft : SoftMotions or None
+        Soft motions of the packing, if they are known.
+    """
+
+    matrix: sp.csr_matrix
+    order: Ints
+    definite: bool = False
+    symmetric: bool = True
+    kept: bool = True
+    soft: SoftMotions | None = None
 
 
 @dataclass(frozen=True)
@@ -134,11 +185,14 @@ class Cost:
         Memory of the factor.
     operations, each : float
         Multiplications of factorising, and of solving for one column.
+    approximation : float
+        Multiplications of an approximate solution for one column; 0 where there is none.
     """
 
     bytes: float
     operations: float
     each: float = 0.0
+    approximation: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -149,9 +203,7 @@ class Factorisation:
     ----------
     name : str
     make : callable
-        Takes the matrix, the order of rows in which it is a narrow band, whether it is positive
-        definite, whether it is symmetric, and whether the factor is kept for solutions. Returns the
-        `Factor`, or raises SingularError.
+        Takes a `Problem`. Returns the `Factor`, or raises SingularError.
     cost : callable
         Estimates the `Cost` from a `Shape` and from whether the factor is kept for solutions.
     package : str or None
@@ -159,22 +211,32 @@ class Factorisation:
     load : callable
         Loads this package; raises ImportError if that fails.
     unsymmetric : bool
-        Whether it takes unsymmetric matrices. All take symmetric ones, real or complex, definite or
-        not.
+        Whether it takes unsymmetric matrices.
+    direct : bool
+        Whether it takes symmetric matrices, real or complex, definite or not, and gives the inertia
+        of real ones. An iterative method takes real, positive definite matrices whose
+        `SoftMotions` are known, and gives solutions alone.
     """
 
     name: str
-    make: Callable[[sp.csr_matrix, Ints, bool, bool, bool], Factor]
+    make: Callable[[Problem], Factor]
     cost: Callable[[Shape, bool], Cost]
     package: str | None = None
     load: Callable[[], None] = _load_nothing
     unsymmetric: bool = True
+    direct: bool = True
 
 
 def named(solver: str) -> Factorisation:
     """Return the factorisation with a name; raise InputError if it is unknown."""
     refuse_unknown("solver", solver, SOLVERS)
     return importlib.import_module(f"{factorisations.__name__}.{solver}").FACTORISATION
+
+
+@cache
+def direct_solvers() -> tuple[str, ...]:
+    """Return the names of the factorisations that give an inertia, and so count modes."""
+    return tuple(name for name in SOLVERS if named(name).direct)
 
 
 def available(solver: str) -> bool:
@@ -204,10 +266,11 @@ def _loads(solver: str) -> bool:
 def choose(
     shape: Shape, solver: str | None, *, kept: bool, unsymmetric: bool = False
 ) -> Factorisation:
-    """Choose the factorisation of a matrix: the named one, or the fastest that is suitable.
+    """Choose the factorisation of a matrix: the named one, or the fastest direct one.
 
     `kept` tells whether the factor is kept for solutions. InputError if `solver` is unknown, not
-    installed, or cannot factorise an unsymmetric matrix that is one.
+    installed, has no inertia where this is all that is wanted, or cannot factorise an unsymmetric
+    matrix that is one.
     """
     if solver is None:
         return _fastest(shape, kept, unsymmetric)
@@ -220,6 +283,13 @@ def choose(
             f"the package {factorisation.package} is not installed, or cannot be loaded",
             f"install it or choose {others}",
         )
+    if not kept and not factorisation.direct:
+        raise InputError(
+            "no_inertia",
+            f"solver {solver}",
+            "it counts no modes",
+            f"choose {' or '.join(direct_solvers())}",
+        )
     if unsymmetric and not factorisation.unsymmetric:
         raise InputError(
             "unsymmetric", f"solver {solver}", "it takes no shear forces in K", "take another"
@@ -228,14 +298,14 @@ def choose(
 
 
 def _fastest(shape: Shape, kept: bool, unsymmetric: bool) -> Factorisation:
-    """Return the fastest factorisation that is available.
+    """Return the fastest direct factorisation that is available.
 
     Factorisations that take much of the free memory are ranked last. For a small matrix those of
     scipy are ranked first; for others those of further packages, which were installed for speed.
     Among equals the number of operations decides.
     """
     able = []
-    for name in SOLVERS:
+    for name in direct_solvers():
         if _installed(name) and (named(name).unsymmetric or not unsymmetric):
             able.append(named(name))
     max_bytes = MAX_MEMORY_SHARE * memory_at_hand()
@@ -260,6 +330,7 @@ def factorise(
     solver: str | None = None,
     kept: bool = True,
     along: Floats | None = None,
+    soft: SoftMotions | None = None,
     remedy: str = SMALLER,
 ) -> Factor:
     """Factorise a sparse matrix.
@@ -278,6 +349,8 @@ def factorise(
         take less memory.
     along : ndarray (size,), optional
         Places of the rows along the packing.
+    soft : SoftMotions, optional
+        Soft motions of the packing, without which an iterative method does not work.
     remedy : str
         Advice in the message where memory does not suffice.
 
@@ -294,7 +367,14 @@ def factorise(
         remedy += ", or install pypardiso, which needs less"
     needed_bytes = factorisation.cost(shape, kept).bytes
     refuse_above_memory(needed_bytes, f"a factorisation by {factorisation.name}", remedy)
-    factor = factorisation.make(matrix, order, definite, symmetric, kept)
+    if not factorisation.direct and (soft is None or not definite):
+        raise InputError(
+            "no_inertia",
+            f"solver {factorisation.name}",
+            "it solves below the lowest mode alone",
+            "ask for the lowest modes, or take another",
+        )
+    factor = factorisation.make(Problem(matrix, order, definite, symmetric, kept, soft))
     return replace(factor, solver=factorisation.name, bytes=needed_bytes)
 
 

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from modal.packing.columns import Cached
 from modal.packing.network import Network
-from modal.solvers.factor import SOLVERS, Factor, factorise
+from modal.solvers.factor import SOLVERS, Factor, SoftMotions, factorise, named
 from modal.solvers.spectrum import bound_of_spectrum
 from modal.system.assembly import diagonal_blocks, stiffness_matrix
 from modal.system.contacts import SYMMETRIC, PreStress, Sliding, terms_of, with_sliding
@@ -219,6 +219,13 @@ class LinearSystem:
         return sp.csc_matrix((np.ones(len(rows)), (rows, columns)), (self.size, len(rows)))
 
     @property
+    def direct_solver(self) -> str | None:
+        """Name of the factorisation; None for the fastest, also if the solver is iterative."""
+        if self.solver is None or not named(self.solver).direct:
+            return None
+        return self.solver
+
+    @property
     def symmetric(self) -> bool:
         """Whether K is symmetric; with all terms of the contact forces it is not."""
         return self.pre_stress in SYMMETRIC
@@ -371,6 +378,7 @@ class LinearSystem:
         definite: bool = False,
         solver: str | None = None,
         kept: bool = True,
+        soft: SoftMotions | None = None,
     ) -> Factor:
         """Factorise A - `square`; the arguments are those of `modal.solvers.factor.factorise`.
 
@@ -384,18 +392,28 @@ class LinearSystem:
             solver=solver,
             kept=kept,
             along=np.repeat(position[:, longest_axis], self.dof),
+            soft=soft,
         )
 
-    def factor(self, square: float, *, definite: bool, solver: str | None = None) -> Factor:
-        """Return a factorisation of A - `square`, by `solver` or by the one of the system.
+    def factor(
+        self,
+        square: float,
+        *,
+        definite: bool,
+        solver: str | None = None,
+        soft: SoftMotions | None = None,
+    ) -> Factor:
+        """Return a factorisation of A - `square`, by `solver` or by the direct one of the system.
+
+        `soft` are the soft motions that an iterative solver needs.
 
         The last factorisations stay with the network as long as they take `MAX_CACHED_BYTES`
         together.
         """
-        name = solver or self.solver
+        name = solver or self.direct_solver
 
         def make() -> Factor:
-            factor = self.factorised(square, definite=definite, solver=name)
+            factor = self.factorised(square, definite=definite, solver=name, soft=soft)
             if factor.bytes > MAX_CACHED_BYTES:
                 return factor
             # Users may release a factor as usual; the memory goes with the last reference.

@@ -18,7 +18,7 @@ from modal.modes.zero_modes import by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import Network, write_network
 from modal.packing.tiling import repeat
-from modal.solvers.factor import SOLVERS, available
+from modal.solvers.factor import available, direct_solvers
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
@@ -89,7 +89,7 @@ def test_an_interval_that_ends_on_a_mode_ends_its_search_and_is_complete(end, wi
         assert compare(len(found.frequency), inside.sum())
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", direct_solvers())
 @pytest.mark.parametrize(
     "network", [diluted(0.1, 3, 3), diluted(0.1, 3, 7), columns_side_by_side(60), sliding(100)]
 )
@@ -109,7 +109,7 @@ def test_a_count_on_a_mode_is_refused(network, solver):
         assert modal.count_modes(network, beside, solver=solver) == k + 1
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", direct_solvers())
 @pytest.mark.parametrize("which", [2, 4])
 def test_a_singular_block_on_the_way_does_not_spoil_the_count(solver, which):
     """At an eigenvalue of one sphere's block of A every sphere of a column asks for a pivot that

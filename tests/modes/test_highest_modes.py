@@ -94,7 +94,7 @@ def test_uncertified_is_cheap_and_says_so(tmp_path, capsys, monkeypatch):
     assert found["certified"] is False and found["missing"] == 0
     assert "as was asked for" in read_modes(out).attributes["uncertified_because"]
     assert printed.err.count("not certified") == 1
-    assert main(["modes", str(source), "--lowest", "1", "--uncertified"]) == 2
+    assert main(["modes", str(source), "--below", "1", "--uncertified"]) == 2
     assert "--highest" in capsys.readouterr().err
 
 

@@ -18,7 +18,7 @@ from modal.modes.eigenmodes import modes_of
 from modal.modes.zero_modes import _adjacency, by_structure
 from modal.packing import crystal as gallery
 from modal.packing.network import Network
-from modal.solvers.factor import SOLVERS, Cost, available
+from modal.solvers.factor import Cost, available, direct_solvers
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 
 pytestmark = pytest.mark.two_ways
@@ -268,7 +268,7 @@ def test_long_lists_that_start_at_zero(monkeypatch, way):
     assert found.certified and found.floppy_modes == zero
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", direct_solvers())
 def test_counts_just_above_zero_are_those_of_the_zero_modes(solver):
     """At frequencies whose omega^2 is below the round-off of a factorisation."""
     if not available(solver):

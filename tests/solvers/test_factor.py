@@ -13,13 +13,13 @@ from scipy.sparse.linalg import splu
 import modal
 from modal.solvers import factor as registry
 from modal.solvers.factor import (
-    SOLVERS,
     Shape,
     SingularError,
     available,
     band,
     certain,
     choose,
+    direct_solvers,
     factorise,
     named,
     reach_of,
@@ -30,7 +30,7 @@ from modal.tools.errors import InputError
 
 pytestmark = pytest.mark.two_ways
 
-HERE = [solver for solver in SOLVERS if available(solver)]
+HERE = [solver for solver in direct_solvers() if available(solver)]
 
 
 @pytest.fixture(scope="module")

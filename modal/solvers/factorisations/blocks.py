@@ -17,7 +17,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
 from modal.solvers.factor import (
@@ -25,12 +24,13 @@ from modal.solvers.factor import (
     Cost,
     Factor,
     Factorisation,
+    Problem,
     Shape,
     SingularError,
     certain,
     reach_of,
 )
-from modal.tools.arrays import Array, Ints
+from modal.tools.arrays import Array
 from modal.tools.progress import progress
 
 MAX_GROWTH = BACKWARD / np.finfo(float).eps
@@ -69,10 +69,12 @@ def _cost(shape: Shape, kept: bool) -> Cost:
     return Cost(8 * numbers * stored, numbers**2 * entries * front / 2, 2 * entries)
 
 
-def _factorise(
-    matrix: sp.csr_matrix, order: Ints, definite: bool, symmetric: bool, kept: bool
-) -> Factor:
+def _factorise(problem: Problem) -> Factor:
     """Factorise a symmetric matrix; the front holds the rows that are not yet eliminated."""
+    matrix = problem.matrix
+    order = problem.order
+    definite = problem.definite
+    kept = problem.kept
     size = matrix.shape[0]
     reach = reach_of(matrix, order)
     ordered = matrix[order][:, order].tocsr()

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from modal.solvers.factor import Cost, Factor, Factorisation, Shape, SingularError, certain
-from modal.tools.arrays import Array, Complex, Ints
+from modal.solvers.factor import Cost, Factor, Factorisation, Problem, Shape, SingularError, certain
+from modal.tools.arrays import Array, Complex
 from modal.tools.errors import UnavailableError
 
 ENTRIES_PER_NONZERO = 0.5
@@ -53,16 +53,17 @@ def _load() -> None:
     importlib.import_module("pypardiso")
 
 
-def _factorise(
-    matrix: sp.csr_matrix, order: Ints, definite: bool, symmetric: bool, kept: bool
-) -> Factor:
+def _factorise(problem: Problem) -> Factor:
     """Factorise; PARDISO finds its own order of rows."""
+    matrix = problem.matrix
+    definite = problem.definite
+    symmetric = problem.symmetric
     _load()
     from pypardiso import PyPardisoSolver
     from pypardiso.pardiso_wrapper import PyPardisoError
 
     if np.iscomplexobj(matrix):
-        return _factorise_complex(matrix, order, symmetric)
+        return _factorise_complex(problem)
     stored = _with_diagonal(matrix, symmetric)
     matrix_type, parameters = GENERAL, UNSYMMETRIC
     if symmetric:
@@ -104,14 +105,15 @@ def _factorise(
     return Factor(solve, certain(negative, solve, matrix), release)
 
 
-def _factorise_complex(matrix: sp.csr_matrix, order: Ints, symmetric: bool) -> Factor:
+def _factorise_complex(problem: Problem) -> Factor:
     """Factorise a complex matrix by its real form, which is symmetric if the matrix is."""
+    matrix = problem.matrix
     size = matrix.shape[0]
     W = matrix.real
     T = matrix.imag
-    sign = -1 if symmetric else 1
+    sign = -1 if problem.symmetric else 1
     both_parts = sp.bmat([[W, -T], [sign * T, sign * W]], format="csr")
-    factor = _factorise(both_parts, order, False, symmetric, True)
+    factor = _factorise(Problem(both_parts, problem.order, symmetric=problem.symmetric))
 
     def solve(rhs: Array) -> Complex:
         both = factor.solve(np.concatenate([rhs.real, sign * rhs.imag]))

@@ -5,11 +5,9 @@ equals that of columns, the diagonal of U is the D of an L D L^T, and its signs 
 """
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from modal.solvers.factor import Cost, Factor, Factorisation, Shape, SingularError, certain
-from modal.tools.arrays import Ints
+from modal.solvers.factor import Cost, Factor, Factorisation, Problem, Shape, SingularError, certain
 
 ENTRIES_PER_NONZERO_AND_LAYER_ROW = 0.04
 """Entries of L divided by the nonzeros and by the rows of a layer, with rows ordered by minimum
@@ -28,11 +26,11 @@ def _cost(shape: Shape, _: bool) -> Cost:
     return Cost((8 + 16 * numbers) * entries, operations, solving)
 
 
-def _factorise(
-    matrix: sp.csr_matrix, order: Ints, definite: bool, symmetric: bool, kept: bool
-) -> Factor:
+def _factorise(problem: Problem) -> Factor:
     """Factorise, in symmetric mode if the matrix is real and symmetric."""
-    symmetric_mode = symmetric and not np.iscomplexobj(matrix)
+    matrix = problem.matrix
+    definite = problem.definite
+    symmetric_mode = problem.symmetric and not np.iscomplexobj(matrix)
     options = {}
     if symmetric_mode:
         options = {

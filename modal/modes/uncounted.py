@@ -1,0 +1,79 @@
+"""Search for the lowest modes where no exact count is made, and say what speaks for the list.
+
+Block Lanczos converges from the low end, so that a mode is missed only if the start block was
+nearly orthogonal to it. Two things tell: a second search, from other vectors and orthogonal to all
+modes of the first, finds what was missed; and the density of states, from products with random
+vectors, estimates how many modes lie up to the last one.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.modes.density import density_of
+from modal.modes.search import AboutShift, Search
+from modal.modes.zero_modes import by_structure
+from modal.system.linear_system import LinearSystem, frequency_of
+from modal.tools.arrays import Bools, Floats
+
+SECOND_SEARCH_MODES = 4
+"""Number of modes beyond the list that the second search finds before it ends."""
+RESOLUTION_SHARE = 0.05
+"""Resolution of the density of states divided by the last frequency: a mode counts in part if it is
+as near to the last one."""
+
+
+class UncountedSearch(NamedTuple):
+    """A search without a count, and what speaks for it.
+
+    missing: number of modes that did not converge. new: modes below the last one that only the
+    second search found. expected, error: number of elastic modes up to the last one by moments, and
+    its standard error.
+    """
+
+    search: Search
+    missing: int
+    new: int
+    expected: float
+    error: float
+
+    @property
+    def attributes(self) -> dict[str, float]:
+        """Return the attributes that a `ModeSet` has in addition."""
+        return {
+            "expected_modes": self.expected,
+            "expected_modes_error": self.error,
+            "found_by_second_search": self.new,
+        }
+
+    @property
+    def evidence(self) -> str:
+        """Return the sentence that follows the reason why no count was made."""
+        return (
+            f"up to the last mode moments expect {self.expected:.1f} +- {self.error:.1f}, and a "
+            f"second search from other vectors found {self.new} that the first had missed"
+        )
+
+
+def search_uncounted(system: LinearSystem, count: int, sigma: float) -> UncountedSearch:
+    """Search for the `count` lowest elastic modes by multigrid about `sigma`, 1/s^2, below zero."""
+    source = AboutShift(system, sigma, definite=True, by="multigrid")
+    search = Search(system, source, by_structure(system).basis)
+
+    def is_elastic(square: Floats) -> Bools:
+        return square != 0
+
+    missing = max(search.search_until(count, is_elastic), 0)
+    elastic = np.sort(search.square[is_elastic(search.square)])
+    last = float(elastic[: count - missing][-1])
+    n_known = len(search.square)
+    if search.run_round(SECOND_SEARCH_MODES):
+        new = search.square[n_known:]
+        n_new = int((is_elastic(new) & (new < last)).sum())
+    else:
+        n_new = 0
+    frequency = float(frequency_of(np.array(last)))
+    states = density_of(system, RESOLUTION_SHARE * frequency, counting=False)
+    value, error = states.count_below(frequency)
+    at_zero = states.zero_modes.sum() + (search.square == 0).sum()
+    return UncountedSearch(search, missing, n_new, float(value[6] - at_zero), float(error[6]))

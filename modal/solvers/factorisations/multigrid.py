@@ -1,0 +1,118 @@
+"""Solve by conjugate gradients and multigrid, if PyAMG and numba are installed: no factor at all.
+
+A cycle of the hierarchy (`modal.solvers.hierarchy`) is the preconditioner. Soft motions are nearly
+rigid over many diameters, so that the number of steps hardly grows with the packing. Local motions
+without energy are not smooth: the hierarchy is that of A + c Z Z^T, in which they are stiff, and
+what the solution has of them follows from their own energy. There is no inertia.
+"""
+
+import importlib.util
+
+import numpy as np
+import scipy.sparse as sp
+
+from modal.solvers.conjugate_gradients import conjugate_gradients
+from modal.solvers.factor import Cost, Factor, Factorisation, Problem, Shape
+from modal.tools.arrays import Array, Floats, Ints
+
+ROWS = 6
+"""Rows of a body: three displacements and three rotations."""
+LIFT = 0.01
+"""Stiffness c that motions without energy get, divided by the largest diagonal entry."""
+MAX_LIFTED_ENTRIES = 200
+"""Largest number of entries of a motion without energy that is lifted: c Z Z^T couples all of them
+with each other. A longer one, as the rigid motion of a cluster, is smooth."""
+RELATIVE_ERROR = 1e-11
+"""Relative error of a solution in the norm of its energy."""
+LOOK_BACK_STEPS = 4
+"""Least number of steps over which the error is measured; a step lowers it to a half or less."""
+MAX_STEPS = 2000
+SETUP_OPERATIONS = 4000
+"""Multiplications to make the hierarchy, for each nonzero of the matrix."""
+CYCLE_OPERATIONS = 5
+"""Multiplications of a cycle, for each nonzero and column of a group of eight."""
+STEPS = 30
+"""Number of steps of a solution."""
+BYTES_PER_NONZERO = 60
+"""Memory at the peak, while the hierarchy is made."""
+
+
+def _cost(shape: Shape, _: bool) -> Cost:
+    """Estimate the cost of the hierarchy, of a solution and of a cycle."""
+    cycle = CYCLE_OPERATIONS * shape.nonzeros
+    return Cost(
+        BYTES_PER_NONZERO * shape.nonzeros,
+        SETUP_OPERATIONS * shape.nonzeros,
+        STEPS * (cycle + shape.nonzeros),
+        cycle,
+    )
+
+
+def _load() -> None:
+    """Raise ImportError if numba is absent, which compiles the loops of a cycle."""
+    if importlib.util.find_spec("numba") is None:
+        raise ImportError("numba")
+
+
+def _make(problem: Problem) -> Factor:
+    """Make the hierarchy of a positive definite matrix whose soft motions are known."""
+    from modal.solvers.hierarchy import Hierarchy
+
+    soft = problem.soft
+    if soft is None:
+        raise ValueError("multigrid needs the soft motions of the packing")
+    matrix = problem.matrix
+    free = soft.free
+    largest = float(matrix.diagonal().max())
+    is_local = np.diff(free.indptr) <= MAX_LIFTED_ENTRIES
+    local = free[:, is_local]
+    lifted = matrix + LIFT * largest * (local @ local.T)
+    bodies = _body_order(problem.order)
+    rows = (bodies[:, None] * ROWS + np.arange(ROWS)).ravel()
+    hierarchy = Hierarchy(_reordered(lifted.tobsr((ROWS, ROWS)), bodies), soft.rigid[rows])
+    free_energy = np.asarray(free.multiply(matrix @ free).sum(axis=0)).ravel()
+
+    def hold(columns: Floats) -> Floats:
+        return columns - free @ (free.T @ columns)
+
+    def approximate(load: Floats) -> Floats:
+        solution = np.empty_like(load)
+        solution[rows] = hierarchy.apply(hold(load)[rows])
+        return hold(solution)
+
+    def solve(load: Array) -> Array:
+        columns = load.reshape(len(load), -1)
+        solution = conjugate_gradients(
+            lambda motion: matrix @ motion,
+            approximate,
+            hold(columns),
+            lambda work: RELATIVE_ERROR**2 * work,
+            np.finfo(float).eps * np.linalg.norm(columns, axis=0),
+            look_back=LOOK_BACK_STEPS,
+            most_products=MAX_STEPS,
+        ).motion
+        solution += free @ ((free.T @ columns) / free_energy[:, None])
+        return solution.reshape(load.shape)
+
+    return Factor(solve, None, approximate=approximate)
+
+
+def _body_order(order: Ints) -> Ints:
+    """Return the bodies in the order in which their first rows come."""
+    _, first = np.unique(order // ROWS, return_index=True)
+    return np.argsort(first)
+
+
+def _reordered(matrix: sp.bsr_matrix, bodies: Ints) -> sp.bsr_matrix:
+    """Return a matrix in blocks with its bodies in another order."""
+    places = np.arange(1, len(matrix.data) + 1)
+    n = len(bodies)
+    pattern = sp.csr_matrix((places, matrix.indices, matrix.indptr), (n, n))
+    ordered = pattern[bodies][:, bodies]
+    blocks = matrix.data[ordered.data - 1]
+    return sp.bsr_matrix((blocks, ordered.indices, ordered.indptr), matrix.shape)
+
+
+FACTORISATION = Factorisation(
+    "multigrid", _make, _cost, package="pyamg", load=_load, unsymmetric=False, direct=False
+)

@@ -1,0 +1,174 @@
+"""Multigrid: its solutions, modes and moduli against those of direct factors; its steps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from packings import diluted, disordered, sheared
+from refusals import refusal
+from scipy.linalg import eigh
+from scipy.sparse.linalg import spsolve
+
+import modal
+from modal.modes.eigenmodes import modes_of
+from modal.modes.soft_motions import soft_motions
+from modal.modes.zero_modes import by_structure
+from modal.solvers import factor as registry
+from modal.solvers.factor import available, named
+from modal.solvers.factorisations import multigrid
+from modal.system.linear_system import Limits, LinearSystem
+
+
+def without_friction():
+    """Return a disordered crystal whose contacts slide: its spheres turn without energy."""
+    network = disordered((3, 3, 12))
+    return replace(network, stiffness_tangential=np.zeros(network.n_contacts))
+
+
+needs_pyamg = pytest.mark.skipif(not available("multigrid"), reason="needs PyAMG and numba")
+PACKINGS = {
+    "walls": lambda: LinearSystem.of(disordered((3, 3, 12))),
+    "periodic": lambda: LinearSystem.of(modal.fcc(cells=(4, 4, 4), periodic_z=True)),
+    "loose": lambda: LinearSystem.of(diluted(0.4, 1, 12)),
+    "frictionless": lambda: LinearSystem.of(without_friction()),
+    "pre-stressed": lambda: LinearSystem.of(modal.fcc(cells=(3, 3, 8)), pre_stress="normal"),
+}
+
+
+@pytest.fixture(autouse=True)
+def several_levels(monkeypatch):
+    """Let small packings have several levels: usually the factor of a thousand rows ends them."""
+    if available("multigrid"):
+        monkeypatch.setattr("modal.solvers.hierarchy.MAX_COARSEST_ROWS", 100)
+
+
+@pytest.fixture(scope="module", params=PACKINGS)
+def system(request):
+    return PACKINGS[request.param]()
+
+
+def factor_of(system, shift=1e-7):
+    """Return the multigrid solver of A + shift times its largest diagonal entry, and this sum."""
+    square = -shift * system.diagonal.max()
+    factor = system.factorised(square, definite=True, solver="multigrid", soft=soft_motions(system))
+    return factor, system.shifted(square)
+
+
+@needs_pyamg
+def test_solutions_equal_those_of_a_direct_factor(system):
+    """Motions without energy included. The relative error in energy is 1e-11; the eigenvalues lie
+    between 1e-7 and 1 of the largest, by the root of whose ratio, 3e3, the error may be larger."""
+    factor, matrix = factor_of(system)
+    load = np.random.default_rng(1).standard_normal((system.size, 3))
+    solution = factor.solve(load)
+    exact = spsolve(matrix.tocsc(), load)
+    assert np.linalg.norm(solution - exact) <= 1e-7 * np.linalg.norm(exact)
+    elastic = load - by_structure(system).basis @ (by_structure(system).basis.T @ load)
+    residual = matrix @ factor.solve(elastic) - elastic
+    assert np.linalg.norm(residual) <= 1e-8 * np.linalg.norm(elastic)
+    assert factor.solve(load[:, 0]) == pytest.approx(solution[:, 0], rel=1e-6, abs=1e-9)
+    assert factor.negative is None
+
+
+@needs_pyamg
+def test_a_cycle_is_linear_symmetric_and_positive(system):
+    """Which conjugate gradients rely on; columns do not notice each other."""
+    factor, _ = factor_of(system)
+    basis = by_structure(system).basis
+    load = np.random.default_rng(2).standard_normal((system.size, 11))
+    load -= basis @ (basis.T @ load)
+    result = factor.precondition(load)
+    products = load.T @ result
+    assert products == pytest.approx(products.T, rel=1e-10, abs=1e-12 * abs(products).max())
+    assert eigh(products, eigvals_only=True).min() > 0
+    assert (factor.precondition(load[:, 3:4]) == result[:, 3:4]).all()
+    mixed = load @ np.ones((11, 1))
+    total = result.sum(axis=1, keepdims=True)
+    assert np.linalg.norm(factor.precondition(mixed) - total) <= 1e-12 * np.linalg.norm(total)
+
+
+@needs_pyamg
+def test_steps_do_not_grow_with_the_packing(monkeypatch):
+    """Eight times the spheres, of a crystal with random stiffnesses, take hardly more steps;
+    without coarser matrices the number would double with the length."""
+    products = []
+    solve = multigrid.conjugate_gradients
+
+    def counted(*arguments, **options):
+        solution = solve(*arguments, **options)
+        products.append(solution.products)
+        return solution
+
+    monkeypatch.setattr(multigrid, "conjugate_gradients", counted)
+    for cells in ((6, 6, 12), (12, 12, 24)):
+        system = LinearSystem.of(disordered(cells))
+        factor, _ = factor_of(system, shift=1e-9)
+        factor.solve(np.random.default_rng(1).standard_normal((system.size, 2)))
+    assert products[1] <= 1.3 * products[0]
+
+
+@needs_pyamg
+def test_lowest_modes_equal_those_of_whole_matrices():
+    """Counted or not: the same frequencies to 1e-9; a list without a count says what speaks for
+    it, and what moments expect is within four standard errors and the width of their kernel."""
+    network = disordered((3, 3, 12))
+    exact = modal.eigenmodes(network, all=True)
+    elastic = exact.frequency[exact.frequency > 1e-3 * exact.frequency[-1]]
+    limits = Limits(small=0, dense=0)
+    for certify in (True, False):
+        system = replace(LinearSystem.of(network, solver="multigrid"), limits=limits)
+        modes = modes_of(system, lowest=12, certify=certify)
+        assert modes.frequency == pytest.approx(elastic[:12], rel=1e-9)
+        assert "multigrid" in modes.attributes["solver"] and modes.certified == certify
+        assert modes.missing == 0
+        assert ("expected_modes" in modes.attributes) == (not certify)
+    noted = modes.attributes
+    assert noted["found_by_second_search"] == 0
+    last = modes.frequency[-1]
+    low, high = ((elastic < share * last).sum() for share in (0.9, 1.1))
+    margin = 4 * noted["expected_modes_error"]
+    assert low - margin <= noted["expected_modes"] <= high + margin
+
+
+@needs_pyamg
+def test_moduli_equal_those_of_another_solver():
+    """Of a packing with rattlers and walls."""
+    by_multigrid = modal.elastic_moduli(sheared(), solver="multigrid", tolerance=1e-9)
+    by_blocks = modal.elastic_moduli(sheared(), solver="gradients", tolerance=1e-9)
+    scale = abs(by_blocks.stiffness).max()
+    assert abs(by_multigrid.stiffness - by_blocks.stiffness).max() <= 1e-7 * scale
+    assert by_multigrid.solver == "multigrid"
+
+
+def test_it_counts_no_modes_and_solves_below_them_alone():
+    network = disordered((2, 2, 6))
+    if not available("multigrid"):
+        with refusal("not_installed"):
+            modal.count_modes(network, 1e4, solver="multigrid")
+        return
+    with refusal("no_inertia"):
+        modal.count_modes(network, 1e4, solver="multigrid")
+    system = LinearSystem.of(network)
+    with refusal("no_inertia"):
+        system.factorised(1e8, solver="multigrid", soft=soft_motions(system))
+
+
+def test_without_pyamg_all_goes_as_before(monkeypatch):
+    """The lowest modes by a factor and counted; one who asks for multigrid is told."""
+
+    def load():
+        raise ImportError("pyamg")
+
+    broken = replace(named("multigrid"), load=load)
+    monkeypatch.setattr("modal.solvers.factorisations.multigrid.FACTORISATION", broken)
+    registry._loads.cache_clear()
+    try:
+        network = disordered((2, 2, 8))
+        assert not available("multigrid")
+        system = replace(LinearSystem.of(network), limits=Limits(small=0, dense=0))
+        assert modes_of(system, lowest=3).certified
+        asked = replace(system, solver="multigrid")
+        with refusal("not_installed"):
+            modes_of(asked, lowest=3)
+    finally:
+        registry._loads.cache_clear()
