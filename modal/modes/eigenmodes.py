@@ -235,7 +235,8 @@ def _find_at_end(
     if request.method == "top":
         return _find_highest(system, choice, certify)
     if request.method == "multigrid":
-        if certify and request.count_fits:
+        counted = certify and request.count_fits
+        if counted or not system.semidefinite:
             return _beside_zero_modes(
                 system, lambda floppy: _find_lowest(system, choice, floppy, "multigrid")
             )

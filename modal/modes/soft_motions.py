@@ -1,6 +1,7 @@
 """The motions of a packing that cost little energy or none, as an iterative solver needs them."""
 
 import numpy as np
+import scipy.sparse as sp
 
 from modal.modes.zero_modes import by_structure
 from modal.solvers.factor import SoftMotions
@@ -12,7 +13,8 @@ from modal.tools.errors import InputError
 def soft_motions(system: LinearSystem) -> SoftMotions:
     """Return the rigid motions of a packing, and its motions without energy.
 
-    The latter are those that the structure of the contacts shows (`modal.modes.zero_modes`). Raises
+    The latter are those that the structure of the contacts shows (`modal.modes.zero_modes`), and
+    those that bodies cannot make, whose rows of K are empty. Raises
     InputError for translations alone, whose blocks have three rows.
     """
     if system.dof != 6:
@@ -22,7 +24,11 @@ def soft_motions(system: LinearSystem) -> SoftMotions:
             "it takes displacements and rotations together",
             "take another",
         )
-    return SoftMotions(_rigid_motions(system), by_structure(system).basis)
+    held = system.held_motions
+    rigid = _rigid_motions(system)
+    rigid -= held @ (held.T @ rigid)
+    free = sp.hstack([by_structure(system).basis, held], format="csc")
+    return SoftMotions(rigid, free)
 
 
 def _rigid_motions(system: LinearSystem) -> Floats:
