@@ -78,7 +78,7 @@ def run(options: Options) -> Result:
         constants = cross_anisotropy(moduli)._asdict()
         result["cross_anisotropy"] = {name: list(each) for name, each in constants.items()}
     if options.fluid:
-        result["saturated"] = _saturated(network, measured, moduli.density, options)
+        result["saturated"] = _saturated(network, measured, options)
     return result
 
 
@@ -95,7 +95,7 @@ def _compare(measured: IsotropicModuli, expected: IsotropicModuli) -> Result:
     }
 
 
-def _saturated(network: Network, dry: IsotropicModuli, density: float, options: Options) -> Result:
+def _saturated(network: Network, dry: IsotropicModuli, options: Options) -> Result:
     """Return Gassmann's moduli and velocities with the named fluid, and where they end."""
     if "young" not in network.study:
         raise UnavailableError(
@@ -105,7 +105,7 @@ def _saturated(network: Network, dry: IsotropicModuli, density: float, options: 
             "note young and poisson in its group study",
         )
     fluid = named_fluid(options.fluid)
-    full = saturate(network, dry, density, noted_material(network.study), fluid)
+    full = saturate(network, dry, noted_material(network.study), fluid)
     options.remarks.append(
         f"full of {options.fluid}: Gassmann's moduli hold well below Biot's frequency, "
         f"{quantity(full.biot_frequency, 'Hz')} here, above which the fluid slips past the grains"

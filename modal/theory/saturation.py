@@ -23,7 +23,7 @@ import numpy as np
 
 from modal.packing.contact_law import Elasticity, sphere_volume
 from modal.packing.network import Network
-from modal.packing.state import void_ratio
+from modal.packing.state import void_ratio, volume_between_walls
 from modal.theory.effective_medium import IsotropicModuli
 from modal.tools.errors import InputError, refuse_unknown
 
@@ -113,9 +113,11 @@ def permeability(network: Network) -> float:
 
 
 def saturate(
-    network: Network, dry: IsotropicModuli, dry_density: float, material: Elasticity, fluid: Fluid
+    network: Network, dry: IsotropicModuli, material: Elasticity, fluid: Fluid
 ) -> SaturatedPacking:
     """Return the moduli and the density of a packing whose pores a fluid fills.
+
+    At low frequencies the fluid carries rattlers along: all spheres count in the density.
 
     Parameters
     ----------
@@ -123,8 +125,6 @@ def saturate(
         The packing, for its porosity and the size of its pores.
     dry : IsotropicModuli
         Moduli of the dry packing.
-    dry_density : float
-        Its density, kg/m^3.
     material : Elasticity
         Of the grains.
     fluid : Fluid
@@ -139,9 +139,9 @@ def saturate(
     moduli = gassmann(dry, porosity, grain_bulk_modulus(material), fluid.bulk_modulus)
     flow = permeability(network)
     biot_frequency = fluid.viscosity * porosity / (2 * np.pi * fluid.density * flow)
-    return SaturatedPacking(
-        moduli, dry_density + porosity * fluid.density, flow, float(biot_frequency)
-    )
+    density = float(network.mass.sum()) / volume_between_walls(network)
+    density += porosity * fluid.density
+    return SaturatedPacking(moduli, density, flow, float(biot_frequency))
 
 
 def with_added_mass(network: Network, fluid: str) -> Network:

@@ -149,8 +149,8 @@ def test_permeability_and_biot_frequency_of_equal_spheres(crystal):
     expected = porosity**3 * (2 * RADIUS) ** 2 / (180 * (1 - porosity) ** 2)
     # The overlaps of 1e-4 of the radius count four times as much in the pores.
     assert permeability(crystal) == pytest.approx(expected, rel=5e-3)
-    full = saturate(crystal, IsotropicModuli(2e8, 1e8), 1650.0, GLASS, FLUIDS["water"])
-    assert full.density == pytest.approx(1650 + 1000 * porosity, rel=1e-3)
+    full = saturate(crystal, IsotropicModuli(2e8, 1e8), GLASS, FLUIDS["water"])
+    assert full.density == pytest.approx(2230 * (1 - porosity) + 1000 * porosity, rel=1e-3)
     biot = 1e-3 * porosity / (2 * np.pi * 1000 * expected)
     assert full.biot_frequency == pytest.approx(biot, rel=5e-3)
     p_wave, s_wave = full.velocities
