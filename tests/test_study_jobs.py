@@ -27,6 +27,9 @@ def test_jobs_ask_for_what_their_size_takes_and_a_retry_for_more(jobs):
     assert need["runtime"](large, 1) > 58 and need["runtime"](small, 1) < 30
     for ask in need.values():
         assert ask(large, 2) == pytest.approx(2 * ask(large, 1), abs=1)
+    single = jobs.Jobs({"study": PAPER, "products": "products", "cases": [30]})
+    for name, ask in single.needs("yade_wave").items():
+        assert ask(SimpleNamespace(), 1) == need[name](large, 1)  # a job of no case
 
 
 def test_half_the_step_has_the_times_of_the_whole_and_an_s_wave_is_longer(jobs):
@@ -111,6 +114,72 @@ def test_each_word_of_a_command_reaches_its_program_as_it_is(jobs, tmp_path, mon
     head, cells = (tmp_path / ODD).read_text().splitlines()
     assert head == "direction case" and cells.endswith(" 3")
     assert [path.name for path in tmp_path.iterdir()] == [ODD]
+
+
+def test_a_rule_is_given_the_settings_that_its_command_names(jobs):
+    """Modes about a case's own band, the study's number of lowest modes, and no places left."""
+    found = jobs.Jobs({"study": PAPER, "products": "products"})
+    settings = found.study.settings
+    settings["bands"] = {"case06": [0.5, 2.0], "case07": [0, 3.0]}
+    words = shlex.split(found.network_command("band_modes", "case06"))
+    first = words.index("--between") + 1
+    assert [float(word) for word in words[first : first + 2]] == [0.5, 2.0]
+    words = shlex.split(found.network_command("band_modes", "case07"))
+    assert float(words[words.index("--below") + 1]) == 3.0
+    words = shlex.split(found.network_command("lowest_modes", "case06"))
+    assert words[words.index("--lowest") + 1] == str(settings["lowest_modes"])
+    for rule in importlib.import_module("commands").OF_NETWORK:
+        assert "{" not in found.network_command(rule, "case06")
+
+
+def test_yades_waves_are_given_the_callers_variables_of_waves_alone(jobs, monkeypatch):
+    commands = importlib.import_module("commands")
+    for name in [name for name in os.environ if name.startswith("WAVE_")]:
+        monkeypatch.delenv(name)
+    assert commands.environment() == ":"
+    for name, value in {"WAVE_B": "2; id", "WAVE_A": "1", "OTHER": "3", "WAVE_2-": "4"}.items():
+        monkeypatch.setenv(name, value)
+    assert commands.environment() == "export WAVE_A=1 WAVE_B='2; id'"
+
+
+STARTED = 1000.0
+"""Time at which the run of the test of failures begins, s."""
+
+
+def write_log(folder: Path, job: str, text: str, *, at: float, done_at: float | None) -> None:
+    """Write the log of a job, `rule/case`, at a time, and its benchmark where it has ended well."""
+    for place, content, time in (
+        (folder / "log" / f"{job}.log", text, at),
+        (folder / "cost" / f"{job}.tsv", "", done_at),
+    ):
+        if time is not None:
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_text(content)
+            os.utime(place, (time, time))
+
+
+def test_failures_are_the_jobs_of_this_run_without_a_benchmark(jobs, tmp_path):
+    """With the last line that says what to do; the status tells whether each of them has one."""
+    failures = importlib.import_module("failures")
+    error = "Traceback\nerror: first\nerror: mend it\nended"
+    write_log(tmp_path, "sample/old", error, at=STARTED - 1, done_at=None)
+    write_log(tmp_path, "sample/well", error, at=STARTED + 1, done_at=STARTED + 1)
+    write_log(tmp_path, "sample/again", error, at=STARTED, done_at=STARTED - 9)
+    write_log(tmp_path, "sample/again.yade", "words", at=STARTED + 1, done_at=None)
+    failures.write_failures(tmp_path, STARTED)
+    log = tmp_path / "log/sample/again.log"
+    wanted = ["2", f"sample again: mend it ({log})"]
+    assert (tmp_path / ".failed").read_text().splitlines() == wanted
+    write_log(tmp_path, "wave/silent", "", at=STARTED + 5, done_at=STARTED + 4)
+    failures.write_failures(tmp_path, STARTED)
+    status, first, second = (tmp_path / ".failed").read_text().splitlines()
+    assert (status, first) == ("1", wanted[1])
+    assert second.startswith("wave silent: no word (")
+
+
+def test_a_run_without_failed_jobs_has_failed_otherwise(jobs, tmp_path):
+    importlib.import_module("failures").write_failures(tmp_path, STARTED)
+    assert (tmp_path / ".failed").read_text() == "1"
 
 
 @pytest.mark.parametrize(

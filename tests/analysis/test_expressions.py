@@ -175,6 +175,25 @@ def test_a_sentence_calls_its_few_functions_alone():
         assert "\n" not in str(refused.value)
 
 
+def test_a_trend_is_extrapolated_to_other_cases():
+    """A straight line is met exactly, an exponential by the line of its logarithm."""
+    x = [0.1, 0.2, 0.3, 0.6] * 2
+    frame = pd.DataFrame({"there": True, "x": x, "stress": [1e5] * 4 + [1e6] * 4})
+    frame["fitted"] = frame["x"] < 0.5
+    frame["straight"] = 100 + 200 * frame["x"]
+    frame["exponential"] = 100 * 2 ** (10 * frame["x"])
+    frame.loc[frame["x"] > 0.5, "straight"] = 230.0
+    words = Captions(frame)
+    line = words("{{ trends('straight', 'x', 'x < 0.5', 'x > 0.5') }}")
+    for stress in ("100", "1000"):
+        assert f"{stress} kPa: 220 ± 0 (" in line
+    assert line.endswith("crystal 230")
+    # At 0.6 it is 100 * 2^6.
+    line = words("{{ trends('exponential', 'x', 'x < 0.5', 'x > 0.5') }}")
+    assert "(line of its logarithm: 6400), crystal 6400" in line
+    assert words("{{ trends('straight', 'x', 'x < 0.5', 'x > 9') }}") == "(not measured)"
+
+
 @pytest.mark.parametrize(
     "text", ["{row.__class__}", "{row[0]}", "{f!r}", "{f:999999999}", "{f:{f}}", "{g}", "{", "{o}"]
 )

@@ -77,6 +77,23 @@ def test_samples_of_one_state_are_alike():
     assert codes(one, *others, renumbered(one, numbers)) == set()
 
 
+def test_periods_are_told_axis_by_axis():
+    """The digits of the number that is shown are the axes: periods along x and y, along x alone."""
+    network = slender()
+    states = [state_of(network), state_of(not_periodic_along_y(network))]
+    (found,) = [each for each in differences(states) if each.code == "periods"]
+    assert (found.smallest, found.largest) == (100, 110)
+
+
+def test_walls_of_another_stiffness_leave_the_state_as_it_is():
+    """The stiffness of a state is that between spheres, whatever its walls are made of."""
+    network = slender()
+    hard_walls = np.where(network.with_wall, 10.0, 1.0)
+    names = ("stiffness_normal", "stiffness_tangential")
+    other = replace(network, **{name: hard_walls * getattr(network, name) for name in names})
+    assert not codes(network, other) & {"stiffness", "stiffness_ratio"}
+
+
 def test_what_one_packing_does_not_know_is_compared_among_the_others():
     one = slender()
     unknown = replace(one, force_normal=None, force_tangential=None, overlap=None, sliding=None)

@@ -109,6 +109,9 @@ def _of_sweep(name: str, case) -> CaseResult:
         ("stress: 1e5", "stress: 1e5\n    densities: 2500; id", "setting"),
         ("stress: 1e5", "stress: 1e5\n    periodic: 1", "setting"),
         ("stress: 1e5", "stress: 1e5\n    residual: 2", "setting"),
+        ("stress: 1e5", "stress: 1e5\n    residual: 0", "setting"),
+        ("stress: 1e5", "stress: 1e5\n    residual: 1", "setting"),
+        ("stress: 1e5", "stress: 1e5\n    damping: -0.5", "setting"),
         ("stress: 1e5", "stress: 1e5\n    1e5: 3", "unknown_setting"),
         ("stress: 1e5", "stress: 1e5\n    ? [a]\n    : 3", "yaml"),
         ("width: [4, 5]", "breadth: [4, 5]", "unknown_setting"),
@@ -155,6 +158,27 @@ def test_a_study_that_means_none_is_refused_in_one_line(old, new, code, tmp_path
         Study(path)
     assert refused.value.code == code, refused.value
     one_line(main, ["study", path, "--results", tmp_path])
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("spheres", 1), ("layers", 1), ("spheres", 100_000_000), ("seed", 0), ("seed", 2**31 - 1)],
+)
+def test_the_ends_of_a_range_may_be_set(name, value, tmp_path):
+    path = tmp_path / "sweep.yaml"
+    path.write_text(SWEEP.replace("name: sweep", f"name: sweep\n{name}: {value}"))
+    assert Study(path).settings[name] == value
+
+
+def test_a_study_may_have_as_many_cases_as_the_limit(tmp_path, monkeypatch):
+    path = tmp_path / "sweep.yaml"
+    path.write_text(SWEEP)
+    monkeypatch.setattr("analysis.study.description.MAX_CASES", 12)
+    assert len(Study(path).cases) == 12
+    monkeypatch.setattr("analysis.study.description.MAX_CASES", 11)
+    with pytest.raises(InputError) as refused:
+        Study(path)
+    assert refused.value.code == "too_many_cases"
 
 
 def test_a_quantity_called_as_a_setting_is_what_was_measured(tmp_path):
@@ -244,6 +268,7 @@ ENTRY = {
         ("figures", "y: [v_p]", "y: [\"__import__('os')\"]"),
         ("figures", "y: [v_p]", "y: v_p"),
         ("figures", "plot:", "columns: 0, plot:"),
+        ("figures", "plot:", "columns: 1.5, plot:"),
         ("figures", "plot:", "height: 1e9, plot:"),
         ("figures", "by: width", "by: colour"),
         ("targets", "value: 1", "value: .nan"),

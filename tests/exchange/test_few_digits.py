@@ -57,14 +57,23 @@ def velocities_and_moduli(moduli: ElasticModuli) -> np.ndarray:
 
 @pytest.mark.parametrize("digits", [7, 6])
 def test_the_stated_error_contains_what_rounding_has_changed(tmp_path, digits):
-    """Check nine of ten draws, each with another shift through the periods, of all four numbers."""
+    """Check nine of ten draws, each with another shift through the periods, of all four numbers.
+
+    The stated error is not far above what rounding has changed in the worst draw.
+    """
     exact = velocities_and_moduli(modal.elastic_moduli(imported(tmp_path, 17)))
     contained = np.zeros(4)
+    largest_change = 0.0
+    smallest_error = np.inf
     for draw in range(DRAWS):
         moduli = modal.elastic_moduli(imported(tmp_path, digits, draw))
         off = abs(velocities_and_moduli(moduli) / exact - 1)
         contained += off <= moduli.error * np.array([1, 1, 0.5, 0.5])
+        largest_change = max(largest_change, off.max())
+        smallest_error = min(smallest_error, moduli.error)
     assert (contained >= 0.9 * DRAWS).all(), contained
+    # Twice a root mean square: some standard deviations of ten draws are within a factor of 5.
+    assert smallest_error < 5 * largest_change
 
 
 def test_the_error_of_overlaps_is_that_of_rounded_places(tmp_path):

@@ -254,6 +254,16 @@ def test_a_dump_that_comes_after_the_hold_counts_as_it_is(tmp_path, write):
     assert held_by(tmp_path, script, step=100) == "- - -"
 
 
+def test_the_last_step_of_a_run_is_of_this_run_alone(tmp_path):
+    """Dump step 100 at the end of a free run, then freeze the ends for a further one."""
+    script = f"{ENDS}{SPHERE}\ndump d all custom 50 x.dump id\nrun 100\n" + rows(0, 100) + over(100)
+    script += "fix f ends freeze\nrun 100\n" + rows(100, 200) + over(100)
+    log = tmp_path / "log.lammps"
+    log.write_text(log_of(script))
+    dump = column(tmp_path, step=100, types=(1, 2, 1))
+    assert import_packing(dump, log=log).network.n_contacts == 4
+
+
 @pytest.mark.parametrize("first_is_held", [True, False])
 @pytest.mark.parametrize(("step", "both"), [(50, True), (80, False)])
 def test_steps_that_are_counted_again_may_be_of_either_run(tmp_path, first_is_held, step, both):

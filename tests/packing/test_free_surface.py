@@ -12,7 +12,7 @@ from scipy.sparse.linalg import spsolve
 import modal
 from analysis import measure
 from modal.packing.network import Network, write_network
-from modal.packing.occupied import occupied_part
+from modal.packing.occupied import core_solid_fractions, occupied_part
 from modal.packing.plausibility import plausibility
 from modal.packing.rattlers import keeping_contacts
 from modal.packing.state import profile, residual_forces, void_ratio
@@ -231,3 +231,42 @@ def test_measure_gives_the_void_ratio_an_error():
     assert values["void_ratio"].error == pytest.approx(error)
     assert np.isfinite(values["void_ratio"].value)
     assert values["residual"].value < 1e-3
+
+
+def test_a_packing_without_a_height_fills_no_part_of_its_cell():
+    """Free sides along x and y, and no walls: their places are one."""
+    network = opened(cell(), np.ones(1500, bool), (0, 1))
+    assert occupied_part(network) is not None
+    no_walls = np.zeros(2)
+    flat = network.unchecked(cell_periodic=np.zeros(3, bool), wall_position=no_walls)
+    assert occupied_part(flat) is None
+
+
+def test_a_packing_that_floats_ends_as_far_from_its_middle_above_as_below():
+    """Its ends are moved to where it would be equally dense, both by as much."""
+    network = opened(cell(), cell().position[:, 2] < 0.7 * cell().length, (2,))
+    occupied = occupied_part(network)
+    assert occupied.free_names == ["-z", "+z"]
+    height = network.position[:, 2]
+    outermost = (height - network.radius).min() + (height + network.radius).max()
+    assert occupied.low + occupied.high == pytest.approx(outermost, abs=1e-9)
+
+
+def test_each_free_end_adds_its_roughness_to_the_error_of_a_small_packing():
+    """Of a packing without a core, half a diameter at each end that is free: two ends, twice."""
+    network = opened(cell(), cell().position[:, 2] < 3 * cell().radius[0], (2,))
+    floating = occupied_part(network)
+    assert floating.cubes == 0 and floating.free_names == ["-z", "+z"]
+    height = float(np.ptp(network.position[:, 2]))
+    relative = floating.void_ratio_error / (1 + floating.void_ratio)
+    assert relative == pytest.approx(2 * 0.5 * 2 * network.radius.mean() / height, rel=1e-9)
+
+
+def test_the_error_of_a_void_ratio_follows_from_the_scatter_of_many_cubes():
+    """The standard error of their mean, by e = 1 / fraction - 1; a tenth is assumed of a few."""
+    network = opened(cell(), cell().position[:, 2] < 0.7 * cell().length, (2,))
+    fractions = core_solid_fractions(network)
+    assert len(fractions) >= 8
+    standard_error = fractions.std(ddof=1) / len(fractions) ** 0.5
+    expected = standard_error / fractions.mean() ** 2
+    assert occupied_part(network).void_ratio_error == pytest.approx(expected)
