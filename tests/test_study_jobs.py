@@ -52,6 +52,7 @@ def test_a_reduced_study_is_as_slender_and_needs_no_yade_for_its_walks(jobs):
     assert found.rows["case02"]["layers"] == 40 and found.committed_sample("case30") is None
     assert "modal pack --friction 0.4" in found.walk_command("mu0.4")
     full = jobs.Jobs({"study": PAPER, "products": "products", "from_scratch": True})
+    assert full.rows["case02"]["layers"] == 200  # the paper's 4 x 4 x 200
     assert len(full.walks) == 7 and not any(
         map(full.committed_sample, full.cases_of_kind("random"))
     )
@@ -130,6 +131,16 @@ def test_a_rule_is_given_the_settings_that_its_command_names(jobs):
     assert words[words.index("--lowest") + 1] == str(settings["lowest_modes"])
     for rule in importlib.import_module("commands").OF_NETWORK:
         assert "{" not in found.network_command(rule, "case06")
+
+
+def test_commands_make_each_product_that_a_result_is_measured_from(jobs):
+    """YADE's jobs make sample and network beside a wave; spectra are kept by `measure`."""
+    found = jobs.Jobs({"study": PAPER, "products": "products", "spheres": 1000})
+    for case in ("case02", "case03", "case06"):
+        text = "\n".join(found.product_commands(case))
+        kept = {"sample", "network", "response", "density", "structure"}
+        for kind in {*found.product_kinds(case)} - kept:
+            assert found.product(case, kind) in text, (case, kind)
 
 
 def test_yades_waves_are_given_the_callers_variables_of_waves_alone(jobs, monkeypatch):

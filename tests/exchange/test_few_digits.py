@@ -11,11 +11,12 @@ from program_files import PAIR, lines
 
 import modal
 from analysis import measure
+from analysis.quantities.few_digits import relative_error_by_digits
 from modal.__main__ import main
 from modal.elasticity.moduli import ElasticModuli
 from modal.exchange.registry import import_packing
 from modal.packing.network import read_network, write_network
-from modal.packing.precision import overlap_error
+from modal.packing.precision import overlap_error, with_perturbed_overlaps
 from modal.tools.errors import InputError
 
 DRAWS = 10
@@ -48,6 +49,11 @@ def dump(folder: Path, digits: int, draw: int = 0) -> Path:
 
 def imported(folder: Path, digits: int, draw: int = 0) -> modal.Network:
     return import_packing(dump(folder, digits, draw), pair=PAIR).network
+
+
+def pairs(network: modal.Network) -> list[tuple[int, ...]]:
+    """Return the two ends of each contact."""
+    return list(map(tuple, np.column_stack([network.particle_i, network.particle_j]).tolist()))
 
 
 def velocities_and_moduli(moduli: ElasticModuli) -> np.ndarray:
@@ -116,10 +122,33 @@ def test_single_modes_are_refused_and_all_else_is_not(tmp_path, capsys):
     assert values["void_ratio"].error == 0
 
 
+def test_a_velocity_is_off_by_half_as_much_as_its_modulus(tmp_path):
+    """V is the root of M / density."""
+    network = imported(tmp_path, 6)
+    modulus = relative_error_by_digits(network, "bulk_modulus", "Pa")
+    assert relative_error_by_digits(network, "v_p", "m/s") == pytest.approx(modulus / 2)
+    assert modulus > 0
+
+
 def test_digits_that_suffice_change_nothing(tmp_path):
     network = imported(tmp_path, 12)
     assert overlap_error(network) == 0
     assert modal.eigenmodes(network, lowest=3).certified
+
+
+def test_contacts_without_a_force_keep_their_springs(tmp_path):
+    """No law says how the stiffness of a contact without a force follows from its overlap."""
+    network = imported(tmp_path, 6)
+    force = network.force_normal.copy()
+    force[::3] = 0.0
+    idle = network.unchecked(force_normal=force)
+    perturbed = with_perturbed_overlaps(idle, np.random.default_rng(1))
+    expected = dict(zip(pairs(network), network.stiffness_normal.tolist(), strict=True))
+    stiffness = dict(zip(pairs(perturbed), perturbed.stiffness_normal.tolist(), strict=True))
+    assert np.isfinite(perturbed.stiffness_normal).all()
+    for pair in pairs(idle)[::3]:
+        assert stiffness[pair] == expected[pair]
+    assert any(stiffness[pair] != expected[pair] for pair in stiffness)
 
 
 def test_springs_of_one_stiffness_need_contacts_alone(tmp_path):
