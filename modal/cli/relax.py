@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.cli.options import SKIP, Option, Options, Result, output, say
+from modal.cli.options import SKIP, Option, Options, Result, flag, output, say
 from modal.formats.provenance import Provenance
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.summary import summary
@@ -17,6 +17,7 @@ EXAMPLE = "relax mine.sample.h5 --friction 0.5 -o rested.sample.h5"
 OPTIONS = (
     Option("sample", "", "*.sample.h5", kind=str),
     Option("--friction", "MU", "of the wave that will follow (default: the sample's)"),
+    flag("--mobilised", "keep contacts at the whole friction limit where they have slid to it"),
     Option("--tolerance", "T", "mean net force over mean contact force at rest", TOLERANCE),
     output("the sample at rest, *.sample.h5", (".sample.h5",), required=True),
     SKIP,
@@ -60,7 +61,7 @@ def run(options: Options) -> Result:
                 f"rest at {tolerance:.1e}; {state.contacts} contacts, {state.sliding} sliding"
             )
 
-    rested, state = relax(sample, tolerance=tolerance, watch=watch)
+    rested, state = relax(sample, tolerance=tolerance, watch=watch, mobilised=options.mobilised)
     _say_residual(state)
     measured = summary(rested.network(), rested.friction)
     stress = np.array(summary(sample.network())["stress_pa"])

@@ -145,6 +145,7 @@ def relax(
     tolerance: float = TOLERANCE,
     max_steps: int = MAX_STEPS,
     watch: Callable[[Equilibrium], None] | None = None,
+    mobilised: bool = False,
 ) -> tuple[Sample, Equilibrium]:
     """Return a sample in the balance of its contact law, and how good the balance is.
 
@@ -163,6 +164,9 @@ def relax(
         Largest number of steps of damped motion.
     watch : callable, optional
         Called with the balance every `CHECK_STEPS` steps.
+    mobilised : bool, default False
+        Whether contacts slide at the whole friction, so that those that have slid stay at their
+        limit. A wave moves them from its first step on.
 
     Returns
     -------
@@ -176,7 +180,7 @@ def relax(
     InputError
         If there is no friction or no contact, or if the sample comes apart or not to rest.
     """
-    limit = _friction_at_rest(sample)
+    limit = _friction_at_rest(sample, 1.0 if mobilised else FRICTION_SHARE)
     contacts = MovingContacts(sample, limit)
     if contacts.touching == 0:
         raise InputError(
@@ -229,8 +233,11 @@ def relax(
     return relaxed, state
 
 
-def _friction_at_rest(sample: Sample) -> float:
-    """Return the friction at which contacts slide; raise InputError if there is none."""
+def _friction_at_rest(sample: Sample, share: float) -> float:
+    """Return the friction at which contacts slide, a share of the sample's or that of compression.
+
+    Raises InputError if there is none.
+    """
     if not 0 < sample.friction < np.inf:
         raise InputError(
             "friction",
@@ -238,7 +245,7 @@ def _friction_at_rest(sample: Sample) -> float:
             "a balance of contacts needs friction",
             "give a positive one",
         )
-    limit = FRICTION_SHARE * sample.friction
+    limit = share * sample.friction
     compression_friction = number_noted(sample.study, "mu_comp")
     if compression_friction is not None and compression_friction > 0:
         limit = min(limit, compression_friction)

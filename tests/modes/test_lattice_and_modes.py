@@ -64,6 +64,18 @@ def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
     assert energy == pytest.approx(np.ones(layers), rel=1e-9)
 
 
+def test_highest_mode_of_the_crystal_is_that_of_equal_turns():
+    """Compare with the branches at wavevector 0, a periodic crystal, and the referee's number."""
+    lattice = FccLattice(1e5)
+    branches, _ = lattice.bloch(np.zeros(3))
+    assert lattice.highest_frequency == pytest.approx(branches[-1], rel=1e-9)
+    # Worked out by hand from omega^2 = 16 kt l^2 / I.
+    assert lattice.highest_frequency == pytest.approx(211_064, abs=1)
+    system = LinearSystem(gallery.fcc(cells=(2, 2, 2), periodic_z=True))
+    square = np.linalg.eigvalsh(system.assemble_dynamical_matrix().toarray())[-3:]
+    assert np.sqrt(square) / (2 * np.pi) == pytest.approx(lattice.highest_frequency, rel=1e-9)
+
+
 def test_observables_do_not_depend_on_how_many_are_measured_together():
     """144 modes at once or in parts of 7: the same, and residuals of dense modes are round-off."""
     network = gallery.fcc(cells=(2, 2, 6))

@@ -4,12 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from places import ROOT
 
 import modal
 from analysis.measurement import measure
-from modal.packing.state import isostatic_coordination, mobilised_per_particle
+from modal.packing.sample import read_sample
+from modal.packing.state import isostatic_coordination, mobilised_per_particle, residual_forces
 from modal.packing.summary import summary
+from modal.preparation.relax import relax
 from modal.tools.errors import UnavailableError
+
+FRICTION = ROOT / "tests" / "data" / "friction150.sample.h5"
+"""150 spheres that were compressed with friction 0.4."""
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +34,18 @@ def test_without_friction_every_contact_is_mobilised(packing):
     assert mobilised == pytest.approx(half, rel=0.02)
     assert isostatic_coordination(3.0) == 6
     assert told["isostatic_coordination_number"] == 4 + 2 / 3 * mobilised
+
+
+def test_relax_keeps_contacts_at_their_limit_on_request():
+    """At the friction of its compression a packing has contacts that slid as long as it moved."""
+    sample = replace(read_sample(FRICTION), friction=0.4)
+    rested, state = relax(sample, mobilised=True)
+    assert state.at_rest
+    network = rested.network()
+    assert mobilised_per_particle(network) > 0
+    # Sliding contacts are cut back to the limit, which round-off of 1,000 steps leaves.
+    assert state.friction_used == pytest.approx(1, abs=1e-9)
+    assert residual_forces(network).mean() < 1e-9
 
 
 def test_only_contacts_at_the_limit_of_bearing_spheres_count(packing):
