@@ -260,7 +260,7 @@ class _History(NamedTuple):
 
     lines: Sequence[Sequence[str]]
     columns: Mapping[str, Ints]
-    count: int
+    n_spheres: int
     other_groups: tuple[str, ...]
 
 
@@ -323,7 +323,7 @@ def _find_in_run(runs: Sequence[Run], index: int, parts: _History) -> HeldMotion
                 movers[name] = fix
     names = {fix.group for fix in (*holding.values(), *movers.values())} - {"all"}
     names |= {*parts.other_groups}
-    groups = Groups.from_history(parts.lines, parts.columns, parts.count, names)
+    groups = Groups.from_history(parts.lines, parts.columns, parts.n_spheres, names)
     for name in names:
         groups.possible_members(name)  # new questions double all, so they come first
     fixed = _not_integrated(groups, movers)

@@ -118,7 +118,7 @@ class Columns:
         """Whether each body (n,) is held in all its six motions, as a part of a wall."""
         if self.fixed is None:
             return np.zeros(self.n_particles, bool)
-        return self.fixed.all(axis=1)
+        return np.asarray(self.fixed.all(axis=1))
 
     @property
     def degrees_of_freedom(self) -> int:
