@@ -262,7 +262,7 @@ def _select_contacts(listed: Contacts, packing: Packing, overlap: Floats) -> Boo
     selected: Bools = (listed.j < 0) | (body_i < 1) | (body_i != body_j)
     if packing.fixed is not None and listed.force is None and not listed.columns:
         # Held spheres do not act on each other, however deep a program lets them overlap.
-        held = packing.fixed.all(axis=1)
+        held = np.asarray(packing.fixed.all(axis=1))
         selected &= (listed.j < 0) | ~held[listed.i] | ~held[np.maximum(listed.j, 0)]
     listed.refuse(
         selected & (overlap == reach),

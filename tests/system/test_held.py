@@ -54,8 +54,14 @@ def between_rough_walls(network):
 
 @pytest.fixture(scope="module")
 def partly():
-    """Return 150 spheres with friction, some of them held, wholly or in part."""
+    """Return 150 spheres with friction, so many that lists of modes are sought by Lanczos."""
     return held_at_random(sheared())
+
+
+@pytest.fixture(scope="module")
+def small():
+    """Return 60 spheres of several sizes, some of them held: few rows for dense matrices."""
+    return held_at_random(polydisperse())
 
 
 @pytest.fixture(scope="module")
@@ -92,16 +98,14 @@ def wanted(partly_squares):
 
 
 @pytest.mark.parametrize("pre_stress", ["none", "normal"])
-def test_all_modes_are_those_of_the_matrices_without_held_rows(partly, partly_squares, pre_stress):
-    modes = modal.eigenmodes(partly, all=True, pre_stress=pre_stress)
-    square = partly_squares
-    if pre_stress != "none":
-        square = squares(partly, pre_stress)
-    assert len(modes.frequency) == partly.degrees_of_freedom < 6 * partly.n_particles
+def test_all_modes_are_those_of_the_matrices_without_held_rows(small, pre_stress):
+    modes = modal.eigenmodes(small, all=True, pre_stress=pre_stress)
+    square = squares(small, pre_stress)
+    assert len(modes.frequency) == small.degrees_of_freedom < 6 * small.n_particles
     found = np.sign(modes.frequency) * (2 * np.pi * modes.frequency) ** 2
     # Round-off of a dense solver is some eps of the largest.
     assert abs(found - square).max() < 1e-12 * square[-1]
-    assert not modes.mode_shape[:, partly.fixed].any()
+    assert not modes.mode_shape[:, small.fixed].any()
     assert modes.floppy_modes == (abs(square) < 1e-9 * square[-1]).sum()
 
 
@@ -120,20 +124,20 @@ def test_lists_and_counts_are_exact(partly, wanted):
     assert modal.count_modes(partly, 10 * wanted[-1]) == partly.degrees_of_freedom
 
 
-def test_translations_only(partly):
-    modes = modal.eigenmodes(partly, all=True, translations_only=True)
-    rows = np.flatnonzero(partly.free_motions[:, :3])
-    K = stiffness_matrix(partly, 3).toarray()[np.ix_(rows, rows)]
-    square = eigh(K, np.diag(mass_diagonal(partly, 3)[rows]), eigvals_only=True)
+def test_translations_only(small):
+    modes = modal.eigenmodes(small, all=True, translations_only=True)
+    rows = np.flatnonzero(small.free_motions[:, :3])
+    K = stiffness_matrix(small, 3).toarray()[np.ix_(rows, rows)]
+    square = eigh(K, np.diag(mass_diagonal(small, 3)[rows]), eigvals_only=True)
     found = np.sign(modes.frequency) * (2 * np.pi * modes.frequency) ** 2
     assert abs(found - square).max() < 1e-12 * square[-1]
 
 
-def test_product_and_matrix(partly):
+def test_product_and_matrix(small):
     """The loops, the assembled matrix and its blocks; held motions have no entry."""
-    system = LinearSystem.of(partly)
+    system = LinearSystem.of(small)
     A = system.dynamical_matrix.toarray()
-    held = partly.fixed.ravel()
+    held = small.fixed.ravel()
     assert not A[held].any() and not A[:, held].any()
     u = np.random.default_rng(1).standard_normal((system.size, 3))
     for operator in (system.operator, system.renumbered):
@@ -352,7 +356,8 @@ def test_response_of_a_rough_wall(rough):
     np.testing.assert_allclose(response.receiver_stress[1], expected, rtol=1e-9)
 
 
-def test_damped_modes(rough):
+def test_damped_modes():
+    rough = between_rough_walls(polydisperse(n=40))
     damping = ContactDamping(0.02, 0.03)
     top = LinearSystem.of(rough).highest_frequency
     modes = damped_modes(rough, damping, near=0.3 * top, count=4)
