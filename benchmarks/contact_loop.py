@@ -1,9 +1,9 @@
 """One product K u against its bounds: copying its bytes, and adding at both ends of contacts.
 
-Each round copies as many bytes as a product needs, of arrays that no cache holds; makes the
-product, which finds the caches emptied, and makes it again, as a recurrence does; then goes twice
-through the same contacts and only adds at both ends, without springs: what no loop over contacts
-can do without. What else the machine does meets all of them alike.
+Each round copies as many bytes as a product needs, from arrays that no cache holds. Then it
+computes the product twice: the first time with empty caches, the second time as in a recurrence.
+Finally it goes twice through the same contacts and only adds at both ends, without springs: every
+loop over contacts must do at least that. Other programs on the machine slow all of them alike.
 """
 
 import time
@@ -26,11 +26,11 @@ from modal.tools.loops import numba, prange, threads_for
 
 TITLE = "One product K u against copying its bytes and against adding at the ends of the contacts"
 ROUNDS = {True: 5, False: 400}
-HELD = 256_000_000
+COPIED_BYTES = 256_000_000
 """Bytes of each array that is copied in parts: more than a cache holds."""
 TIMED = ("product", "first product", "additions", "copy")
-"""The second of two products, the first, the second time that only the ends are added to, the copy;
-the ratios are those of the first column."""
+"""Timed calls: the second of two products, the first one, the second of two loops that only add,
+and the copy."""
 
 
 def numbered(network: Network, old: Ints) -> Network:
@@ -78,30 +78,36 @@ def by_turns(path: str, rounds: int) -> Callable[[], dict[str, Any]]:
     add = numba.njit(_add_at_both_ends, parallel=True, fastmath=True)
     copy = numba.njit(_copy, parallel=True, fastmath=True)
     u = np.random.default_rng(1).standard_normal((network.n_particles, 6))
-    out, sums = np.zeros_like(u), np.zeros_like(u)
-    length = int(needs) // 16  # what is copied is read once and written once
-    source, target = np.ones((2, max(HELD // 8, length)))
+    out = np.zeros_like(u)
+    sums = np.zeros_like(u)
+    # A copy reads and writes each of its numbers, of 8 bytes, once.
+    length = int(needs) // 16
+    source, target = np.ones((2, max(COPIED_BYTES // 8, length)))
 
-    def seconds_of(action: Callable[..., object], *given: Any) -> float:
+    def time_call(function: Callable[..., object], *arguments: Any) -> float:
         start = time.perf_counter()
-        action(*given)
+        function(*arguments)
         return time.perf_counter() - start
 
-    def turn(k: int) -> list[float]:
-        at = k * length % max(1, len(source) - length)
-        copying = seconds_of(copy, source[at : at + length], target[at : at + length], threads)
-        added_to = u.ravel(), out.ravel(), 1.0, 0.0, 1.0
-        first, again = (seconds_of(operator.combine, *added_to) for _ in range(2))
-        _, added = (
-            seconds_of(add, u, sums, contacts.rows, contacts.ends, starts, threads)
-            for _ in range(2)
-        )
-        return [again, first, added, copying]
+    def time_product() -> float:
+        return time_call(operator.combine, u.ravel(), out.ravel(), 1.0, 0.0, 1.0)
 
-    turn(0)  # compiles
+    def time_additions() -> float:
+        return time_call(add, u, sums, contacts.rows, contacts.ends, starts, threads)
+
+    def time_round(k: int) -> list[float]:
+        first = k * length % max(1, len(source) - length)
+        last = first + length
+        copying = time_call(copy, source[first:last], target[first:last], threads)
+        first_product = time_product()
+        second_product = time_product()
+        time_additions()
+        return [second_product, first_product, time_additions(), copying]
+
+    time_round(0)  # compiles
 
     def action() -> dict[str, Any]:
-        seconds = np.array([turn(k) for k in range(rounds)]).T
+        seconds = np.array([time_round(k) for k in range(rounds)]).T
         return {"seconds": seconds.tolist(), "threads": threads, "bytes": needs}
 
     return action
@@ -143,7 +149,7 @@ def run(job: Job) -> Page:
         "comes right after the copy; products and additions are those right after the first."
     )
     names = [f"{row['numbering']}, {row['threads']} threads" for row in rows]
-    said = [
+    remarks = [
         f"Spheres numbered {name}: {row['product, ms']:.2f} ms, {row['times copy']:.1f} times a "
         f"copy of its {row['mb']:.1f} MB; {row['times additions']:.2f} times the additions alone, "
         f"which take {row['additions, times copy']:.1f} times the copy."
@@ -153,4 +159,4 @@ def run(job: Job) -> Page:
     figure, ax = diagram.bars(names, series, "ms")
     ax.set(xlabel="median (ms)")
     diagram.legend_below(figure, ax)
-    return Page(TITLE, task, {"contact_loop": rows}, said, {"contact_loop": figure})
+    return Page(TITLE, task, {"contact_loop": rows}, remarks, {"contact_loop": figure})

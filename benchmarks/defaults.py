@@ -41,14 +41,17 @@ def wave_of_crystal(rows: Rows) -> Iterator[Default]:
     best = dem.step_knee(rows)
     last = dem.steps_of(rows)[-1]
     floor = f"the {last['error_velocity']:.1e} of V_P that no step mends"
+    reason = f"no step tried has a share of the dispersion's error below {floor}"
+    if best:
+        reason = (
+            f"the largest whose share of the dispersion's error, {best['dispersion_linear']:.1e}, "
+            f"is below {floor}; {last['time_step_over_limit']:g} takes "
+            f"{last['seconds'] / best['seconds']:.2g} times as long"
+        )
     yield Default(
         "time step of YADE, crystal",
         f"{TIME_STEP_FRACTION:g} of the limit",
-        f"the largest whose share of the dispersion's error, {best['dispersion_linear']:.1e}, is "
-        f"below {floor}; {last['time_step_over_limit']:g} takes "
-        f"{last['seconds'] / best['seconds']:.2g} times as long"
-        if best
-        else f"no step tried has a share of the dispersion's error below {floor}",
+        reason,
         best is not None and best["time_step_over_limit"] == TIME_STEP_FRACTION,
     )
     longest = dem.interval_knee(rows)["interval_us"]
@@ -81,12 +84,16 @@ def packing(rows: Rows) -> Iterator[Default]:
     step, *smaller = sorted(cases["fraction"].dropna().unique(), reverse=True)
     best = time_step.knee(rows)
     limit = f"{time_step.NON_LINEAR:g}, about the non-linearity at 5 nm"
+    reason = f"no step tried has an error below {limit}"
+    if best:
+        reason = f"the largest whose error of single spheres, {best['error']:.1e}, is below {limit}"
+    value = f"{step:g} of the limit"
+    if smaller:
+        value += ", less where the balance of energy needs it"
     yield Default(
         "time step of YADE, random",
-        f"{step:g} of the limit" + (", less where the energy books ask for it" if smaller else ""),
-        f"the largest whose error of single spheres, {best['error']:.1e}, is below {limit}"
-        if best
-        else f"no step tried has an error below {limit}",
+        value,
+        reason,
         best is not None and step == best["time_step_over_limit"],
     )
 

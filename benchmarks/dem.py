@@ -52,7 +52,8 @@ ERRORS = {
 def relative(a: np.ndarray, b: np.ndarray) -> float:
     """Return the relative L2 difference of a from b at the times that both have."""
     count = min(len(a), len(b))
-    a, b = a[:count], b[:count]
+    a = a[:count]
+    b = b[:count]
     return float(np.linalg.norm(a - b) / np.linalg.norm(b))
 
 
@@ -195,16 +196,21 @@ def at_equal_error(rows: Rows, program: str) -> tuple[float, float]:
 
 def notes(rows: Rows) -> list[str]:
     """Return a line for each program: its time against the linear wave, and remaining errors."""
-    said = []
+    lines = []
     for program in ("YADE", "LAMMPS"):
-        large, small = (steps_of(rows, amplitude, program)[-1:] for amplitude in (AMPLITUDE, SMALL))
-        for a, b in zip(large, small, strict=True):
+        last_steps = zip(
+            steps_of(rows, AMPLITUDE, program)[-1:],
+            steps_of(rows, SMALL, program)[-1:],
+            strict=True,
+        )
+        for large, small in last_steps:
             times, error = at_equal_error(rows, program)
-            said.append(
+            lines.append(
                 f"The linear wave against {program} at equal error, {error:.1e}: {times:.3g} times "
-                f"faster. 2A of {a['two_A_nm']:g} and {b['two_A_nm']:g} nm: the difference from "
-                f"the tangent with the same step is {a['apart_from_tangent']:.1e} and "
-                f"{b['apart_from_tangent']:.1e}, the error of V_P {a['error_velocity']:.1e} and "
-                f"{b['error_velocity']:.1e}, that of the tangent {b['velocity_tangent']:.1e}."
+                f"faster. 2A of {large['two_A_nm']:g} and {small['two_A_nm']:g} nm: the difference "
+                f"from the tangent with the same step is {large['apart_from_tangent']:.1e} and "
+                f"{small['apart_from_tangent']:.1e}, the error of V_P "
+                f"{large['error_velocity']:.1e} and {small['error_velocity']:.1e}, that of the "
+                f"tangent {small['velocity_tangent']:.1e}."
             )
-    return said
+    return lines

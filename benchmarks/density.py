@@ -36,18 +36,18 @@ def states(path: str, resolution: float, tolerance: float) -> Callable[[], int]:
     return lambda: density_of_states(network, resolution=resolution, tolerance=tolerance).products
 
 
-def smoothed(exact: np.ndarray, found: DensityOfStates) -> DensityOfStates:
+def smoothed(exact: np.ndarray, density: DensityOfStates) -> DensityOfStates:
     """Return the density by the exact moments of the elastic spectrum (n,), Hz, and one kernel.
 
     It has two equal "vectors", so that the formulas for the scatter hold.
     """
-    angle = np.arccos(np.clip(exact / found.highest, -1, 1))
-    moments = np.zeros((2, 6, found.moments.shape[2]))
+    angle = np.arccos(np.clip(exact / density.highest, -1, 1))
+    moments = np.zeros((2, 6, density.moments.shape[2]))
     moments[:, 0] = np.cos(2 * angle[:, None] * np.arange(moments.shape[2])).sum(axis=0)
-    return replace(found, moments=moments)
+    return replace(density, moments=moments)
 
 
-def errors(exact: np.ndarray, floppy: int, found: DensityOfStates) -> dict[str, float]:
+def errors(exact: np.ndarray, floppy: int, density: DensityOfStates) -> dict[str, float]:
     """Return the largest error of a count divided by all modes, and shares of kernel and vectors.
 
     exact (n,): all frequencies, Hz, ascending. Counts are compared in the middle between
@@ -57,8 +57,8 @@ def errors(exact: np.ndarray, floppy: int, found: DensityOfStates) -> dict[str, 
     chosen = np.unique(np.linspace(0, len(elastic) - 2, 400).astype(int))
     frequency = (elastic[chosen] + elastic[chosen + 1]) / 2
     true = floppy + chosen + 1
-    estimate = found.count_below(frequency)[0][:, -1]
-    kernel = smoothed(elastic, found).count_below(frequency)[0][:, -1]
+    estimate = density.count_below(frequency)[0][:, -1]
+    kernel = smoothed(elastic, density).count_below(frequency)[0][:, -1]
     size = len(exact)
     return {
         "error": float(abs(estimate - true).max() / size),
@@ -74,13 +74,18 @@ def run(job: Job) -> Page:
     resolutions = RESOLUTIONS[job.quick]
     sweeps = [("moments", r, TOLERANCE[job.quick]) for r in resolutions]
     sweeps += [("vectors", resolutions[-1], t) for t in TOLERANCES[job.quick]]
-    for what, resolution, tolerance in sweeps:
+    for varied, resolution, tolerance in sweeps:
         setting = {"resolution": resolution, "tolerance": tolerance}
         cost = job.measured(states, path=packing.path, **setting)
-        found = density_of_states(packing.system.network, **setting)
-        row = {"method": f"random vectors, more {what}", "resolution_hz": resolution}
-        row |= {"moments": found.moments.shape[2], "vectors": len(found.moments)}
-        row |= {"products": found.products, **errors(packing.exact, packing.floppy, found)}
+        density = density_of_states(packing.system.network, **setting)
+        row = {
+            "method": f"random vectors, more {varied}",
+            "resolution_hz": resolution,
+            "moments": density.moments.shape[2],
+            "vectors": len(density.moments),
+            "products": density.products,
+        }
+        row |= errors(packing.exact, packing.floppy, density)
         rows.append(row | cost.cost)
     task = (
         f"A {packing} and split off. `error` is the largest error of the number of modes below a "
@@ -104,11 +109,14 @@ def knee(rows: Rows) -> dict[str, Any]:
 
 def notes(rows: Rows) -> list[str]:
     """Return lines on how the error falls with moments and with vectors, for one draw."""
-    said = []
-    for what, share in (("moments", "kernel"), ("vectors", "vectors")):
-        own = [row for row in rows if row["method"].endswith(f"more {what}")]
-        (few, first), (many, last) = ((r[what], r[f"error_of_{share}"]) for r in (own[0], own[-1]))
-        said.append(
-            f"{few:.0f} to {many:.0f} {what}: their error goes from {first:.1e} to {last:.1e}."
+    lines = []
+    for varied, source in (("moments", "kernel"), ("vectors", "vectors")):
+        sweep = [row for row in rows if row["method"].endswith(f"more {varied}")]
+        first = sweep[0]
+        last = sweep[-1]
+        error = f"error_of_{source}"
+        lines.append(
+            f"{first[varied]:.0f} to {last[varied]:.0f} {varied}: "
+            f"their error goes from {first[error]:.1e} to {last[error]:.1e}."
         )
-    return said
+    return lines

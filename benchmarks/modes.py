@@ -33,7 +33,8 @@ TOLERANCES = {True: (1e-2, 1e-8, 0.0), False: (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 0.0
 SHIFT = -((2 * np.pi * 100.0) ** 2)
 """omega^2 a little below zero that keeps the factor of a singular K finite, rad^2/s^2."""
 Task = Callable[[], list[float]]
-OWN, EIGSH = "this program", f"eigsh, sigma < 0, k = {LOWEST} + floppy"
+OWN = "this program"
+EIGSH = f"eigsh, sigma < 0, k = {LOWEST} + floppy"
 FAST_ENOUGH = 1.25
 """Time over that of the fastest back end within which the program's choice is a good one."""
 
@@ -71,17 +72,17 @@ def typed(path: str, count: int, **how: float) -> Task:
     return action
 
 
-def compare(found: list[float], exact: np.ndarray, floppy: int, wanted: int) -> tuple:
+def compare(frequencies: list[float], exact: np.ndarray, floppy: int, needed: int) -> tuple:
     """Return the numbers of elastic and zero modes in a list, and the largest relative error.
 
-    A frequency below half of the lowest elastic one is a zero mode. The error, of the `wanted`
-    lowest elastic modes, is None where the list holds fewer.
+    A frequency below half of the lowest elastic one is a zero mode. The error, that of the
+    `needed` lowest elastic modes, is None if the list has fewer.
     """
-    listed = np.sort(found)
+    listed = np.sort(frequencies)
     elastic = exact[floppy:]
     modes = listed[listed > 0.5 * elastic[0]]
-    enough = len(modes) >= wanted
-    error = float(abs(modes[:wanted] / elastic[:wanted] - 1).max()) if enough else None
+    enough = len(modes) >= needed
+    error = float(abs(modes[:needed] / elastic[:needed] - 1).max()) if enough else None
     return len(modes), len(listed) - len(modes), error
 
 
@@ -145,9 +146,11 @@ def choice(rows: Rows) -> tuple[float, str]:
 
 def notes(rows: Rows) -> list[str]:
     """Return lines with the errors of this program and of its fastest peer."""
-    said = []
-    for who in (OWN, EIGSH):
-        errors = [row["error"] for row in rows if row["method"].startswith(who) and row["error"]]
+    lines = []
+    for method in (OWN, EIGSH):
+        of_method = [row for row in rows if row["method"].startswith(method)]
+        errors = [row["error"] for row in of_method if row["error"]]
         if errors:
-            said.append(f"{who.capitalize()}: errors of {min(errors):.1e} to {max(errors):.1e}.")
-    return said
+            spread = f"{min(errors):.1e} to {max(errors):.1e}"
+            lines.append(f"{method.capitalize()}: errors of {spread}.")
+    return lines

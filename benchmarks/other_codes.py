@@ -1,10 +1,10 @@
 """Highest modes of a periodic random packing: this program against other codes.
 
-A periodic random packing, because LAMMPS leaves walls out of its matrix. Two ways are set beside
-this program's: LAMMPS' command `dynamical_matrix`, differences of forces between spheres that do
-not turn, with LAPACK; and the dense quadratic eigenvalue problem K + s C + s^2 M by the QZ
-algorithm on its linear form, which is what `polyeig` does in the codes that have damping. Each is
-compared with this program's answer to its own question: the same springs, the same freedom.
+The packing is periodic because LAMMPS leaves walls out of its matrix. Two methods are compared with
+this program: LAMMPS' command `dynamical_matrix`, finite differences of forces between spheres that
+do not turn, with LAPACK; and the dense quadratic eigenvalue problem K + s C + s^2 M by the QZ
+algorithm on its linear form, which `polyeig` solves in codes that have damping. This program gets
+the same springs and the same degrees of freedom in each comparison.
 """
 
 import shutil
@@ -75,11 +75,17 @@ def from_matrix(path: str) -> Task:
 def lammps(job: Job, network: Network) -> Measured:
     """Return frequencies, Hz, by LAMMPS' matrix and LAPACK, and the cost of both."""
     write_atoms(job.folder / "scene.data", network)
-    given = {"data": "scene.data", "young": GLASS.young, "poisson": GLASS.poisson, "step": STEP}
-    made = run_lammps(SCRIPT, job.folder, given | {"out": "matrix.bin"})
-    solved = job.measured(from_matrix, path=str(job.folder / "matrix.bin"))
-    most = max(made.peak_mb, solved.peak_mb)
-    return Measured(solved.value, made.seconds + solved.seconds, most)
+    variables = {
+        "data": "scene.data",
+        "young": GLASS.young,
+        "poisson": GLASS.poisson,
+        "step": STEP,
+        "out": "matrix.bin",
+    }
+    assembly = run_lammps(SCRIPT, job.folder, variables)
+    solution = job.measured(from_matrix, path=str(job.folder / "matrix.bin"))
+    peak_mb = max(assembly.peak_mb, solution.peak_mb)
+    return Measured(solution.value, assembly.seconds + solution.seconds, peak_mb)
 
 
 def rows_of(job: Job, spheres: int) -> Rows:
@@ -108,20 +114,24 @@ def rows_of(job: Job, spheres: int) -> Rows:
 
 def run(job: Job) -> Page:
     """Run every code at every size."""
-    rows = [row for spheres in SPHERES[job.quick] for row in rows_of(job, spheres)]
+    rows: Rows = []
+    for spheres in SPHERES[job.quick]:
+        rows += rows_of(job, spheres)
     task = (
         f"The {HIGHEST} highest modes of a periodic random packing without friction at 100 kPa, "
         "from the network to the frequencies. The difference is the largest of a frequency to this "
         "program's of the same springs; without shear these have the forces of the contacts, too."
     )
     figure = diagram.work_precision(rows, {"spheres": "spheres (-)"})
-    said, mine = [], 1.0
+    remarks = []
+    own_seconds = 1.0
     for row in rows:
         if row["method"].startswith("this program"):
-            mine = row["seconds"]
+            own_seconds = row["seconds"]
         else:
-            said.append(
-                f"{row['spheres']} spheres, {row['method']}: {row['seconds'] / mine:.3g} times the "
-                f"seconds of this program, frequencies {row['difference']:.1e} apart."
+            remarks.append(
+                f"{row['spheres']} spheres, {row['method']}: "
+                f"{row['seconds'] / own_seconds:.3g} times the seconds of this program, "
+                f"frequencies {row['difference']:.1e} apart."
             )
-    return Page(TITLE, task, {"other_codes": rows}, said, {"other_codes": figure})
+    return Page(TITLE, task, {"other_codes": rows}, remarks, {"other_codes": figure})

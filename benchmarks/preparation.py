@@ -183,9 +183,13 @@ def knee(rows: Rows) -> float:
 def notes(rows: Rows) -> list[str]:
     """Return a line for each criterion with the error that it leaves."""
     runs = sum(row.get("stop_unbalanced") == END for row in rows)
-    return [
-        f"Residual {criterion:g}: met by {len(own)} of {runs} runs; e then moves by at most "
-        f"{max(row['error_e'] for row in own):.1e}, Z by {max(row['error_Z'] for row in own):.1e}; "
-        f"{np.mean([row['seconds'] for row in own]):.3g} s a run."
-        for criterion, own in stops(rows).items()
-    ]
+    lines = []
+    for criterion, met in stops(rows).items():
+        error_of_e = max(row["error_e"] for row in met)
+        error_of_z = max(row["error_Z"] for row in met)
+        seconds = np.mean([row["seconds"] for row in met])
+        lines.append(
+            f"Residual {criterion:g}: met by {len(met)} of {runs} runs; e then moves by at most "
+            f"{error_of_e:.1e}, Z by {error_of_z:.1e}; {seconds:.3g} s a run."
+        )
+    return lines

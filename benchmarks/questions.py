@@ -75,9 +75,9 @@ def answers(job: Job, name: str, title: str, questions: Mapping[str, ModeRequest
 
     rows: Rows = []
     for text, (command, goal) in questions.items():
-        found = median_of(3, lambda asked=command: answered(asked, CORES))
-        row = {"question": text, "goal_s": goal, **found.cost, "one_thread_s": None}
-        if not found.failure and found.seconds < MAX_ONE_THREAD_SECONDS:
+        answer = median_of(3, lambda asked=command: answered(asked, CORES))
+        row = {"question": text, "goal_s": goal, **answer.cost, "one_thread_s": None}
+        if not answer.failure and answer.seconds < MAX_ONE_THREAD_SECONDS:
             row["one_thread_s"] = answered(command, 1).seconds
         rows.append(row)
         print(*(f"{name} {value}" for name, value in row.items()), sep=", ", flush=True)
@@ -88,7 +88,7 @@ def answers(job: Job, name: str, title: str, questions: Mapping[str, ModeRequest
         "processor time with one thread, of answers that take less than "
         f"{MAX_ONE_THREAD_SECONDS:g} s."
     )
-    said = [
+    remarks = [
         f"{row['question']}: {row['seconds']:.3g} s, {row['seconds'] / row['goal_s']:.2g} times "
         f"the {row['goal_s']:g} s aimed at."
         for row in rows
@@ -99,4 +99,4 @@ def answers(job: Job, name: str, title: str, questions: Mapping[str, ModeRequest
     ax.plot([row["goal_s"] for row in shown], range(len(shown)), "k|", ms=14, label="aimed at")
     ax.set(xscale="log", xlabel="seconds")
     diagram.legend_below(figure, ax)
-    return Page(title, task, {name: rows}, said, {name: figure})
+    return Page(title, task, {name: rows}, remarks, {name: figure})

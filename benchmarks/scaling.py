@@ -1,8 +1,8 @@
 """Growth of seconds and bytes with the number of spheres.
 
-Smaller packings are the lower parts of the sample of case 6, so they stay as slender; larger ones
-are the sample repeated sideways. What a product K u could take at least: `python -m benchmarks
-contact_loop`; what more threads bring to whole commands: `python -m benchmarks questions`.
+Smaller packings are lower parts of the sample of case 6; larger ones are the sample repeated
+sideways. `python -m benchmarks contact_loop` measures the least time that a product K u could take,
+`python -m benchmarks questions` the gain of more threads for whole commands.
 """
 
 from collections.abc import Callable
@@ -39,10 +39,11 @@ CSR = "product K u, CSR"
 def modes(network: Network, which: str, count: int) -> str:
     """Compute the highest or lowest modes, and return how they were computed."""
     system = LinearSystem.of(network, shapes=False)
-    found = modes_of(system, certify=which == "lowest", **{which: count})
-    exact = "certified" if found.attributes["certified"] else "not certified"
-    last, solver = found.frequency[-1], found.attributes["solver"]
-    return f"{len(found.frequency)} modes to {last:.0f} Hz, {exact}, {solver}"
+    computed = modes_of(system, certify=which == "lowest", **{which: count})
+    exact = "certified" if computed.attributes["certified"] else "not certified"
+    last = computed.frequency[-1]
+    solver = computed.attributes["solver"]
+    return f"{len(computed.frequency)} modes to {last:.0f} Hz, {exact}, {solver}"
 
 
 ACTIONS: dict[str, Callable[[Network], str]] = {
@@ -84,20 +85,25 @@ def products(path: str, curve: str) -> Callable[[], float]:
     network = read_network(path)
     u = np.ones(6 * network.n_particles)
     out = np.zeros_like(u)
+    count = repetitions(network.n_particles)
     if curve == CONTACTS:
         compile_loop()
         operator = ContactOperator(network)
-        needs, multiply = bytes_of(operator), lambda: operator.combine(u, out, 1.0, 0.0, 1.0)
-    else:
-        matrix = stiffness_matrix(network)
-        needs, multiply = bytes_of(matrix), lambda: matrix @ u
 
-    def action() -> float:
-        for _ in range(repetitions(network.n_particles)):
-            multiply()
-        return needs
+        def multiply_by_contacts() -> float:
+            for _ in range(count):
+                operator.combine(u, out, 1.0, 0.0, 1.0)
+            return bytes_of(operator)
 
-    return action
+        return multiply_by_contacts
+    matrix = stiffness_matrix(network)
+
+    def multiply_by_matrix() -> float:
+        for _ in range(count):
+            matrix @ u
+        return bytes_of(matrix)
+
+    return multiply_by_matrix
 
 
 def act(path: str, curve: str) -> Callable[[], str]:
@@ -145,15 +151,22 @@ def run(job: Job) -> Page:
 
 def notes(rows: Rows) -> list[str]:
     """Return lines with the exponents and the largest point of each curve."""
-    said = []
+    lines = []
     for curve in dict.fromkeys(row["curve"] for row in rows):
-        own = [row for row in rows if row["curve"] == curve and row["seconds"]]
-        if own:
-            last = own[-1]
-            slopes = [diagram.exponent(own, quantity) for quantity in ("seconds", "mb")]
-            grow = ", ".join("-" if slope is None else f"n^{slope:.2f}" for slope in slopes)
-            said.append(
-                f"{curve}: {last['seconds']:.3g} s and {last['mb']:.3g} MB at n = {last['x']:.0f}; "
-                f"seconds and bytes grow as {grow}."
+        points = [row for row in rows if row["curve"] == curve and row["seconds"]]
+        if points:
+            largest = points[-1]
+            powers = [_describe_growth(points, quantity) for quantity in ("seconds", "mb")]
+            lines.append(
+                f"{curve}: {largest['seconds']:.3g} s and {largest['mb']:.3g} MB "
+                f"at n = {largest['x']:.0f}; seconds and bytes grow as {', '.join(powers)}."
             )
-    return said
+    return lines
+
+
+def _describe_growth(points: Rows, quantity: str) -> str:
+    """Return the power of n with which a quantity grows as a text."""
+    exponent = diagram.exponent(points, quantity)
+    if exponent is None:
+        return "-"
+    return f"n^{exponent:.2f}"

@@ -40,9 +40,9 @@ def run(job: Job) -> Page:
     )
     best = knee(rows, "error_of_layers")
     step = f"{best['time_step_over_limit']:g} of the limit" if best else "no step tried"
-    said = [f"Packing, means over layers: error below {NON_LINEAR:g} with {step}."]
+    remarks = [f"Packing, means over layers: error below {NON_LINEAR:g} with {step}."]
     figures = {"random_time_step": diagram.work_precision(rows, ERRORS, ["seconds"])}
-    return Page(TITLE, task, {"random_time_step": rows}, said, figures)
+    return Page(TITLE, task, {"random_time_step": rows}, remarks, figures)
 
 
 def knee(rows: Rows, error: str = "error") -> dict[str, Any] | None:

@@ -45,26 +45,31 @@ def linear_rows(
     fractions: Sequence[float] = (),
 ) -> Rows:
     """Return rows of the springs' wave at each tolerance, and by leapfrog at each step."""
-    path, rows, runs = job.write(network), [], []
+    path = job.write(network)
+    rows = []
+    runs = []
     for tolerance in tolerances:
-        what = {"method": CHEBYSHEV, "setting": f"tolerance {tolerance:g}"}
-        runs.append((what, RECORDING_INTERVAL, {"tolerance": tolerance}))
+        method = {"method": CHEBYSHEV, "setting": f"tolerance {tolerance:g}"}
+        runs.append((method, RECORDING_INTERVAL, {"tolerance": tolerance}))
     for fraction in fractions:
-        step, every = step_and_records(network, fraction, RECORDING_INTERVAL)
-        what = {"method": LEAPFROG, "setting": f"{fraction:g} of the limit"}
-        what |= {"time_step_over_limit": fraction}
-        runs.append((what, every * step, {"time_step": step}))
-    for what, interval, setting in runs:
-        how = {"duration": duration, "interval": interval}
-        spent = job.measured(linear, path=path, **how, **setting)
-        found, exact = (
-            propagate(network, **how, **each).signals
-            for each in (setting, {"tolerance": dem.REFERENCE})
-        )
-        error = dem.relative(found.chain_displacement, exact.chain_displacement)
-        of_layers = dem.relative(found.layer_displacement, exact.layer_displacement)
-        what |= {"products": spent.value, "error": error, "error_of_layers": of_layers}
-        rows.append(what | spent.cost)
+        step, steps_per_record = step_and_records(network, fraction, RECORDING_INTERVAL)
+        method = {
+            "method": LEAPFROG,
+            "setting": f"{fraction:g} of the limit",
+            "time_step_over_limit": fraction,
+        }
+        runs.append((method, steps_per_record * step, {"time_step": step}))
+    for method, interval, setting in runs:
+        times = {"duration": duration, "interval": interval}
+        measured = job.measured(linear, path=path, **times, **setting)
+        signals = propagate(network, **times, **setting).signals
+        exact = propagate(network, **times, tolerance=dem.REFERENCE).signals
+        errors = {
+            "products": measured.value,
+            "error": dem.relative(signals.chain_displacement, exact.chain_displacement),
+            "error_of_layers": dem.relative(signals.layer_displacement, exact.layer_displacement),
+        }
+        rows.append(method | errors | measured.cost)
     return rows
 
 
@@ -72,15 +77,16 @@ def run(job: Job) -> Page:
     """Run all programs that are installed on one crystal."""
     layers = dem.LAYERS[job.quick]
     crystal = dem.Crystal(layers)
-    network, duration = crystal.network, crystal.duration
+    network = crystal.network
+    duration = crystal.duration
     rows = linear_rows(job, network, duration, TOLERANCES[job.quick], STEPS[job.quick])
     programs: Rows = []
-    said = notes(rows)
+    remarks = notes(rows)
     for program in (Yade, Lammps):
         if shutil.which(program.command):
             programs += crystal.rows(program(job, network), job.quick)
         else:
-            said.append(f"{program.name}, which is optional, is not installed here.")
+            remarks.append(f"{program.name}, which is optional, is not installed here.")
     rows += programs
     task = (
         f"FCC crystal of {dem.WIDTH} x {dem.WIDTH} x {layers} spheres at 100 kPa, pulse "
@@ -99,7 +105,7 @@ def run(job: Job) -> Page:
     }
     if programs:
         figures["fcc_time_step"] = diagram.work_precision(programs, dem.ERRORS, ["seconds"])
-    return Page(TITLE, task, {"wave": rows}, said + dem.notes(rows), figures)
+    return Page(TITLE, task, {"wave": rows}, remarks + dem.notes(rows), figures)
 
 
 def knee(rows: Rows) -> dict[str, Any]:

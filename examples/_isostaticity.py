@@ -5,8 +5,11 @@ import pandas as pd
 from _committed import RESULTS, mean_with_error, results
 
 DRAWS = 4000  # of loading paths, for the intervals
-LOW_PASS, PEAK, IOFFE_REGEL = "low-pass frequency (2 %)", "peak of D(f) / f²", "Ioffe-Regel limit"
-OVER_50, WAVE = "low-pass frequency over 50 D", "wavelength at the low-pass frequency"
+LOW_PASS = "low-pass frequency (2 %)"
+PEAK = "peak of D(f) / f²"
+IOFFE_REGEL = "Ioffe-Regel limit"
+OVER_50 = "low-pass frequency over 50 D"
+WAVE = "wavelength at the low-pass frequency"
 KEYS = {LOW_PASS: "low_pass", PEAK: "excess_peak", IOFFE_REGEL: "ioffe_regel"}
 NAMES = list(KEYS)
 KEYS[OVER_50] = "low_pass_unbiased"
@@ -31,29 +34,31 @@ for name, key in zip(NAMES, ("f_low_pass_2_linear", "excess_peak", "ioffe_regel"
 # those of means: the scatter of samples, or the error of each where that says more.
 
 
-def sample(stem, numbers, found):
+def sample(stem, numbers, values):
     """Return a row of a sample, with the columns of the study."""
     case, seed = stem.split("_seed")
     row = {"name": case, "seed": int(seed), "f_max_khz": numbers["highest_frequency"] / 1e3}
     row |= {"z": numbers["coordination_of_bearing"], "void_ratio": numbers["void_ratio"]}
     for name in NAMES:
         for end, kind in (("", "value"), (", error", "error")):
-            row[name + end] = (found[KEYS[name]][kind] or np.nan) / 1e3 / row["f_max_khz"]
+            row[name + end] = (values[KEYS[name]][kind] or np.nan) / 1e3 / row["f_max_khz"]
     return row
 
 
 samples = pd.DataFrame([sample(*each) for each in results("isostaticity/samples/*.json")])
-apart = study.drop(samples.loc[samples["seed"] == 1, "name"]).rename_axis("name").reset_index()
+without_samples = (
+    study.drop(samples.loc[samples["seed"] == 1, "name"]).rename_axis("name").reset_index()
+)
 single = study.index[study["packings"] == 1]
 for name in (*NAMES, "z", "void_ratio", "f_max_khz"):
-    of = study.index if name in (PEAK, IOFFE_REGEL) else single
-    groups = pd.concat([apart] * (name != IOFFE_REGEL) + [samples]).groupby("name")
-    study.loc[of, name] = groups[name].mean().reindex(of)
+    chosen_cases = study.index if name in (PEAK, IOFFE_REGEL) else single
+    groups = pd.concat([without_samples] * (name != IOFFE_REGEL) + [samples]).groupby("name")
+    study.loc[chosen_cases, name] = groups[name].mean().reindex(chosen_cases)
     if name in NAMES:
         errors = {
             case: mean_with_error(group[name], group[f"{name}, error"])[1] for case, group in groups
         }
-        study.loc[of, f"{name}, error"] = pd.Series(errors).reindex(of)
+        study.loc[chosen_cases, f"{name}, error"] = pd.Series(errors).reindex(chosen_cases)
 study.loc[single, "packings"] += samples.groupby("name")["z"].count().reindex(single).fillna(0)
 headline = study.rename(columns={name: f"{name} / f_max" for name in NAMES})
 study = study.assign(path=study["friction"], v_p=rows["v_p_long_waves_linear_m_per_s"])
@@ -95,7 +100,8 @@ def power(x, y):
 
 def shared_zero(x, ys):
     """Return the common z_c of several lines, each weighted by its scatter about its best line."""
-    trials, cost = np.linspace(3, 4.4, 281), 0
+    trials = np.linspace(3, 4.4, 281)
+    cost = 0
     for y in ys:
         known = np.isfinite(y)
         less = x[known] - trials[:, None]
@@ -108,10 +114,12 @@ def shared_zero(x, ys):
 def with_interval(name, statistic, paths):
     """Return a statistic of all packings, with its 95 % interval over draws of loading paths."""
     random = np.random.default_rng(1)
-    members = [np.flatnonzero(paths == each) for each in np.unique(paths)]
+    members = [np.flatnonzero(paths == path) for path in np.unique(paths)]
     draws = [random.integers(len(members), size=len(members)) for _ in range(DRAWS)]
-    found = [statistic(np.concatenate([members[k] for k in d])) for d in draws if np.ptp(d) > 0]
-    ends = np.percentile(found, (2.5, 97.5))
+    values = [
+        statistic(np.concatenate([members[k] for k in draw])) for draw in draws if np.ptp(draw) > 0
+    ]
+    ends = np.percentile(values, (2.5, 97.5))
     return dict(zip(ends_of(name), [statistic(np.arange(len(paths))), *ends], strict=True))
 
 
@@ -122,7 +130,9 @@ def ends_of(name):
 
 def fitted(table, name):
     """Return the line through a quantity's points with intervals, and its scatter."""
-    z, y, paths = table["z"].to_numpy(), table[name].to_numpy(), table["path"].to_numpy()
+    z = table["z"].to_numpy()
+    y = table[name].to_numpy()
+    paths = table["path"].to_numpy()
     known = np.isfinite(y)
     fit = {"cases": known.sum()}
     fit |= with_interval("slope", lambda k: line(z[k], y[k])[0], paths)

@@ -44,7 +44,8 @@ LOOSEST = 4.4  # z, below which few packings reach the Ioffe-Regel limit
 # **The fits.** Each quantity is a line a (z - z_c), by least squares, with intervals from draws of
 # whole loading paths (`_isostaticity.py`, which also says which packings these are).
 
-z, wavelength = study["z"].to_numpy(), study["wavelength_over_d"].to_numpy()
+z = study["z"].to_numpy()
+wavelength = study["wavelength_over_d"].to_numpy()
 straight = study[[LOW_PASS, PEAK]].to_numpy().T
 fits = {name: fitted(study, name) for name in NAMES}
 fits["low-pass frequency and peak, one z_c"] = with_interval(
@@ -72,8 +73,8 @@ along = np.linspace(0, 3.1, 50)
 
 def draw_points(ax, table, x, y, bars):
     """Draw all packings, each in the colour of its friction, with the marker of its stress."""
-    for mu, p, *at in zip(table["friction"], table["stress_pa"], x, y, bars, strict=True):
-        ax.errorbar(*at, fmt=MARKERS[p], color=COLOURS[mu], ecolor="k", elinewidth=0.6, **EDGE)
+    for mu, p, *point in zip(table["friction"], table["stress_pa"], x, y, bars, strict=True):
+        ax.errorbar(*point, fmt=MARKERS[p], color=COLOURS[mu], ecolor="k", elinewidth=0.6, **EDGE)
 
 
 def standard_error(numbers):
@@ -163,8 +164,8 @@ def joint(key, table, x, beside, name):
         return np.linalg.lstsq(terms, y[k])[0][2] * reach / np.nanmean(y)
 
     alone = np.corrcoef(x[known], y[known])[0, 1] ** 2
-    found = with_interval(key, change, table["path"].to_numpy())
-    return reach, found | {f"r_squared_{key}": alone}
+    fit = with_interval(key, change, table["path"].to_numpy())
+    return reach, fit | {f"r_squared_{key}": alone}
 
 
 separate = []
@@ -212,9 +213,10 @@ for ax, name in zip(axes, ["void_ratio", *NAMES], strict=True):
         fit = fits.loc[f"{name}, seeds"]
         ax.plot(along, fit["slope"] * (along + 4 - fit["z_c"]), "k-", lw=0.8)
         ax.set(ylim=(0, 0.2), yticks=np.linspace(0, 0.2, 5))
-    for kind, of in compute_means(at_100, name, ["kind", "friction"]).groupby("kind"):
-        style = dict(zip(("fmt", "color"), LOOKS[kind], strict=True)) | EDGE
-        ax.errorbar(of["z"] - 4, of[name], of["bars"], ecolor="k", elinewidth=0.6, **style)
+    for kind, means in compute_means(at_100, name, ["kind", "friction"]).groupby("kind"):
+        marker, colour = LOOKS[kind]
+        style = EDGE | {"fmt": marker, "color": colour, "ecolor": "k", "elinewidth": 0.6}
+        ax.errorbar(means["z"] - 4, means[name], means["bars"], **style)
     ax.set_title(name.replace("_", " ").removesuffix(" (2 %)"), fontsize=8)
     ax.set(xlabel="z - 4", xlim=(0, 2.4))
 axes[1].set_ylabel("frequency / highest frequency")
@@ -227,19 +229,22 @@ plt.show()
 # would follow them. Each number is the change of the frequency over the whole range that a variable
 # has among packings of one z, over the mean frequency.
 
-log_stress, friction, void = np.log10(study["stress_pa"]), study["friction"], study["void_ratio"]
+log_stress = np.log10(study["stress_pa"])
+friction = study["friction"]
+void = study["void_ratio"]
 tests = []
 for name in NAMES:
     for beside, x in (("log stress", log_stress), ("friction", friction), ("e", void)):
-        reach, found = joint("change", study, x, study["z"], name)
-        found["r_squared_alone"] = found.pop("r_squared_change")
-        tests.append({"quantity": name, "beside_z": beside, "range_at_one_z": reach} | found)
+        reach, fit = joint("change", study, x, study["z"], name)
+        fit["r_squared_alone"] = fit.pop("r_squared_change")
+        tests.append({"quantity": name, "beside_z": beside, "range_at_one_z": reach} | fit)
 tests = pd.DataFrame(tests)
 print(tests.to_string(index=False, float_format="%.3g"))
 
 figure, axes = plt.subplots(1, 4, figsize=(7, 2.4), layout="constrained")
 expected = fits["slope"][LOW_PASS] * (study["z"] - fits["z_c"][LOW_PASS])
-left, bars = study[LOW_PASS] / expected - 1, study[f"{LOW_PASS}, error"] / expected
+left = study[LOW_PASS] / expected - 1
+bars = study[f"{LOW_PASS}, error"] / expected
 labels = ("stress, kPa", "friction", "void ratio")
 for ax, x, label in zip(axes, (study["stress_pa"] / 1e3, friction, void), labels, strict=False):
     ax.axhline(0, color="k", lw=0.6)
@@ -287,8 +292,9 @@ for length, table, name in ((142, study, LOW_PASS), (65, seeds, LOW_PASS), (50, 
     known = known.assign(faded=faded(known, length))
     row = {"length_over_d": length, "packings": len(known)}
     for key, column in (("", name), ("faded_", "faded")):
-        found = fitted(known, column)
-        row |= {f"{key}{end}": found[end] for of in ("z_c", "power") for end in ends_of(of)}
+        fit = fitted(known, column)
+        for end in (*ends_of("z_c"), *ends_of("power")):
+            row[f"{key}{end}"] = fit[end]
     ratio = (known[name] / known["faded"])[known["z"] > LOOSEST]
     lengths.append(row | {"over_faded": ratio.mean(), "scatter": ratio.std()})
 lengths = pd.DataFrame(lengths)

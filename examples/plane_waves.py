@@ -24,9 +24,10 @@ DASHPOTS = 2.62e6  # Hz, Q f of dashpots of 1 %, friction 0, 100 kPa
 SPANS = (0.5, 1.5), (1.5, 5)  # of f / f*, over which pulse and plane waves are compared
 WAVES = {"P": "scattering_of_p", "S": "scattering_of_s", "pulse": "scattering_of_pulse"}
 
-parts = []
-for cell, value, found in results("plane_waves/friction*.json"):
-    curves, z = found["curves"], value["coordination_of_bearing"]
+tables_of_waves = []
+for cell, value, contents in results("plane_waves/friction*.json"):
+    curves = contents["curves"]
+    z = value["coordination_of_bearing"]
     if "attenuation" in curves and WAVES["pulse"] not in curves:
         # What falls as exp(-alpha x) has a line alpha v / pi wide, v the group velocity; results of
         # before do not have it, and V_P of the moduli stands for it.
@@ -35,19 +36,27 @@ for cell, value, found in results("plane_waves/friction*.json"):
     for wave, name in WAVES.items():
         if name in curves:
             f, width, error = np.array(curves[name])
-            part = {"cell": cell, "friction": found["mu_comp"], "z": z, "wave": wave, "f": f}
-            part |= {"f_star": PEAK_SLOPE * (z - 4) * value["highest_frequency"]}
-            part |= {"share": width / f, "error": error / f}
-            parts.append(pd.DataFrame(part)[(wave != "pulse") | (width > 2 * error)])
-lines = pd.concat(parts)
+            table_of_wave = {
+                "cell": cell,
+                "friction": contents["mu_comp"],
+                "z": z,
+                "wave": wave,
+                "f": f,
+            }
+            table_of_wave |= {"f_star": PEAK_SLOPE * (z - 4) * value["highest_frequency"]}
+            table_of_wave |= {"share": width / f, "error": error / f}
+            tables_of_waves.append(
+                pd.DataFrame(table_of_wave)[(wave != "pulse") | (width > 2 * error)]
+            )
+lines = pd.concat(tables_of_waves)
 lines["x"] = lines["f"] / lines["f_star"]
 plane = lines[lines["wave"] != "pulse"]
 
 
 def select_points(friction, wave):
     """Return f / f*, width over frequency and its error of a wave in cells of one friction."""
-    some = lines[(lines["friction"] == friction) & (lines["wave"] == wave)]
-    return some.sort_values("x")[["x", "share", "error"]].to_numpy().T
+    points = lines[(lines["friction"] == friction) & (lines["wave"] == wave)]
+    return points.sort_values("x")[["x", "share", "error"]].to_numpy().T
 
 
 # %%
@@ -67,7 +76,8 @@ def find_limit(lines_of_wave):
             return np.nan, np.nan
         k = int(np.argmax(share > LIMIT))
         beside = slice(k - 1, k + 1)
-        log_x, log_share = np.log(x[beside]), np.log(share[beside])
+        log_x = np.log(x[beside])
+        log_share = np.log(share[beside])
         crossing = np.exp(np.interp(np.log(LIMIT), log_share, log_x))
         power = np.diff(log_share)[0] / np.diff(log_x)[0]
         crossings.append((crossing, crossing * (error / share)[beside].max() / power))
@@ -97,26 +107,28 @@ def compute_collapse_error(wave, column):
     """
     differences = []
     cells = [cell for _, cell in plane[plane["wave"] == wave].groupby("cell")]
-    for cell, other in permutations(cells, 2):
-        if cell["friction"].iloc[0] != other["friction"].iloc[0]:
+    for cell, other_cell in permutations(cells, 2):
+        if cell["friction"].iloc[0] != other_cell["friction"].iloc[0]:
             x = np.log(cell[column].to_numpy())
-            y = np.log(other[column].to_numpy())
-            expected = np.interp(x, y, np.log(other["share"]))
+            y = np.log(other_cell[column].to_numpy())
+            expected = np.interp(x, y, np.log(other_cell["share"]))
             inside = (x > y[0]) & (x < y[-1])
             differences.append((np.log(cell["share"].to_numpy()) - expected)[inside])
     return np.sqrt(np.mean(np.concatenate(differences) ** 2))
 
 
-rows, ratios = [], []
-for friction, some in plane.groupby("friction"):
-    cells = some.groupby("cell")[["z", "f_star"]].first().mean()
+rows = []
+ratios = []
+for friction, lines_of_friction in plane.groupby("friction"):
+    cells = lines_of_friction.groupby("cell")[["z", "f_star"]].first().mean()
     row = {"friction": friction, "z": cells["z"], "f_star_khz": cells["f_star"] / 1e3}
-    for wave, of_wave in some.groupby("wave"):
+    for wave, of_wave in lines_of_friction.groupby("wave"):
         limit, error = find_limit(of_wave)
         row |= {f"limit_{wave}_over_f_star": limit, f"limit_{wave}_error": error}
     rows.append(row)
     ratios.append(compare_pulse(friction).assign(friction=friction, z=row["z"]))
-rows, order = pd.DataFrame(rows), ["friction", "z", "f_over_f_star", "pulse_over_plane", "error"]
+rows = pd.DataFrame(rows)
+order = ["friction", "z", "f_over_f_star", "pulse_over_plane", "error"]
 ratios = pd.concat(ratios)[order]
 scatter = [
     {

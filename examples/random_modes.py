@@ -33,7 +33,8 @@ plt.show()
 # The lowest mode that moves mostly along z is nearly the first standing wave of the column.
 
 k = int(np.argmax(low.chi_z > 0.5))
-shape, z = low.mode_shape[k][:, 2], net.position[:, 2]
+shape = low.mode_shape[k][:, 2]
+z = net.position[:, 2]
 shape = shape * np.sign(shape.sum()) / abs(shape).max()
 figure, ax = plt.subplots()
 ax.plot(z * 1e3, shape, ".")

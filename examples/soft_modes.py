@@ -26,7 +26,8 @@ RANGES = (0.1, 0.5), (0.2, 0.5), (0.5, 0.8)  # of f / f*, in which a power is to
 
 def gather(folder):
     """Write tables of packings and of their modes from the results of the study."""
-    packings, modes = [], ["packing,frequency_hz,spheres,rotation,contacts"]
+    packings = []
+    modes = ["packing,frequency_hz,spheres,rotation,contacts"]
     for k, (_, value, found) in enumerate(results("*.json", folder)):
         seed = int(found["name"].partition("seed")[2])
         row = {"friction": found["mu_comp"], "seed": seed, "spheres": 1000 if seed < 1001 else 2000}
@@ -67,7 +68,8 @@ def power(x, low, high):
     inside = np.log(x[(x > low) & (x < high)] / low)
     if len(inside) < 8:
         return np.nan
-    trial, span = np.linspace(-3, 25, 5601) + 1e-9, np.log(high / low)
+    trial = np.linspace(-3, 25, 5601) + 1e-9
+    span = np.log(high / low)
     mean = span / -np.expm1(-trial * span) - 1 / trial
     return trial[np.argmin(abs(mean - inside.mean()))] - 1
 
@@ -75,26 +77,36 @@ def power(x, low, high):
 def with_error(chosen, low, high, modes=modes):
     """Return the power of the modes of some packings, its standard error, and their number."""
     members = [modes["x"].to_numpy()[modes["packing"] == k] for k in chosen]
-    random, every = np.random.default_rng(1), np.concatenate(members)
+    random = np.random.default_rng(1)
+    every = np.concatenate(members)
     draws = random.integers(len(members), size=(DRAWS, len(members)))
     found = [power(np.concatenate([members[k] for k in draw]), low, high) for draw in draws]
     return power(every, low, high), np.std(found), int(((every > low) & (every < high)).sum())
 
 
 rows = []
-for (friction, _), some in packings.groupby(["friction", "large"]):
-    end = some["end"].min()
-    row = {"friction": friction, "spheres": some["spheres"].iloc[0], "packings": len(some)}
-    row |= {"z": some["z"].mean(), "f_star_khz": some["f_star"].iloc[0] / 1e3}
+for (friction, _), members_of_group in packings.groupby(["friction", "large"]):
+    end = members_of_group["end"].min()
+    row = {
+        "friction": friction,
+        "spheres": members_of_group["spheres"].iloc[0],
+        "packings": len(members_of_group),
+    }
+    row |= {
+        "z": members_of_group["z"].mean(),
+        "f_star_khz": members_of_group["f_star"].iloc[0] / 1e3,
+    }
     row |= {"first_wave_over_f_star": end}
     for low, high in RANGES:
-        b, error, count = with_error(some.index, low, min(high, end))
-        settled, _, _ = with_error(some.index[some["settled"] == 1], low, min(high, end))
+        b, error, count = with_error(members_of_group.index, low, min(high, end))
+        settled, _, _ = with_error(
+            members_of_group.index[members_of_group["settled"] == 1], low, min(high, end)
+        )
         name = f"{low:g}_to_{high:g}"
         row |= {f"power_{name}": b, f"error_{name}": error, f"modes_{name}": count}
         row |= {f"power_settled_{name}": settled}
-    lowest = modes[modes["packing"].isin(some.index)].query("0.1 < x < 0.5")
-    row |= {"per_1000_spheres": 1000 * len(lowest) / some["spheres"].sum()}
+    lowest = modes[modes["packing"].isin(members_of_group.index)].query("0.1 < x < 0.5")
+    row |= {"per_1000_spheres": 1000 * len(lowest) / members_of_group["spheres"].sum()}
     row |= {"spheres_that_move": lowest["spheres"].median(), "rotation": lowest["rotation"].mean()}
     row |= {"at_most_three_contacts": (lowest["contacts"] <= 3).mean()}
     rows.append(row)
@@ -124,12 +136,19 @@ print(movers.to_string(index=False, float_format="%.3g"))
 
 figure, axes = plt.subplots(1, 3, figsize=(7, 2.6), layout="constrained")
 looks = dict(zip(rows["friction"].unique(), ("0.1 o", "0.45 s", "0.75 ^"), strict=True))
-for (_, row), (_, some) in zip(rows.iterrows(), groups, strict=True):
-    mine, small = modes[modes["packing"].isin(some.index)], row["spheres"] < 1500
+for (_, row), (_, members_of_group) in zip(rows.iterrows(), groups, strict=True):
+    modes_of_group = modes[modes["packing"].isin(members_of_group.index)]
+    small = row["spheres"] < 1500
     edges = np.geomspace(0.1, row["first_wave_over_f_star"], 12)
-    parts = [part for _, part in mine.groupby(pd.cut(mine["x"], edges), observed=False)]
-    middle, count = np.sqrt(edges[1:] * edges[:-1]), np.array([len(part) for part in parts])
-    per = np.diff(edges) * some["spheres"].sum()
+    modes_by_bin = [
+        modes_in_bin
+        for _, modes_in_bin in modes_of_group.groupby(
+            pd.cut(modes_of_group["x"], edges), observed=False
+        )
+    ]
+    middle = np.sqrt(edges[1:] * edges[:-1])
+    count = np.array([len(modes_in_bin) for modes_in_bin in modes_by_bin])
+    per = np.diff(edges) * members_of_group["spheres"].sum()
     shade, mark = looks[row["friction"]].split()
     style = {"color": shade if small else "w", "mec": "k", "mew": 0.4, "ms": 3.5}
     style |= {"fmt": mark, "elinewidth": 0.5}
@@ -137,7 +156,11 @@ for (_, row), (_, some) in zip(rows.iterrows(), groups, strict=True):
     x, y, bars = (each[count > 0] for each in (middle, count / per, np.sqrt(count) / per))
     axes[0].errorbar(x, y, bars, ecolor="k", **style)
     for ax, name in ((axes[1], "spheres"), (axes[2], "rotation")):
-        enough = [part[name].quantile((0.25, 0.5, 0.75)) for part in parts if len(part) > 7]
+        enough = [
+            modes_in_bin[name].quantile((0.25, 0.5, 0.75))
+            for modes_in_bin in modes_by_bin
+            if len(modes_in_bin) > 7
+        ]
         low, median, high = np.transpose(enough)
         bars = (median - low, high - median)
         ax.errorbar(middle[count > 7], median, bars, ecolor="0.6", **style)

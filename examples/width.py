@@ -20,8 +20,12 @@ import pandas as pd
 from _committed import RESULTS, mean_with_error, results, write
 
 DIAMETER = 2.54e-3  # m
-LONG, NEAR = (10.5, 18.2), (13.7, 18.2)  # kHz, below V_S / W of cells 7 D wide
-PURE, MIXED = 0.9, 0.45  # chi_z of P-waves, and of modes that have hardly a direction
+# kHz, below V_S / W of cells 7 D wide
+LONG = (10.5, 18.2)
+NEAR = (13.7, 18.2)
+# chi_z of P-waves, and of modes that have hardly a direction
+PURE = 0.9
+MIXED = 0.45
 STEP = (0.85, 1.0), (1.0, 1.15)  # of V_S / W, where modes are counted below and above it
 
 
@@ -102,13 +106,24 @@ for cell, contents in read_cells("long/*.json"):
 # **Scattering**: the width of the lines of plane waves as a power of the frequency, for waves of 12
 # to 19 D, and its mean about 16 kHz, with the standard errors that its scatter makes.
 
-lines, powers = pd.read_csv(RESULTS / "width/plane_waves.csv").dropna(), []
+lines = pd.read_csv(RESULTS / "width/plane_waves.csv").dropna()
+powers = []
 lines["khz"] = lines["frequency_hz"] / 1e3
-some = lines[lines["khz"].between(*LONG)]
-for width, own in (*some.groupby("width"), ("wider", some[some["width"] > some["width"].min()])):
-    fit, spread = np.polyfit(np.log(own["khz"]), np.log(own["line_hz"]), 1, cov=True)
-    row = {"width": str(width), "waves": len(own), "power": fit[0], "error": spread[0, 0] ** 0.5}
-    near = own["line_hz"][own["khz"].between(*NEAR)] / 1e3
+long_lines = lines[lines["khz"].between(*LONG)]
+for width, lines_of_width in (
+    *long_lines.groupby("width"),
+    ("wider", long_lines[long_lines["width"] > long_lines["width"].min()]),
+):
+    fit, spread = np.polyfit(
+        np.log(lines_of_width["khz"]), np.log(lines_of_width["line_hz"]), 1, cov=True
+    )
+    row = {
+        "width": str(width),
+        "waves": len(lines_of_width),
+        "power": fit[0],
+        "error": spread[0, 0] ** 0.5,
+    }
+    near = lines_of_width["line_hz"][lines_of_width["khz"].between(*NEAR)] / 1e3
     mean, error = mean_with_error(near)
     powers.append(row | {"line_16_khz": mean, "line_16_khz_error": error})
 rows, long, powers = (pd.DataFrame(each) for each in (rows, long, powers))

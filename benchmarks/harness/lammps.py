@@ -24,11 +24,13 @@ def write_atoms(path: Path, network: Network) -> None:
     if not network.cell_periodic[2]:
         edges[2] = network.wall_position + np.multiply(network.radius[0], (-1, 1))
     lines = ["packing", "", f"{network.n_particles} atoms", "1 atom types", ""]
-    for (a, b), axis in zip(edges.tolist(), "xyz", strict=True):
-        lines.append(f"{a!r} {b!r} {axis}lo {axis}hi")
+    for (low, high), axis in zip(edges.tolist(), "xyz", strict=True):
+        lines.append(f"{low!r} {high!r} {axis}lo {axis}hi")
     lines += ["", "Atoms # sphere", ""]
-    for k, (r, place) in enumerate(zip(network.radius, network.position.tolist(), strict=True), 1):
-        lines.append(" ".join(map(repr, [k, 1, float(2 * r), GLASS.density, *place])))
+    positions = network.position.tolist()
+    for number, (radius, position) in enumerate(zip(network.radius, positions, strict=True), 1):
+        cells = [number, 1, float(2 * radius), GLASS.density, *position]
+        lines.append(" ".join(map(repr, cells)))
     path.write_text("\n".join(lines) + "\n")
 
 
@@ -83,7 +85,8 @@ class Lammps:
         spent = median_of(self.job.times, lambda: run_lammps(SCRIPT, folder, variables))
         blocks = (folder / "scene.dump").read_text().split("ITEM: TIMESTEP\n")[1:]
         z = np.array([[row.split()[1] for row in b.splitlines()[8:]] for b in blocks], float)
-        moved = (z - z[0])[:, np.argsort(np.argsort(chain))]  # dumped in the order of the ids
+        # Spheres are dumped in the order of their ids.
+        displacement = (z - z[0])[:, np.argsort(np.argsort(chain))]
         how = {"interval": every * step, "time_step": step, "motion": Pulse(amplitude)}
         same = propagate(self.network, duration, **how).signals
-        return replace(same, chain_displacement=moved[: len(same.time)]), spent
+        return replace(same, chain_displacement=displacement[: len(same.time)]), spent

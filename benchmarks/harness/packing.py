@@ -108,7 +108,8 @@ def resized(sample: Network, spheres: int) -> Network:
     at_wall = np.flatnonzero(sample.particle_j == RECEIVER_WALL)[0]
     part = sample.with_contacts(np.append(inside, at_wall))
     low, high = sample.wall_position
-    z, top = sample.position[:, 2], int(np.argmax(sample.position[:spheres, 2]))
+    z = sample.position[:, 2]
+    top = int(np.argmax(sample.position[:spheres, 2]))
     return replace(
         part,
         **{k: getattr(sample, k)[:spheres] for k in ("position", "radius", "mass", "inertia")},
@@ -133,12 +134,20 @@ def bytes_of(product: ContactOperator | csr_matrix) -> float:
 
     The loop over contacts also reads its result, a sparse matrix does not.
     """
-    operator = isinstance(product, ContactOperator)
-    if operator and product._matrix is None:
-        on = product._contacts
-        held = [on.rows, on.ends, on.slabs, on.pieces, on.fresh, product._scale]
-        held += [on.lateral, on.aside]
-        return sum(array.nbytes for array in held if array is not None) + 24.0 * product.shape[0]
-    matrix = product._matrix if operator else product
-    held = (matrix.data, matrix.indices, matrix.indptr)
-    return sum(array.nbytes for array in held) + 16.0 * matrix.shape[0]
+    is_operator = isinstance(product, ContactOperator)
+    if is_operator and product._matrix is None:
+        contacts = product._contacts
+        arrays = [
+            contacts.rows,
+            contacts.ends,
+            contacts.slabs,
+            contacts.pieces,
+            contacts.fresh,
+            contacts.lateral,
+            contacts.aside,
+            product._scale,
+        ]
+        return sum(array.nbytes for array in arrays if array is not None) + 24.0 * product.shape[0]
+    matrix = product._matrix if is_operator else product
+    arrays = (matrix.data, matrix.indices, matrix.indptr)
+    return sum(array.nbytes for array in arrays) + 16.0 * matrix.shape[0]

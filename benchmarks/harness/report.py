@@ -26,12 +26,12 @@ class Page:
 
     def markdown(self) -> str:
         """Return the page as Markdown; figures and numbers are files beside it."""
-        parts = [f"## {self.title}", self.task]
-        parts += [f"![{self.title}]({name}.png)" for name in self.figures]
-        parts.append("\n".join(f"- {note}" for note in self.notes))
+        blocks = [f"## {self.title}", self.task]
+        blocks += [f"![{self.title}]({name}.png)" for name in self.figures]
+        blocks.append("\n".join(f"- {note}" for note in self.notes))
         for name, rows in self.tables.items():
-            parts += [f"`{name}.csv`:", table(rows, digits=3).markdown().rstrip("\n")]
-        return "\n\n".join(part for part in parts if part)
+            blocks += [f"`{name}.csv`:", table(rows, digits=3).markdown().rstrip("\n")]
+        return "\n\n".join(filter(None, blocks))
 
     def write(self, name: str, folder: Path) -> None:
         """Write NAME.md, the tables and the figures."""
@@ -44,7 +44,9 @@ class Page:
 
 def table(rows: Rows, digits: int) -> Table:
     """Return rows as text, with an empty cell for None; columns are in order of appearance."""
-    names = list(dict.fromkeys(name for row in rows for name in row))
+    names: dict[str, None] = {}
+    for row in rows:
+        names |= dict.fromkeys(row)
 
     def text(value: Any) -> str:
         if value is None:
@@ -53,7 +55,10 @@ def table(rows: Rows, digits: int) -> Table:
             return f"{value:.{digits}g}"
         return str(value)
 
-    return Table("", names, [[text(row.get(name)) for name in names] for row in rows])
+    lines = []
+    for row in rows:
+        lines.append([text(row.get(name)) for name in names])
+    return Table("", list(names), lines)
 
 
 def read_csv(path: Path) -> Rows:
