@@ -103,7 +103,7 @@ def swapped(network: Network, random: np.random.Generator) -> Network:
 
 
 def doubled(network: Network, random: np.random.Generator) -> Network:
-    """Each spring as two parallel ones."""
+    """Return the packing with each spring replaced by two parallel ones of the same sum."""
     m, share = network.n_contacts, random.uniform(0.05, 0.95)
     twice = network.some(np.tile(np.arange(m), 2))
     part = np.repeat([share, 1 - share], m)

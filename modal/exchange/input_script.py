@@ -256,7 +256,7 @@ def _is_row(words: Sequence[str], columns: Sequence[str]) -> bool:
 
 
 def _read_row(script: Script, row: Mapping[str, str]) -> None:
-    """Store the step of a row, and the number of atoms if the row has it."""
+    """Store the time step of a row of thermodynamic output, and its number of atoms if given."""
     run = script.runs[-1]
     step = int(row["Step"])
     run.steps.append(step)

@@ -172,7 +172,10 @@ def with_modes(modes, band):
 
 
 def test_modes_that_two_lists_share_count_once():
-    """All modes to 20 kHz beside the lowest, which another search gave with another last digit."""
+    """Join a list of the lowest modes with one of all modes to 20 kHz.
+
+    Frequencies of one mode differ in the last digits, because two searches have found them.
+    """
     lowest, every = [1e3, 2e3, 9.5e3], [1e3 * (1 - 1e-10), 2e3, 9.5e3 * (1 + 1e-10), 1.6e4, 1.9e4]
     every = some(every, np.array(every) / 2e4)
     m = with_modes(some(lowest, np.array(lowest) / 2e4), every)

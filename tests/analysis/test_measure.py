@@ -1,4 +1,4 @@
-"""`analysis.measure`: any packing's answer, beside theory, other units, files and samples."""
+"""Compare what `analysis.measure` returns with theory, in other units, from files and samples."""
 
 import json
 from dataclasses import replace

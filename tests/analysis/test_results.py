@@ -1,4 +1,4 @@
-"""Results of cases as files: values in SI units, the columns of tables, files by column."""
+"""Write and read results of cases: values in SI units, as columns, and files of version 1."""
 
 import json
 

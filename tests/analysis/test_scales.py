@@ -1,7 +1,6 @@
-"""Spheres of any size under any stress: what is measured scales, whatever the units of its parts.
+"""Measure packings in other units of length, mass and time: all quantities scale with the units.
 
-A number of m/s, Hz, Pa ... of a packing in other units of length, mass and time is the first one
-times the units. Round-off, and iterations that end at a tolerance, leave 1e-8 of it.
+Each number is that of the first packing times its unit. Round-off, and iterations that end at a tolerance, leave 1e-8 of it.
 """
 
 from dataclasses import replace

@@ -27,59 +27,68 @@ CUBE = {"<100>": (1, 1, 0), "<001>": (0, 0, 1), "<110>": (1, 0, 0), "<111>": (0,
 
 @pytest.fixture(scope="module")
 def cell():
-    """250 spheres of radii 1:3, periodic in all directions."""
+    """Return 250 spheres of radii 1:3, periodic in all directions."""
     return polydisperse(periodic_z=True, n=250)
 
 
 @pytest.mark.parametrize("known", [("force_normal", "force_tangential", "cell_shift"), ()])
 def test_levers_as_long_as_the_radii_leave_stress_and_velocity(known):
-    """Where along its levers a contact acts has no weight in a crystal, whose spheres do not turn.
+    """Lengthen the levers of a crystal, whose spheres do not turn: nothing changes.
 
-    Its branches are those of the centres, also through periods that only the levers tell.
+    Its branches are those of the centres, also through periods that only the levers show.
     """
-    crystal, stress = FccLattice(1e8), 1e8
+    crystal = FccLattice(1e8)
+    stress = 1e8
     longer = levers_of_radii(gallery.fcc(stress, (2, 2, 4), periodic_z=True))
     if known:
         assert stress_tensor(longer) == pytest.approx(stress * np.eye(3), abs=1e-9 * stress)
-    found = elastic_moduli(bare(longer, *known)).velocities((0, 0, 1))
-    assert found[0] == pytest.approx(crystal.velocity, rel=1e-9)
+    velocity = elastic_moduli(bare(longer, *known)).velocities((0, 0, 1))
+    assert velocity[0] == pytest.approx(crystal.velocity, rel=1e-9)
 
 
 @pytest.mark.parametrize("solver", ["pardiso", "gradients"])
 @pytest.mark.parametrize("stress", [1e5, 1e7])
 def test_crystal_against_its_closed_form(stress, solver):
-    """Nothing but round-off of some 1e4 additions is in between."""
+    """Compare with the closed form; only round-off of some 1e4 additions is in between."""
     pytest.importorskip("pypardiso" if solver == "pardiso" else "numpy")
     crystal = FccLattice(stress)
     network = gallery.fcc(stress, (2, 3, 4), periodic_z=True)
-    found = elastic_moduli(network, solver=solver)
-    assert found.stiffness == pytest.approx(crystal.stiffness, rel=1e-11, abs=1e-9 * crystal.C)
-    assert found.affine == pytest.approx(crystal.stiffness, rel=1e-11, abs=1e-9 * crystal.C)
-    assert found.region == "cell" and found.asymmetry < 1e-12
-    assert found.density == pytest.approx(crystal.mass * np.sqrt(2) / crystal.spacing**3, rel=1e-12)
+    moduli = elastic_moduli(network, solver=solver)
+    assert moduli.stiffness == pytest.approx(crystal.stiffness, rel=1e-11, abs=1e-9 * crystal.C)
+    assert moduli.affine == pytest.approx(crystal.stiffness, rel=1e-11, abs=1e-9 * crystal.C)
+    assert moduli.region == "cell" and moduli.asymmetry < 1e-12
+    assert moduli.density == pytest.approx(
+        crystal.mass * np.sqrt(2) / crystal.spacing**3, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("direction", CUBE)
 def test_velocities_of_the_crystal_are_the_slopes_of_its_bloch_waves(direction):
-    """All three waves at kappa d = 1e-3: the branches bend by its square over 24, 4e-8."""
+    """Compare all three velocities with Bloch waves at kappa d = 1e-3.
+
+    The branches bend by the square of this divided by 24, 4e-8.
+    """
     crystal = FccLattice(1e5)
-    found = elastic_moduli(gallery.fcc(cells=(1, 1, 2), periodic_z=True))
+    moduli = elastic_moduli(gallery.fcc(cells=(1, 1, 2), periodic_z=True))
     n = np.array(CUBE[direction]) / np.linalg.norm(CUBE[direction])
     kappa = 1e-3 / crystal.spacing
     slopes = 2 * np.pi * crystal.bloch(kappa * n)[0][:3] / kappa
-    assert found.velocities(n) == pytest.approx(slopes[::-1], rel=1e-6)
+    assert moduli.velocities(n) == pytest.approx(slopes[::-1], rel=1e-6)
 
 
 def least_squares_moduli(network: Network) -> np.ndarray:
-    """(6, 6), Pa: the oracle. Springs as weighted equations.
+    """Return the stiffness (6, 6), Pa, by springs as weighted equations.
 
-    The least energy of strained springs is the least square of root(k) (stretch + B motion): no
-    stiffness matrix, no symmetric gradient with sliding planes, no iteration.
+    The least energy of strained springs is the least square of root(k) (stretch + B motion). There
+    is no stiffness matrix, no symmetric gradient with sliding planes and no iteration.
     """
-    i, j, m = network.particle_i, network.particle_j, network.n_contacts
+    i = network.particle_i
+    j = network.particle_j
+    m = network.n_contacts
     kn, kt = np.sqrt([network.stiffness_normal, network.stiffness_tangential])[..., None, None]
     nn = network.normal[:, :, None] * network.normal[:, None]
-    root, B = kn * nn + kt * (np.eye(3) - nn), np.zeros((m, 3, network.n_particles, 6))
+    root = kn * nn + kt * (np.eye(3) - nn)
+    B = np.zeros((m, 3, network.n_particles, 6))
     for end, side in ((i, slice(6)), (j, slice(6, 12))):
         B[np.arange(m), :, end] += (root @ kinematics(network))[:, :, side]
     branch = network.position[j] + network.cell_shift * network.cell_size - network.position[i]
@@ -90,46 +99,50 @@ def least_squares_moduli(network: Network) -> np.ndarray:
     stretch = np.einsum("cij,sjk,ck->cis", root, E, branch)
     # Rotations as arcs, so that one threshold tells motions without energy from the others.
     B[..., 3:] /= network.radius.mean()
-    B, stretch = B.reshape(3 * m, -1), stretch.reshape(3 * m, 6)
+    B = B.reshape(3 * m, -1)
+    stretch = stretch.reshape(3 * m, 6)
     motion = lstsq(B, -stretch, cond=1e-10)[0]
     left = stretch + B @ motion
     return left.T @ left / np.prod(network.cell_size)
 
 
 def test_random_cell_against_least_squares(cell):
-    """1e-8: what least squares of a condition number of some 1e3 leave is far below."""
-    wanted = least_squares_moduli(cell)
-    scale = abs(wanted).max()
+    """Compare with least squares, whose error at a condition number of 1e3 is far below 1e-8."""
+    exact = least_squares_moduli(cell)
+    scale = abs(exact).max()
     for solver in ("pardiso", "gradients"):
         if solver == "pardiso":
             pytest.importorskip("pypardiso")
-        found = elastic_moduli(cell, tolerance=1e-9, solver=solver)
-        assert found.stiffness == pytest.approx(wanted, abs=1e-8 * scale)
-        assert found.error < 1e-9
+        moduli = elastic_moduli(cell, tolerance=1e-9, solver=solver)
+        assert moduli.stiffness == pytest.approx(exact, abs=1e-8 * scale)
+        assert moduli.error < 1e-9
         # The affine energy is an upper bound of every strain's; the free spheres give back some.
-        assert np.linalg.eigvalsh(found.affine - found.stiffness).min() > 0.05 * scale
+        assert np.linalg.eigvalsh(moduli.affine - moduli.stiffness).min() > 0.05 * scale
 
 
 @pytest.mark.parametrize("solver", ["pardiso", "gradients"])
 def test_tolerance_is_that_of_the_moduli_not_of_the_affine_ones(solver):
-    """Stiffnesses over six decades: motion leaves a hundredth of the affine energy, or less.
+    """Check the tolerance of moduli that are a hundredth of the affine ones, or less.
 
-    The error is estimated from below; the solution may be some times further off.
+    Stiffnesses span six decades. The error is estimated from below; the solution may be some times
+    further off.
     """
     pytest.importorskip("pypardiso" if solver == "pardiso" else "numpy")
     cell = polydisperse(periodic_z=True, n=60)
     factor = 10 ** np.random.default_rng(3).uniform(-6, 0, (2, cell.n_contacts))
     cell = stiffer(cell, *factor)
-    wanted = np.diag(least_squares_moduli(cell))
+    exact = np.diag(least_squares_moduli(cell))
     for tolerance in (1e-3, 1e-6):
-        found = elastic_moduli(cell, tolerance=tolerance, solver=solver)
-        assert (np.diag(found.affine) > 100 * wanted).all()
-        assert np.diag(found.stiffness) == pytest.approx(wanted, rel=3 * tolerance)
-        assert found.error <= tolerance
+        moduli = elastic_moduli(cell, tolerance=tolerance, solver=solver)
+        assert (np.diag(moduli.affine) > 100 * exact).all()
+        assert np.diag(moduli.stiffness) == pytest.approx(exact, rel=3 * tolerance)
+        assert moduli.error <= tolerance
 
 
 def test_isotropic_solids_have_one_p_and_two_s_waves():
-    K, G, rho = 3e8, 1.2e8, 1500.0
+    K = 3e8
+    G = 1.2e8
+    rho = 1500.0
     C = np.diag([2 * G] * 3 + [G] * 3)
     C[:3, :3] += K - 2 / 3 * G
     velocity, motion = plane_waves(C, rho, (1, 2, -2))
@@ -146,29 +159,33 @@ def test_isotropic_solids_have_one_p_and_two_s_waves():
 
 
 def test_spheres_that_nothing_holds_take_no_part(cell):
-    """Three more that touch nothing, anywhere: the same moduli, but for no mass either."""
-    more = {name: np.concatenate([x, x[:3]]) for name, x in cell.bodies().items()}
-    one = elastic_moduli(cell, non_affine=True)
-    other = elastic_moduli(replace(cell, **more), non_affine=True)
-    assert other.stiffness == pytest.approx(one.stiffness, abs=2e-6 * one.stiffness.max())
-    assert other.density == one.density
-    assert abs(other.non_affine[:, -3:]).max() < 1e-9 * abs(one.non_affine).max()
+    """Add three spheres without contacts: moduli and density stay."""
+    bodies = {name: np.concatenate([x, x[:3]]) for name, x in cell.bodies().items()}
+    moduli = elastic_moduli(cell, non_affine=True)
+    with_loose_spheres = elastic_moduli(replace(cell, **bodies), non_affine=True)
+    assert with_loose_spheres.stiffness == pytest.approx(
+        moduli.stiffness, abs=2e-6 * moduli.stiffness.max()
+    )
+    assert with_loose_spheres.density == moduli.density
+    assert abs(with_loose_spheres.non_affine[:, -3:]).max() < 1e-9 * abs(moduli.non_affine).max()
     # Rigid motions of the whole are motions without energy: none is left.
-    drift = np.einsum("sna,n->sa", one.non_affine[:, :, :3], cell.mass) / cell.mass.sum()
-    assert abs(drift).max() < 1e-9 * abs(one.non_affine).max()
+    drift = np.einsum("sna,n->sa", moduli.non_affine[:, :, :3], cell.mass) / cell.mass.sum()
+    assert abs(drift).max() < 1e-9 * abs(moduli.non_affine).max()
 
 
 def test_non_affine_motion_balances_every_sphere(cell):
-    """Forces on spheres under strain plus motion vanish; checked with plain vectors."""
+    """Check with plain vectors that forces under strain and motion vanish on every sphere."""
     moduli = elastic_moduli(cell, tolerance=1e-12, non_affine=True)
     motion = moduli.non_affine[5]
-    i, j = cell.particle_i, cell.particle_j
+    i = cell.particle_i
+    j = cell.particle_j
     strain = np.array([[0, 0.5, 0], [0.5, 0, 0], [0, 0, 0]])
     ends = np.hstack([motion[i], motion[j]])
     parted = (cell.lever_i - cell.lever_j) @ strain
     parted += np.einsum("cab,cb->ca", kinematics(cell), ends)
     along = np.einsum("ca,ca->c", parted, cell.normal)[:, None] * cell.normal
-    kn, kt = cell.stiffness_normal[:, None], cell.stiffness_tangential[:, None]
+    kn = cell.stiffness_normal[:, None]
+    kt = cell.stiffness_tangential[:, None]
     force = kn * along + kt * (parted - along)
     total = np.zeros((cell.n_particles, 3))
     np.add.at(total, i, force)
@@ -178,12 +195,12 @@ def test_non_affine_motion_balances_every_sphere(cell):
 
 @pytest.mark.parametrize("solver", ["pardiso", "gradients"])
 def test_a_cell_that_resists_nothing_says_so(solver):
-    """Smooth spheres that hardly touch give way to every strain; what is left is round-off."""
+    """Strain smooth spheres that hardly touch: they give way, and round-off is left."""
     pytest.importorskip("pypardiso" if solver == "pardiso" else "numpy")
     loose = stiffer(polydisperse(periodic_z=True, n=60), 1, 0)
-    found = elastic_moduli(loose, solver=solver)
-    assert len(found.soft_strains()) == 6
-    assert [remark.code for remark in found.remarks()] == ["soft_strain"] * 6
+    moduli = elastic_moduli(loose, solver=solver)
+    assert len(moduli.soft_strains()) == 6
+    assert [remark.code for remark in moduli.remarks()] == ["soft_strain"] * 6
 
 
 CRYSTAL = gallery.fcc(cells=(2, 2, 6))
@@ -231,14 +248,15 @@ def test_direction_without_length_is_refused(direction):
 
 
 def test_command_prints_what_the_function_finds(tmp_path, printed, cell):
-    path, product = tmp_path / "cell.network.h5", tmp_path / "cell.moduli.h5"
+    path = tmp_path / "cell.network.h5"
+    product = tmp_path / "cell.moduli.h5"
     write_network(path, cell)
-    said = printed("moduli", path, "--direction", 1, 1, 0, "-o", product, "--non-affine")
-    found = elastic_moduli(cell, non_affine=True)
-    assert said["stiffness_pa"] == found.stiffness.tolist()
-    assert said["velocity_m_per_s"]["1 1 0"] == found.velocities((1e300, 1e300, 0)).tolist()
-    assert said["velocity_m_per_s"]["z"] == found.velocities((0, 0, 1)).tolist()
-    assert said["isotropic_velocity_m_per_s"] == [found.v_p, found.v_s]
-    assert (read_moduli(product).stiffness == found.stiffness).all()
+    output = printed("moduli", path, "--direction", 1, 1, 0, "-o", product, "--non-affine")
+    moduli = elastic_moduli(cell, non_affine=True)
+    assert output["stiffness_pa"] == moduli.stiffness.tolist()
+    assert output["velocity_m_per_s"]["1 1 0"] == moduli.velocities((1e300, 1e300, 0)).tolist()
+    assert output["velocity_m_per_s"]["z"] == moduli.velocities((0, 0, 1)).tolist()
+    assert output["isotropic_velocity_m_per_s"] == [moduli.v_p, moduli.v_s]
+    assert (read_moduli(product).stiffness == moduli.stiffness).all()
     with h5py.File(product) as file:
-        assert (file["non_affine/rotation"][:] == found.non_affine[:, :, 3:]).all()
+        assert (file["non_affine/rotation"][:] == moduli.non_affine[:, :, 3:]).all()

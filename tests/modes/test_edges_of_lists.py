@@ -26,9 +26,9 @@ pytestmark = pytest.mark.two_ways
 
 
 def unstable(cells: tuple[int, int, int]) -> Network:
-    """A crystal of which some springs push away, put in beside the checks of a network.
+    """Return a crystal with a free sphere and with some springs of negative stiffness.
 
-    A sphere of it is free.
+    The checks of a network would refuse such springs.
     """
     network = gallery.fcc(cells=cells)
     network = network.with_contacts((network.particle_i != 7) & (network.particle_j != 7))
@@ -39,7 +39,10 @@ def unstable(cells: tuple[int, int, int]) -> Network:
 @pytest.mark.parametrize("cells", [(3, 3, 5), (3, 3, 14)])
 @pytest.mark.parametrize("solver", [None, "superlu", "blocks"])
 def test_unstable_modes_are_counted_and_left_out_of_lists_at_any_size(cells, solver):
-    """The dense spectrum says how many there are; lists have the modes above."""
+    """Compare counts and lists of an unstable packing with its dense spectrum.
+
+    Lists have only the modes above zero, unless all modes are requested.
+    """
     network = unstable(cells)
     system = LinearSystem.of(network, solver=solver)
     assert (system.size <= system.limits.small) == (cells[2] == 5)
@@ -47,9 +50,9 @@ def test_unstable_modes_are_counted_and_left_out_of_lists_at_any_size(cells, sol
     square[abs(square) < 1e-11 * square[-1]] = 0.0
     negative = int((square < 0).sum())
     assert negative > 0 and (square == 0).sum() == 6
-    at = [0.0, 1e-3, 8e3, 5e4]
-    expected = [int((frequency_of(square) < f).sum()) for f in at]
-    assert modal.count_modes(network, at, solver=solver).tolist() == expected
+    frequencies = [0.0, 1e-3, 8e3, 5e4]
+    expected = [int((frequency_of(square) < f).sum()) for f in frequencies]
+    assert modal.count_modes(network, frequencies, solver=solver).tolist() == expected
     assert summary_at_zero(system)["unstable_modes"] == negative
     assert f"{negative} unstable" in modal.describe(network)
     elastic = frequency_of(square[square > 0])
@@ -60,11 +63,14 @@ def test_unstable_modes_are_counted_and_left_out_of_lists_at_any_size(cells, sol
         ({"between": (2e4, 5e4)}, elastic[(elastic >= 2e4) & (elastic < 5e4)]),
         ({"all": True}, frequency_of(square)),
     ):
-        found = modal.eigenmodes(network, **question, solver=solver)
-        assert found.certified and found.unstable_modes == negative
-        # Of the free motions round-off leaves some 1e-16 of the largest square.
-        known, f = (each * abs(each) for each in (listed, found.frequency))
-        assert f == pytest.approx(known, rel=2e-7, abs=1e-14 * elastic[-1] ** 2)
+        modes = modal.eigenmodes(network, **question, solver=solver)
+        assert modes.certified and modes.unstable_modes == negative
+        # Round-off leaves some 1e-16 of the largest square for free motions. Frequencies below zero
+        # stand for negative squares.
+        square_of_modes = modes.frequency * abs(modes.frequency)
+        expected_square = listed * abs(listed)
+        round_off = 1e-14 * elastic[-1] ** 2
+        assert square_of_modes == pytest.approx(expected_square, rel=2e-7, abs=round_off)
     for tolerance in (1e-3, 0.3):
         with refusal("unstable", f"({negative} "):
             modal.density_of_states(network, tolerance=tolerance)
@@ -73,20 +79,24 @@ def test_unstable_modes_are_counted_and_left_out_of_lists_at_any_size(cells, sol
 @pytest.mark.parametrize("end", ["high", "low", "both"])
 @pytest.mark.parametrize("width", [1, 60])
 def test_an_interval_that_ends_on_a_mode_ends_its_search_and_is_complete(end, width):
-    """Of single modes and of sixty of one frequency: whether those at the end are in the list is
-    round-off of 1e-9, all between them are."""
+    """End an interval on a single mode, or on sixty modes of one frequency.
+
+    Round-off of 1e-9 decides whether the modes at the ends are in the list; all modes between the
+    ends are.
+    """
     network = diluted(0.1, 3, 7) if width == 1 else columns_side_by_side(60, 3)
     exact = frequency_of(np.linalg.eigvalsh(LinearSystem.of(network).dynamical_matrix.toarray()))
-    some = np.flatnonzero(exact > 0.1 * exact[-1])[0]
-    first, last = exact[some], exact[some + 90]
+    first_index = np.flatnonzero(exact > 0.1 * exact[-1])[0]
+    first = exact[first_index]
+    last = exact[first_index + 90]
     low = first if end != "high" else 0.999 * first
     high = last if end != "low" else 1.001 * last
     system = LinearSystem.of(network, limits=Limits(part=1))
-    found = modes_of(system, between=(low, high))
-    assert found.certified
+    modes = modes_of(system, between=(low, high))
+    assert modes.certified
     for margin, compare in ((1e-9, np.less_equal), (-1e-9, np.greater_equal)):
         inside = (exact >= low * (1 - margin)) & (exact < high * (1 + margin))
-        assert compare(len(found.frequency), inside.sum())
+        assert compare(len(modes.frequency), inside.sum())
 
 
 @pytest.mark.parametrize("solver", direct_solvers())
@@ -94,16 +104,18 @@ def test_an_interval_that_ends_on_a_mode_ends_its_search_and_is_complete(end, wi
     "network", [diluted(0.1, 3, 3), diluted(0.1, 3, 7), columns_side_by_side(60), sliding(100)]
 )
 def test_a_count_on_a_mode_is_refused(network, solver):
-    """On some modes, one or sixty, and on either side of them as far as round-off reaches, at any
-    frequency; further away the count is exact."""
+    """Refuse a count within the round-off of one or of sixty modes; it is exact further away."""
     if not available(solver):
         pytest.skip("pypardiso is not installed")
     system = LinearSystem.of(network, solver=solver)
     square = np.linalg.eigvalsh(system.dynamical_matrix.toarray())
-    gap, zero = 1e-6 * square[-1], system.zero_threshold
-    apart = np.flatnonzero((np.diff(square) > gap) & (square[:-1] > 10 * zero))
-    for k, away in zip(apart[:: max(1, len(apart) // 6)], cycle([0.7, 0.0, -0.7]), strict=False):
-        on, beside = frequency_of(square[k] + zero * np.array([away, 1.4]))
+    gap = 1e-6 * square[-1]
+    zero = system.zero_threshold
+    isolated = np.flatnonzero((np.diff(square) > gap) & (square[:-1] > 10 * zero))
+    for k, offset in zip(
+        isolated[:: max(1, len(isolated) // 6)], cycle([0.7, 0.0, -0.7]), strict=False
+    ):
+        on, beside = frequency_of(square[k] + zero * np.array([offset, 1.4]))
         with refusal("not_converged"):
             modal.count_modes(network, on, solver=solver)
         assert modal.count_modes(network, beside, solver=solver) == k + 1
@@ -112,8 +124,11 @@ def test_a_count_on_a_mode_is_refused(network, solver):
 @pytest.mark.parametrize("solver", direct_solvers())
 @pytest.mark.parametrize("which", [2, 4])
 def test_a_singular_block_on_the_way_does_not_spoil_the_count(solver, which):
-    """At an eigenvalue of one sphere's block of A every sphere of a column asks for a pivot that
-    is zero, while no eigenvalue of A is near. PARDISO replaces such pivots: 110 for 136 modes."""
+    """Count below an eigenvalue of one sphere's block of A, which is no eigenvalue of A.
+
+    Every sphere of the column then has a pivot of zero. PARDISO replaces such pivots and would
+    count 110 modes instead of 136.
+    """
     if not available(solver):
         pytest.skip("pypardiso is not installed")
     system = LinearSystem.of(gallery.column(120), solver=solver)
@@ -127,44 +142,52 @@ def test_a_singular_block_on_the_way_does_not_spoil_the_count(solver, which):
 @pytest.mark.parametrize("factor", [0.3, 3.3])
 @pytest.mark.parametrize("cells", [(2, 2, 6), (3, 3, 6)])
 def test_the_threshold_of_zero_is_one(factor, cells):
-    """A crystal that slides on walls with hardly a tangential spring: floppy below the threshold,
-    elastic above it, by structure, by a count, in lists and in the density of states."""
+    """Check that one threshold decides everywhere which modes are floppy.
+
+    A crystal slides on walls with hardly a tangential spring. Its softest modes are floppy below
+    the threshold and elastic above it: by structure, in counts, in lists and in the density of
+    states.
+    """
     network = sliding(factor, cells)
-    below, everything = int(factor < 1), LinearSystem.of(network)
-    soft = factor * everything.zero_threshold
-    round_off = everything.size * np.finfo(float).eps * everything.row_sum_bound
-    found = np.linalg.eigvalsh(everything.dynamical_matrix.toarray())[:2]
-    assert found == pytest.approx(soft, rel=1e-4, abs=round_off) and round_off < 0.2 * soft
+    is_floppy = int(factor < 1)
+    system = LinearSystem.of(network)
+    soft = factor * system.zero_threshold
+    round_off = system.size * np.finfo(float).eps * system.row_sum_bound
+    lowest = np.linalg.eigvalsh(system.dynamical_matrix.toarray())[:2]
+    assert lowest == pytest.approx(soft, rel=1e-4, abs=round_off) and round_off < 0.2 * soft
     for floppy in (
-        by_structure(everything).total,
+        by_structure(system).total,
         modal.count_modes(network, 1e-6),
         modal.eigenmodes(network, lowest=3).floppy_modes,
         modal.density_of_states(network, tolerance=0.3).zero_modes.sum(),
     ):
-        assert floppy == pytest.approx(2 * below, abs=1e-9)
+        assert floppy == pytest.approx(2 * is_floppy, abs=1e-9)
 
 
 def test_residuals_where_a_symmetry_is_used_are_those_of_the_whole():
-    """Springs that differ by 8e-10: the residual of a crystal's waves in A, not in their block."""
+    """Check that the residuals of a crystal's waves are those in A, not in a block of the symmetry.
+
+    Stiffnesses differ by 8e-10, which the symmetry does not see.
+    """
     crystal = gallery.fcc(cells=(3, 3, 14))
     rough = 1 + 8e-10 * np.random.default_rng(1).uniform(-0.4, 0.4, crystal.n_contacts)
     network = replace(crystal, stiffness_normal=crystal.stiffness_normal * rough)
     system = LinearSystem.of(network)
-    found = modes_of(system, all=True)
-    assert found.attributes["solver"] == "symmetry 3x3"
-    vector = system.sqrt_mass.times(found.shapes().reshape(len(found.frequency), -1).T)
-    square = (2 * np.pi * found.frequency) ** 2
-    own = np.linalg.norm(system.dynamical_matrix @ vector - square * vector, axis=0) / square
+    modes = modes_of(system, all=True)
+    assert modes.attributes["solver"] == "symmetry 3x3"
+    vector = system.sqrt_mass.times(modes.shapes().reshape(len(modes.frequency), -1).T)
+    square = (2 * np.pi * modes.frequency) ** 2
+    residual = np.linalg.norm(system.dynamical_matrix @ vector - square * vector, axis=0) / square
     # Standing waves are halves of travelling ones: their residual differs by sqrt(2) at most.
-    alone = abs(np.diff(square, prepend=0, append=2e30)) > 1e-6 * square[-1]
-    alone = alone[:-1] & alone[1:]
-    assert alone.sum() > 5 and own.max() > 1e-10
-    assert found.residual[alone] == pytest.approx(own[alone], rel=1e-3)
-    assert (found.residual > 0.7 * own - 1e-14).all()
+    isolated = abs(np.diff(square, prepend=0, append=2e30)) > 1e-6 * square[-1]
+    isolated = isolated[:-1] & isolated[1:]
+    assert isolated.sum() > 5 and residual.max() > 1e-10
+    assert modes.residual[isolated] == pytest.approx(residual[isolated], rel=1e-3)
+    assert (modes.residual > 0.7 * residual - 1e-14).all()
 
 
 def test_all_modes_follow_the_time_that_is_given():
-    """More than 6,000 degrees of freedom are refused by their estimate, not by their number."""
+    """Refuse all modes of more than 6,000 degrees of freedom by the estimated time."""
     network = repeat(diluted(0.1, 3, 3), 5, 5)
     rough = 1 + 0.1 * np.random.default_rng(1).random(network.n_contacts)
     network = replace(network, stiffness_normal=network.stiffness_normal * rough)
@@ -177,15 +200,15 @@ def test_all_modes_follow_the_time_that_is_given():
 
 @pytest.mark.parametrize("layers", [4, 20])
 def test_without_contacts_every_motion_is_free(layers, tmp_path, printed):
-    """Below and above the size of dense solvers: the same words, at once."""
+    """Ask a packing without contacts, below and above the size of dense solvers."""
     crystal = gallery.fcc(cells=(3, 3, layers))
     network = crystal.with_contacts(np.zeros(crystal.n_contacts, bool))
     size = 6 * network.n_particles
     assert f"{size} ({size} free particles)" in modal.describe(network)
     assert modal.count_modes(network, [0.0, 1.0]).tolist() == [0, size]
     for question in ({"below": 1e4}, {"all": True}):
-        found = modal.eigenmodes(network, **question)
-        assert found.certified and found.floppy_modes == size
+        modes = modal.eigenmodes(network, **question)
+        assert modes.certified and modes.floppy_modes == size
     for question in ({"lowest": 1}, {"highest": 1}):
         with refusal("no_stiffness"):
             modal.eigenmodes(network, **question)

@@ -24,30 +24,31 @@ MEASURED = ROOT / "tests/data/lowest_modes_measured.csv"
 
 @pytest.fixture(scope="module")
 def packing():
-    """Read once."""
+    """Return the packing of 35,201 spheres."""
     return modal.read(SAMPLE)
 
 
 def test_estimates_against_the_benchmark_at_full_size(packing):
-    """10 to 300 modes of 35,201 spheres, 10 of three times as many, and all below 12 and 20 kHz,
-    which are lifted: within a factor of 2.5.
+    """Compare estimates with measured seconds and bytes, within a factor of 2.5.
 
-    The benchmark ran another factorisation, on two cores, so closer would be chance. 1.9 GB are
-    those of the exact count alone, beside which 177 modes need little.
+    The searches are for 10 to 300 modes of 35,201 spheres, for 10 modes of three times as many, and
+    for all modes below 12 and 20 kHz by a polynomial. The benchmark ran with another factorisation
+    and on two cores, so that a closer agreement would be chance. 1.9 GB are those of the exact
+    count alone, beside which 177 modes need little.
     """
-    one, three = (
+    system, tripled = (
         LinearSystem.of(network, solver="pardiso") for network in (packing, repeat(packing, 3, 1))
     )
     compared = [
-        (effort.below_an_edge(one, 177, 65), 49.0, 1900.0),
-        (effort.below_an_edge(one, 1086, 39), 184.0, 3400.0),
+        (effort.below_an_edge(system, 177, 65), 49.0, 1900.0),
+        (effort.below_an_edge(system, 1086, 39), 184.0, 3400.0),
     ]
     with open(MEASURED, newline="") as file:
         for name, number, seconds, megabytes, *_ in csv.reader(file):
             if name == "lowest modes of 35201 spheres":
-                cost = effort.near_a_shift(one, int(number))
+                cost = effort.near_a_shift(system, int(number))
             elif name.startswith("lowest") and number == "105603":
-                cost = effort.near_a_shift(three, 10)
+                cost = effort.near_a_shift(tripled, 10)
             else:
                 continue
             compared.append((cost, float(seconds), float(megabytes)))
@@ -63,14 +64,14 @@ def test_estimates_against_the_benchmark_at_full_size(packing):
     ids=["all", "lowest", "highest", "below"],
 )
 def test_what_would_not_end_is_refused_at_full_size(packing, question, monkeypatch):
-    """With the estimate, and nothing is factorised before it."""
+    """Refuse a long search by its estimate, before anything is factorised."""
     monkeypatch.delattr("modal.system.linear_system.factorise")
     with refusal("too_large", " GB"):
         modal.eigenmodes(packing, **question, hours=1.0)
 
 
 def test_memory_and_hours_decide(tmp_path, one_line, monkeypatch):
-    """A search of a second runs, is refused in a thousandth of the time, or in 0.1 MB."""
+    """Run a search of a second; refuse it if it may take 4 ms, or if 100 kB are available."""
     path = tmp_path / "x.network.h5"
     write_network(path, gallery.fcc(cells=(4, 4, 10)))
     assert main(["modes", str(path), "--lowest", "5"]) == 0
@@ -81,12 +82,15 @@ def test_memory_and_hours_decide(tmp_path, one_line, monkeypatch):
 
 
 def test_highest_modes_go_without_a_count_that_does_not_fit(monkeypatch):
-    """A factor of 100 MB, 20 MB at hand: the mode is found, and why it is not certified is said."""
+    """Find the highest mode without a certificate if the factor for the count does not fit.
+
+    The factor takes 100 MB, and 20 MB are available.
+    """
     system = LinearSystem.of(gallery.fcc(cells=(8, 8, 20)), shapes=False)
     monkeypatch.setattr("modal.tools.workload.memory_at_hand", lambda: 2e7)
     monkeypatch.delattr("modal.system.linear_system.factorise")
-    found = modes_of(system, highest=1)
-    assert len(found.frequency) == 1 and not found.attributes["certified"]
-    assert "20 MB" in found.attributes["uncertified_because"]
+    modes = modes_of(system, highest=1)
+    assert len(modes.frequency) == 1 and not modes.attributes["certified"]
+    assert "20 MB" in modes.attributes["uncertified_because"]
     with refusal("too_large"):
         count_below(system, 1e5)

@@ -32,12 +32,16 @@ def test_bloch_long_wave_along_z_is_eq_9():
 
 
 def test_bloch_equals_periodic_supercell():
-    """Every mode of a supercell, periodic on all sides, is a Bloch wave of an allowed k."""
-    width, layers, crystal = 2, 4, FccLattice(1e5)
+    """Compare all modes of a cell, periodic on all sides, with the Bloch waves in it."""
+    width = 2
+    layers = 4
+    crystal = FccLattice(1e5)
     network = gallery.fcc(cells=(width, width, layers), periodic_z=True)
-    K, scale = stiffness_matrix(network).toarray(), 1 / np.sqrt(mass_diagonal(network))
+    K = stiffness_matrix(network).toarray()
+    scale = 1 / np.sqrt(mass_diagonal(network))
     supercell = np.sort(np.linalg.eigvalsh(K * scale[:, None] * scale))
-    d, length = crystal.spacing, layers * crystal.layer_distance
+    d = crystal.spacing
+    length = layers * crystal.layer_distance
     squares = []
     for a in range(width):
         for b in range(width):
@@ -53,14 +57,14 @@ def test_bloch_equals_periodic_supercell():
 )
 def test_planar_modes_equal_the_chain_of_layers(layers, stress, radius):
     network = gallery.fcc(stress, (3, 3, layers), radius=radius)
-    found = modes_of(LinearSystem.of(network), all=True)
+    modes = modes_of(LinearSystem.of(network), all=True)
     theory = LayerLattice.of_network(network).eigenmodes()[0] / (2 * np.pi)
-    assert len(found.resonance_frequency) == layers
-    assert found.resonance_frequency == pytest.approx(theory, rel=1e-9)
+    assert len(modes.resonance_frequency) == layers
+    assert modes.resonance_frequency == pytest.approx(theory, rel=1e-9)
     wavenumber = np.pi * np.arange(1, layers + 1) / network.length
-    assert np.allclose(found.resonance_wavenumber, wavenumber)
+    assert np.allclose(modes.resonance_wavenumber, wavenumber)
     # Of unit norm in the mass of all nine spheres of a layer.
-    energy = 9 * network.mass[0] * (found.resonance_shape**2).sum(axis=1)
+    energy = 9 * network.mass[0] * (modes.resonance_shape**2).sum(axis=1)
     assert energy == pytest.approx(np.ones(layers), rel=1e-9)
 
 
@@ -77,18 +81,20 @@ def test_highest_mode_of_the_crystal_is_that_of_equal_turns():
 
 
 def test_observables_do_not_depend_on_how_many_are_measured_together():
-    """144 modes at once or in parts of 7: the same, and residuals of dense modes are round-off."""
+    """Measure 144 modes together and in pieces of 7."""
     network = gallery.fcc(cells=(2, 2, 6))
     # No symmetry: dense, all modes in one call.
     network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 3, 1.5))
     system = LinearSystem.of(network)
-    whole = modes_of(system, all=True)
-    parts = modes_of(LinearSystem.of(network, limits=Limits(together=7)), all=True)
+    together = modes_of(system, all=True)
+    in_pieces = modes_of(LinearSystem.of(network, limits=Limits(together=7)), all=True)
     for name in ("frequency", "chi_z", "chi_z_chain", "rotation_share", "mode_shape"):
-        assert np.allclose(getattr(parts, name), getattr(whole, name), rtol=1e-12), name
-    own = (2 * np.pi * whole.frequency) ** 2
-    floor = np.finfo(float).eps * system.size * system.row_sum_bound / own  # LAPACK's p(n) eps |A|
-    assert (np.maximum(whole.residual, parts.residual) < floor).all()
+        assert np.allclose(getattr(in_pieces, name), getattr(together, name), rtol=1e-12), name
+    square = (2 * np.pi * together.frequency) ** 2
+    floor = (
+        np.finfo(float).eps * system.size * system.row_sum_bound / square
+    )  # LAPACK's p(n) eps |A|
+    assert (np.maximum(together.residual, in_pieces.residual) < floor).all()
 
 
 def test_symmetry_blocks_equal_the_dense_spectrum():
@@ -96,16 +102,22 @@ def test_symmetry_blocks_equal_the_dense_spectrum():
     by_symmetry = modes_of(system, all=True)
     assert by_symmetry.attributes["solver"] == "symmetry 4x3"
     exact = np.linalg.eigvalsh(system.dynamical_matrix.toarray())
-    found, error = (2 * np.pi * by_symmetry.frequency) ** 2, 1e-13 * system.size * exact.max()
-    assert found == pytest.approx(exact, abs=error)
-    # A crystal of which one contact differs is none.
+    square = (2 * np.pi * by_symmetry.frequency) ** 2
+    error = 1e-13 * system.size * exact.max()
+    assert square == pytest.approx(exact, abs=error)
+
+
+def test_crystal_with_one_different_contact_has_no_symmetry():
     network = gallery.fcc(cells=(3, 3, 5))
     network = replace(network, stiffness_normal=scaled(network.stiffness_normal, 7, 1.001))
     assert modes_of(LinearSystem.of(network), all=True).attributes["solver"] == "dense"
 
 
 def test_without_rotations_the_top_is_the_low_pass_frequency():
-    """Translations only: f_max is the band edge of Eq. 10 (paper, section 5.1), up to L."""
+    """Compare f_max of translations alone with the band edge of Eq. 10 (paper, section 5.1).
+
+    The two differ by the finite length of the crystal.
+    """
     system = LinearSystem.of(gallery.fcc(cells=(4, 4, 60)), translations_only=True)
     top = modes_of(system, highest=1).frequency[0]
     assert top == pytest.approx(FccLattice(1e5).low_pass_frequency, rel=5e-3)
@@ -113,8 +125,12 @@ def test_without_rotations_the_top_is_the_low_pass_frequency():
 
 @pytest.mark.parametrize("share", [1e-4, 0.01, 0.1, 0.299])
 def test_a_crystal_presses_as_its_overlap_says(share):
-    """Hertz's force over a contact's share of the area, up to the deepest overlap of networks."""
-    radius, soft = 1e-3, Material(1e5, 0.2, 2230.0)
+    """Compare the stress with Hertz's force divided by a contact's share of the area.
+
+    The largest overlap is the deepest that a network may have.
+    """
+    radius = 1e-3
+    soft = Material(1e5, 0.2, 2230.0)
     force = 4 / 3 * soft.effective_young * np.sqrt(radius / 2) * (share * radius) ** 1.5
     stress = 2 * np.sqrt(2) * force / ((2 - share) * radius) ** 2
     crystal = FccLattice(stress, radius, soft)
@@ -126,10 +142,14 @@ def test_a_crystal_presses_as_its_overlap_says(share):
 
 
 @pytest.mark.parametrize("young", [1e5, 2e5, 1e6])
-def test_a_crystal_too_soft_for_its_stress_is_refused(young):
-    for make in (FccLattice, gallery.fcc):
-        with refusal("stress"):
-            make(1e5, material=Material(young, 0.2, 2230.0))
-    # Spheres overlap with a flat wall by 1.6 times as much as with each other.
+@pytest.mark.parametrize("make", [FccLattice, gallery.fcc], ids=["lattice", "packing"])
+def test_a_crystal_too_soft_for_its_stress_is_refused(make, young):
+    with refusal("stress"):
+        make(1e5, material=Material(young, 0.2, 2230.0))
+
+
+@pytest.mark.parametrize("young", [1e5, 2e5, 1e6])
+def test_a_crystal_that_overlaps_too_far_with_its_walls_is_refused(young):
+    """Refuse a stress that only walls exclude: their overlaps are 1.6 times as large."""
     with refusal("stress"):
         gallery.fcc(0.06 * young, (2, 2, 4), material=Material(young, 0.2, 2230.0))

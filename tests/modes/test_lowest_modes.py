@@ -15,10 +15,13 @@ from modal.system.linear_system import Limits, LinearSystem, frequency_of
 pytestmark = pytest.mark.two_ways
 
 
-def residual_promised(system: LinearSystem, found: ModeSet) -> np.ndarray:
-    """Bound of the residuals of a search: a residual r of (A - sigma)^-1 below TOLERANCE theta
-    leaves |A v - omega^2 v| = |(A - sigma) r / theta| <= |A| TOLERANCE, in units of omega^2."""
-    return TOLERANCE * system.row_sum_bound / (2 * np.pi * found.frequency) ** 2
+def residual_promised(system: LinearSystem, modes: ModeSet) -> np.ndarray:
+    """Return the bound (k,) of the residuals of a search.
+
+    A residual r of (A - sigma)^-1 below TOLERANCE theta leaves |A v - omega^2 v| = |(A - sigma) r /
+    theta| <= |A| TOLERANCE, in units of omega^2.
+    """
+    return TOLERANCE * system.row_sum_bound / (2 * np.pi * modes.frequency) ** 2
 
 
 @pytest.mark.parametrize("solver", direct_solvers())
@@ -26,7 +29,7 @@ def residual_promised(system: LinearSystem, found: ModeSet) -> np.ndarray:
     ("network", "count"), [(diluted(0.35, 4, layers=8), 40), (columns_side_by_side(100), 120)]
 )
 def test_lowest_modes_by_every_factorisation(network, count, solver):
-    """Of a spectrum in disorder, and of one in which every frequency comes a hundred times."""
+    """Find the lowest modes of disorder, and of columns with every frequency a hundred times."""
     if not available(solver):
         pytest.skip("pypardiso is not installed")
     system = LinearSystem.of(network, solver=solver)
@@ -41,7 +44,7 @@ def test_lowest_modes_by_every_factorisation(network, count, solver):
 
 @pytest.mark.parametrize("solver", [None, "superlu", "blocks"])
 def test_intervals_are_cut_and_complete(solver):
-    """Slices of at most 40 modes give the same list as the dense solver, each one once."""
+    """Compare slices of at most 40 modes with the dense spectrum: each mode is there once."""
     limits = Limits(dense=0, slice=40)
     system = LinearSystem.of(diluted(0.35, 5, layers=7), solver=solver, limits=limits)
     frequency = frequency_of(dense_squares(system))
@@ -49,18 +52,18 @@ def test_intervals_are_cut_and_complete(solver):
     # Ends in the middle of gaps, away from the round-off of any frequency.
     middle = (elastic[1:] + elastic[:-1]) / 2
     for low, high in ((0.0, middle[130]), (middle[100], middle[190])):
-        found = modes_of(system, between=(low, high))
+        modes = modes_of(system, between=(low, high))
         expected = elastic[(elastic >= low) & (elastic < high)]
-        assert found.attributes["certified"]
-        assert found.frequency == pytest.approx(expected, rel=1e-8)
+        assert modes.attributes["certified"]
+        assert modes.frequency == pytest.approx(expected, rel=1e-8)
 
 
 @pytest.mark.parametrize("network", [diluted(0.35, 5, layers=7), columns_side_by_side(30, 8)])
 def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
-    """The same list as the dense solver's, without a factor but for the count.
+    """Find the modes of the dense solver with no factor but that of the count.
 
-    Columns side by side have every frequency thirty times, more than a block is wide: the count
-    asks for further rounds.
+    Columns side by side have every frequency thirty times, which is more than the width of a block:
+    the count requests further rounds.
     """
     monkeypatch.setattr("modal.modes.effort.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
     monkeypatch.delattr(LinearSystem, "factor")
@@ -70,24 +73,24 @@ def test_modes_below_a_frequency_by_a_polynomial(monkeypatch, network):
     high = elastic[gap : gap + 2].mean()
     # Nothing but floppy modes lies below the lower end, zero or not; and as many as are asked,
     # below a frequency that a density of states tells.
-    for asked in (
+    for question in (
         {"between": (0.0, high)},
         {"between": (elastic[0] / 2, high)},
         {"lowest": gap + 1},
     ):
-        found = modes_of(system, **asked)
-        assert found.certified and "products" in found.attributes["solver"]
-        assert found.frequency == pytest.approx(elastic[: gap + 1], rel=1e-8)
-        assert (found.residual < 10 * residual_promised(system, found)).all()
+        modes = modes_of(system, **question)
+        assert modes.certified and "products" in modes.attributes["solver"]
+        assert modes.frequency == pytest.approx(elastic[: gap + 1], rel=1e-8)
+        assert (modes.residual < 10 * residual_promised(system, modes)).all()
 
 
 def test_a_small_part_of_a_small_packing_is_not_solved_dense():
-    """A third of the modes are; a twentieth are searched for, with the same digits."""
+    """Take the dense solver for a third of the modes, and a search for a twentieth."""
     system = LinearSystem.of(diluted(0.35, 5, layers=7))
     elastic = frequency_of(dense_squares(system))[by_structure(system).total :]
     middle = (elastic[1:] + elastic[:-1]) / 2
     for last, dense in ((len(elastic) // 20, False), (system.size // 3, True)):
-        found = modes_of(system, between=(0.0, middle[last]))
-        assert (found.attributes["solver"] == "dense") is dense
+        modes = modes_of(system, between=(0.0, middle[last]))
+        assert (modes.attributes["solver"] == "dense") is dense
         tolerance = 1e-13 * (elastic[-1] / elastic[0]) ** 2
-        assert found.frequency == pytest.approx(elastic[: last + 1], rel=tolerance)
+        assert modes.frequency == pytest.approx(elastic[: last + 1], rel=tolerance)

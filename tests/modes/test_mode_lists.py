@@ -26,11 +26,13 @@ EPS = np.finfo(float).eps
 @pytest.mark.parametrize("options", [("--below", "10"), ("--between", "1", "2")])
 @pytest.mark.parametrize("layers", [6, 30])
 def test_an_interval_without_modes_is_an_empty_certified_list(tmp_path, printed, layers, options):
-    """The lowest mode lies at kHz: below 10 Hz there is nothing, dense and not."""
-    source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
+    """Ask below 10 Hz, where a crystal has no mode, by a dense solver and by a search."""
+    source = tmp_path / "x.network.h5"
+    product = tmp_path / "x.modes.h5"
     write_network(source, gallery.fcc(cells=(2, 2, layers)))
-    found, written = printed("modes", source, *options, "-o", out), read_modes(out)
-    assert found["frequency_hz"] == [] and found["certified"] and found["missing"] == 0
+    output = printed("modes", source, *options, "-o", product)
+    written = read_modes(product)
+    assert output["frequency_hz"] == [] and output["certified"] and output["missing"] == 0
     assert len(written.frequency) == 0 and written.attributes["certified"]
 
 
@@ -51,12 +53,12 @@ SHAPES = {
 
 @pytest.mark.parametrize("path", SHAPES)
 def test_mode_shapes_are_in_the_file(tmp_path, path, monkeypatch):
-    """Every path writes shapes that are orthonormal with M and solve K phi = omega^2 M phi."""
+    """Check that shapes are orthonormal with M and solve K phi = omega^2 M phi, by every solver."""
     limits = Limits(dense=0 if path in ("interval", "slices", "low end") else 6000,
                     slice=10 if path == "slices" else 700)  # fmt: skip
     if path == "low end":  # factors are told to be dear
         monkeypatch.setattr("modal.modes.effort.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
-    network, question, way = SHAPES[path]
+    network, question, solver_name = SHAPES[path]
     system = LinearSystem.of(
         network,
         translations_only=path == "translations",
@@ -65,7 +67,7 @@ def test_mode_shapes_are_in_the_file(tmp_path, path, monkeypatch):
     )
     write_modes(tmp_path / "x.modes.h5", modes_of(system, **question))
     written = read_modes(tmp_path / "x.modes.h5")
-    assert way in written.attributes["solver"]
+    assert solver_name in written.attributes["solver"]
     count = len(written.frequency)
     assert count > 3 and written.mode_shape.shape == (count, network.n_particles, 6)
     dof = 3 if path == "translations" else 6
@@ -84,7 +86,10 @@ def test_mode_shapes_are_in_the_file(tmp_path, path, monkeypatch):
 
 
 def test_shapes_above_the_limit_are_left_out_with_a_word(tmp_path):
-    """216 modes of 36 spheres take 373 kB: one byte less allowed, they stay out and it is said."""
+    """Leave shapes out of the file if they need one byte more than the limit.
+
+    216 modes of 36 spheres take 373 kB.
+    """
     system = LinearSystem.of(gallery.fcc(cells=(3, 3, 4)), limits=Limits(shapes=8 * 216**2 - 1))
     write_modes(tmp_path / "x.modes.h5", modes_of(system, all=True))
     written = read_modes(tmp_path / "x.modes.h5")
@@ -114,32 +119,39 @@ def test_motions_along_z_are_those_of_the_whole_shapes(tmp_path):
 
 
 def test_pairs_of_a_crystal_have_the_chi_z_of_the_wave_that_they_make():
-    """Two standing waves of equal frequency are a travelling one; other modes have their own."""
-    found = modes_of(LinearSystem.of(gallery.fcc(cells=(3, 3, 6))), all=True)
-    same = found.frequency[1:] == found.frequency[:-1]
-    before, after = np.append(False, same), np.append(same, False)
-    apart = abs(chi_z(found.shapes()) - found.chi_z)
-    assert apart[~before & ~after].max() < 1e-9
-    first = np.flatnonzero(after & ~before & ~np.append(after[1:], False))
-    both = found.shapes()[first] ** 2 + found.shapes()[first + 1] ** 2
-    wave = (both[:, :, 2] / both[:, :, :3].sum(axis=2)).mean(axis=1)
-    assert len(first) > 80 and wave == pytest.approx(found.chi_z[first], abs=1e-6)
-    assert apart[first].max() > 0.1
+    """Compare chi_z of a pair of equal frequency with that of the travelling wave of both.
+
+    Other modes have their own chi_z.
+    """
+    modes = modes_of(LinearSystem.of(gallery.fcc(cells=(3, 3, 6))), all=True)
+    same_as_next = modes.frequency[1:] == modes.frequency[:-1]
+    has_equal_before = np.append(False, same_as_next)
+    has_equal_after = np.append(same_as_next, False)
+    difference = abs(chi_z(modes.shapes()) - modes.chi_z)
+    assert difference[~has_equal_before & ~has_equal_after].max() < 1e-9
+    first = np.flatnonzero(
+        has_equal_after & ~has_equal_before & ~np.append(has_equal_after[1:], False)
+    )
+    squared_motion = modes.shapes()[first] ** 2 + modes.shapes()[first + 1] ** 2
+    wave = (squared_motion[:, :, 2] / squared_motion[:, :, :3].sum(axis=2)).mean(axis=1)
+    assert len(first) > 80 and wave == pytest.approx(modes.chi_z[first], abs=1e-6)
+    assert difference[first].max() > 0.1
 
 
 @pytest.mark.parametrize("path", ["lowest", "interval", "slices", "low end", "highest"])
 def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
-    """12 modes asked of which 8 at the end converge: 8 in the file, 4 missing, status 3."""
-    network, highest = disordered((2, 2, 27)), path == "highest"
+    """Let 8 of 12 requested modes converge: the file has 8, 4 are missing, the status is 3."""
+    network = disordered((2, 2, 27))
+    highest = path == "highest"
     square = np.linalg.eigvalsh(LinearSystem.of(network).dynamical_matrix.toarray())
     frequency = frequency_of(square)
 
     def short(search):
         def search_and_forget(*arguments, **options):
-            found = search(*arguments, **options)
+            output = search(*arguments, **options)
             eighth = square[-9:-7].mean() if highest else square[7:9].mean()
-            found.converged &= (found.square > eighth) == highest
-            return found
+            output.converged &= (output.square > eighth) == highest
+            return output
 
         return search_and_forget
 
@@ -149,24 +161,25 @@ def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
     monkeypatch.setattr("modal.modes.effort.below_an_edge", lambda *_: lifted)
     if path == "slices":
         monkeypatch.setattr("modal.system.linear_system.Limits.slice", 5)
-    asked = {"lowest": ["--lowest", "12"], "highest": ["--highest", "12"]}
-    options = asked.get(path, ["--below", repr(float(frequency[11:13].mean()))])
-    source, out = tmp_path / "x.network.h5", tmp_path / "x.modes.h5"
+    options_of_path = {"lowest": ["--lowest", "12"], "highest": ["--highest", "12"]}
+    options = options_of_path.get(path, ["--below", repr(float(frequency[11:13].mean()))])
+    source = tmp_path / "x.network.h5"
+    product = tmp_path / "x.modes.h5"
     write_network(source, network)
-    assert main(["modes", str(source), "--json", *options, "-o", str(out)]) == 3
+    assert main(["modes", str(source), "--json", *options, "-o", str(product)]) == 3
     printed = capsys.readouterr()
-    found = json.loads(printed.out)
-    assert found["missing"] == 4 and not found["certified"]
+    output = json.loads(printed.out)
+    assert output["missing"] == 4 and not output["certified"]
     assert "4 modes are missing" in printed.err
-    written = read_modes(out)
-    wanted = frequency[-8:] if highest else frequency[:8]
-    assert written.frequency == pytest.approx(wanted, rel=1e-8)
+    written = read_modes(product)
+    expected = frequency[-8:] if highest else frequency[:8]
+    assert written.frequency == pytest.approx(expected, rel=1e-8)
     assert written.attributes["missing"] == 4 and not written.attributes["certified"]
-    assert "4" in written.attributes["uncertified_because"] == found["uncertified_because"]
+    assert "4" in written.attributes["uncertified_because"] == output["uncertified_because"]
 
 
 def test_what_was_asked_for_is_read_back_from_old_files_too():
-    """Files of before have the words alone, in which frequencies have six digits."""
+    """Read the request of earlier files, which have only a text with frequencies of six digits."""
     between = Choice("between", low=1.25e4, high=2.5e4)
     for choice in (Choice("lowest", 12), Choice("highest", 3), Choice("all"), between):
         written = choice.attributes

@@ -36,9 +36,13 @@ def packing(name: str) -> Network:
 
 @cache
 def spectrum(name: str, pre_stress: str) -> tuple[np.ndarray, int, int]:
-    """Elastic frequencies, Hz, ascending, by LAPACK's general problem; how many are zero, below."""
+    """Return elastic frequencies, Hz, ascending, and the numbers of zero and of unstable modes.
+
+    They are those of a dense matrix, by LAPACK's solver for general matrices if needed.
+    """
     network = packing(name)
-    K, M = stiffness_matrix(network, pre_stress=pre_stress), mass_diagonal(network)
+    K = stiffness_matrix(network, pre_stress=pre_stress)
+    M = mass_diagonal(network)
     A = K.toarray() / np.sqrt(M) / np.sqrt(M)[:, None]
     square = np.linalg.eigvals(A) if pre_stress == "full" else np.linalg.eigvalsh((A + A.T) / 2)
     omega = np.where(square.imag == 0, square.real, np.sqrt(square.astype(complex)).real ** 2)
@@ -48,7 +52,10 @@ def spectrum(name: str, pre_stress: str) -> tuple[np.ndarray, int, int]:
 
 
 def exact_to(frequency: np.ndarray, name: str) -> np.ndarray:
-    """Relative round-off of a dense frequency: size eps |A| / omega^2, and 1e-8 of a solver's."""
+    """Return the relative round-off of dense frequencies, and 1e-8 for that of a solver.
+
+    It is size eps |A| / omega^2.
+    """
     system = LinearSystem.of(packing(name))
     square = (2 * np.pi * frequency) ** 2
     return 1e-8 + system.size * np.finfo(float).eps * system.row_sum_bound / square
@@ -58,7 +65,10 @@ def exact_to(frequency: np.ndarray, name: str) -> np.ndarray:
 @pytest.mark.parametrize("pre_stress", ["normal", "full"])
 @pytest.mark.parametrize("name", PACKINGS)
 def test_modes_under_pre_stress_are_those_of_dense_matrices(name, pre_stress, whole):
-    """The lowest 20, the highest 5 and 1, an interval; no certificate where K is not symmetric."""
+    """Compare the lowest 20, the highest 5 and 1, and an interval with dense matrices.
+
+    There is no certificate where K is not symmetric, unless a dense solver finds all modes.
+    """
     limits = Limits() if whole else Limits(unsymmetric=0)
     system = LinearSystem.of(packing(name), pre_stress=pre_stress, limits=limits)
     elastic, zero, unstable = spectrum(name, pre_stress)
@@ -70,22 +80,22 @@ def test_modes_under_pre_stress_are_those_of_dense_matrices(name, pre_stress, wh
         ({"highest": 1}, elastic[-1:]),
         ({"between": middle}, elastic[inside]),
     ):
-        found = modes_of(system, **question)
-        assert (abs(found.frequency / expected - 1) <= exact_to(expected, name)).all()
-        assert found.certified == (pre_stress == "normal" or whole or "between" in question)
-        if found.certified:
-            assert (found.floppy_modes, found.unstable_modes) == (zero, unstable)
+        modes = modes_of(system, **question)
+        assert (abs(modes.frequency / expected - 1) <= exact_to(expected, name)).all()
+        assert modes.certified == (pre_stress == "normal" or whole or "between" in question)
+        if modes.certified:
+            assert (modes.floppy_modes, modes.unstable_modes) == (zero, unstable)
 
 
 @pytest.mark.parametrize("name", PACKINGS)
 def test_counts_and_densities_under_pre_stress(name):
-    """Unstable modes count below 0 Hz; a density with them is refused with their number."""
+    """Count unstable modes below 0 Hz, and refuse a density of states with such modes."""
     network = packing(name)
     elastic, zero, unstable = spectrum(name, "normal")
     widest = np.argmax(np.diff(elastic[:60])), 60 + np.argmax(np.diff(elastic[60:]))
-    at = [0.0, 1e-3, *((elastic[k] + elastic[k + 1]) / 2 for k in widest)]
+    frequencies = [0.0, 1e-3, *((elastic[k] + elastic[k + 1]) / 2 for k in widest)]
     expected = [unstable, unstable + zero, *(unstable + zero + k + 1 for k in widest)]
-    assert modal.count_modes(network, at, pre_stress="normal").tolist() == expected
+    assert modal.count_modes(network, frequencies, pre_stress="normal").tolist() == expected
     if unstable:
         with refusal("unstable", f"({unstable} "):
             modal.density_of_states(network, pre_stress="normal")
@@ -93,21 +103,22 @@ def test_counts_and_densities_under_pre_stress(name):
     for tolerance in (1e-3, 0.3):
         states = modal.density_of_states(network, pre_stress="normal", tolerance=tolerance)
         assert states.zero_modes.sum() == pytest.approx(zero, abs=1e-6)
-        value, error = states.count_below([0.5 * elastic[-1]])
+        count, error = states.count_below([0.5 * elastic[-1]])
         exact = zero + (elastic < 0.5 * elastic[-1]).sum()
-        assert abs(value[0, 6] - exact) < 4 * error[0, 6] + 5
+        assert abs(count[0, 6] - exact) < 4 * error[0, 6] + 5
 
 
 def test_the_column_buckles_under_its_own_force():
-    """Two spheres that only touch each other and the walls: N / length against kt, by hand."""
+    """Compare with two spheres without tangential springs, by hand: N / length against kt."""
     column = gallery.column(2)
     free = column.unchecked(stiffness_tangential=np.zeros(3), sliding=np.ones(3, bool))
     # Against each other across the axis: -2 N dn on either, N over the distance of the centres.
-    force, distance = column.force_normal[1], np.linalg.norm(column.branch[1])
+    force = column.force_normal[1]
+    distance = np.linalg.norm(column.branch[1])
     square = -2 * force / distance / column.mass[0]
-    found = modal.eigenmodes(free, all=True, pre_stress="normal")
-    assert found.unstable_modes == 2
-    assert found.frequency[:2] == pytest.approx(frequency_of(square), rel=1e-9)
+    modes = modal.eigenmodes(free, all=True, pre_stress="normal")
+    assert modes.unstable_modes == 2
+    assert modes.frequency[:2] == pytest.approx(frequency_of(square), rel=1e-9)
 
 
 def test_counts_refuse_a_stiffness_that_is_not_symmetric():
@@ -121,7 +132,7 @@ def test_densities_refuse_a_stiffness_that_is_not_symmetric():
 
 
 def test_commands_take_pre_stress(tmp_path, printed):
-    """`modes`, `count` and `density` with the normal forces; `modes` with all of them."""
+    """Run `modes`, `count` and `density` with the normal forces, and `modes` with all forces."""
     path = tmp_path / "a.network.h5"
     write_network(path, packing("random"))
     elastic, zero, unstable = spectrum("random", "normal")
@@ -138,19 +149,23 @@ def test_commands_take_pre_stress(tmp_path, printed):
 
 
 def test_modes_and_counts_of_bonded_bodies_are_those_of_a_loop_over_contacts():
-    """K phi = omega^2 M phi by LAPACK, K summed contact by contact, M with each body's tensor."""
+    """Compare with LAPACK on K phi = omega^2 M phi.
+
+    K is summed contact by contact, M has the tensor of inertia of each body.
+    """
     network = changes.bonded(packing("friction"))
-    masses = [sp.identity(3) * mass for mass in network.mass]
-    pairs = zip(masses, network.inertia_tensor, strict=True)
-    mass = sp.block_diag([part for pair in pairs for part in pair]).toarray()
+    blocks = []
+    for mass_of_body, inertia in zip(network.mass, network.inertia_tensor, strict=True):
+        blocks += [mass_of_body * sp.identity(3), inertia]
+    mass = sp.block_diag(blocks).toarray()
     square = eigh(oracles.slow_stiffness(network), mass, eigvals_only=True)
     zero = int((square <= 1e-11 * square[-1]).sum())
     elastic = frequency_of(square[zero:])
     assert LinearSystem.of(network).size > Limits().small
     for question, expected in (({"lowest": 20}, elastic[:20]), ({"highest": 5}, elastic[-5:])):
-        found = modal.eigenmodes(network, **question)
-        assert found.certified and found.floppy_modes == zero
-        assert found.frequency == pytest.approx(expected, rel=1e-8)
+        modes = modal.eigenmodes(network, **question)
+        assert modes.certified and modes.floppy_modes == zero
+        assert modes.frequency == pytest.approx(expected, rel=1e-8)
     gaps = np.argsort(np.diff(elastic))[-5:]
     counted = modal.count_modes(network, (elastic[gaps] + elastic[gaps + 1]) / 2)
     assert counted.tolist() == (zero + gaps + 1).tolist()

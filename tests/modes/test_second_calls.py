@@ -24,7 +24,10 @@ QUESTIONS = {
 
 @pytest.fixture
 def made(monkeypatch):
-    """A list to which each factorisation and search adds a name; another for one given back."""
+    """Return a list to which each factorisation and search adds its name.
+
+    A factor that is released adds another name.
+    """
     names = []
 
     def noted(*arguments, **options):
@@ -57,13 +60,13 @@ def answers(network):
 def test_nothing_is_factorised_or_sought_twice_and_the_second_answer_is_the_first(made):
     network = gallery.fcc(cells=(4, 4, 8))
     first = answers(network)
-    known = list(made)
-    assert known.count("made") >= 3  # two counts and the factor of the modes, at least
-    assert {"modes_nearest", "modes_from_top", "bound_of_spectrum"} < set(known)
+    calls_of_first = list(made)
+    assert calls_of_first.count("made") >= 3  # two counts and the factor of the modes, at least
+    assert {"modes_nearest", "modes_from_top", "bound_of_spectrum"} < set(calls_of_first)
     second = answers(network)
-    assert made == known
-    for one, other in zip(first, second, strict=True):
-        np.testing.assert_array_equal(one, other)
+    assert made == calls_of_first
+    for first_answer, second_answer in zip(first, second, strict=True):
+        np.testing.assert_array_equal(first_answer, second_answer)
     # Another question, or the same in another way, is not answered by what is kept.
     assert modal.eigenmodes(network, lowest=5, shapes=False).mode_shape is None
     uncertified = modal.eigenmodes(network, highest=3, certify=False)
@@ -72,7 +75,7 @@ def test_nothing_is_factorised_or_sought_twice_and_the_second_answer_is_the_firs
     # Other springs are another network, of which nothing is known.
     stiffer = replace(network, stiffness_normal=2 * network.stiffness_normal)
     assert (answers(stiffer)[1] > first[1]).any()
-    assert made.count("made") > known.count("made")
+    assert made.count("made") > calls_of_first.count("made")
 
 
 def test_factors_go_with_their_network_and_large_ones_at_once(made, monkeypatch):
@@ -84,8 +87,8 @@ def test_factors_go_with_their_network_and_large_ones_at_once(made, monkeypatch)
     assert made.count("given back") == made.count("made")
     monkeypatch.setattr("modal.system.linear_system.MAX_CACHED_BYTES", 0.0)
     network = gallery.fcc(cells=(4, 4, 8))
-    for one, other in zip(first, answers(network), strict=True):
-        np.testing.assert_array_equal(one, other)
+    for first_answer, second_answer in zip(first, answers(network), strict=True):
+        np.testing.assert_array_equal(first_answer, second_answer)
     assert made.count("given back") == made.count("made")
     searched = made.count("modes_from_top")
     answers(network)

@@ -1,6 +1,7 @@
 """Motions without energy: counted exactly, by kind, and those that many spheres share."""
 
 from functools import cache, partial
+from itertools import product
 
 import numpy as np
 import pytest
@@ -25,32 +26,39 @@ pytestmark = pytest.mark.two_ways
 
 
 def zero_modes(system: LinearSystem) -> int:
-    """Rank deficiency of the dense matrix; round-off is some 1e-14 of the largest eigenvalue."""
+    """Return the rank deficiency of the dense matrix.
+
+    Round-off is some 1e-14 of the largest eigenvalue.
+    """
     square = dense_squares(system)
     return int((square < 1e-11 * square[-1]).sum())
 
 
 def without_walls(system: LinearSystem) -> int:
-    """The same of the spheres that no contacts join to a wall."""
+    """Return the rank deficiency of the spheres that no contacts join to a wall."""
     network = system.network
-    part = connected_components(_adjacency(network), directed=False)[1]
-    rows = np.repeat(~np.isin(part, part[network.particle_i[network.with_wall]]), system.dof)
+    cluster = connected_components(_adjacency(network), directed=False)[1]
+    rows = np.repeat(~np.isin(cluster, cluster[network.particle_i[network.with_wall]]), system.dof)
     square = np.linalg.eigvalsh(system.dynamical_matrix.toarray()[rows][:, rows])
     return int((square < 1e-11 * system.row_sum_bound).sum())
 
 
+WITH_ROTATIONS = [(*case, False) for case in product((0.3, 0.6, 0.85), (1, 2, 3))]
+WITHOUT_ROTATIONS = [(0.8, 2, True), (0.9, 2, True)]
+
+
 @pytest.mark.parametrize(
-    ("share", "seed", "translations_only"),
-    [*((share, seed, False) for share in (0.3, 0.6, 0.85) for seed in (1, 2, 3))]
-    + [(0.8, 2, True), (0.9, 2, True)],
+    ("share", "seed", "translations_only"), [*WITH_ROTATIONS, *WITHOUT_ROTATIONS]
 )
 def test_floppy_modes_of_a_diluted_crystal(share, seed, translations_only):
-    """Structure gives exact zero modes, orthonormal, and (these parts are small) all of them.
+    """Check that the zero modes of the structure are exact, orthonormal and complete.
 
-    Without rotations a single contact with both springs holds a sphere: only clusters are free.
+    They are complete because these clusters are small. Without rotations a single contact with both
+    springs holds a sphere, so that only clusters are free.
     """
     system = LinearSystem.of(diluted(share, seed), translations_only=translations_only)
-    floppy, scale = by_structure(system), system.dynamical_matrix.diagonal().max()
+    floppy = by_structure(system)
+    scale = system.dynamical_matrix.diagonal().max()
     assert abs((system.dynamical_matrix @ floppy.basis).toarray()).max(initial=0.0) < 1e-11 * scale
     gram = (floppy.basis.T @ floppy.basis).toarray()
     assert gram == pytest.approx(np.eye(len(gram)), abs=1e-10)
@@ -61,19 +69,23 @@ def test_floppy_modes_of_a_diluted_crystal(share, seed, translations_only):
 
 
 def test_parts_too_large_for_a_dense_null_space_count_as_held():
-    """What is left is a part of the zero modes, still exact; the counts tell how many there are."""
+    """Check that large clusters count as held: fewer zero modes, but still exact ones.
+
+    The count below a frequency has all of them.
+    """
     network = diluted(0.5, 1)
-    everything = by_structure(LinearSystem.of(network))
+    floppy = by_structure(LinearSystem.of(network))
     system = LinearSystem.of(diluted(0.5, 1), limits=Limits(piece=1))
-    assert 0 < by_structure(system).kinds["hinged"] < everything.kinds["hinged"]
-    assert by_structure(system).kinds["free_particles"] == everything.kinds["free_particles"]
-    basis, scale = by_structure(system).basis, system.dynamical_matrix.diagonal().max()
+    assert 0 < by_structure(system).kinds["hinged"] < floppy.kinds["hinged"]
+    assert by_structure(system).kinds["free_particles"] == floppy.kinds["free_particles"]
+    basis = by_structure(system).basis
+    scale = system.dynamical_matrix.diagonal().max()
     assert abs((system.dynamical_matrix @ basis).toarray()).max() < 1e-11 * scale
-    assert count_below(system, 1.0) == everything.total
+    assert count_below(system, 1.0) == floppy.total
 
 
 def test_zero_modes_are_kept_for_their_limits():
-    """A network keeps what it was asked with one size of parts apart from that with another."""
+    """Ask one packing under two limits: the answers are kept apart."""
     network = diluted(0.5, 1)
     systems = [LinearSystem.of(network, limits=limits) for limits in (Limits(), Limits(piece=1))]
     hinged = [by_structure(system).kinds["hinged"] for system in systems]
@@ -81,9 +93,10 @@ def test_zero_modes_are_kept_for_their_limits():
 
 
 def test_each_kind_is_named():
-    """A free sphere has six zero modes, one on one contact three, one on two contacts one."""
+    """Count the zero modes of spheres without a contact (6), with one (3) and with two (1)."""
     network = gallery.column(4)
-    i, j = network.particle_i, network.particle_j
+    i = network.particle_i
+    j = network.particle_j
     free = network.with_contacts((i != 3) & (j != 3))
     kinds = by_structure(LinearSystem.of(free)).kinds
     assert kinds["free_particles"] == 6
@@ -98,9 +111,10 @@ def test_each_kind_is_named():
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("periodic", ["x and y", "x", "none"])
 def test_cluster_without_walls_moves_as_a_whole(periodic, share):
-    """Three translations; of the rotations a period leaves one about its own axis, or none.
+    """Count three translations, and the rotations that the periods leave.
 
-    Whichever body of a contact comes first.
+    One period leaves the rotation about its own axis, two leave none. The order of the two bodies
+    of a contact does not matter.
     """
     network = gallery.fcc(cells=(4, 4, 5))
     inside = network.particle_j >= 0
@@ -109,9 +123,10 @@ def test_cluster_without_walls_moves_as_a_whole(periodic, share):
     if periodic == "none":
         inside &= network.cell_shift[:, 0] == 0
     network = network.with_contacts(inside)
-    other = np.random.default_rng(1).random(network.n_contacts) < share
-    system = LinearSystem.of(from_other_end(network, other))
-    floppy, rigid = by_structure(system), {"x and y": 3, "x": 4, "none": 6}[periodic]
+    reversed_contacts = np.random.default_rng(1).random(network.n_contacts) < share
+    system = LinearSystem.of(from_other_end(network, reversed_contacts))
+    floppy = by_structure(system)
+    rigid = {"x and y": 3, "x": 4, "none": 6}[periodic]
     assert floppy.kinds["loose_clusters"] == rigid and floppy.total == zero_modes(system)
 
 
@@ -124,7 +139,7 @@ CASES = SLIPPERY | DILUTED
 
 
 def packing(case: float | tuple[float, int]) -> Network:
-    """A crystal of 112 spheres that has lost contacts; made anew: nothing is known of it."""
+    """Return a new crystal of 112 spheres that has lost contacts."""
     if isinstance(case, tuple):
         return diluted(*case, 7)
     return slippery(diluted(case, 1, 7))
@@ -132,7 +147,7 @@ def packing(case: float | tuple[float, int]) -> Network:
 
 @cache
 def by_dense_solver(case: float | tuple[float, int]) -> tuple[int, np.ndarray]:
-    """How many zero modes there are, and the frequencies of all others, Hz."""
+    """Return the number of zero modes, and the frequencies of all other modes, Hz."""
     system = LinearSystem.of(packing(case))
     assert system.size > Limits().small
     square = np.linalg.eigvalsh(system.dynamical_matrix.toarray())
@@ -142,43 +157,71 @@ def by_dense_solver(case: float | tuple[float, int]) -> tuple[int, np.ndarray]:
 
 
 def middle(frequency: np.ndarray, after: int) -> float:
-    """A frequency in the middle of the gap after so many."""
+    """Return a frequency in the middle of the gap after the first `after` frequencies."""
     return float(frequency[after - 1 : after + 1].mean())
+
+
+NUMBERS_OF_ZERO_MODES = {
+    "count": lambda network: modal.count_modes(network, 1e-3),
+    "exact density": lambda network: modal.density_of_states(network).zero_modes.sum(),
+    "density": lambda network: modal.density_of_states(network, tolerance=0.3).zero_modes.sum(),
+    "description": lambda network: number_in_description(network),
+    "all modes": lambda network: modal.eigenmodes(network, all=True).floppy_modes,
+}
+"""Functions that return the number of zero modes."""
+
+
+def number_in_description(network: Network) -> int:
+    """Return the number of floppy modes that the description of a packing states."""
+    return int(modal.describe(network).split("floppy modes")[1].split()[0])
+
+
+def expected_lists(elastic: np.ndarray) -> list[tuple[dict, np.ndarray]]:
+    """Return requests for lists of modes, each with the frequencies, Hz, that it must have."""
+    many = len(elastic) // 2
+    low = middle(elastic, 20)
+    high = middle(elastic, many)
+    return [
+        ({"highest": 5}, elastic[-5:]),
+        ({"highest": 300}, elastic[-300:]),
+        ({"lowest": many}, elastic[:many]),
+        ({"lowest": 32}, elastic[:32]),
+        ({"lowest": 5}, elastic[:5]),
+        ({"below": high}, elastic[:many]),
+        ({"between": (1e-6, high)}, elastic[:many]),
+        ({"between": (low, high)}, elastic[20:many]),
+    ]
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_every_answer_has_the_same_number_of_zero_modes_in_any_order(case):
-    """Lists, dense or not, counts, the density of states, what is printed of a packing.
+    """Compare lists, dense or not, counts, densities of states and descriptions.
 
-    Every second case is asked the other way round.
+    One packing answers all of them; every second packing is asked in the reverse order.
     """
     zero, elastic = by_dense_solver(case)
-    many = len(elastic) // 2
-    low, high = middle(elastic, 20), middle(elastic, many)
-    asked = [
-        *(({"highest": n}, elastic[-n:]) for n in (5, 300)),
-        *(({"lowest": n}, elastic[:n]) for n in (many, 32, 5)),
-        *(({"below": high}, elastic[:many]), ({"between": (1e-6, high)}, elastic[:many])),
-        ({"between": (low, high)}, elastic[20:many]),
-        lambda network: modal.count_modes(network, 1e-3),
-        lambda network: modal.density_of_states(network).zero_modes.sum(),
-        lambda network: modal.density_of_states(network, tolerance=0.3).zero_modes.sum(),
-        lambda network: int(modal.describe(network).split("floppy modes")[1].split()[0]),
-        lambda network: modal.eigenmodes(network, all=True).floppy_modes,
-    ]
+    questions = [*expected_lists(elastic), *NUMBERS_OF_ZERO_MODES.values()]
+    if [*CASES].index(case) % 2 == 0:
+        questions.reverse()
     network = packing(case)
-    for ask in asked[:: 1 if [*CASES].index(case) % 2 else -1]:
-        if callable(ask):
-            assert ask(network) == pytest.approx(zero, rel=1e-12)
-            continue
-        found = modal.eigenmodes(network, **ask[0])
-        assert found.certified and found.floppy_modes == zero and found.missing == 0
-        assert found.frequency == pytest.approx(ask[1], rel=1e-6)
+    for question in questions:
+        if callable(question):
+            assert question(network) == pytest.approx(zero, rel=1e-12)
+        else:
+            request, expected = question
+            modes = modal.eigenmodes(network, **request)
+            assert modes.certified
+            assert modes.floppy_modes == zero
+            assert modes.missing == 0
+            assert modes.frequency == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_basis_with_collective_modes_is_exact_and_orthonormal(case, monkeypatch):
-    """They are counted in any size where springs are fewer than motions, or contacts slip."""
+    """Check the basis with collective modes.
+
+    They are counted at any size if there are fewer springs than motions, or if contacts slip.
+    """
     if case not in [*DILUTED][:3]:
         monkeypatch.setattr("modal.modes.collective.MAX_EASY_OPERATIONS", 0.0)
     system = LinearSystem.of(packing(case))
@@ -194,7 +237,7 @@ def test_basis_with_collective_modes_is_exact_and_orthonormal(case, monkeypatch)
 
 
 def test_more_zero_modes_than_there_are_are_not_made_up(monkeypatch):
-    """A count that were wrong by one: the search for the missing one ends by name."""
+    """Let a count be too large by one: the search for the missing mode is refused."""
     every = by_dense_solver(0.5)[0]
     monkeypatch.setattr("modal.modes.collective.count_below", lambda _, f: (every + 1) * (f > 0))
     with refusal("not_converged"):
@@ -205,8 +248,11 @@ def test_more_zero_modes_than_there_are_are_not_made_up(monkeypatch):
     "make", [lambda: packing((0.65, 1)), partial(sliding, 100), partial(sliding, 0.3)]
 )
 def test_one_count_at_its_end_tells_a_list_what_lies_at_zero(monkeypatch, make):
-    """Where it was not counted before, as in large packings that seem sound: a zero mode that
-    structure does not show, two modes at a thousandth of the first wave, two sliding motions."""
+    """Find zero modes by the count at the end of a list if they were not counted before.
+
+    Large packings with enough springs skip the count. Here they have a zero mode that structure
+    does not show, two modes at a thousandth of the first wave, or two sliding motions.
+    """
     monkeypatch.setattr("modal.modes.collective.MAX_EASY_OPERATIONS", 0.0)
     assert every_floppy(LinearSystem.of(diluted(0.75, 1))).counted  # as many springs as motions
     square = dense_squares(LinearSystem.of(make()))
@@ -215,16 +261,17 @@ def test_one_count_at_its_end_tells_a_list_what_lies_at_zero(monkeypatch, make):
     assert modal.density_of_states(make(), tolerance=0.3).counted is False
     high = {"below": middle(elastic, 8)}
     for question, lifted in (({"lowest": 8}, False), (high, False), (high, True)):
-        network, limits = make(), Limits(dense=0 if lifted else 6000)
+        network = make()
+        limits = Limits(dense=0 if lifted else 6000)
         if lifted:
             monkeypatch.setattr("modal.modes.effort.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
 
-        found = modes_of(LinearSystem.of(network, limits=limits), **question)
-        assert found.certified and found.floppy_modes == zero
-        assert ("products" in found.attributes["solver"]) is lifted
+        modes = modes_of(LinearSystem.of(network, limits=limits), **question)
+        assert modes.certified and modes.floppy_modes == zero
+        assert ("products" in modes.attributes["solver"]) is lifted
         # omega^2 is known to round-off of the largest one.
         error = 1e-13 * (elastic[-1] / elastic[:8]) ** 2
-        assert (abs(found.frequency / elastic[:8] - 1) < error).all()
+        assert (abs(modes.frequency / elastic[:8] - 1) < error).all()
         # What is kept of a network is kept for the limits that it was asked with.
         assert every_floppy(LinearSystem.of(network, limits=limits)).counted
         if lifted:
@@ -235,42 +282,51 @@ def test_one_count_at_its_end_tells_a_list_what_lies_at_zero(monkeypatch, make):
 
 
 def test_a_long_chain_without_side_contacts():
-    """Three springs for a contact, one of them too many along the axis: the rest moves freely."""
+    """Compare a chain with a hand-made matrix of its axial springs.
+
+    Each contact has three springs. Along the axis there is one spring more than motions; all other
+    motions are free.
+    """
     chain = gallery.column(130)
     zero = 6 * 130 - 3 * chain.n_contacts + 1
-    found = modal.eigenmodes(chain, lowest=4)
+    modes = modal.eigenmodes(chain, lowest=4)
     # Axial motion alone has energy at low frequency: springs 2 k at the walls, k between.
-    k, mass = chain.stiffness_normal[1], chain.mass[0]
+    k = chain.stiffness_normal[1]
+    mass = chain.mass[0]
     matrix = np.zeros((2, 130))
     matrix[0] = 2 * k
     matrix[0, [0, -1]] = k + chain.stiffness_normal[[0, -1]]
     matrix[1] = -k
-    assert found.certified and found.floppy_modes == zero
+    assert modes.certified and modes.floppy_modes == zero
     axial = np.sqrt(eigvals_banded(matrix, lower=True)[:4] / mass) / (2 * np.pi)
-    along = found.chi_z > 0.99
-    assert along.any() and found.frequency[along] == pytest.approx(axial[: along.sum()], rel=1e-6)
-    between = modal.eigenmodes(chain, between=(1.0, found.frequency[1]))
+    along = modes.chi_z > 0.99
+    assert along.any() and modes.frequency[along] == pytest.approx(axial[: along.sum()], rel=1e-6)
+    between = modal.eigenmodes(chain, between=(1.0, modes.frequency[1]))
     assert between.certified and between.floppy_modes == zero
 
 
 @pytest.mark.parametrize("way", ["slices", "a polynomial"])
 def test_long_lists_that_start_at_zero(monkeypatch, way):
-    """Cut into slices, or lifted by a polynomial: what comes back at zero is no elastic mode."""
+    """Find a list from zero by slices and by a polynomial.
+
+    Vectors of zero frequency that come back are no elastic modes.
+    """
     zero, elastic = by_dense_solver(0.5)
     slices = way == "slices"
     if not slices:
         monkeypatch.setattr("modal.modes.effort.near_a_shift", lambda *_: Cost(0.0, 1e19, 0.0))
-    limits, solver = Limits(dense=0, part=1, slice=40 if slices else 700), "superlu"
+    limits = Limits(dense=0, part=1, slice=40 if slices else 700)
+    solver = "superlu"
     system = LinearSystem.of(packing(0.5), solver=solver if slices else None, limits=limits)
-    found = modes_of(system, **({"lowest": 100} if slices else {"below": middle(elastic, 100)}))
-    assert ("products" in found.attributes["solver"]) is not slices
-    assert found.frequency == pytest.approx(elastic[:100], rel=1e-6)
-    assert found.certified and found.floppy_modes == zero
+    modes = modes_of(system, **({"lowest": 100} if slices else {"below": middle(elastic, 100)}))
+    assert ("products" in modes.attributes["solver"]) is not slices
+    assert modes.frequency == pytest.approx(elastic[:100], rel=1e-6)
+    assert modes.certified and modes.floppy_modes == zero
 
 
 @pytest.mark.parametrize("solver", direct_solvers())
 def test_counts_just_above_zero_are_those_of_the_zero_modes(solver):
-    """At frequencies whose omega^2 is below the round-off of a factorisation."""
+    """Count at frequencies whose omega^2 is below the round-off of a factorisation."""
     if not available(solver):
         pytest.skip("pypardiso is not installed")
     system = LinearSystem.of(packing(0.5), solver=solver)

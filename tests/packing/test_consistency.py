@@ -300,7 +300,10 @@ def test_a_contact_listed_from_both_ends_is_refused(periods):
 
 
 def test_pairs_of_a_hundred_thousand_spheres_are_told_apart():
-    """In 32 bits the pairs (0, b) and (2^15, b) of 2^17 - 2 spheres have one number."""
+    """Number pairs in more than 32 bits.
+
+    In 32 bits the pairs (0, b) and (2^15, b) of 2^17 - 2 spheres would have the same number.
+    """
     n = 2**17 - 2
     rows = np.flatnonzero(~CRYSTAL.with_wall)[[0, 0]]
     position = np.zeros((n, 3))

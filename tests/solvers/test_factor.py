@@ -35,7 +35,7 @@ HERE = [solver for solver in direct_solvers() if available(solver)]
 
 @pytest.fixture(scope="module")
 def systems():
-    """A crystal, one with few contacts left, and a cell of unequal spheres, periodic along z."""
+    """Return a crystal, a diluted one, and a cell of unequal spheres, periodic along z."""
     networks = modal.fcc(cells=(3, 3, 20)), diluted(0.4, 1, 12), polydisperse(True)
     return [LinearSystem.of(network) for network in networks]
 
@@ -43,8 +43,11 @@ def systems():
 @pytest.mark.parametrize("solver", HERE)
 @pytest.mark.parametrize("place", [-1e-7, 0.013, 0.51])
 def test_solutions_and_inertia_of_real_matrices(systems, solver, place):
-    """Residuals as promised where the signs count; blocks always count, and with eps |A| |x| some
-    hundred times over."""
+    """Compare residuals and inertia with dense matrices.
+
+    Residuals are as small as promised where the signs count. Blocks always count; their residuals
+    are some hundred eps |A| |x|.
+    """
     promised = 1e-13 if solver == "blocks" else registry.BACKWARD
     for system in systems:
         exact = np.linalg.eigvalsh(system.dynamical_matrix.toarray())
@@ -52,12 +55,12 @@ def test_solutions_and_inertia_of_real_matrices(systems, solver, place):
         matrix = system.shifted(shift)
         rhs = np.random.default_rng(1).standard_normal((system.size, 5))
         factor = factorise(matrix, solver=solver)
-        found = factor.solve(rhs)
-        error = np.linalg.norm(matrix @ found - rhs, axis=0)
-        assert factor.solve(rhs[:, 0]) == pytest.approx(found[:, 0], rel=1e-9)
+        solution = factor.solve(rhs)
+        error = np.linalg.norm(matrix @ solution - rhs, axis=0)
+        assert factor.solve(rhs[:, 0]) == pytest.approx(solution[:, 0], rel=1e-9)
         if factor.negative is None and solver != "blocks":
             continue
-        assert (error <= promised * exact[-1] * np.linalg.norm(found, axis=0)).all()
+        assert (error <= promised * exact[-1] * np.linalg.norm(solution, axis=0)).all()
         assert factor.negative == (exact < shift).sum() and factor.solver == solver
         factor.release()
         counted = factorise(matrix, solver=solver, kept=False)
@@ -70,29 +73,33 @@ def test_solutions_and_inertia_of_real_matrices(systems, solver, place):
 
 @pytest.mark.parametrize("solver", HERE)
 def test_solutions_of_complex_and_of_unsymmetric_matrices(systems, solver):
-    """What has dashpots, or shear forces; one that cannot says so by name."""
+    """Solve with dashpots and with shear forces; a solver that cannot is refused by name."""
     size = systems[0].size
-    real, random = systems[0].shifted(2e11), np.random.default_rng(2)
+    shifted = systems[0].shifted(2e11)
+    random = np.random.default_rng(2)
     rhs = random.standard_normal((size, 3))
-    damped = (real + 0.1j * systems[0].dynamical_matrix).tocsr()
-    skewed = real.copy()
-    skewed.data *= 1 + 0.1 * random.random(real.nnz)
+    damped = (shifted + 0.1j * systems[0].dynamical_matrix).tocsr()
+    skewed = shifted.copy()
+    skewed.data *= 1 + 0.1 * random.random(shifted.nnz)
     for matrix, symmetric, loads in ((damped, True, rhs + 1j * rhs[::-1]), (skewed, False, rhs)):
         if not symmetric and not named(solver).unsymmetric:
             with refusal("unsymmetric"):
                 factorise(matrix, symmetric=False, solver=solver)
             continue
         factor = factorise(matrix, symmetric=symmetric, solver=solver)
-        found = factor.solve(loads)
-        bound = 1e-12 * abs(matrix).max() * np.linalg.norm(found)
-        assert np.linalg.norm(matrix @ found - loads) <= bound
+        solution = factor.solve(loads)
+        bound = 1e-12 * abs(matrix).max() * np.linalg.norm(solution)
+        assert np.linalg.norm(matrix @ solution - loads) <= bound
         assert factor.negative is None
         factor.release()
 
 
 @pytest.mark.parametrize("size", [1e-30, 1e-9, 1.0, 1e30])
 def test_counts_do_not_depend_on_the_unit_of_stiffness(size):
-    """Sylvester's law is about signs; the chain's matrix with its shift has both, of any size."""
+    """Count the eigenvalues of a shifted chain below zero, in several units.
+
+    Sylvester's law is about signs alone.
+    """
     n = 700
     chain = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1], format="csr")
     angle = np.arange(1, n + 1) * np.pi / (n + 1)
@@ -100,13 +107,13 @@ def test_counts_do_not_depend_on_the_unit_of_stiffness(size):
         # Eigenvalues of a chain between walls: 2 - 2 cos(angle).
         expected = int((2 - 2 * np.cos(angle) < shift).sum())
         for solver in HERE:
-            found = factorise((size * (chain - shift * sp.eye(n))).tocsr(), solver=solver).negative
+            count = factorise((size * (chain - shift * sp.eye(n))).tocsr(), solver=solver).negative
             # PARDISO replaces pivots below some 1e-8 in themselves, and then does not count.
-            assert found == (None if solver == "pardiso" and size < 1e-8 else expected)
+            assert count == (None if solver == "pardiso" and size < 1e-8 else expected)
 
 
 def test_a_package_that_cannot_be_loaded_counts_as_absent(monkeypatch):
-    """As pypardiso does that is installed without MKL."""
+    """Treat pypardiso without MKL as if it were not installed."""
     pytest.importorskip("pypardiso")
 
     def load():
@@ -127,7 +134,7 @@ def test_a_package_that_cannot_be_loaded_counts_as_absent(monkeypatch):
 
 
 def test_a_perturbed_pivot_is_not_called_exact():
-    """Twelve uncoupled pairs whose first pivot is zero to 1e-12 of the rest: PARDISO perturbs."""
+    """Factorise uncoupled pairs whose first pivot is 1e-12 of the rest: PARDISO perturbs it."""
     if not available("pardiso"):
         pytest.skip("pypardiso is not installed")
     diagonal = np.ones(24)
@@ -139,7 +146,7 @@ def test_a_perturbed_pivot_is_not_called_exact():
 
 @pytest.mark.parametrize("solver", HERE)
 def test_a_matrix_with_an_empty_diagonal_is_counted(solver):
-    """[[0, 1], [1, 0]] has the eigenvalues -1 and 1, whether or not its zeros are stored."""
+    """Factorise [[0, 1], [1, 0]], whose eigenvalues are -1 and 1, with stored zeros or without."""
     matrix = sp.csr_matrix(np.kron(np.eye(3), [[0.0, 1.0], [1.0, 0.0]]))
     factor = factorise(matrix, solver=solver)
     assert factor.negative in (3, None)
@@ -147,14 +154,21 @@ def test_a_matrix_with_an_empty_diagonal_is_counted(solver):
 
 
 def test_a_factor_off_by_more_than_counts_promise_gives_none():
-    """Off by 1e-10 of the largest eigenvalue it has another sign than an eigenvalue of 5e-11."""
-    exact, off = np.diag([1.0, 5e-11]), np.diag([1.0, -5e-11])
+    """Refuse the count of a factor that is off by 1e-10 of the largest eigenvalue.
+
+    An eigenvalue of 5e-11 then has the wrong sign.
+    """
+    exact = np.diag([1.0, 5e-11])
+    off = np.diag([1.0, -5e-11])
     assert certain(1, lambda rhs: np.linalg.solve(off, rhs), sp.csr_matrix(exact)) is None
     assert certain(0, lambda rhs: np.linalg.solve(exact, rhs), sp.csr_matrix(exact)) == 0
 
 
 def test_growth_of_the_factor_is_no_exact_count():
-    """A star's leaves come first; one of 1e-12 makes an entry of 1e12 of the centre's 0.3."""
+    """Refuse the count if an entry of the factor grows to 1e12.
+
+    The leaves of a star come first; one of them is 1e-12, beside the centre's 0.3.
+    """
     star = np.diag([0.3, 1e-12, 1.0, 1.0])
     star[0, 1:] = star[1:, 0] = 1.0
     assert factorise(sp.csr_matrix(star), solver="superlu").negative is None
@@ -165,7 +179,7 @@ def test_growth_of_the_factor_is_no_exact_count():
 @pytest.mark.parametrize("size", [1e-30, 1.0, 1e30])
 @pytest.mark.parametrize("kept", [True, False])
 def test_growth_of_a_block_is_no_exact_count(size, kept):
-    """A chain shifted to an eigenvalue of its first rows, as many as the first block has."""
+    """Refuse the count of a chain at an eigenvalue of its first block of rows."""
     n = 500
     chain = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1], format="csr")
     for off, certainly in ((1e-12, False), (1e-4, True)):
@@ -177,7 +191,7 @@ def test_growth_of_a_block_is_no_exact_count(size, kept):
 
 @pytest.mark.parametrize("zero", [0, 250, 499])
 def test_exactly_singular_is_refused_and_not_counted(zero):
-    """An eigenvalue of zero has no sign, in whichever block it is met."""
+    """Refuse a count with an eigenvalue of zero, which has no sign, in any block."""
     diagonal = np.tile([3.0, -1, 2, -5, 4], 100)
     assert factorise(sp.diags(diagonal, format="csr"), solver="blocks").negative == 200
     diagonal[zero] = 0
@@ -187,28 +201,32 @@ def test_exactly_singular_is_refused_and_not_counted(zero):
 
 
 def test_spheres_without_contacts_widen_no_block():
-    """Among the rows of a long crystal: they reach no others."""
+    """Estimate a long crystal among spheres without contacts, which reach no others."""
     bound = LinearSystem.of(modal.fcc(cells=(7, 7, 20))).shifted(-1.0)
     free = sp.block_diag([bound, sp.identity(3000)], format="csr")
     mixed = np.random.default_rng(3).permutation(free.shape[0])
-    alone, among = Shape.of(bound), Shape.of(free[mixed][:, mixed])
+    alone = Shape.of(bound)
+    among = Shape.of(free[mixed][:, mixed])
     assert among.layer < alone.layer
 
 
 def test_places_along_a_wide_packing_narrow_its_front():
-    """From one sphere layers of a cube are oblique; by the places of its spheres they are flat.
+    """Compare the front of a cube with and without the heights of its spheres.
 
-    A row of the flat band reaches no further than the end of the next layer of 100 spheres. The
-    inertia does not know of the order.
+    From one sphere on, layers of a cube are oblique; by height they are flat. A row of the flat
+    band reaches no further than the end of the next layer of 100 spheres. The inertia does not
+    depend on the order.
     """
     system = LinearSystem.of(modal.fcc(cells=(10, 10, 12)))
-    matrix, place = system.shifted(1e10), np.repeat(system.network.position[:, 2], 6)
+    matrix = system.shifted(1e10)
+    height = np.repeat(system.network.position[:, 2], 6)
     mixed = np.random.default_rng(4).permutation(system.size)
-    matrix, place = matrix[mixed][:, mixed], place[mixed]
-    reaches = [band(matrix, along)[1] for along in (None, place)]
+    matrix = matrix[mixed][:, mixed]
+    height = height[mixed]
+    reaches = [band(matrix, along)[1] for along in (None, height)]
     corner, flat = (np.sqrt(((reach - np.arange(system.size)) ** 2.0).mean()) for reach in reaches)
     assert flat < 2 * 6 * 100 and flat < 0.95 * corner
-    counts = [factorise(matrix, solver="blocks", kept=False, along=x) for x in (None, place)]
+    counts = [factorise(matrix, solver="blocks", kept=False, along=x) for x in (None, height)]
     assert counts[0].negative == counts[1].negative
 
 
@@ -222,7 +240,10 @@ def test_too_little_memory_is_refused(solver, monkeypatch):
 
 @pytest.mark.parametrize("solver", ["superlu", "blocks"])
 def test_memory_is_that_of_the_factor(solver):
-    """Within a factor of three; PARDISO's is compared with what was measured by `test_effort`."""
+    """Compare the estimate with the factor, within a factor of three.
+
+    `test_effort` compares PARDISO's estimate with measurements.
+    """
     matrix = LinearSystem.of(modal.fcc(cells=(8, 8, 20))).shifted(-1.0)
     cost = named(solver).cost(Shape.of(matrix), True).bytes
     if solver == "superlu":

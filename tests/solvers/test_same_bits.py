@@ -18,15 +18,19 @@ EPS = np.finfo(float).eps
 @pytest.mark.parametrize("shape", [(1, 1, 1), (7, 9, 5), (20, 12, 40), (41, 1030, 23), (0, 3, 4)])
 @pytest.mark.parametrize("kind", [float, complex])
 def test_blocks_make_the_whole_product(shape, kind, monkeypatch):
-    """Some blocks are cut short; sums of k terms err by k roundings at most."""
+    """Compare products in blocks with the product at once.
+
+    Some blocks are cut short. Sums of k terms err by k roundings at most.
+    """
     t, k, r = shape
     rng = np.random.default_rng(t)
-    a, b = rng.standard_normal((k, t)).T.astype(kind), rng.standard_normal((k, r))
+    a = rng.standard_normal((k, t)).T.astype(kind)
+    b = rng.standard_normal((k, r))
     if kind is complex:
         a = a + 1j * rng.standard_normal((t, k))
-    found = same_bits_product(a, b)
-    assert found.dtype == kind
-    assert (abs(found - a @ b) <= 2 * k * EPS * (abs(a) @ abs(b))).all()
+    product = same_bits_product(a, b)
+    assert product.dtype == kind
+    assert (abs(product - a @ b) <= 2 * k * EPS * (abs(a) @ abs(b))).all()
 
 
 def digests_with(threads: int) -> dict:
@@ -55,7 +59,7 @@ def test_threads_change_no_bit():
 
 @pytest.mark.parametrize("shared", [True, False])
 def test_small_products_take_one_thread_of_blas(shared):
-    """Within it alone: before and after BLAS has what it had."""
+    """Check the number of BLAS threads within the context, and that it is restored."""
     pool = pytest.importorskip("threadpoolctl")
 
     def threads() -> set[int]:

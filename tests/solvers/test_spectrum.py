@@ -41,7 +41,7 @@ SPECTRA = {
 
 @pytest.mark.parametrize("name", SPECTRA)
 def test_end_of_known_spectra(name):
-    """Above the top by the margin, 4 %, at most; products told."""
+    """Check that the bound is above the largest eigenvalue by 4 % at most."""
     operator = Known(SPECTRA[name])
     top, products = bound_of_spectrum(operator)
     assert SPECTRA[name].max() < top < 1.04001 * SPECTRA[name].max()
@@ -51,26 +51,30 @@ def test_end_of_known_spectra(name):
 @pytest.mark.parametrize("beyond", [0.05, 0.3, 3.0])
 @pytest.mark.parametrize("name", ["even", "an edge like a packing's"])
 def test_bound_holds_for_a_mode_that_the_start_hardly_contains(name, beyond, monkeypatch):
-    """A part of 1e-6 / (2 size / pi)^1/2 of it, less than which has a chance below 1e-6.
+    """Find the bound with a start that contains 1e-6 / (2 size / pi)^1/2 of the highest mode.
 
-    Of a mode that the start does not contain at all the bound knows nothing.
+    A smaller share has a chance below 1e-6. A mode that the start does not contain at all is
+    missed.
     """
     square = np.append(SPECTRA[name], 1 + beyond)
-    part = 1e-6 / np.sqrt(2 * len(square) / np.pi)
-    found = []
+    least_share = 1e-6 / np.sqrt(2 * len(square) / np.pi)
+    bounds = []
     for share in (1.0, 0.0):
         start = np.random.default_rng(1).standard_normal((len(square), 1))
         start /= np.linalg.norm(start)
-        start[-1] = share * part
+        start[-1] = share * least_share
         monkeypatch.setattr(spectrum, "start_block", lambda *_, start=start: start)
-        found.append(bound_of_spectrum(Known(square))[0])
-    assert found[1] < 1 + beyond < found[0]
+        bounds.append(bound_of_spectrum(Known(square))[0])
+    assert bounds[1] < 1 + beyond < bounds[0]
 
 
 @pytest.mark.parametrize("pre_stress", PRE_STRESS)
 @pytest.mark.parametrize("make", [sheared, lambda: random_springs(3)])
 def test_bound_of_a_packing_is_above_the_real_parts(make, pre_stress):
-    """And above the symmetric part, by the margin, a tenth here."""
+    """Compare the bound with the symmetric part of A, which exceeds the real parts.
+
+    The margin is a tenth here.
+    """
     system = LinearSystem(make(), pre_stress=pre_stress)
     A = system.dynamical_matrix.toarray()
     top = np.linalg.eigvalsh((A + A.T) / 2)[-1]
@@ -87,10 +91,11 @@ def test_bound_of_a_packing_is_above_the_real_parts(make, pre_stress):
     ],
 )
 def test_growth_is_told_from_round_off_at_every_order(square, orders):
-    """cosh(2 k sqrt(d)) is 1 + 2 k^2 d for a mode that lies a share d beyond the interval.
+    """Expect growth if a mode lies outside of the interval, at every order.
 
-    The recurrence's round-off grows as k^2, too: the same shares are seen, or not, at every order,
-    above the interval and below, and at once. Tiny starts: growth is relative to them.
+    cosh(2 k sqrt(d)) is 1 + 2 k^2 d for a mode a share d outside. Round-off of the recurrence grows
+    as k^2, too, so that the same shares are noticed at every order, above and below the interval.
+    Starts are tiny: growth is relative to them.
     """
     start = np.full(len(square), 1e-9)
 
@@ -125,20 +130,21 @@ TASKS = {
 
 @pytest.mark.parametrize("task", TASKS)
 def test_work_and_memory_are_as_large_as_said(task, monkeypatch):
-    """Within a tenth of the products made, a factor of two of the largest sum of all arrays.
+    """Compare estimates with products, within a tenth, and with memory, within a factor of two.
 
-    Of the products every one is told.
+    All products are counted.
     """
     if loops.numba is None:
         pytest.skip("numba is not installed: the matrix in its place is more than all arrays")
     module, compute = TASKS[task]
-    said = {}
-    monkeypatch.setattr(module, "refuse_endless", lambda *_, **what: said.update(what))
+    estimate = {}
+    monkeypatch.setattr(module, "refuse_endless", lambda *_, **what: estimate.update(what))
     # What compiling takes is no part of a task, nor the count of zero modes, which is made once.
     every_floppy(LinearSystem.of(compute.args[0]))
     for motion, sums in (np.zeros((2400, 1)), None), (np.zeros((2400, 8)), np.zeros((2, 6, 8))):
         ContactOperator(CRYSTAL, mass_scaled=True).combine(motion, motion.copy(), 1.0, sums=sums)
-    calls, combine = [], ContactOperator.combine
+    calls = []
+    combine = ContactOperator.combine
 
     def counted(operator, u, *given, **named):
         calls.append(u.size // len(u))
@@ -146,38 +152,42 @@ def test_work_and_memory_are_as_large_as_said(task, monkeypatch):
 
     monkeypatch.setattr(ContactOperator, "combine", counted)
     tracemalloc.start()
-    made = compute().products
+    products = compute().products
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert 0.5 < peak / said["bytes_needed"] < 2
-    assert 1 / 1.1 < made / said["products"] < 1.1 and made == sum(calls)
+    assert 0.5 < peak / estimate["bytes_needed"] < 2
+    assert 1 / 1.1 < products / estimate["products"] < 1.1 and products == sum(calls)
 
 
 @pytest.mark.parametrize("steps", [5, 300])
 def test_value_vector_and_products(steps, monkeypatch):
-    """The angle to the dense vector is below the residual over the gap to the next value.
+    """Compare the highest mode with a dense solver.
 
-    Also after 300 steps where 80 would do: the copies that round-off brings back do no harm.
+    The angle to the dense vector is below the residual divided by the gap to the next value. 300
+    steps where 80 would do are no harm, although round-off brings copies of the mode back.
     """
     monkeypatch.setattr("modal.solvers.spectrum.STEPS_BETWEEN_CHECKS", steps)
     system = LinearSystem.of(disordered())
     matrix = system.dynamical_matrix.toarray()
     square, vector = eigh(matrix, subset_by_index=[system.size - 2, system.size - 1])
-    found = top_mode(system.operator, 330)
-    assert found.converged.all() and 2 * steps <= found.products <= 2 * max(90, steps)
-    assert found.square == pytest.approx(square[-1:], rel=1e-12)
-    v = found.vector[:, 0]
-    residual = np.linalg.norm(matrix @ v - found.square[0] * v)
+    top = top_mode(system.operator, 330)
+    assert top.converged.all() and 2 * steps <= top.products <= 2 * max(90, steps)
+    assert top.square == pytest.approx(square[-1:], rel=1e-12)
+    v = top.vector[:, 0]
+    residual = np.linalg.norm(matrix @ v - top.square[0] * v)
     assert residual < 2 * TOLERANCE * square[-1]
     angle = np.linalg.norm(v - vector[:, 1] * (vector[:, 1] @ v))
     assert angle <= 1.1 * residual / (square[1] - square[0])
-    # Of two values it is made of as many vectors, the last one included.
-    two = top_mode(Known(SPECTRA["two values"]), 330)
-    assert abs(two.vector[:25]).max() < 1e-12 and two.square == pytest.approx(9.0)
+
+
+def test_highest_mode_of_two_values_has_no_part_in_the_lower_one():
+    highest = top_mode(Known(SPECTRA["two values"]), 330)
+    assert abs(highest.vector[:25]).max() < 1e-12
+    assert highest.square == pytest.approx(9.0)
 
 
 def test_what_does_not_converge_has_no_vector():
-    """A column of FCC has a dense bunch at the top."""
+    """Ask for the highest mode of a column of FCC, whose highest modes are dense."""
     operator = ContactOperator(gallery.fcc(cells=(1, 1, 200)), mass_scaled=True)
-    found = top_mode(operator, 22)
-    assert not found.converged.any() and not found.vector.any() and found.products == 22
+    top = top_mode(operator, 22)
+    assert not top.converged.any() and not top.vector.any() and top.products == 22

@@ -31,15 +31,16 @@ LENGTH = 0.1
 
 
 def bonded_chain(count: int) -> Network:
-    """A straight chain without end of `count` bonded spheres a period: BEAM in small steps."""
+    """Return a straight endless chain of `count` bonded spheres a period, a discrete BEAM."""
     d = LENGTH / count
-    number, up = np.arange(count), np.array([0.0, 0.0, 1.0])
-    each = np.ones(count)
+    number = np.arange(count)
+    up = np.array([0.0, 0.0, 1.0])
+    ones = np.ones(count)
     return Network(
         position=(number[:, None] + 0.5) * d * up + [LENGTH / 2, LENGTH / 2, 0],
-        radius=d / 2 * each,
-        mass=BEAM["line"] * d * each,
-        inertia=BEAM["turning"] * d * each,
+        radius=d / 2 * ones,
+        mass=BEAM["line"] * d * ones,
+        inertia=BEAM["turning"] * d * ones,
         # Slices of a beam, which spheres of any radius are not.
         inertia_tensor=BEAM["turning"] * d * np.tile(np.eye(3), (count, 1, 1)),
         particle_i=number,
@@ -47,10 +48,10 @@ def bonded_chain(count: int) -> Network:
         normal=np.tile(up, (count, 1)),
         lever_i=np.tile(d / 2 * up, (count, 1)),
         lever_j=np.tile(-d / 2 * up, (count, 1)),
-        stiffness_normal=BEAM["EA"] / d * each,
-        stiffness_tangential=BEAM["GA"] / d * each,
-        stiffness_rolling=BEAM["EI"] / d * each,
-        stiffness_twisting=BEAM["GJ"] / d * each,
+        stiffness_normal=BEAM["EA"] / d * ones,
+        stiffness_tangential=BEAM["GA"] / d * ones,
+        stiffness_rolling=BEAM["EI"] / d * ones,
+        stiffness_twisting=BEAM["GJ"] / d * ones,
         cell_shift=np.where(number[:, None] == count - 1, [[0, 0, 1]], 0),
         cell_size=np.array([LENGTH, LENGTH, LENGTH]),
         cell_periodic=np.ones(3, bool),
@@ -59,8 +60,10 @@ def bonded_chain(count: int) -> Network:
 
 
 def timoshenko(periods: int) -> np.ndarray:
-    """omega^2, 1/s^2, of a beam's waves: bending twice, shear twice, torsion, length (S. P.
-    Timoshenko, Phil. Mag. 41, 744, 1921)."""
+    """Return omega^2, 1/s^2, of a beam's waves: bending and shear twice, torsion, length.
+
+    S. P. Timoshenko, Phil. Mag. 41, 744 (1921).
+    """
     q = 2 * np.pi * periods / LENGTH
     GA, EI, line, turning = (BEAM[name] for name in ("GA", "EI", "line", "turning"))
     stiff = np.array([[GA * q * q, -1j * GA * q], [1j * GA * q, EI * q * q + GA]])
@@ -71,14 +74,14 @@ def timoshenko(periods: int) -> np.ndarray:
 
 @pytest.mark.parametrize("periods", [1, 2])
 def test_a_chain_of_bonded_spheres_is_a_beam(periods):
-    """To second order in the distance of the spheres over the wavelength."""
+    """Check the second order of convergence in the distance of spheres over the wavelength."""
     errors = []
     for count in (24, 48):
-        found = (2 * np.pi * modal.eigenmodes(bonded_chain(count), all=True).frequency) ** 2
-        wanted = timoshenko(periods)
+        square = (2 * np.pi * modal.eigenmodes(bonded_chain(count), all=True).frequency) ** 2
+        exact_squares = timoshenko(periods)
         # Every wave goes up and down.
-        near = [np.sort(abs(found / square - 1))[:2].max() for square in wanted]
-        errors.append(max(near))
+        deviation = [np.sort(abs(square / exact - 1))[:2].max() for exact in exact_squares]
+        errors.append(max(deviation))
     assert errors[1] < 2e-2
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
 
@@ -86,27 +89,36 @@ def test_a_chain_of_bonded_spheres_is_a_beam(periods):
 ROLLING, TWISTING = np.random.default_rng(1).uniform(0, 1, (2, 40))
 
 
+# Contacts that no packing has, which roll and twist.
+ROLLING_SPRINGS = random_springs(1, 6, 40).unchecked(
+    stiffness_rolling=ROLLING, stiffness_twisting=TWISTING
+)
+
+
 @pytest.mark.parametrize(
     "network",
     [
-        *(modal.fcc(cells=(1, 1, 4)), modal.fcc(cells=(2, 2, 4)), column(4), polydisperse()),
-        # Contacts that no packing has, which roll and twist.
-        random_springs(1, 6, 40).unchecked(stiffness_rolling=ROLLING, stiffness_twisting=TWISTING),
+        pytest.param(modal.fcc(cells=(1, 1, 4)), id="one sphere wide"),
+        pytest.param(modal.fcc(cells=(2, 2, 4)), id="two spheres wide"),
+        pytest.param(column(4), id="column"),
+        pytest.param(polydisperse(), id="unequal spheres"),
+        pytest.param(ROLLING_SPRINGS, id="rolling springs"),
     ],
 )
 def test_matrix_equals_a_loop_over_contacts(network):
-    wanted = slow_stiffness(network)
+    whole = slow_stiffness(network)
     # Sums of at most some forty products of size max|K|: round-off stays below 1e-13 of it.
     for dof in (6, 3):
-        part = wanted.reshape(2 * (network.n_particles, 6))[:, :dof, :, :dof]
-        found = stiffness_matrix(network, dof).toarray().reshape(part.shape)
-        assert abs(found - part).max() <= 1e-13 * abs(part).max()
+        expected = whole.reshape(2 * (network.n_particles, 6))[:, :dof, :, :dof]
+        matrix = stiffness_matrix(network, dof).toarray().reshape(expected.shape)
+        assert abs(matrix - expected).max() <= 1e-13 * abs(expected).max()
 
 
 def pair_of(seed: int, stiffness: float | None = None) -> Network:
-    """Few spheres that roll and twist, two of which are one body: rigidly, or by a stiff bond.
+    """Return few spheres that roll and twist, two of which are one body or have a stiff bond.
 
-    The bond is `stiffness` times as stiff as a contact, each way.
+    The bond is `stiffness` times as stiff as a contact, in each direction; None joins the two
+    rigidly.
     """
     network = polydisperse(seed=seed, n=12)
     reach = network.radius.mean() ** 2 * network.stiffness_normal
@@ -114,77 +126,81 @@ def pair_of(seed: int, stiffness: float | None = None) -> Network:
     share = np.random.default_rng(seed).uniform(0, 0.1, (2, network.n_contacts))
     network = replace(network, **dict(zip(ways, share * reach, strict=True)))
     inside = ~network.with_wall & ~network.cell_shift.any(axis=1)
-    c = int(np.flatnonzero(inside)[0])
-    i, j = int(network.particle_i[c]), int(network.particle_j[c])
+    contact = int(np.flatnonzero(inside)[0])
+    i = int(network.particle_i[contact])
+    j = int(network.particle_j[contact])
     if stiffness is None:
         return joined(network, np.isin(np.arange(network.n_particles), (i, j)).astype(int))
     k = stiffness * network.stiffness_normal.mean()
     stiff = dict.fromkeys(("stiffness_normal", "stiffness_tangential"), k)
     stiff |= dict.fromkeys(ways, k * network.radius.mean() ** 2)
     columns = {name: getattr(network, name) for name in (*PER_CONTACT, *ways)}
-    for name, own in columns.items():
-        columns[name] = np.concatenate([own, [stiff.get(name, own[c])]])
+    for name, values in columns.items():
+        columns[name] = np.concatenate([values, [stiff.get(name, values[contact])]])
     return network.unchecked(**columns)
 
 
 def dense_matrix(network: Network) -> np.ndarray:
-    """M^-1/2 K M^-1/2."""
+    """Return M^-1/2 K M^-1/2."""
     return RootMass.of(network).around(stiffness_matrix(network)).toarray()
 
 
 def test_roots_of_tensors_of_inertia():
-    """M^1/2 applied twice is M, M^-1/2 undoes it, A is the same as matrix and as operator.
+    """Check M^1/2 twice, its inverse, and A as a matrix and as an operator.
 
-    The limits are some hundred roundings.
+    The tolerances are some hundred roundings.
     """
     clump = pair_of(3)
     mass = np.zeros((6 * clump.n_particles,) * 2)
     for body in range(clump.n_particles):
-        at = 6 * body
-        mass[at : at + 3, at : at + 3] = clump.mass[body] * np.eye(3)
-        mass[at + 3 : at + 6, at + 3 : at + 6] = clump.inertia_tensor[body]
-    root, A = RootMass.of(clump), dense_matrix(clump)
+        row = 6 * body
+        mass[row : row + 3, row : row + 3] = clump.mass[body] * np.eye(3)
+        mass[row + 3 : row + 6, row + 3 : row + 6] = clump.inertia_tensor[body]
+    root = RootMass.of(clump)
+    A = dense_matrix(clump)
     motions = np.random.default_rng(5).standard_normal((len(mass), 2))
     for u in (motions, motions[:, 0]):
         twice = root.times(root.times(u))
         assert twice == pytest.approx(mass @ u, rel=1e-12, abs=1e-13 * clump.inertia.max())
         assert root.over(root.times(u)) == pytest.approx(u, rel=1e-12, abs=1e-12)
-        found = ContactOperator(clump, mass_scaled=True).apply(np.ascontiguousarray(u))
-        assert found == pytest.approx(A @ u, rel=1e-12, abs=1e-12 * abs(A).max())
+        product = ContactOperator(clump, mass_scaled=True).apply(np.ascontiguousarray(u))
+        assert product == pytest.approx(A @ u, rel=1e-12, abs=1e-12 * abs(A).max())
     # With translations alone a tensor of inertia says nothing.
-    found = ContactOperator(clump, 3, mass_scaled=True) @ np.eye(len(mass) // 2)
+    product = ContactOperator(clump, 3, mass_scaled=True) @ np.eye(len(mass) // 2)
     moving = np.arange(len(mass)) % 6 < 3
-    assert found == pytest.approx(A[moving][:, moving], abs=1e-12 * abs(A).max())
+    assert product == pytest.approx(A[moving][:, moving], abs=1e-12 * abs(A).max())
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_clump_is_the_limit_of_stiff_bonds(seed):
-    """The error of the joined bodies' modes falls as one over the stiffness of the bond."""
-    wanted, errors = np.linalg.eigvalsh(dense_matrix(pair_of(seed))), []
+    """Check that the error of the modes falls as one divided by the stiffness of the bond."""
+    limit = np.linalg.eigvalsh(dense_matrix(pair_of(seed)))
+    errors = []
     for stiffness in (1e4, 2e4):
-        found = np.linalg.eigvalsh(dense_matrix(pair_of(seed, stiffness)))
-        errors.append(abs(found[: len(wanted)] - wanted).max() / wanted.max())
+        square = np.linalg.eigvalsh(dense_matrix(pair_of(seed, stiffness)))
+        errors.append(abs(square[: len(limit)] - limit).max() / limit.max())
     assert errors[1] < 1e-2
     assert errors[0] / errors[1] == pytest.approx(2, rel=0.1)
 
 
 @pytest.mark.parametrize("contacts", [40, 9])
 def test_modes_of_clumps_are_those_of_the_dense_matrices(contacts):
-    """All modes, and those without energy of bodies that few contacts hold."""
+    """Compare all modes, with those without energy if few contacts hold the bodies."""
     clump = pair_of(3).with_contacts(slice(contacts))
     dense = dense_matrix(clump)
-    wanted = np.linalg.eigvalsh(dense)
-    found = (2 * np.pi * modal.eigenmodes(clump, all=True).frequency) ** 2
+    exact = np.linalg.eigvalsh(dense)
+    square = (2 * np.pi * modal.eigenmodes(clump, all=True).frequency) ** 2
     # Round-off of the matrix, in omega^2.
-    assert found == pytest.approx(wanted.clip(0), abs=1e-12 * wanted[-1])
+    assert square == pytest.approx(exact.clip(0), abs=1e-12 * exact[-1])
     zero = by_structure(LinearSystem.of(clump))
-    assert zero.total == (wanted < 1e-11 * wanted[-1]).sum()
-    assert abs(dense @ zero.basis.toarray()).max(initial=0.0) < 1e-12 * wanted[-1]
+    assert zero.total == (exact < 1e-11 * exact[-1]).sum()
+    assert abs(dense @ zero.basis.toarray()).max(initial=0.0) < 1e-12 * exact[-1]
 
 
 def test_a_turning_wall_twists_a_beam():
-    """The torque that holds a chain turned at one end: GJ over its length, as springs in a row."""
-    count, d = 12, LENGTH / 12
+    """Compare the torque that holds a chain turned at one end with springs in a row."""
+    count = 12
+    d = LENGTH / 12
     chain = bonded_chain(count)
     ends = replace(
         chain,
@@ -199,8 +215,8 @@ def test_a_turning_wall_twists_a_beam():
             )
         },
         **{
-            f"stiffness_{way}": np.append(getattr(chain, f"stiffness_{way}"), 1e3)
-            for way in ("normal", "tangential", "rolling")
+            f"stiffness_{kind}": np.append(getattr(chain, f"stiffness_{kind}"), 1e3)
+            for kind in ("normal", "tangential", "rolling")
         },
         stiffness_twisting=np.append(chain.stiffness_twisting, chain.stiffness_twisting[0]),
         cell_shift=None,
@@ -213,8 +229,9 @@ def test_a_turning_wall_twists_a_beam():
 
 
 def test_a_file_of_bonds_says_version_2_and_hides_nothing(tmp_path):
-    """It is read back whole; a column that the reader does not know is refused by name."""
-    path, chain = tmp_path / "beam.network.h5", bonded_chain(6)
+    """Read a file of bonds back; refuse a column that the reader does not know, by name."""
+    path = tmp_path / "beam.network.h5"
+    chain = bonded_chain(6)
     write_network(path, chain)
     again = read_network(path)
     for name in BOND_COLUMNS:

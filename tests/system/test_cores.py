@@ -19,14 +19,18 @@ from modal.tools import slabs as slabs_along_z
 
 NETWORK = sheared_crystal()
 NUMBER = np.random.default_rng(3).permutation(NETWORK.n_particles)
-FOREIGN, SIZE = renumbered(NETWORK, NUMBER), 6 * NETWORK.n_particles
+FOREIGN = renumbered(NETWORK, NUMBER)
+SIZE = 6 * NETWORK.n_particles
 """The same packing, numbered and listed in two ways."""
 
 
 @pytest.mark.parametrize("pre_stress", PRE_STRESS)
 @pytest.mark.parametrize("slabs", [1, 16])
 def test_any_numbering_gives_the_product_of_its_own_matrix(pre_stress, slabs, monkeypatch):
-    """A row of K has some 80 entries; each error is below that many roundings of its terms."""
+    """Compare products in two numberings with the matrix.
+
+    A row of K has some 80 entries: each error is below as many roundings of its terms.
+    """
     pytest.importorskip("numba")
     if slabs > 1:
         # Cut into slabs that threads share, but one after the other: their loop takes seconds to
@@ -35,44 +39,54 @@ def test_any_numbering_gives_the_product_of_its_own_matrix(pre_stress, slabs, mo
         monkeypatch.setattr(loops, "threads_for", lambda spheres: 3)
         assert len(OrderedContacts.from_network(FOREIGN, pre_stress).slabs) > 8
     x = np.random.default_rng(4).standard_normal(SIZE)
-    found = ContactOperator(FOREIGN, pre_stress=pre_stress) @ x
+    product = ContactOperator(FOREIGN, pre_stress=pre_stress) @ x
     K = stiffness_matrix(FOREIGN, pre_stress=pre_stress)
-    assert (abs(found - K @ x) <= 80 * np.finfo(float).eps * (abs(K) @ abs(x))).all()
+    assert (abs(product - K @ x) <= 80 * np.finfo(float).eps * (abs(K) @ abs(x))).all()
     rows = (6 * NUMBER[:, None] + np.arange(6)).ravel()
     same = ContactOperator(NETWORK, pre_stress=pre_stress) @ x[rows]
-    assert (abs(found[rows] - same) <= 160 * np.finfo(float).eps * (abs(K) @ abs(x))[rows]).all()
+    assert (abs(product[rows] - same) <= 160 * np.finfo(float).eps * (abs(K) @ abs(x))[rows]).all()
 
 
 @pytest.mark.parametrize("order", [lambda operator: operator, ContactOperator.renumbered])
 def test_slabs_at_rest_leave_out_no_force(order, monkeypatch):
-    """A single moving sphere, anywhere; terms that cancel leave the round-off of the largest."""
+    """Compare with the matrix if a single sphere moves, anywhere.
+
+    Terms that cancel leave the round-off of the largest.
+    """
     monkeypatch.setattr(contact_order, "slabs_of", in_slabs)
-    operator, K = order(ContactOperator(FOREIGN)), stiffness_matrix(FOREIGN)
+    operator = order(ContactOperator(FOREIGN))
+    K = stiffness_matrix(FOREIGN)
     for sphere in range(0, FOREIGN.n_particles, 7):
         x = np.zeros((FOREIGN.n_particles, 6))
         x[sphere] = np.random.default_rng(sphere).standard_normal(6)
-        found = operator.outward(operator @ operator.inward(x.ravel()))
+        product = operator.outward(operator @ operator.inward(x.ravel()))
         # Forces and torques differ in their unit, by a radius.
-        error = (found - K @ x.ravel()).reshape(-1, 6)
+        error = (product - K @ x.ravel()).reshape(-1, 6)
         largest = (abs(K) @ abs(x.ravel())).reshape(-1, 6)
-        for part in (slice(0, 3), slice(3, 6)):
-            assert abs(error[:, part]).max() <= 80 * np.finfo(float).eps * largest[:, part].max()
+        for components in (slice(0, 3), slice(3, 6)):
+            assert (
+                abs(error[:, components]).max()
+                <= 80 * np.finfo(float).eps * largest[:, components].max()
+            )
         x[sphere, sphere % 6] = np.nan
-        found = operator.outward(operator @ operator.inward(x.ravel()))
-        assert np.isnan(found).any()
+        product = operator.outward(operator @ operator.inward(x.ravel()))
+        assert np.isnan(product).any()
 
 
 @pytest.mark.parametrize("pre_stress", PRE_STRESS)
 def test_spheres_in_the_order_of_the_loops_change_no_bit(pre_stress, monkeypatch):
-    """Every sum is made of the same terms in the same order; only their places in memory differ."""
+    """Compare products in two orders of spheres, bit by bit.
+
+    Every sum has the same terms in the same order; only their places in memory differ.
+    """
     monkeypatch.setattr(contact_order, "slabs_of", in_slabs)
     operator = ContactOperator(FOREIGN, mass_scaled=True, pre_stress=pre_stress)
     inside = operator.renumbered()
     assert inside.order is None or (np.sort(inside.order) == np.arange(SIZE // 6)).all()
     x, y = np.random.default_rng(4).standard_normal((2, SIZE))
     assert np.array_equal(inside.outward(inside.inward(x)), x)
-    found = inside.outward(inside.combine(inside.inward(x), inside.inward(y), 1e-9, -2.0, 0.5))
-    assert np.array_equal(found, operator.combine(x, y, 1e-9, -2.0, 0.5))
+    combined = inside.outward(inside.combine(inside.inward(x), inside.inward(y), 1e-9, -2.0, 0.5))
+    assert np.array_equal(combined, operator.combine(x, y, 1e-9, -2.0, 0.5))
     both = np.column_stack([x, y])
     for block in (both, np.asfortranarray(both)):
         assert np.array_equal(inside.inward(block)[:, 1], inside.inward(both[:, 1]))
@@ -80,15 +94,15 @@ def test_spheres_in_the_order_of_the_loops_change_no_bit(pre_stress, monkeypatch
 
 
 def test_wide_packings_are_worked_through_in_columns(monkeypatch):
-    """Another order within the slabs; each contact is there once, as its matrix says."""
+    """Check the order of contacts in columns of a wide packing, and the product."""
     network = gallery.fcc(cells=(8, 5, 6))
-    whole = OrderedContacts.from_network(network, "none")
+    uncut = OrderedContacts.from_network(network, "none")
     monkeypatch.setattr(contact_order, "COLUMN_WIDTH_IN_DIAMETERS", 2)
     cut = OrderedContacts.from_network(network, "none")
-    assert not np.array_equal(cut.ends, whole.ends) and np.array_equal(cut.slabs, whole.slabs)
+    assert not np.array_equal(cut.ends, uncut.ends) and np.array_equal(cut.slabs, uncut.slabs)
     # One column after the other: from 0 to 7.5 and to 4.5 diameters there are four and two.
-    at = network.position[:, :2] - network.position[:, :2].min(axis=0)
-    column = np.minimum(at / at.max(axis=0) * [4, 2], [3, 1]).astype(int) @ [2, 1]
+    position = network.position[:, :2] - network.position[:, :2].min(axis=0)
+    column = np.minimum(position / position.max(axis=0) * [4, 2], [3, 1]).astype(int) @ [2, 1]
     assert (np.diff(column[cut.ends[:, 0]]) >= 0).all()
     # What springs between spheres do not need takes neither memory nor time: levers are along the
     # normals but for round-off.
@@ -100,8 +114,9 @@ def test_wide_packings_are_worked_through_in_columns(monkeypatch):
 
 
 def in_slabs(ends: np.ndarray, n: int) -> np.ndarray:
-    """`slabs_of` as for a packing of many spheres."""
-    enough, slabs_along_z.ENOUGH = slabs_along_z.ENOUGH, 1
+    """Return `slabs_of` as for a packing of many spheres."""
+    enough = slabs_along_z.ENOUGH
+    slabs_along_z.ENOUGH = 1
     try:
         return slabs_along_z.slabs_of(ends, n)
     finally:
@@ -109,10 +124,11 @@ def in_slabs(ends: np.ndarray, n: int) -> np.ndarray:
 
 
 def test_programs_that_keep_a_loop_at_once_keep_each_its_own(tmp_path, monkeypatch):
-    """Each takes its time between reading the index and writing it, as programs that wait do."""
+    """Save two loops at once, each with a pause between reading and writing the index."""
     monkeypatch.setattr(pytest.importorskip("numba").config, "CACHE_DIR", str(tmp_path))
     files = [loops.compile_cached(sheared_crystal)._cache._cache_file for _ in range(2)]
-    kind, write = type(files[0]), type(files[0])._save_index
+    kind = type(files[0])
+    write = type(files[0])._save_index
     monkeypatch.setattr(kind, "_save_index", lambda *given: time.sleep(0.1) or write(*given))
     with ThreadPoolExecutor() as pool:
         list(pool.map(lambda file, of: file.save(of, of), files, "ab"))

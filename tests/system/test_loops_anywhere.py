@@ -21,7 +21,7 @@ def doubled(x):
 
 @pytest.fixture
 def doubled(tmp_path):
-    """A function of a module in a folder of its own."""
+    """Return a function of a module in a folder of its own."""
     path = tmp_path / "installed" / "numbers_of_it.py"
     path.parent.mkdir()
     path.write_text(LOOP)
@@ -33,7 +33,7 @@ def doubled(tmp_path):
 
 @pytest.fixture
 def caches(tmp_path, monkeypatch):
-    """The user's folder of caches, empty."""
+    """Yield the user's folder of caches, empty."""
     monkeypatch.setattr(loop_cache.numba.config, "CACHE_DIR", "")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
     loop_cache._usable.cache_clear()
@@ -46,7 +46,10 @@ def kept_files(folder: Path) -> list[Path]:
 
 
 def test_loops_are_kept_for_the_user_and_not_in_the_installation(doubled, caches, tmp_path):
-    """What pip has not written it would leave behind; the user's setting of numba stays."""
+    """Keep compiled loops outside of the installation, where pip would leave them behind.
+
+    The user's setting of numba stays.
+    """
     loop = loop_cache.compile_cached(doubled)
     assert loop(21) == 42
     assert kept_files(tmp_path / "installed") == [] and len(kept_files(caches)) == 2
@@ -63,7 +66,10 @@ def test_the_folder_of_numba_is_taken_where_it_is_named(doubled, caches, tmp_pat
 
 @pytest.mark.parametrize("name", ["XDG_CACHE_HOME", "HOME", "NUMBA_CACHE_DIR", "nobody"])
 def test_without_a_folder_nothing_is_kept(name, doubled, caches, tmp_path, monkeypatch):
-    """A file in its place, where not even root can make a folder; a user without a home."""
+    """Compile without a folder: a file in its place, or a user without a home.
+
+    Not even root can make a folder in the place of a file.
+    """
     blocked = tmp_path / "blocked"
     blocked.write_text("")
     if name == "NUMBA_CACHE_DIR":
@@ -80,7 +86,10 @@ def test_without_a_folder_nothing_is_kept(name, doubled, caches, tmp_path, monke
 
 
 def test_a_file_that_cannot_be_read_is_made_anew(doubled, caches):
-    """Cut off, or of something else; the next program finds it whole."""
+    """Damage the cache by cutting it, emptying it and overwriting it.
+
+    The next program finds it whole.
+    """
     loop_cache.compile_cached(doubled)(21)
     for damage in (lambda data: data[:20], lambda data: b"", lambda data: b"no pickle" + data):
         for path in caches.rglob("*.nbi"):
@@ -91,7 +100,7 @@ def test_a_file_that_cannot_be_read_is_made_anew(doubled, caches):
 
 
 def test_nothing_is_kept_on_a_full_disk(caches):
-    """A limit of 200 bytes a file stands for it: writes fail, as on a disk that fills up."""
+    """Limit files to 200 bytes, so that writes fail as on a full disk."""
     pytest.importorskip("resource")
     code = (
         "import resource\n"
@@ -111,9 +120,15 @@ WRONG = {
     "NUMBA_THREADING_LAYER=magic": "threading_layer",
     "NUMBA_THREADING_LAYER_PRIORITY=omp": "threading_layer",
 }
-LET = [
-    *("NUMBA_NUM_THREADS=abc", "NUMBA_NUM_THREADS=", "OMP_NUM_THREADS=abc", "OMP_NUM_THREADS=0"),
-    *("OMP_NUM_THREADS=2,1", "OMP_NUM_THREADS=-1", "OMP_NUM_THREADS=²"),
+"""Settings that are refused, with the code of the refusal."""
+ACCEPTED = [
+    "NUMBA_NUM_THREADS=abc",
+    "NUMBA_NUM_THREADS=",
+    "OMP_NUM_THREADS=abc",
+    "OMP_NUM_THREADS=0",
+    "OMP_NUM_THREADS=2,1",
+    "OMP_NUM_THREADS=-1",
+    "OMP_NUM_THREADS=²",
 ]
 THREADS = (
     "import modal\n"
@@ -125,9 +140,9 @@ THREADS = (
 )
 
 
-@pytest.mark.parametrize("setting", [*WRONG, *LET])
+@pytest.mark.parametrize("setting", [*WRONG, *ACCEPTED])
 def test_numbers_of_threads_in_the_environment(setting):
-    """What allows no thread is refused in one line; what is no number says nothing."""
+    """Refuse settings that allow no thread in one line; ignore settings that are no number."""
     name, _, value = setting.partition("=")
     done = run(THREADS, **{name: value})
     expected = f"{WRONG[setting]} 0" if setting in WRONG else "True"
@@ -165,13 +180,13 @@ if __name__ == "__main__":
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 def test_a_process_forked_after_threads_computes_with_one():
-    """numba's OpenMP would end a forked process that uses its threads, and a pool would hang."""
+    """Fork processes after threads have run: numba's OpenMP would end them and hang the pool."""
     done = run(FORKED, NUMBA_NUM_THREADS="2", OMP_NUM_THREADS="2")
     assert done.stdout.splitlines() == 2 * ["2 1 True"], done.stderr
 
 
 def run(code: str, **environment: str) -> subprocess.CompletedProcess:
-    """What a program of its own prints under settings of the environment."""
+    """Run a program of its own under settings of the environment."""
     settings = {name: value for name, value in os.environ.items() if "_NUM_THREADS" not in name}
     return subprocess.run(
         [sys.executable, "-c", code],

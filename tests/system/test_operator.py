@@ -18,19 +18,20 @@ EPS = np.finfo(float).eps
 
 
 def round_off(network, pre_stress, x) -> np.ndarray:
-    """Bound of the error of K x for x (6n, k) or (3n, k), contact by contact.
+    """Return a bound of the error of K x, contact by contact, for x (6n, k) or (3n, k).
 
     A contact's twelve forces are sums of some 20 products, none above its largest stiffness times
-    its largest motion (levers are about 1 here); a short branch makes the pre-stress so large that
-    the entries of the assembled K, in which such terms cancel, bound nothing.
+    its largest motion (levers are about 1 here). The entries of the assembled K are no bound: a
+    short branch makes the pre-stress so large that its terms cancel in them.
     """
     size = len(x) // network.n_particles
     largest = abs(contact_matrices(network, pre_stress)).max(axis=(1, 2))
-    moved = abs(x).reshape(network.n_particles, size, -1).max(axis=1)
-    i, j = network.particle_i, network.particle_j
+    largest_motion = abs(x).reshape(network.n_particles, size, -1).max(axis=1)
+    i = network.particle_i
+    j = network.particle_j
     pair = j >= 0
-    reach = moved[i] + np.where(pair[:, None], moved[j], 0.0)
-    bound = np.zeros_like(moved)
+    reach = largest_motion[i] + np.where(pair[:, None], largest_motion[j], 0.0)
+    bound = np.zeros_like(largest_motion)
     np.add.at(bound, i, largest[:, None] * reach)
     np.add.at(bound, j[pair], (largest[:, None] * reach)[pair])
     return 20 * EPS * np.repeat(bound, size, axis=0)
@@ -42,10 +43,10 @@ def test_blocks_of_the_bodies_without_the_matrix(pre_stress, seed):
     network = random_springs(seed)
     n = network.n_particles
     whole = stiffness_matrix(network, pre_stress=pre_stress).toarray().reshape(n, 6, n, 6)
-    wanted = np.einsum("nanb->nab", whole)
-    found = diagonal_blocks(network, pre_stress)
+    expected = np.einsum("nanb->nab", whole)
+    blocks = diagonal_blocks(network, pre_stress)
     # Sums of a few dozen terms, each at most of the size of the largest entry.
-    assert abs(found - wanted).max() <= 100 * EPS * abs(wanted).max()
+    assert abs(blocks - expected).max() <= 100 * EPS * abs(expected).max()
 
 
 @pytest.mark.parametrize("dof", [6, 3])
@@ -56,7 +57,8 @@ def test_blocks_of_the_bodies_without_the_matrix(pre_stress, seed):
 @example(seed=351, width=3)
 def test_equal_to_the_matrix(dof, mass_scaled, pre_stress, seed, width):
     network = random_springs(seed)
-    K, mass = stiffness_matrix(network, dof, pre_stress), mass_diagonal(network, dof)
+    K = stiffness_matrix(network, dof, pre_stress)
+    mass = mass_diagonal(network, dof)
     scale = (1 / np.sqrt(mass) if mass_scaled else np.ones(len(mass)))[:, None]
     applied = ContactOperator(network, dof, mass_scaled=mass_scaled, pre_stress=pre_stress)
     shape = (K.shape[0],) if width is None else (K.shape[0], width)
@@ -67,28 +69,54 @@ def test_equal_to_the_matrix(dof, mass_scaled, pre_stress, seed, width):
     assert (abs(applied @ x - expected) <= bound).all()
 
 
-def test_accumulate_and_out():
-    network = random_springs(1)
-    applied = ContactOperator(network)
-    x = np.random.default_rng(2).standard_normal(applied.shape[0])
-    once = applied.apply(x)
-    for wrong in (x[:-1], x[:, None], x.astype(complex)):
-        with pytest.raises(ValueError):
-            applied.combine(wrong, once.copy(), 1.0)
+@pytest.fixture(scope="module")
+def operator():
+    return ContactOperator(random_springs(1))
+
+
+@pytest.fixture(scope="module")
+def motion(operator):
+    return np.random.default_rng(2).standard_normal(operator.shape[0])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        pytest.param(lambda x: x[:-1], id="one number short"),
+        pytest.param(lambda x: x[:, None], id="a column for a vector"),
+        pytest.param(lambda x: x.astype(complex), id="complex"),
+    ],
+)
+def test_motion_of_another_shape_or_type_is_a_mistake(operator, motion, change):
+    out = np.zeros_like(motion)
     with pytest.raises(ValueError):
-        applied @ x.astype(complex)
-    # Arrays in no order that a compiled loop takes are written to all the same.
-    scattered = np.zeros((len(x), 2))[:, 0]
-    assert np.array_equal(applied.combine(x, scattered, 1.0, gamma=1.0), once)
-    spoilt = np.full(len(x), np.nan)
-    assert np.array_equal(applied.combine(x, spoilt, 1.0), once)
+        operator.combine(change(motion), out, 1.0)
+
+
+def test_complex_motion_has_no_product(operator, motion):
+    with pytest.raises(ValueError):
+        operator @ motion.astype(complex)
+
+
+def test_product_is_added_to_an_array_in_no_order_of_the_loop(operator, motion):
+    strided = np.zeros((len(motion), 2))[:, 0]
+    total = operator.combine(motion, strided, 1.0, gamma=1.0)
+    assert np.array_equal(total, operator.apply(motion))
+
+
+def test_former_content_of_the_output_does_not_matter(operator, motion):
+    nan = np.full(len(motion), np.nan)
+    assert np.array_equal(operator.combine(motion, nan, 1.0), operator.apply(motion))
 
 
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("width", [1, 8])
 @pytest.mark.parametrize(("own", "kept"), [(-2.0, -1.0), (0.0, 1.0), (3.0, 0.0), (0.0, 0.0)])
 def test_sums_by_component_are_those_as_they_came(own, kept, width, compiled, monkeypatch):
-    """Beside the product they cost no pass; some spheres without contacts, in pieces of seven."""
+    """Compare sums that are computed beside the product with sums of the arrays.
+
+    Some spheres have no contacts; contacts are worked through in pieces of seven.
+    """
     monkeypatch.setattr(contact_order, "CONTACTS_PER_PIECE", 7)
     if not compiled:
         monkeypatch.setattr(loops, "numba", None)
@@ -97,13 +125,14 @@ def test_sums_by_component_are_those_as_they_came(own, kept, width, compiled, mo
     applied = ContactOperator(network)
     rng = np.random.default_rng(8)
     u, out = rng.standard_normal((2, applied.shape[0], width))
-    a, b = out.reshape(-1, 6, width).copy(), u.reshape(-1, 6, width)
+    a = out.reshape(-1, 6, width).copy()
+    b = u.reshape(-1, 6, width)
     plain = applied.combine(u, out.copy(), 2.0, own, kept)
     sums = np.full((2, 6, width), np.nan)
     combined = applied.combine(u, out, 2.0, own, kept, sums=sums)
     K = stiffness_matrix(network)
     bound = 2 * round_off(network, "none", u) + EPS * (3 * abs(u) + abs(plain))
-    wanted = 2 * (K @ u) + own * u + kept * a.reshape(u.shape)
-    for found in (plain, combined):
-        assert (abs(found - wanted) <= 3 * bound).all()
+    expected = 2 * (K @ u) + own * u + kept * a.reshape(u.shape)
+    for product in (plain, combined):
+        assert (abs(product - expected) <= 3 * bound).all()
     assert sums == pytest.approx(np.stack([(a * a).sum(axis=0), (a * b).sum(axis=0)]), rel=1e-13)

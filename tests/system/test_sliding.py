@@ -33,9 +33,11 @@ ANSWERS = {
 
 @pytest.mark.parametrize("name", ANSWERS)
 def test_every_command_has_the_answer_of_no_tangential_spring(name, tmp_path, printed):
-    """The same springs, so the same bits; the elastic answer is another one."""
-    (given, key), told, path = ANSWERS[name], [], str(tmp_path / "a.network.h5")
+    """Compare bits with a packing without the tangential springs; the elastic answer differs."""
+    arguments, key = ANSWERS[name]
+    answers = []
+    path = str(tmp_path / "a.network.h5")
     for network, options in ((SLAB, ["--sliding", "slip"]), (without_kt(SLAB), []), (SLAB, [])):
         write_network(path, network)
-        told.append(printed(name, path, *given, *options)[key])
-    assert told[0] == told[1] != told[2]
+        answers.append(printed(name, path, *arguments, *options)[key])
+    assert answers[0] == answers[1] != answers[2]

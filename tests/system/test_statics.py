@@ -22,7 +22,7 @@ from modal.tools.errors import InputError
 
 
 def test_motion_is_that_of_the_least_squares_solution():
-    """Loose spheres stay where they are: of all solutions the shortest, in the norm of the mass."""
+    """Compare with the shortest of all solutions, in the norm of the mass: loose spheres rest."""
     network = random_sample(150, 1e6, aspect=1.5).network()
     system = LinearSystem.of(network)
     push = wall_pattern(network, SOURCE_WALL)[0]
@@ -30,31 +30,33 @@ def test_motion_is_that_of_the_least_squares_solution():
         push
     )
     wall = system.put_on(WallMoves(SOURCE_WALL))
-    found, _ = steady_motion(system, wall, lambda work: 1e-18 * work, "gradients")
-    wrong, A = system.sqrt_mass.times(found.motion.ravel()) - exact, system.dynamical_matrix
-    assert wrong @ (A @ wrong) < 1e-16 * (exact @ (A @ exact))
+    solution, _ = steady_motion(system, wall, lambda work: 1e-18 * work, "gradients")
+    deviation = system.sqrt_mass.times(solution.motion.ravel()) - exact
+    A = system.dynamical_matrix
+    assert deviation @ (A @ deviation) < 1e-16 * (exact @ (A @ exact))
 
 
 @pytest.mark.parametrize("stress", [1e4, 1e7])
 def test_velocity_of_the_crystal(stress):
-    """Layers of FCC: V = l sqrt(C / m), Eq. 7 of the paper; the layers' strain is uniform."""
+    """Compare with V = l sqrt(C / m), Eq. 7 of the paper; the layers' strain is uniform."""
     crystal = FccLattice(stress)
     velocity, modulus, _ = static_velocity(gallery.fcc(stress, (3, 3, 80)))
     # Its soft ends leave 1e-4 of the density, as of moduli (`test_slabs`).
     assert velocity == pytest.approx(crystal.velocity, rel=1e-4)
-    wanted = crystal.C * crystal.layer_distance / crystal.spacing**2
-    assert modulus == pytest.approx(wanted, rel=1e-5)
+    expected = crystal.C * crystal.layer_distance / crystal.spacing**2
+    assert modulus == pytest.approx(expected, rel=1e-5)
 
 
 def layer_of(network):
-    """Shape (n,): number of each sphere's crystal layer, from the source wall."""
+    """Return the number (n,) of each sphere's crystal layer, from the source wall."""
     z = network.position[:, 2]
     return np.round((z - z.min()) / FccLattice(1e5).layer_distance).astype(int)
 
 
 def heavy_and_loose_ends(network):
-    """Near the walls heavy spheres, and some that touch nothing."""
-    layer, j = layer_of(network), network.particle_j
+    """Return the packing with heavy spheres and spheres without contacts near the walls."""
+    layer = layer_of(network)
+    j = network.particle_j
     near = (layer < 5) | (layer >= 75)
     network = network.unchecked(mass=scaled(network.mass, near, 7))
     loose = np.zeros(network.n_particles, bool)
@@ -63,22 +65,25 @@ def heavy_and_loose_ends(network):
 
 
 def more_that_touch_nothing_else(network):
-    """A third more spheres in every layer, with their contacts: no wave moves them."""
+    """Return the packing with a third more spheres in every layer, which no wave moves.
+
+    They touch each other but none of the first spheres.
+    """
     n = network.n_particles
     loose = np.random.default_rng(2).choice(n, n // 3, replace=False)
-    own = {name: np.concatenate([x, x[loose]]) for name, x in network.bodies().items()}
-    place = np.full(n + 1, -1)
-    place[loose] = n + np.arange(n // 3)
-    ends = place[[network.particle_i, network.particle_j]]
+    columns = {name: np.concatenate([x, x[loose]]) for name, x in network.bodies().items()}
+    new_number = np.full(n + 1, -1)
+    new_number[loose] = n + np.arange(n // 3)
+    ends = new_number[[network.particle_i, network.particle_j]]
     among = (ends >= 0).all(axis=0) & ~network.with_wall & ~network.periods.any(axis=1)
-    known = [(name, x) for name in CONTACTS if (x := getattr(network, name)) is not None]
-    own |= {name: np.concatenate([x, x[among]]) for name, x in known}
-    own["particle_i"][-among.sum() :], own["particle_j"][-among.sum() :] = ends[:, among]
-    return replace(network, **own)
+    contact_columns = [(name, x) for name in CONTACTS if (x := getattr(network, name)) is not None]
+    columns |= {name: np.concatenate([x, x[among]]) for name, x in contact_columns}
+    columns["particle_i"][-among.sum() :], columns["particle_j"][-among.sum() :] = ends[:, among]
+    return replace(network, **columns)
 
 
 def lighter_layers(network):
-    """Every second layer of half the mass."""
+    """Return the packing with half the mass in every second layer."""
     return network.unchecked(mass=scaled(network.mass, layer_of(network) % 2 == 0, 0.5))
 
 
@@ -92,7 +97,8 @@ def lighter_layers(network):
 )
 def test_density_is_that_of_what_moves_in_the_bulk(change, density, near):
     network = gallery.fcc(cells=(3, 3, 80))
-    before, after = static_velocity(network), static_velocity(change(network))
+    before = static_velocity(network)
+    after = static_velocity(change(network))
     assert after[0] == pytest.approx(before[0] / np.sqrt(density), rel=near)
     assert after[1] == pytest.approx(before[1], rel=near)
 
@@ -106,11 +112,15 @@ def test_load_that_is_not_balanced_is_said(monkeypatch):
 
 def test_packing_that_is_cut_has_no_velocity():
     network = gallery.fcc(cells=(3, 3, 40))
-    z, j = network.position[:, 2], network.particle_j
+    z = network.position[:, 2]
+    j = network.particle_j
     upper = z > network.wall_position.mean()
     across = (j >= 0) & (upper[network.particle_i] != upper[j])
     with pytest.raises(InputError) as refused:
         static_velocity(network.with_contacts(~across))
     assert refused.value.code in ("no_wave", "not_converged")
+
+
+def test_packing_without_a_bulk_has_no_velocity():
     with refusal("too_short"):
         static_velocity(gallery.fcc(cells=(2, 2, 8)))

@@ -24,8 +24,10 @@ DAMPING = ContactDamping(0.05, 0.03)
 PUSH = "--amplitude 2.5e-9 --input-frequency 1e5"
 TWO_CYCLES = {"motion": Pulse(2.5e-9, 1e5, cycles=2), "direction": "x"}
 SWEPT = "--last-frequency 2e5 --sweep 1e-5"
-TURNED, TURNS = "--point 3 --direction torsion", {"source": Point(3), "direction": "torsion"}
-OPENED, OPENS = "--plane 0.01 --direction y", {"source": Plane(0.01), "direction": "y"}
+TURNED = "--point 3 --direction torsion"
+TURNS = {"source": Point(3), "direction": "torsion"}
+OPENED = "--plane 0.01 --direction y"
+OPENS = {"source": Plane(0.01), "direction": "y"}
 SAME = [
     ("crystal", "wave", {}),
     ("crystal", "wave --time-step 5e-8 --particles", {"time_step": 5e-8, "particles": True}),
@@ -100,7 +102,7 @@ def check_printed_response(result, response):
 
 
 def check_unit(path, command, direction):
-    """Torsion is in rad; a response is per metre."""
+    """Check the unit of displacements: rad of torsion, and per metre of a response."""
     unit = "rad" if direction == "torsion" else "m"
     if command == "response":
         unit += "/m"
@@ -109,7 +111,7 @@ def check_unit(path, command, direction):
 
 
 def check_other_source(path, direction, one_line):
-    """Waves that are not from wall to wall are refused where velocities are measured."""
+    """Refuse waves that are not from wall to wall where velocities are measured."""
     with refusal("other_source"):
         read_signals(path)
     figure = ["figure", "signals", "a.network.h5", path]
@@ -167,7 +169,7 @@ def test_one_line_and_no_file(packing, words, code, tmp_path, one_line, monkeypa
 
 
 def test_unstable_time_step_is_named(tmp_path, one_line):
-    """The step is the largest that divides the interval: four of them."""
+    """Name the step, the largest that divides the interval: a quarter of it."""
     path = tmp_path / "a.network.h5"
     write_network(path, PACKINGS["crystal"]())
     words = "--time-step 3e-7 --interval 1e-6 --duration 1e-5"

@@ -25,36 +25,42 @@ pytestmark = pytest.mark.two_ways
 
 
 def with_one_stiff_contact(contact: int, factor: float) -> Network:
-    """A crystal of 144 spheres whose highest mode is a single contact's own."""
+    """Return a crystal of 144 spheres whose highest mode is that of a single contact."""
     network = gallery.fcc(cells=(3, 3, 16))
     factors = scaled(np.ones(network.n_contacts), contact, factor)
     return stiffer(network, factors, factors)
 
 
 def test_products_are_those_of_the_orders_and_an_interval_too_small_is_refused(monkeypatch):
-    """A network with a stiff contact: the orders of cos(omega t), what the tolerance adds, and what
-    finds the top; where that were too low by a tenth, no wave and no response."""
+    """Count the products for a network with a stiff contact.
+
+    They are the orders of cos(omega t), those that the tolerance adds, and those that find the
+    highest mode. If the highest frequency were too low by a tenth, wave and response are refused.
+    """
     network = with_one_stiff_contact(11, 3.0)
-    found = propagate(network, 3e-4, tolerance=1e-12)
+    wave = propagate(network, 3e-4, tolerance=1e-12)
     top = np.linalg.eigvalsh(LinearSystem.of(network).dynamical_matrix.toarray())[-1]
-    assert found.products <= 1.15 * np.sqrt(top) * 3e-4 / 2 + 130
+    assert wave.products <= 1.15 * np.sqrt(top) * 3e-4 / 2 + 130
     monkeypatch.setattr(linear_system, "bound_of_spectrum", lambda _: (0.9 * top, 1))
-    for ask in (
+    for compute in (
         lambda: propagate(with_one_stiff_contact(11, 3.0), 3e-4),
         lambda: frequency_response(with_one_stiff_contact(11, 3.0), highest=1e5),
     ):
         with pytest.raises(GrowthError):
-            ask()
+            compute()
 
 
 def squeezed(times: float) -> Network:
-    """A crystal whose contacts press `times` as hard as their springs stand for."""
+    """Return a crystal whose contacts press `times` as hard as their stiffness implies."""
     network = gallery.fcc(cells=(1, 1, 12))
     return network.unchecked(force_normal=times * network.force_normal)
 
 
 def test_step_limit_is_that_of_the_tangent_in_use():
-    """Contacts under tension hold the spheres from aside as well: the highest mode rises."""
+    """Compare the limit of the step with and without forces.
+
+    Contacts under tension stiffen the crystal across them: the highest mode rises.
+    """
     network = squeezed(-1e5)
     limits = []
     for pre_stress in ("none", "normal"):
@@ -69,7 +75,7 @@ def test_step_limit_is_that_of_the_tangent_in_use():
 
 @pytest.mark.parametrize("pre_stress", ["normal", "full"])
 def test_unstable_network_is_refused_by_both(pre_stress):
-    """Strong forces push the spheres aside: a negative direction, along which motion grows."""
+    """Refuse a network whose strong forces push the spheres aside, so that motion grows."""
     network = squeezed(2e4)
     operator = ContactOperator(network, mass_scaled=True, pre_stress=pre_stress)
     lowest = np.linalg.eigvals(operator @ np.eye(operator.shape[0])).real.min()
@@ -85,38 +91,49 @@ def test_unstable_network_is_refused_by_both(pre_stress):
     [(0.1, 0, "none"), (0.1, 12, "full"), (0.98, 0, "full"), (0.98, 12, "none")],
 )
 def test_leapfrog_is_that_of_a_loop_over_its_steps(share, corners, pre_stress):
-    """Near the limit of the step, and with a wall that jerks: state k, forces at k dt."""
+    """Compare with a plain loop, near the limit of the step and with a wall that jerks."""
     system = LinearSystem.of(read_sample(SHEARED).network(), pre_stress=pre_stress)
-    dt, every, records = share * 2 / np.sqrt(system.spectral_bound), 4, 50
+    dt = share * 2 / np.sqrt(system.spectral_bound)
+    steps_per_record = 4
+    records = 50
     motion = Pulse()
     if corners:
         rng = np.random.default_rng(corners)
-        at, value = np.sort(rng.uniform(0, dt * every * records, corners)), rng.random(corners)
-        motion = SampledMotion(np.append(0, at), 1e-9 * np.append(0, value))
-    times = {"time_step": dt, "interval": every * dt, "particles": True, "tolerance": 1e-11}
+        corner_times = np.sort(rng.uniform(0, dt * steps_per_record * records, corners))
+        corner_values = rng.random(corners)
+        motion = SampledMotion(np.append(0, corner_times), 1e-9 * np.append(0, corner_values))
+    times = {
+        "time_step": dt,
+        "interval": steps_per_record * dt,
+        "particles": True,
+        "tolerance": 1e-11,
+    }
     times["pre_stress"] = pre_stress
-    found = propagate(system.network, every * records * dt, motion=motion, **times)
-    push, pull, held = wall_pattern(system.network, SOURCE_WALL, pre_stress)
-    A, root = system.dynamical_matrix, system.sqrt_mass
+    wave = propagate(system.network, steps_per_record * records * dt, motion=motion, **times)
+    push, pull, holding_force = wall_pattern(system.network, SOURCE_WALL, pre_stress)
+    A = system.dynamical_matrix
+    root = system.sqrt_mass
     v, speed = np.zeros((2, system.size))
-    moved = motion.displacement(dt * np.arange(every * records + 1))
-    for k, d in enumerate(moved):
-        if k % every == 0:
-            u, row = root.over(v), k // every
-            moves, stress = found.signals.particle_displacement, found.signals.source_stress
+    wall_displacement = motion.displacement(dt * np.arange(steps_per_record * records + 1))
+    for k, d in enumerate(wall_displacement):
+        if k % steps_per_record == 0:
+            u = root.over(v)
+            row = k // steps_per_record
+            moves = wave.signals.particle_displacement
+            stress = wave.signals.source_stress
             assert abs(moves[row] - u[2::6]).max() <= 1e-10 * abs(moves).max()
-            force = (held * d - pull @ u) / system.network.area
+            force = (holding_force * d - pull @ u) / system.network.area
             assert abs(stress[row] - force) <= 1e-10 * abs(stress).max()
         speed += dt * (root.over(push) * d - A @ v)
         v += dt * speed
     # As many products as steps at the limit, and what finds it: no more for shorter steps.
-    assert found.products < len(moved) * share + 200
+    assert wave.products < len(wall_displacement) * share + 200
 
 
 def test_long_wave_is_refused_before_it_starts():
-    """1,000 s of 2,000 spheres, by either method, for products and memory.
+    """Refuse 1,000 s of 2,000 spheres by either method, for products and for memory.
 
-    At once, too: no search among 1e11 numbers for one with a fast transform.
+    The refusal is immediate: no search among 1e11 numbers for one with a fast transform.
     """
     for times in ({"duration": 4e5}, {"duration": 1e308, "interval": 1e308}):
         with refusal("too_large", "days"):

@@ -22,7 +22,7 @@ def test_a_pulse_much_longer_or_shorter_than_the_record():
 
 
 def test_a_chirp_sweeps_its_band():
-    """Its spectrum lies between the two frequencies, and its phase turns as it should."""
+    """Check that the spectrum lies between the two frequencies, and count the cycles."""
     motion = chirp(1e-9, 2e4, 8e4, 1e-3)
     time = np.arange(0, 1e-3, 1e-6)
     d = motion.displacement(time)

@@ -39,41 +39,45 @@ def column():
 
 @pytest.fixture(scope="module")
 def rested():
-    """150 spheres with friction, at rest."""
+    """Return 150 spheres with friction, at rest."""
     sample, balance = relax(read_sample(SHEARED))
     assert balance.at_rest
     return sample
 
 
 def of_ode(network, motion, duration):
-    """Displacements (nt, n) of a column of Hertz spheres, by an explicit method of eighth order."""
-    overlap, force = network.overlap, network.force_normal
+    """Compute displacements (nt, n) of a column of Hertz spheres by DOP853, of eighth order."""
+    overlap = network.overlap
+    force = network.force_normal
     mass = network.mass[0]
 
     def rates(t, state):
         u, v = np.split(state, 2)
         wall = motion.displacement(np.array([t]))[0]
-        places = np.concatenate([[wall], u, [0.0]])
+        positions = np.concatenate([[wall], u, [0.0]])
         # The contacts from below: with the source wall, between spheres, with the receiver wall.
         order = [0, *range(1, len(u)), len(u)]
-        deep = np.maximum(overlap[order] + places[:-1] - places[1:], 0)
+        deep = np.maximum(overlap[order] + positions[:-1] - positions[1:], 0)
         push = force[order] * (deep / overlap[order]) ** 1.5
         return np.concatenate([v, (push[:-1] - push[1:]) / mass])
 
     times = 1e-6 * np.arange(round(duration * 1e6) + 1)
-    found = solve_ivp(
+    solution = solve_ivp(
         rates, (0, times[-1]), np.zeros(2 * len(network.mass)), "DOP853", times, rtol=1e-11,
         atol=1e-18, max_step=1e-6,
     )  # fmt: skip
-    return found.y[: len(network.mass)].T
+    return solution.y[: len(network.mass)].T
 
 
-def off(found, expected):
-    return abs(found - expected).max() / abs(expected).max()
+def off(record, expected):
+    return abs(record - expected).max() / abs(expected).max()
 
 
 def test_column_against_an_ode_solver_and_the_order_of_the_step(column):
-    """Pushed by 0.4 of an overlap, where the linear wave is far off; the told error holds."""
+    """Push a column by 0.4 of an overlap, at which the linear wave is far off.
+
+    The reported error is above the true one.
+    """
     motion = Pulse(0.2 * column.overlap[1], 2e4)
     expected = of_ode(column, motion, DURATION)
 
@@ -95,7 +99,7 @@ def test_column_against_an_ode_solver_and_the_order_of_the_step(column):
 
 @pytest.fixture(scope="module")
 def endless():
-    """150 spheres at rest in a cell without walls."""
+    """Return 150 spheres at rest in a cell without walls."""
     sample, balance = relax(sample_of_network(modal.random_packing(150, periodic=True), 0.3))
     assert balance.at_rest and sample.periodic_z
     return sample
@@ -103,25 +107,27 @@ def endless():
 
 @pytest.fixture(scope="module")
 def pillar():
-    """Single spheres and triangles of them in turn, without periods, in exact balance.
+    """Return single spheres and triangles of spheres in turn, without periods, in exact balance.
 
-    Friction holds each sphere of a triangle between the two single ones: its forces are vertical,
-    off its centre, and turn with what turns.
+    Friction holds each sphere of a triangle between two single ones: its forces are vertical and
+    off its centre, and turn with the spheres.
     """
-    overlap, lean, place = 1e-6, np.radians(37.0), np.array([3, 4.5, 0]) * RADIUS
+    overlap = 1e-6
+    lean = np.radians(37.0)
+    axis = np.array([3, 4.5, 0]) * RADIUS
     bare = Sample(np.empty((0, 3)), np.full(2, 8 * RADIUS), np.zeros(2), friction=1.0)
     pair, wall = bare.laws
     load = 3 * pair.normal_force(overlap, RADIUS / 2) / np.cos(lean)
     low = RADIUS - wall.overlap_of_force(load, RADIUS)
     out, rise = (2 * RADIUS - overlap) * np.array([np.sin(lean), np.cos(lean)])
-    places = [[0, 0, low]]
+    positions = [[0, 0, low]]
     for k in range(4):
         turns = 0.7 * k + 2 * np.pi / 3 * np.arange(3)
         z = low + (2 * k + 1) * rise
-        places += [[out * np.cos(turn), out * np.sin(turn), z] for turn in turns]
-        places.append([0, 0, z + rise])
-    walls = np.array([0, places[-1][2] + low])
-    sample = replace(bare, position=places + place, walls=walls, periodic_sides=(False, False))
+        positions += [[out * np.cos(turn), out * np.sin(turn), z] for turn in turns]
+        positions.append([0, 0, z + rise])
+    walls = np.array([0, positions[-1][2] + low])
+    sample = replace(bare, position=positions + axis, walls=walls, periodic_sides=(False, False))
     network = sample.network()
     n = network.normal
     shear = network.force_normal[:, None] * (n - [0, 0, 1] / n[:, 2:])
@@ -142,20 +148,22 @@ def pillar():
     ],
 )
 def test_small_waves_are_the_linear_wave(request, packing, source, direction):
-    """The difference from the full tangent shrinks in proportion to the amplitude.
+    """Check that the difference from the full tangent is proportional to the amplitude.
 
-    The larger one is 4e-3 of an overlap, without walls, where looser contacts are, 4e-4; a sphere
-    is pushed so that it moves about as far, and what turns, turns by so much three radii from its
-    axis. Of all spheres that bear force.
+    The larger amplitude is 4e-3 of an overlap, or 4e-4 without walls, where contacts are looser. A
+    sphere is pushed so that it moves about as far; a rotation moves points three radii from the
+    axis by as much. All spheres that bear force are compared.
     """
     sample = request.getfixturevalue(packing)
-    network, walls = sample.network(), packing != "endless"
-    bearing, kn = force_bearing(network), network.stiffness_normal.mean()
+    network = sample.network()
+    walls = packing != "endless"
+    bearing = force_bearing(network)
+    kn = network.stiffness_normal.mean()
     # A torque of kn D size / 5 turns a sphere by some size / R.
     size = {"torsion": kn * RADIUS}.get(direction, 10 * kn) if source == "point" else 1.0
     if source != "point" and direction == "torsion":
         size = 1 / (3 * RADIUS)
-    of = {
+    source_object = {
         "wall": Wall(),
         "plane": Plane(sample.walls.mean() + 1e-4),
         "point": Point(10 if packing == "pillar" else 70),
@@ -164,17 +172,21 @@ def test_small_waves_are_the_linear_wave(request, packing, source, direction):
     time_step = 8e-9 if packing == "pillar" else 2e-8
     near = not walls and direction != "torsion"
     for amplitude in (1e-10, 1e-11) if near else (1e-9, 1e-10):
-        options = {"motion": Pulse(amplitude * size, 1e5), "direction": direction, "source": of}
+        options = {
+            "motion": Pulse(amplitude * size, 1e5),
+            "direction": direction,
+            "source": source_object,
+        }
         options |= {"particles": True, "interval": 1e-6}
         pair = [
-            modal.propagate(sample, 2.5e-5, **options, **more).signals
-            for more in ({"nonlinear": True, "time_step": time_step}, {"pre_stress": "full"})
+            modal.propagate(sample, 2.5e-5, **options, **method).signals
+            for method in ({"nonlinear": True, "time_step": time_step}, {"pre_stress": "full"})
         ]
         names = ["layer_displacement"] * (packing != "pillar") + ["receiver_stress"] * walls
         names += ["source_stress"] * (source != "point")
-        found = [off(*(getattr(wave, name) for wave in pair)) for name in names]
-        found.append(off(*(wave.particle_displacement[:, bearing] for wave in pair)))
-        differences.append(found)
+        relative_differences = [off(*(getattr(wave, name) for wave in pair)) for name in names]
+        relative_differences.append(off(*(wave.particle_displacement[:, bearing] for wave in pair)))
+        differences.append(relative_differences)
     assert (np.array(differences[0]) < 2e-2).all()
     # What is left of a tenth is the error of the time step, 2e-5 of these waves.
     assert (np.array(differences[1]) < 0.12 * np.array(differences[0]) + 5e-5).all()
@@ -189,44 +201,54 @@ def test_small_waves_are_the_linear_wave(request, packing, source, direction):
     ],
 )
 def test_energy_adds_up_where_contacts_slide_and_open(request, packing, source):
-    """Of a third of an overlap; with and without walls, of a wall that stays displaced, of torsion.
+    """Check the balance of energy of waves of a third of an overlap.
 
-    By contact, those that the wave has closed among them: round-off of a sum of thousands.
+    There are packings with and without walls, a wall that stays displaced, and torsion. The energy
+    of slip is compared contact by contact, with those that the wave has closed, to the round-off of
+    a sum of thousands.
     """
-    (kind, direction), sample = source.split(), request.getfixturevalue(packing)
-    network, size = sample.network(), 2.5e-7
+    (kind, direction) = source.split()
+    sample = request.getfixturevalue(packing)
+    network = sample.network()
+    size = 2.5e-7
     if kind == "point":
         size *= 20 * network.stiffness_normal.mean() * (RADIUS if direction == "torsion" else 1)
     elif direction == "torsion":
         size /= 2 * RADIUS
-    of = {"plane": Plane(sample.walls.mean() + 1e-4), "point": Point(70)}.get(kind, Wall())
+    source_object = {"plane": Plane(sample.walls.mean() + 1e-4), "point": Point(70)}.get(
+        kind, Wall()
+    )
     motion = step(size, 1e-5) if kind == "step" else Pulse(size, 1e5)
     wave = modal.propagate(
         sample, 1e-4 if packing == "rested" else 5e-5, nonlinear=True, motion=motion,
-        direction=direction, time_step=2e-8 if packing != "rested" else 4e-8, source=of,
+        direction=direction, time_step=2e-8 if packing != "rested" else 4e-8, source=source_object,
     )  # fmt: skip
-    work, kinetic, stored, lost = wave.energy.T
-    assert abs(kinetic + stored + lost - work).max() < 1e-3 * abs(work).max()
-    assert (np.diff(lost) >= 0).all() and lost[-1] > 1e-3 * work.max()
-    ends, energy = wave.signals.slip_ends, wave.signals.slip_energy
-    assert energy.sum() == pytest.approx(lost[-1], rel=1e-12, abs=0)
+    work, kinetic, stored, dissipated = wave.energy.T
+    assert abs(kinetic + stored + dissipated - work).max() < 1e-3 * abs(work).max()
+    assert (np.diff(dissipated) >= 0).all() and dissipated[-1] > 1e-3 * work.max()
+    ends = wave.signals.slip_ends
+    energy = wave.signals.slip_energy
+    assert energy.sum() == pytest.approx(dissipated[-1], rel=1e-12, abs=0)
     if packing != "rested":
         return
-    assert (wave.dissipated > 0).sum() > 20 and lost[-1] > 0.05 * work.max()
+    assert (wave.dissipated > 0).sum() > 20 and dissipated[-1] > 0.05 * work.max()
     assert wave.opened.any() or direction == "y"
     # Those of the start are the network's, one by one; the wave has closed the others.
     pairs = zip(network.particle_i, network.particle_j, strict=True)
     number = {pair: c for c, pair in enumerate(pairs)}
     of_start = np.zeros(network.n_contacts)
-    for pair, lost_there in zip(map(tuple, ends), energy, strict=True):
+    for pair, dissipated_there in zip(map(tuple, ends), energy, strict=True):
         if pair in number:
-            of_start[number[pair]] += lost_there
+            of_start[number[pair]] += dissipated_there
     assert np.allclose(of_start, wave.dissipated, rtol=1e-12, atol=0)
-    assert 0.95 * lost[-1] < wave.dissipated.sum() < lost[-1]
+    assert 0.95 * dissipated[-1] < wave.dissipated.sum() < dissipated[-1]
 
 
 def test_crystal_one_sphere_wide_is_the_wider_one():
-    """Spheres that touch their own images; the difference from the linear wave is the law's."""
+    """Compare spheres that touch their own images with a wider crystal.
+
+    The difference from the linear wave is that of the contact law.
+    """
     waves = []
     for wide in (1, 2):
         crystal = gallery.fcc(cells=(wide, wide, 12))
@@ -241,10 +263,11 @@ def test_crystal_one_sphere_wide_is_the_wider_one():
 
 
 def test_energy_of_a_tiny_wave_adds_up(rested):
-    """1e-5 of an overlap: its energy is 1e-10 of what contacts store at rest, rounded at 1e-16.
+    """Check the balance of a wave of 1e-5 of an overlap.
 
-    Places are rounded in each step, which slip does not feel, as it goes by velocities. If that
-    gathered, the carried shear forces would seem to do work on it: 3e-2 here.
+    Its energy is 1e-10 of what contacts store at rest, which is rounded at 1e-16. Positions are
+    rounded in each step; slip follows from velocities and is not affected. If the rounding
+    accumulated, the carried shear forces would seem to do work: 3e-2 here.
     """
     options = {"motion": Pulse(1e-11, 1e5), "time_step": 2e-8}
     balance = modal.propagate(rested, 5e-5, nonlinear=True, **options).signals.balance
@@ -252,22 +275,23 @@ def test_energy_of_a_tiny_wave_adds_up(rested):
 
 
 def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, printed, one_line):
-    sample, out = str(tmp_path / "rested.sample.h5"), str(tmp_path / "wave.signals.h5")
+    sample = str(tmp_path / "rested.sample.h5")
+    product = str(tmp_path / "wave.signals.h5")
     write_sample(sample, rested)
-    words = f"wave {sample} --nonlinear --amplitude 1e-8 --duration 5e-5 --direction x -o {out}"
+    words = f"wave {sample} --nonlinear --amplitude 1e-8 --duration 5e-5 --direction x -o {product}"
     words += f" --plane {rested.walls.mean()} --interval 1e-6"
-    said = printed(*words.split())
-    signals = read_signals(out, of_any_source=True)
+    output = printed(*words.split())
+    signals = read_signals(product, of_any_source=True)
     assert signals.direction == "x" and signals.source.startswith("plane")
-    assert len(signals.time) == said["times"] == 51
-    assert signals.balance.closes and abs(said["energy_gap"]) < 1e-3
-    assert said["time_step_error"] < 1e-3
+    assert len(signals.time) == output["times"] == 51
+    assert signals.balance.closes and abs(output["energy_gap"]) < 1e-3
+    assert output["time_step_error"] < 1e-3
     # Held by friction nothing slides; what slip takes is over what the source gave in all.
-    said_slip = said["contacts_slid"], said["dissipated_share"]
-    said = printed(*words.split(), "--friction", 1e9)
-    assert said["contacts_slid"] == said["dissipated_share"] == 0 < said_slip[0]
+    slip = output["contacts_slid"], output["dissipated_share"]
+    output = printed(*words.split(), "--friction", 1e9)
+    assert output["contacts_slid"] == output["dissipated_share"] == 0 < slip[0]
     energy = signals.balance.work
-    assert said_slip[1] == pytest.approx(signals.slip_energy.sum() / energy, rel=1e-9)
+    assert slip[1] == pytest.approx(signals.slip_energy.sum() / energy, rel=1e-9)
     one_line(main, ["wave", sample, "--nonlinear", "--friction", 0], code="friction")
 
 
@@ -320,7 +344,7 @@ def test_linear_wave_takes_no_friction(column):
 
 
 def test_loop_and_arrays_turn_alike(pillar, monkeypatch):
-    """A wall and a plane that turn, with slip: the compiled loop against its oracle."""
+    """Compare the compiled loop with arrays for a wall and a plane that turn, with slip."""
     for source in (Wall(), Plane(pillar.walls.mean() + 1e-4)):
         options = {"motion": Pulse(1e-4, 1e5), "direction": "torsion", "time_step": 5e-8}
         waves = []
@@ -335,12 +359,14 @@ def test_loop_and_arrays_turn_alike(pillar, monkeypatch):
 
 
 def test_a_turning_wall_with_shear_feels_differences_of_the_law(rested):
-    """Forces on the spheres and torque on the wall, of its turn and of any motion of the spheres.
+    """Compare forces on spheres and torque on a turning wall with differences of the law.
 
-    Central differences by 1e-7 rad and 1e-10 m leave rounding alone: of forces of 1 N, 1e-9 and
-    1e-6 of what changes. Without the shear forces at the wall both would be off by 2e-5 and 8e-5.
+    The wall turns, or the spheres move at random. Central differences by 1e-7 rad and 1e-10 m leave
+    rounding alone: of forces of 1 N, 1e-9 and 1e-6 of the change. Without the shear forces at the
+    wall both would be off by 2e-5 and 8e-5.
     """
-    network, sample = rested.network(), replace(rested, friction=1e3)
+    network = rested.network()
+    sample = replace(rested, friction=1e3)
     assert abs(network.force_tangential[network.particle_j == SOURCE_WALL]).max() > 0.1
     u = np.random.default_rng(1).standard_normal((network.n_particles, 6))
     u[:, 3:] /= RADIUS
@@ -355,9 +381,9 @@ def test_a_turning_wall_with_shear_feels_differences_of_the_law(rested):
         return np.append(moving.contacts.load, moving.holding_load()[TURN])
 
     wall = put_on(network, terms_of("full"), WallMoves(SOURCE_WALL, TURN))
-    turned = (forces(1e-7, 0) - forces(-1e-7, 0)) / 2e-7
+    by_turn = (forces(1e-7, 0) - forces(-1e-7, 0)) / 2e-7
     push = wall.push.toarray()[:, 0]
-    assert turned[:-1] == pytest.approx(push, abs=1e-9 * abs(push).max())
-    assert turned[-1] == pytest.approx(wall.held[0, 0], rel=1e-9)
-    moved = (forces(0, 1e-10) - forces(0, -1e-10)) / 2e-10
-    assert moved[-1] == pytest.approx(-(wall.pull.T @ u.ravel())[0], rel=1e-6)
+    assert by_turn[:-1] == pytest.approx(push, abs=1e-9 * abs(push).max())
+    assert by_turn[-1] == pytest.approx(wall.held[0, 0], rel=1e-9)
+    by_motion = (forces(0, 1e-10) - forces(0, -1e-10)) / 2e-10
+    assert by_motion[-1] == pytest.approx(-(wall.pull.T @ u.ravel())[0], rel=1e-6)

@@ -34,24 +34,32 @@ STRESSES = ("source_stress", "receiver_stress")
 @pytest.mark.parametrize("direction", ["x", "y", "z"])
 @pytest.mark.parametrize("pre_stress", ["none", "normal", "full"])
 def test_all_records_are_those_of_the_whole(network, count, direction, pre_stress):
-    """Both differ by less than their errors, relative to the largest motion and stress.
+    """Compare a wave in one part with the wave in all parts, within both errors.
 
-    Every sphere's motion is compared, thus the energies of all parts.
+    Errors are relative to the largest motion and stress. Every sphere's motion is compared.
     """
     settings = {"direction": direction, "pre_stress": pre_stress, "tolerance": 1e-9}
     network = network()
     wave_of_part = propagate(network, DURATION, particles=True, **settings)
     wave_of_all = propagate(network, DURATION, particles=True, whole=True, **settings)
     assert (wave_of_part.repeats, wave_of_all.repeats) == (count, 1)
-    part = wave_of_part.signals
-    whole = wave_of_all.signals
+    signals_of_part = wave_of_part.signals
+    signals_of_all = wave_of_all.signals
     error = wave_of_part.truncation + wave_of_all.truncation
     for name in DISPLACEMENTS:
-        compare(getattr(part, name), getattr(whole, name), error * largest(whole, DISPLACEMENTS[2]))
+        compare(
+            getattr(signals_of_part, name),
+            getattr(signals_of_all, name),
+            error * largest(signals_of_all, DISPLACEMENTS[2]),
+        )
     for name in STRESSES:
-        compare(getattr(part, name), getattr(whole, name), error * largest(whole, STRESSES[0]))
+        compare(
+            getattr(signals_of_part, name),
+            getattr(signals_of_all, name),
+            error * largest(signals_of_all, STRESSES[0]),
+        )
     for name in ("chain_particle", "chain_position", "layer_position"):
-        assert np.array_equal(getattr(part, name), getattr(whole, name))
+        assert np.array_equal(getattr(signals_of_part, name), getattr(signals_of_all, name))
 
 
 def largest(signals, name):
@@ -64,7 +72,7 @@ def compare(record, expected, tolerance):
 
 
 def test_parts_that_differ_change_the_wave_by_less_than_is_said():
-    """Stiffnesses have a noise of 2e-11; the error bounds its effect on the largest motion."""
+    """Add a noise of 2e-11 to stiffnesses: the error bounds its effect on the largest motion."""
     rng = np.random.default_rng(3)
     network = tiled(3, 1)
     noisy = network.stiffness_normal * (1 + 2e-11 * rng.uniform(-1, 1, network.n_contacts))
@@ -84,7 +92,7 @@ def test_parts_that_differ_change_the_wave_by_less_than_is_said():
 
 
 def test_response_of_a_repeated_packing_is_the_small_ones():
-    """The tolerance of both is 1e-8 of the highest resonance."""
+    """Compare two responses, each with a tolerance of 1e-8 of the highest resonance."""
     settings = {"highest": 4e4, "resolution": 4e3, "tolerance": 1e-8}
     small = frequency_response(slim(), **settings)
     large = frequency_response(tiled(3, 1), **settings)

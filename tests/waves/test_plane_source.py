@@ -16,7 +16,8 @@ from modal.waves.oscillator import oscillation
 from modal.waves.signals import read_signals
 from modal.waves.sources import MovingSource, Plane, PushingSource
 
-CRYSTAL, LAYERS = FccLattice(1e5), 40
+CRYSTAL = FccLattice(1e5)
+LAYERS = 40
 
 
 def from_plane(network, duration, height, **settings):
@@ -31,62 +32,74 @@ def crystal():
 
 @pytest.mark.parametrize("above", [0, 7, 39])
 def test_p_wave_against_a_ring_of_layers(crystal, above):
-    """m u_j'' = C (u_j+1 - 2 u_j + u_j-1); C d(t) pushes the two layers of one spring apart."""
+    """Compare with a ring of layers, m u_j'' = C (u_j+1 - 2 u_j + u_j-1).
+
+    C d(t) pushes the two layers of one spring apart.
+    """
     height = (above + 1) * CRYSTAL.layer_distance if above < LAYERS - 1 else 0.0
-    found = from_plane(crystal, 1.2e-4, height, tolerance=1e-12).signals
+    signals = from_plane(crystal, 1.2e-4, height, tolerance=1e-12).signals
     ring = 2 * np.eye(LAYERS) - np.roll(np.eye(LAYERS), 1, 0) - np.roll(np.eye(LAYERS), -1, 0)
     square, shape = eigh(ring * CRYSTAL.C / CRYSTAL.mass)
     push = np.zeros(LAYERS)
-    push[above], push[(above + 1) % LAYERS] = -1, 1
+    push[above] = -1
+    push[(above + 1) % LAYERS] = 1
     force = 2.5e-9 * CRYSTAL.C / CRYSTAL.mass * push @ shape
     omega = np.sqrt(np.maximum(square, 0))
     omega[0] = omega[1] * 1e-4  # the layers as a whole, which nothing pushes
-    exact = (force * driven_by_pulse(found.time, omega, 1e5)) @ shape.T
-    assert found.particle_displacement == pytest.approx(exact, abs=1e-9 * abs(exact).max())
+    exact = (force * driven_by_pulse(signals.time, omega, 1e5)) @ shape.T
+    assert signals.particle_displacement == pytest.approx(exact, abs=1e-9 * abs(exact).max())
     rough = from_plane(crystal, 1.2e-4, height, tolerance=1e-3)
-    off = abs(rough.signals.particle_displacement - exact).max()
-    assert 0 < off <= rough.truncation * abs(exact).max() and rough.truncation <= 1e-3
+    deviation = abs(rough.signals.particle_displacement - exact).max()
+    assert 0 < deviation <= rough.truncation * abs(exact).max() and rough.truncation <= 1e-3
     # Two equal waves, up and down; the mass as a whole stays where it is.
-    up = np.roll(found.particle_displacement, -above - 1, axis=1)
+    up = np.roll(signals.particle_displacement, -above - 1, axis=1)
     assert up == pytest.approx(-up[:, ::-1], abs=1e-9 * abs(exact).max())
 
 
 @pytest.mark.parametrize("direction", ["x", "z"])
 def test_wave_in_a_random_cell_is_that_of_its_dense_modes(direction):
-    """Radii 1:3; planes between two images of the spheres are counted one by one."""
-    cell, axis = polydisperse(periodic_z=True, n=30), "xyz".index(direction)
+    """Compare with dense modes; planes between two images of spheres are counted one by one.
+
+    The radii are 1:3.
+    """
+    cell = polydisperse(periodic_z=True, n=30)
+    axis = "xyz".index(direction)
     height = 0.3 * cell.length
     push = np.zeros((cell.n_particles, 6))
-    for c in range(cell.n_contacts):
-        i, j, n = cell.particle_i[c], cell.particle_j[c], cell.normal[c]
-        below, above = cell.position[[i, j], 2] + [0, cell.cell_shift[c, 2] * cell.length]
+    for contact in range(cell.n_contacts):
+        i = cell.particle_i[contact]
+        j = cell.particle_j[contact]
+        n = cell.normal[contact]
+        below, above = cell.position[[i, j], 2] + [0, cell.cell_shift[contact, 2] * cell.length]
         planes = height + np.arange(-3, 4) * cell.length
         crossed = ((below < planes) & (planes <= above)).sum()
         crossed -= ((above < planes) & (planes <= below)).sum()
         opening = crossed * np.eye(3)[axis]
-        along, kt = n * (n @ opening), cell.stiffness_tangential[c]
-        force = cell.stiffness_normal[c] * along + kt * (opening - along)
-        push[i] -= [*force, *np.cross(cell.lever_i[c], force)]
-        push[j] += [*force, *np.cross(cell.lever_j[c], force)]
+        along = n * (n @ opening)
+        kt = cell.stiffness_tangential[contact]
+        force = cell.stiffness_normal[contact] * along + kt * (opening - along)
+        push[i] -= [*force, *np.cross(cell.lever_i[contact], force)]
+        push[j] += [*force, *np.cross(cell.lever_j[contact], force)]
     square, shape = eigh(stiffness_matrix(cell).toarray(), np.diag(mass_diagonal(cell)))
-    found = from_plane(cell, 2e-5, height, direction=direction).signals
-    motion = (shape.T @ push.ravel())[:, None] * oscillation(Pulse(), square.clip(0), found.time)
-    wanted = (shape[axis::6] @ motion).T
-    assert found.particle_displacement == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
+    signals = from_plane(cell, 2e-5, height, direction=direction).signals
+    motion = (shape.T @ push.ravel())[:, None] * oscillation(Pulse(), square.clip(0), signals.time)
+    expected = (shape[axis::6] @ motion).T
+    assert signals.particle_displacement == pytest.approx(expected, abs=1e-7 * abs(expected).max())
 
 
 def test_file_of_before_is_read(crystal, tmp_path):
-    """Schema and attributes of "granular-plane-wave", version 1, as it was written."""
-    own = from_plane(crystal, 2e-5, 0.01).signals
+    """Read a file of the schema "granular-plane-wave", version 1, as it was written."""
+    signals = from_plane(crystal, 2e-5, 0.01).signals
     path = tmp_path / "old.plane.h5"
     with h5py.File(path, "w") as file:
         file.attrs.update(schema="granular-plane-wave", schema_version=1, direction="z")
         file.attrs.update(height=0.01, products=7, truncation=1e-10, network_sha256="ab")
-        file["time"], file["source/displacement"] = own.time, own.source_displacement
-        file["layers/position"] = own.layer_position
-        file["layers/displacement"] = own.layer_displacement
+        file["time"] = signals.time
+        file["source/displacement"] = signals.source_displacement
+        file["layers/position"] = signals.layer_position
+        file["layers/displacement"] = signals.layer_displacement
     read = read_signals(path, of_any_source=True)
-    assert (read.layer_displacement == own.layer_displacement).all()
+    assert (read.layer_displacement == signals.layer_displacement).all()
     assert read.source == "plane at 0.01 m"
     with refusal("schema", "granular-plane-wave"):
         read_signals(path)
@@ -98,7 +111,7 @@ def test_file_of_before_is_read(crystal, tmp_path):
 
 @pytest.mark.parametrize("kind", [MovingSource, PushingSource])
 def test_source_that_lacks_a_method_cannot_be_made(kind):
-    """A method that is forgotten does not return None."""
+    """Refuse a source that lacks a method, instead of returning None from it."""
 
     class Incomplete(kind):
         name = "incomplete"
@@ -108,7 +121,7 @@ def test_source_that_lacks_a_method_cannot_be_made(kind):
 
 
 def test_source_of_three_methods_sends_a_wave():
-    """A new source is one class: here the plane in the middle of a cell, wherever that is."""
+    """Define a new source as one class: the plane in the middle of any cell."""
 
     class Middle(MovingSource):
         name = "middle"

@@ -50,7 +50,8 @@ def undamped_column(window: float, travels: float) -> Signals:
     def push(delay):
         return np.exp(-(((time - delay - 5 * window) / window) ** 2))
 
-    source, receiver = push(0.0), np.zeros_like(time)
+    source = push(0.0)
+    receiver = np.zeros_like(time)
     for k in range(1, int(travels) + 1):
         if k % 2:
             receiver += 2 * push(1e-3 * k)

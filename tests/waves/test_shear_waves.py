@@ -22,7 +22,7 @@ def crystal():
 
 
 def test_branches_are_those_of_bloch():
-    """Two of the six at any wave number along z, twice: x and y are alike."""
+    """Compare two of six Bloch waves at any wave number along z, twice: along x and along y."""
     kappa = np.linspace(0.02, 1, 9) * np.pi / CRYSTAL.layer_distance
     branches = EXACT.branches(kappa) / (2 * np.pi)
     for k, pair in zip(kappa, branches.T, strict=True):
@@ -37,7 +37,7 @@ def test_branches_are_those_of_bloch():
 
 
 def test_modes_between_walls_are_among_all_modes(crystal):
-    """Those of layers that move as a whole: each at least twice, along x and along y."""
+    """Find the modes of layers that move as a whole at least twice: along x and along y."""
     every = modal.eigenmodes(crystal, all=True).frequency
     for f in EXACT.eigenmodes()[0] / (2 * np.pi):
         assert (abs(every / f - 1) < 1e-9).sum() >= 2
@@ -45,7 +45,7 @@ def test_modes_between_walls_are_among_all_modes(crystal):
 
 @pytest.mark.parametrize("direction", ["x", "y"])
 def test_linear_wave_against_the_exact_layers(crystal, direction):
-    """1e-9: the tolerance of the expansion is 1e-12 of its largest coefficient."""
+    """Compare within 1e-9: the expansion's tolerance is 1e-12 of its largest coefficient."""
     wave = modal.propagate(
         crystal,
         duration=3e-4,
@@ -60,18 +60,18 @@ def test_linear_wave_against_the_exact_layers(crystal, direction):
     scale = abs(exact).max()
     layer = np.repeat(np.arange(LAYERS), 4)
     assert signals.particle_displacement == pytest.approx(exact[:, layer], abs=1e-9 * scale)
-    wanted = exact[:, layer[signals.chain_particle]]
-    assert signals.chain_displacement == pytest.approx(wanted, abs=1e-9 * scale)
+    expected = exact[:, layer[signals.chain_particle]]
+    assert signals.chain_displacement == pytest.approx(expected, abs=1e-9 * scale)
     assert signals.direction == direction
     # Far from the source wall the wave has come by V_S, not by V_P: its peak is half a period late.
     last = exact[:, -5]
     peak = signals.time[np.argmax(abs(last))]
-    way = (LAYERS - 5) * CRYSTAL.layer_distance
-    assert way / CRYSTAL.velocity + 1e-5 < peak < way / EXACT.velocity + 2.5e-5
+    distance = (LAYERS - 5) * CRYSTAL.layer_distance
+    assert distance / CRYSTAL.velocity + 1e-5 < peak < distance / EXACT.velocity + 2.5e-5
 
 
 def test_chi_tells_shear_from_compression(crystal):
-    """Modes of the crystal that move along x alone: chi_x 1, chi_z 0; sums are 1 for all."""
+    """Check modes that move along x alone: chi_x is 1 and chi_z is 0; sums are 1 for all modes."""
     modes = modal.eigenmodes(crystal, lowest=6)
     total = modes.chi("x") + modes.chi("y") + modes.chi("z")
     assert total == pytest.approx(np.ones(6), abs=1e-9)
@@ -92,13 +92,13 @@ def test_directions_that_the_wall_cannot_take(crystal):
 
 
 def test_dispersion_of_an_s_wave_from_its_signals():
-    """The chain's neighbour ratio, as a polynomial of higher order: layers that turn bend it."""
+    """Fit the chain's neighbour ratio by a polynomial of higher order: layers that turn bend it."""
     lattice = ShearLattice.of_crystal(CRYSTAL, 200)
     wave = modal.propagate(modal.fcc(cells=(1, 1, 200)), 7e-4, interval=5e-7, direction="x")
-    found = chain_dispersion(wave.signals, order=5)
+    dispersion = chain_dispersion(wave.signals, order=5)
     kappa = np.linspace(0.02, 0.9, 100) * np.pi / CRYSTAL.layer_distance
     branch = lattice.branches(kappa)[0]
-    assert np.sqrt(np.mean((found.omega(kappa) / branch - 1) ** 2)) < 2e-4
-    assert found.velocity == pytest.approx(lattice.velocity, rel=2e-4)
+    assert np.sqrt(np.mean((dispersion.omega(kappa) / branch - 1) ** 2)) < 2e-4
+    assert dispersion.velocity == pytest.approx(lattice.velocity, rel=2e-4)
     edge = lattice.branches(np.array([np.pi / CRYSTAL.layer_distance]))[0, 0] / (2 * np.pi)
-    assert found.low_pass_frequency == pytest.approx(edge, rel=2e-3)
+    assert dispersion.low_pass_frequency == pytest.approx(edge, rel=2e-3)

@@ -1,7 +1,7 @@
-"""Sources, systems and integrators in all combinations against dense matrices.
+"""Compare sources, systems and integrators in all combinations with dense matrices.
 
-What a source does is told here from rigid motions: a wall, or all that lies above a plane, moves or
-turns as one body, and the contacts across push back.
+The action of a source follows here from rigid motions: a wall, or all bodies above a plane, moves
+or turns as one body, and the contacts with the other bodies push back.
 """
 
 from dataclasses import replace
@@ -25,14 +25,15 @@ from modal.waves.sources import Plane, Point, Wall
 
 pytestmark = pytest.mark.two_ways
 
-EVERY, RECORDS = 1e-6, 30
+EVERY = 1e-6
+RECORDS = 30
 MOTION = SampledMotion(EVERY * np.array([0, 2, 5, 9, 14]), 1e-9 * np.array([0, 2, -1, 1.5, 0]))
 DAMPING = ContactDamping(0.05, 0.03)
 COMPONENT = {"x": 0, "y": 1, "z": 2, "torsion": 5}
 
 
 def free_sides() -> Network:
-    """Radii 1:3 between two walls, without periods."""
+    """Return spheres of radii 1:3 between two walls, without periods."""
     network = polydisperse(n=40)
     inside = network.with_contacts(~network.cell_shift.any(axis=1))
     return replace(inside, cell_periodic=np.zeros(3, bool), cell_shift=None)
@@ -53,7 +54,7 @@ def packing(name: str) -> Network:
 
 
 def rigid(network: Network, places: np.ndarray, direction: str) -> np.ndarray:
-    """Shape (k, 6): unit motion at places (k, 3) of what moves, or turns about the middle."""
+    """Return the motion (k, 6) at places (k, 3) of a body that moves, or turns about the middle."""
     motion = np.zeros((len(places), 6))
     motion[:, COMPONENT[direction]] = 1
     if direction == "torsion":
@@ -62,25 +63,30 @@ def rigid(network: Network, places: np.ndarray, direction: str) -> np.ndarray:
 
 
 def of_wall(network: Network, wall: int, direction: str, pre_stress: str):
-    """Push (6n,), pull (6n,) and what holds it, contact by contact."""
+    """Return push (6n,), pull (6n,) and the holding force of a wall, contact by contact."""
     tangent = contact_tangent(network, terms_of(pre_stress))
-    push, pull, held = np.zeros((2, network.n_particles, 6)), 0, 0.0
-    push, pull = push
-    for c in np.flatnonzero(network.particle_j == wall):
-        i, one = network.particle_i[c], tangent[c : c + 1]
-        place = network.position[i] + network.lever_i[c]
-        e = rigid(network, place[None], direction)[0]
-        push[i] -= block(one, 0, 1)[0] @ e
-        pull[i] -= block(one, 1, 0)[0].T @ e
-        held += e @ block(one, 1, 1)[0] @ e
+    push = np.zeros((network.n_particles, 6))
+    pull = np.zeros((network.n_particles, 6))
+    holding = 0.0
+    for contact in np.flatnonzero(network.particle_j == wall):
+        i = network.particle_i[contact]
+        tangent_of_contact = tangent[contact : contact + 1]
+        contact_point = network.position[i] + network.lever_i[contact]
+        wall_motion = rigid(network, contact_point[None], direction)[0]
+        push[i] -= block(tangent_of_contact, 0, 1)[0] @ wall_motion
+        pull[i] -= block(tangent_of_contact, 1, 0)[0].T @ wall_motion
+        holding += wall_motion @ block(tangent_of_contact, 1, 1)[0] @ wall_motion
         if direction == "torsion" and SHEAR in terms_of(pre_stress):
             # The wall feels -t where the sphere is: the torque u_i x -t about z.
-            pull[i, :3] += np.cross([0, 0, 1], network.force_tangential[c])
-    return push.ravel(), pull.ravel(), held
+            pull[i, :3] += np.cross([0, 0, 1], network.force_tangential[contact])
+    return push.ravel(), pull.ravel(), holding
 
 
 def of_plane(network: Network, height: float, direction: str, pre_stress: str):
-    """The same of all above a plane that moves at once, of contacts between bodies alone."""
+    """Return push, pull and holding force if all bodies above a plane move together.
+
+    Only contacts between bodies count.
+    """
     inner = network.with_contacts(network.particle_j >= 0)
     K = stiffness_matrix(inner, pre_stress=pre_stress).toarray()
     above = rigid(network, network.position, direction)
@@ -100,40 +106,47 @@ def sourced(network, source, direction, pre_stress):
 
 
 def matrices(network, source, direction, pre_stress, damping):
-    """K, C, M^-1 and what springs and dashpots of source and receiver wall do; dense."""
+    """Return dense K, C, M^-1, and push, pull and holding force of source and receiver.
+
+    The last four are those of the source's springs and dashpots, and of the receiver's.
+    """
     M = np.zeros((network.n_particles, 6, 6))
     M[:, range(3), range(3)] = network.mass[:, None]
     tensor = network.inertia_tensor
     M[:, 3:, 3:] = network.inertia[:, None, None] * np.eye(3) if tensor is None else tensor
     N = 6 * network.n_particles
     inverse = np.zeros((N, N))
-    for k, one in enumerate(np.linalg.inv(M)):
-        inverse[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = one
+    for k, inverse_of_body in enumerate(np.linalg.inv(M)):
+        inverse[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = inverse_of_body
     dashpots = None if damping is None else damping.dashpots(network)
     K = stiffness_matrix(network, pre_stress=pre_stress).toarray()
     C = 0 * K if dashpots is None else stiffness_matrix(dashpots).toarray()
-    none = np.zeros(N), np.zeros(N), 0.0
+    no_action = np.zeros(N), np.zeros(N), 0.0
     spring = sourced(network, source, direction, pre_stress)
-    viscous = none if dashpots is None else sourced(dashpots, source, direction, "none")
+    viscous = no_action if dashpots is None else sourced(dashpots, source, direction, "none")
     if isinstance(source, Point):
-        viscous = none
-    far = of_wall(network, RECEIVER_WALL, direction, pre_stress)
-    behind = none if dashpots is None else of_wall(dashpots, RECEIVER_WALL, direction, "none")
-    return K, C, inverse, spring, viscous, far, behind
+        viscous = no_action
+    receiver_spring = of_wall(network, RECEIVER_WALL, direction, pre_stress)
+    receiver_dashpot = (
+        no_action if dashpots is None else of_wall(dashpots, RECEIVER_WALL, direction, "none")
+    )
+    return K, C, inverse, spring, viscous, receiver_spring, receiver_dashpot
 
 
 def dense_wave(network, source, direction, pre_stress, damping, motion, time):
-    """Motions (nt, n), forces on source and receiver wall (nt,), by matrix exponentials.
+    """Compute motions (nt, n) and forces on both walls (nt,) by matrix exponentials.
 
-    The state u, v, d, d' from one corner of the motion, or time (nt,), s, to the next; of a pulse
-    d'' = Omega^2 (A - d) too.
+    The state u, v, d, d' is taken from each corner of the motion, or time (nt,), s, to the next;
+    that of a pulse includes d'' = Omega^2 (A - d).
     """
-    K, C, inverse, spring, viscous, far, behind = matrices(
+    K, C, inverse, spring, viscous, receiver_spring, receiver_dashpot = matrices(
         network, source, direction, pre_stress, damping
     )
-    N, corners = len(K), motion.corners
+    N = len(K)
+    corners = motion.corners
     L = np.zeros((2 * N + 3, 2 * N + 3))
-    L[:N, N : 2 * N], L[2 * N, 2 * N + 1] = np.eye(N), 1
+    L[:N, N : 2 * N] = np.eye(N)
+    L[2 * N, 2 * N + 1] = 1
     L[N : 2 * N, :-1] = inverse @ np.column_stack([-K, -C, spring[0], viscous[0]])
     if pulse := isinstance(motion, Pulse):
         drive = (2 * np.pi * motion.frequency) ** 2
@@ -142,7 +155,10 @@ def dense_wave(network, source, direction, pre_stress, damping, motion, time):
     L = L * unit / unit[:, None]
     nodes = np.union1d(time, corners[corners < time[-1]])
     nodes = nodes[np.append(True, np.diff(nodes) > 1e-12)]
-    d, steps, state, states = motion.displacement(nodes), {}, np.zeros(2 * N + 3), []
+    d = motion.displacement(nodes)
+    steps = {}
+    state = np.zeros(2 * N + 3)
+    states = []
     speeds = np.append(np.diff(d) / np.diff(nodes), 0.0)
     state[-1] = 1
     for k, node in enumerate(nodes):
@@ -157,9 +173,16 @@ def dense_wave(network, source, direction, pre_stress, damping, motion, time):
             steps[key] = steps[key] if key in steps else expm(L * h)
             state = steps[key] @ state
     states = np.array(states)[np.searchsorted(nodes, time - 1e-12)]
-    u, v, d, rate = states[:, :N], states[:, N : 2 * N] * 1e6, states[:, -3], states[:, -2] * 1e6
-    held = spring[2] * d - u @ spring[1] + viscous[2] * rate - v @ viscous[1]
-    return u[:, COMPONENT[direction] :: 6], held, u @ far[1] + v @ behind[1]
+    u = states[:, :N]
+    v = states[:, N : 2 * N] * 1e6
+    d = states[:, -3]
+    rate = states[:, -2] * 1e6
+    source_force = spring[2] * d - u @ spring[1] + viscous[2] * rate - v @ viscous[1]
+    return (
+        u[:, COMPONENT[direction] :: 6],
+        source_force,
+        u @ receiver_spring[1] + v @ receiver_dashpot[1],
+    )
 
 
 CASES = [
@@ -182,32 +205,41 @@ CASES = [
 
 @pytest.mark.parametrize(("name", "source", "direction", "pre_stress", "damping"), CASES)
 def test_wave_against_a_matrix_exponential(name, source, direction, pre_stress, damping):
-    """Every sphere and both walls; round-off of the exponential is 1e-11 of the largest motion."""
+    """Compare every sphere and both walls; round-off of the exponential is 1e-11 of the motion."""
     network = packing(name)
-    settings = {
-        **{"source": source, "direction": direction, "pre_stress": pre_stress},
-        **{"motion": MOTION, "interval": EVERY, "particles": True},
-    }
-    found = modal.propagate(network, EVERY * RECORDS, damping=damping, **settings)
+    wave = modal.propagate(
+        network,
+        EVERY * RECORDS,
+        source=source,
+        direction=direction,
+        pre_stress=pre_stress,
+        damping=damping,
+        motion=MOTION,
+        interval=EVERY,
+        particles=True,
+    )
     time = EVERY * np.arange(RECORDS + 1)
-    about = (network, source, direction, pre_stress, damping)
-    moved, held, far = dense_wave(*about, MOTION, time)
-    signals = found.signals
-    assert signals.particle_displacement == pytest.approx(moved, abs=1e-8 * abs(moved).max())
+    exact_motion, source_force, receiver_force = dense_wave(
+        network, source, direction, pre_stress, damping, MOTION, time
+    )
+    signals = wave.signals
+    assert signals.particle_displacement == pytest.approx(
+        exact_motion, abs=1e-8 * abs(exact_motion).max()
+    )
     assert signals.source == source.name
     if isinstance(source, Point):
         assert not len(signals.source_stress)
     else:
         # At corners of the motion its rate jumps, and with it the force of dashpots.
-        smooth = np.ones(len(held), bool)
+        smooth = np.ones(len(source_force), bool)
         smooth[np.rint(MOTION.time / EVERY).astype(int)] = damping is None
-        stress = held / network.area
+        stress = source_force / network.area
         scale = 1e-8 * abs(stress).max()
         assert signals.source_stress[smooth] == pytest.approx(stress[smooth], abs=scale)
     if name != "cell":
-        far = far / network.area
-        scale = 1e-8 * max(abs(far).max(), abs(signals.source_stress).max(initial=0.0))
-        assert signals.receiver_stress == pytest.approx(far, abs=scale)
+        receiver_force = receiver_force / network.area
+        scale = 1e-8 * max(abs(receiver_force).max(), abs(signals.source_stress).max(initial=0.0))
+        assert signals.receiver_stress == pytest.approx(receiver_force, abs=scale)
 
 
 @pytest.mark.parametrize(
@@ -216,30 +248,43 @@ def test_wave_against_a_matrix_exponential(name, source, direction, pre_stress, 
     + [("sheared", Plane(0.01), "x", "full", None), ("sheared", Point(9), "z", "normal", None)],
 )
 def test_response_against_dense_solves(name, source, direction, pre_stress, damping):
-    """Of dashpots at real frequencies; else under the window whose width is the resolution.
+    """Compare with dense solves, at real frequencies with dashpots.
 
-    Forces taken up need a packing at rest, or dashpots: others are unstable.
+    Without dashpots the solves are under the window whose width is the resolution. Forces that
+    contacts carry need a packing at rest, or dashpots: other packings are unstable.
     """
-    network, resolution = packing(name), 8e3
-    found = modal.frequency_response(
-        *(network,), source=source, direction=direction, pre_stress=pre_stress, damping=damping,
-        highest=4e4, resolution=resolution, tolerance=1e-9,
-    )  # fmt: skip
-    K, C, inverse, spring, viscous, far, behind = matrices(
+    network = packing(name)
+    resolution = 8e3
+    response = modal.frequency_response(
+        network,
+        source=source,
+        direction=direction,
+        pre_stress=pre_stress,
+        damping=damping,
+        highest=4e4,
+        resolution=resolution,
+        tolerance=1e-9,
+    )
+    K, C, inverse, spring, viscous, receiver_spring, receiver_dashpot = matrices(
         network, source, direction, pre_stress, damping
     )
     M = np.linalg.inv(inverse)
-    layers, held, beyond = [], [], []
-    for f in found.frequency:
+    layers = []
+    source_force = []
+    receiver_force = []
+    for f in response.frequency:
         s = -2j * np.pi * f + (np.pi * resolution if damping is None else 0)
         u = np.linalg.solve(K + s * C + s**2 * M, spring[0] + s * viscous[0])
         layers.append(u[COMPONENT[direction] :: 6])
-        held.append(spring[2] + s * viscous[2] - u @ (spring[1] + s * viscous[1]))
-        beyond.append(u @ (far[1] + s * behind[1]))
+        source_force.append(spring[2] + s * viscous[2] - u @ (spring[1] + s * viscous[1]))
+        receiver_force.append(u @ (receiver_spring[1] + s * receiver_dashpot[1]))
     means = np.array([Layers(network).means(u.real) for u in layers])
     means = means + 1j * np.array([Layers(network).means(u.imag) for u in layers])
-    assert found.layer_displacement == pytest.approx(means, abs=1e-8 * abs(means).max())
-    for stress, wanted in ((found.source_stress, held), (found.receiver_stress, beyond)):
+    assert response.layer_displacement == pytest.approx(means, abs=1e-8 * abs(means).max())
+    for stress, force in (
+        (response.source_stress, source_force),
+        (response.receiver_stress, receiver_force),
+    ):
         if len(stress):
-            wanted = np.array(wanted) / network.area
-            assert stress == pytest.approx(wanted, abs=1e-8 * abs(wanted).max())
+            expected = np.array(force) / network.area
+            assert stress == pytest.approx(expected, abs=1e-8 * abs(expected).max())

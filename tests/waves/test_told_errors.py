@@ -50,7 +50,10 @@ def exact_wave(name, motion):
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("name", PACKINGS)
 def test_wave_is_as_exact_as_reported(name, motion, tolerance):
-    """Relative to the largest motion, and to the largest stress; the oracle's error is 3e-10."""
+    """Compare with exponentials, relative to the largest motion and stress.
+
+    The error of the exponentials is 3e-10.
+    """
     u, stress = exact_wave(name, motion)
     wave = modal.propagate(
         network_of(name),
@@ -72,7 +75,7 @@ def relative_error(record, expected):
 
 
 def test_stress_that_has_not_arrived_is_judged_with_that_of_the_source():
-    """Else the wave would be summed until round-off ends it, for a receiver without a signal."""
+    """End the sum for a receiver without a signal before round-off ends it."""
     crystal = modal.fcc(cells=(1, 1, 100))
     wave = modal.propagate(crystal, 1e-5, tolerance=1e-6)
     assert abs(wave.signals.receiver_stress).max() < 1e-9 * abs(wave.signals.source_stress).max()
@@ -87,18 +90,18 @@ def test_stress_that_has_not_arrived_is_judged_with_that_of_the_source():
 @pytest.mark.parametrize("resolution", [1e3, 1e4])
 @pytest.mark.parametrize("name", [*PACKINGS, "long"])
 def test_response_keeps_its_tolerance(name, resolution, tolerance, monkeypatch):
-    """Relative to the largest of each record over the frequencies: by all modes."""
+    """Compare with all modes, relative to the largest of each record over the frequencies."""
     monkeypatch.setitem(PACKINGS, "long", lambda: modal.fcc(cells=(1, 1, 60)))
     network = network_of(name)
     response = modal.frequency_response(network, resolution=resolution, tolerance=tolerance)
     root = np.sqrt(mass_diagonal(network))
     square, shape = np.linalg.eigh(stiffness_matrix(network).toarray() / root / root[:, None])
-    push, pull, held = wall_pattern(network, SOURCE_WALL)
+    push, pull, holding_force = wall_pattern(network, SOURCE_WALL)
     _, receiver_pull, _ = wall_pattern(network, RECEIVER_WALL)
     s = (2 * np.pi * response.frequency + 1j * np.pi * resolution) ** 2
     u = ((shape.T @ (push / root)) / (square - s[:, None])) @ shape.T / root
     chain = u[:, 6 * response.chain_particle + 2]
-    source_stress = (held - u @ pull) / network.area
+    source_stress = (holding_force - u @ pull) / network.area
     receiver_stress = u @ receiver_pull / network.area
     assert relative_error(response.chain_displacement, chain) <= tolerance
     assert relative_error(response.source_stress, source_stress) <= tolerance
@@ -112,6 +115,6 @@ def test_error_of_a_wave_is_reported_where_round_off_exceeds_the_tolerance():
 
 
 def test_response_that_round_off_hides_is_refused():
-    """So little comes through within a window as short as this resolution leaves."""
+    """Refuse a response of which hardly anything comes through within so short a window."""
     with refusal("not_converged"):
         modal.frequency_response(modal.fcc(cells=(1, 1, 60)), resolution=1e5)
