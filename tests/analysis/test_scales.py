@@ -1,6 +1,7 @@
 """Measure packings in other units of length, mass and time: all quantities scale with the units.
 
-Each number is that of the first packing times its unit. Round-off, and iterations that end at a tolerance, leave 1e-8 of it.
+Each number is that of the first packing times its unit. Round-off, and iterations that end at a
+tolerance, leave 1e-8 of it.
 """
 
 from dataclasses import replace
