@@ -76,6 +76,7 @@ def _missing_contacts(network: Columns) -> MissingContacts:
     depth = least_overlap(network, overlap)
     is_deep = overlap > depth
     wall = network.with_wall
+    deep_at_walls = int((is_deep & wall & ~network.held[network.particle_i]).sum())
     pairs = _count_pairs(network, depth, np.ones(network.n_particles, bool))
     pairs -= int(is_deep[~wall].sum())
     if network.fixed is not None:
@@ -83,20 +84,21 @@ def _missing_contacts(network: Columns) -> MissingContacts:
         held = network.held
         between_held = ~wall & held[network.particle_i] & held[network.partner]
         pairs -= _count_pairs(network, depth, held) - int(is_deep[between_held].sum())
-    with_wall = _count_at_walls(network, depth) - int(is_deep[wall].sum())
+    with_wall = _count_at_walls(network, depth) - deep_at_walls
     return MissingContacts(max(pairs, 0), max(with_wall, 0))
 
 
 def _count_at_walls(network: Columns, depth: float) -> int:
-    """Count spheres that overlap a wall by more than `depth`, m.
+    """Count spheres that move and overlap a wall by more than `depth`, m.
 
     Walls in one place are not walls: their packing is periodic or has none.
     """
     low, high = network.wall_position
     if network.cell_periodic[2] or not high > low:
         return 0
-    z = network.position[:, 2]
-    radius = network.radius
+    moves = ~network.held
+    z = network.position[moves, 2]
+    radius = network.radius[moves]
     return int((radius - (z - low) > depth).sum() + (radius - (high - z) > depth).sum())
 
 

@@ -62,7 +62,9 @@ def _summarise_volume(network: Network) -> dict[str, Any]:
         result["stress_pa"] = diagonal.tolist()
         result["largest_off_diagonal_stress_pa"] = float(abs(stress - np.diag(diagonal)).max())
     sides_are_free = occupied is not None and bool(occupied.free[:2].any())
-    if network.force_normal is not None and not network.cell_periodic[2] and not sides_are_free:
+    is_rough = network.fixed is not None and not network.with_wall.any()
+    has_walls = not network.cell_periodic[2] and not is_rough
+    if network.force_normal is not None and has_walls and not sides_are_free:
         result["wall_stress_pa"] = state.wall_stress(network).tolist()
     return result | _summarise_layers(network)
 
