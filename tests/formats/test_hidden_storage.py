@@ -57,6 +57,10 @@ def _own_parent(file: h5py.File) -> None:
     file["contacts/again"] = file["/"]
 
 
+def _two_names(file: h5py.File) -> None:
+    file["other"] = file["contacts"]
+
+
 def _second_name(file: h5py.File) -> None:
     file["contacts/cohesion"] = file["contacts/overlap"]
     file.attrs["schema_version"] = 2
@@ -91,6 +95,7 @@ CHANGES = {
     "column nowhere": (_linked(COLUMN, h5py.SoftLink("/nowhere")), "missing_dataset"),
     "a type in its place": (_linked(COLUMN, np.dtype("f8")), "missing_dataset"),
     "circle": (_own_parent, "link"),
+    "a folder of two names": (_two_names, "link"),
     "more than the file": (
         lambda file: _new(file, shape=(2**30,), dtype="f8", chunks=(2**20,)),
         "unwritten",

@@ -6,7 +6,9 @@ import hashlib
 import json
 import shlex
 import shutil
+import sys
 from dataclasses import replace
+from importlib import metadata
 from pathlib import Path
 
 import h5py
@@ -21,6 +23,7 @@ from modal.formats.provenance import (
     packing_of,
     read_provenance,
     require_same_packing,
+    versions,
 )
 from modal.formats.whole_file import sha256
 from modal.packing import crystal as gallery
@@ -206,3 +209,11 @@ def test_relaxed_sample_is_another_packing_than_its_state(tmp_path, capsys):
     assert main([*relax, "--skip-current", "--friction", "0.7"]) == 0
     reported = capsys.readouterr().err
     assert "friction" in reported and "0.7" in reported
+
+
+def test_versions_are_those_of_what_is_loaded(monkeypatch):
+    """Inside YADE scipy may be installed and yet not used."""
+    assert f"scipy {metadata.version('scipy')}" in versions(yade="2023").split(", ")
+    monkeypatch.delitem(sys.modules, "scipy")
+    names = [text.split()[0] for text in versions(yade="2023").split(", ")]
+    assert names == ["yade", "python", "granular-wave-modes", "numpy", "h5py"]
