@@ -133,6 +133,18 @@ def test_a_rule_is_given_the_settings_that_its_command_names(jobs):
         assert "{" not in found.network_command(rule, "case06")
 
 
+def test_a_wave_takes_as_much_longer_as_its_packing_is_long(jobs):
+    """Eight times the spheres of one shape are twice as long; stiffness goes as stress^(1/3)."""
+    short, long = (
+        jobs.Jobs({"study": PAPER, "products": "products", "spheres": count})
+        for count in (1000, 8000)
+    )
+    assert long.duration("case06") == pytest.approx(2 * short.duration("case06"), rel=1e-3)
+    # Case 7 has ten times the stress of case 6: V as stress^(1/6).
+    ratio = short.duration("case06") / short.duration("case07")
+    assert ratio == pytest.approx(10 ** (1 / 6), rel=1e-3)
+
+
 def test_commands_make_each_product_that_a_result_is_measured_from(jobs):
     """YADE's jobs make sample and network beside a wave; spectra are kept by `measure`."""
     found = jobs.Jobs({"study": PAPER, "products": "products", "spheres": 1000})

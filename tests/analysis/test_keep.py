@@ -5,6 +5,9 @@ import pytest
 from changes import stiffer
 
 import analysis
+from analysis.spectra_cache import as_read
+from modal.formats.provenance import read_provenance
+from modal.modes.density import density_of_states
 from modal.packing import crystal as gallery
 
 
@@ -58,3 +61,18 @@ def test_every_quantity_of_a_spectrum_says_that_it_is_not_kept(crystal, unwritab
     values = analysis.measure(crystal, quantities=names, keep=unwritable)
     with_caveat = [name for name, value in values.items() if "not_kept" in value.codes]
     assert with_caveat == ["gain", "gain_maximum", "gain_resolution"]
+
+
+def test_a_density_that_is_not_kept_is_that_of_all_motions(crystal):
+    """Its integral is the count of modes, of which a sphere has six."""
+    grid, density, count = as_read("density", density_of_states(crystal))
+    assert count[-1] == pytest.approx(6 * crystal.n_particles, rel=1e-6)
+    integral = np.trapezoid(density, grid) + count[0]
+    # Lines of the kernel's width on a grid of such steps.
+    assert integral == pytest.approx(count[-1], rel=0.02)
+
+
+def test_a_kept_response_says_as_the_command_does_that_it_is_without_pre_stress(crystal, tmp_path):
+    measure_gain(crystal, tmp_path)
+    (product,) = tmp_path.glob("*.response.h5")
+    assert read_provenance(product).settings["pre_stress"] == "none"

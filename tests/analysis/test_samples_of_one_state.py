@@ -77,6 +77,14 @@ def test_samples_of_one_state_are_alike():
     assert codes(one, *others, renumbered(one, numbers)) == set()
 
 
+def test_stress_needs_no_side_of_the_cell_along_z():
+    """Walls bound the packing there: files may say 0, as formats.md has it."""
+    network = slender()
+    flat = replace(network, cell_size=network.cell_size * np.array([1, 1, 0]), study={})
+    stress = state_of(flat)["stress"].value
+    assert stress == pytest.approx(state_of(network)["stress"].value)
+
+
 def test_periods_are_told_axis_by_axis():
     """The digits of the number that is shown are the axes: periods along x and y, along x alone."""
     network = slender()

@@ -137,16 +137,21 @@ def test_digits_that_suffice_change_nothing(tmp_path):
 
 
 def test_contacts_without_a_force_keep_their_springs(tmp_path):
-    """No law says how the stiffness of a contact without a force follows from its overlap."""
+    """No law says how the tangential spring of a contact without a force follows from its overlap.
+
+    Nor does one of a contact without a normal spring.
+    """
     network = imported(tmp_path, 6)
     force = network.force_normal.copy()
     force[::3] = 0.0
-    idle = network.unchecked(force_normal=force)
+    normal = network.stiffness_normal.copy()
+    normal[1::3] = 0.0
+    idle = network.unchecked(force_normal=force, stiffness_normal=normal)
     perturbed = with_perturbed_overlaps(idle, np.random.default_rng(1))
-    expected = dict(zip(pairs(network), network.stiffness_normal.tolist(), strict=True))
-    stiffness = dict(zip(pairs(perturbed), perturbed.stiffness_normal.tolist(), strict=True))
+    expected = dict(zip(pairs(idle), idle.stiffness_tangential.tolist(), strict=True))
+    stiffness = dict(zip(pairs(perturbed), perturbed.stiffness_tangential.tolist(), strict=True))
     assert np.isfinite(perturbed.stiffness_normal).all()
-    for pair in pairs(idle)[::3]:
+    for pair in pairs(idle)[::3] + pairs(idle)[1::3]:
         assert stiffness[pair] == expected[pair]
     assert any(stiffness[pair] != expected[pair] for pair in stiffness)
 

@@ -197,3 +197,12 @@ def test_a_record_of_a_point_says_why_it_is_not_measured(tmp_path):
         read_signals(path)
     assert refused.value.code == "other_source"
     assert read_signals(path, of_any_source=True).source == "sphere 3"
+
+
+def test_velocities_make_no_checkpoint_of_another_programs_file(tmp_path):
+    path = tmp_path / "a.network.h5"
+    with h5py.File(path, "w") as file:
+        file["particles/velocity"] = [[0.0, 0.0, 1.0]]
+    with pytest.raises(InputError) as refused:
+        modal.read(path)
+    assert refused.value.code == "foreign_hdf5"

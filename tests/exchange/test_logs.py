@@ -208,3 +208,9 @@ def test_a_variable_may_be_empty(tmp_path, value):
     log.write_text(f"LAMMPS (22 Jul 2025)\nunits si\n{text}fix w all wall/gran {COLUMN_WALL}\n")
     network = import_packing(column(tmp_path), log=log).network
     np.testing.assert_array_equal(network.stiffness_normal, 1e5)
+
+
+def test_a_variable_in_a_short_line_that_does_not_matter_is_passed_over(tmp_path):
+    log = tmp_path / "log.lammps"
+    log.write_text(f"{LAMMPS}pair_modify mix ${{rule}}\nthermo $n\n")
+    assert import_packing(column(tmp_path), log=log).network.n_contacts == 4

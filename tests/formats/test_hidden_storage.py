@@ -225,3 +225,12 @@ def test_yes_and_no_are_one_and_zero(tmp_path, numbers, code):
     with pytest.raises(InputError) as refused:
         read_network(path)
     assert refused.value.code == code
+
+
+def test_one_chunk_as_large_as_its_dataset_is_read(file, monkeypatch):
+    """However little is taken without a look at how much the file can hold."""
+    monkeypatch.setattr("modal.formats.storage.UNCHECKED_BYTES", 0)
+    with h5py.File(file, "r+", libver="latest") as raw:
+        _new(raw, data=CRYSTAL.stiffness_tangential, chunks=(SIZE,))
+    read = read_network(file)
+    np.testing.assert_array_equal(read.stiffness_tangential, CRYSTAL.stiffness_tangential)

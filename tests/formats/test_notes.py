@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from modal.formats.attributes import number_noted, read_attributes
+from modal.formats.attributes import MAX_NOTE_BYTES, number_noted, read_attributes
 from modal.packing.crystal import fcc
 from modal.packing.network import read_network, write_network
 from modal.packing.sample import sample_of_network
@@ -47,6 +47,12 @@ def test_what_is_no_note_is_refused_before_a_file_is_there(study, code, tmp_path
     with pytest.raises(InputError) as refused:
         write_network(tmp_path / "a.network.h5", replace(CRYSTAL, study=study))
     assert refused.value.code == code and not list(tmp_path.iterdir())
+
+
+def test_a_note_may_be_as_long_as_the_limit(tmp_path):
+    note = "x" * MAX_NOTE_BYTES
+    write_network(tmp_path / "a.network.h5", replace(CRYSTAL, study={"note": note}))
+    assert read_network(tmp_path / "a.network.h5").study == {"note": note}
 
 
 def test_none_says_nothing(tmp_path):
