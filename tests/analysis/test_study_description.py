@@ -170,6 +170,14 @@ def test_the_ends_of_a_range_may_be_set(name, value, tmp_path):
     assert Study(path).settings[name] == value
 
 
+def test_what_a_study_does_not_say_is_as_in_the_paper(tmp_path):
+    """Crystals of 4 x 4 x 200 and random packings of 35,201 spheres (stated.csv)."""
+    path = tmp_path / "sweep.yaml"
+    path.write_text(SWEEP)
+    settings = Study(path).settings
+    assert (settings["layers"], settings["spheres"]) == (200, 35201)
+
+
 def test_a_study_may_have_as_many_cases_as_the_limit(tmp_path, monkeypatch):
     path = tmp_path / "sweep.yaml"
     path.write_text(SWEEP)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import modal
 from analysis import measure
 from analysis.quantities.few_digits import relative_error_by_digits
 from modal.__main__ import main
+from modal.elasticity.few_digits import modulus_error_by_digits
 from modal.elasticity.moduli import ElasticModuli
 from modal.exchange.registry import import_packing
 from modal.packing.network import read_network, write_network
@@ -120,6 +122,16 @@ def test_single_modes_are_refused_and_all_else_is_not(tmp_path, capsys):
     assert values["bulk_modulus"].error > 0
     assert values["coordination"].error > 0
     assert values["void_ratio"].error == 0
+
+
+@pytest.mark.parametrize(("bulk", "shear"), [(1.1, 1.0), (1.0, 1.1), (1.0, 0.9), (0.9, 1.05)])
+def test_the_error_is_twice_the_larger_change_of_the_two_moduli(tmp_path, bulk, shear):
+    """Each perturbed packing changes the moduli by as much, to both sides."""
+    network = imported(tmp_path, 6)
+    moduli = SimpleNamespace(bulk_modulus=2e8, shear_modulus=1e8)
+    changed = SimpleNamespace(bulk_modulus=2e8 * bulk, shear_modulus=1e8 * shear)
+    error = modulus_error_by_digits(network, moduli, lambda _: changed)
+    assert error == pytest.approx(2 * 0.1)
 
 
 def test_a_velocity_is_off_by_half_as_much_as_its_modulus(tmp_path):

@@ -189,6 +189,13 @@ def test_spheres_that_move_freely_are_taken(tmp_path, script):
     assert held_by(tmp_path, script) == "- - -"
 
 
+def test_another_job_begins_without_the_fixes_of_the_one_before(tmp_path):
+    """The first job freezes the ends and is killed; the log of the second one follows."""
+    head = "LAMMPS (22 Jul 2025)\n"
+    script = f"{ENDS}{SPHERE}\nfix f ends freeze\nrun 9\n{TABLE}{head}{SPHERE}\n{RUN}"
+    assert held_by(tmp_path, script) == "- - -"
+
+
 def test_frequencies_of_a_held_column(tmp_path):
     """One sphere between two held ones, with two springs kn, and two kt at arms of a radius.
 
