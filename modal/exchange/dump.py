@@ -182,8 +182,7 @@ def read_frame(path: str | Path, item: Item, step: int | None) -> Frame:
                 end = number + 1 + len(texts)
                 refuse(path, "cut_off", problem, reason, remedy, line=end)
             rows = Rows(Path(path), tuple(title[1:]), texts, number + 1)
-            is_repeated = frame is not None and frame.head.step == head.step
-            if is_repeated and sorted(frame.rows.texts) != sorted(texts):
+            if frame and frame.head.step == head.step and not _are_alike(frame.rows.texts, texts):
                 problem = f"step {head.step} again, with other rows than before"
                 reason = "the runs of two jobs in one file"
                 remedy = "take one of them out"
@@ -192,6 +191,11 @@ def read_frame(path: str | Path, item: Item, step: int | None) -> Frame:
     if frame is None or (step is None and len(steps) > 1):
         _refuse_times(path, item, step, steps)
     return frame
+
+
+def _are_alike(first: Sequence[str], second: Sequence[str]) -> bool:
+    """Tell whether two frames have the same rows, in whatever order the processors wrote them."""
+    return sorted(first) == sorted(second)
 
 
 def _refuse_times(path: str | Path, item: Item, step: int | None, steps: Sequence[int]) -> NoReturn:

@@ -340,7 +340,7 @@ def _find_in_run(runs: Sequence[Run], index: int, parts: _History) -> HeldMotion
             UNKNOWN_MEMBERS,
             MAKE_GROUPS_BY_NUMBER,
         )
-    if fixed_spheres.all():
+    if parts.n_spheres and fixed_spheres.all():
         place = next(iter((holding | movers).values())).place
         refuse(
             place,
