@@ -116,8 +116,8 @@ def _check(result: CaseResult) -> None:
         lengths = {len(array) for array in curve}
         if len(curve) != count or len(lengths) != 1:
             raise MismatchError(f"curves.{name} is no curve")
-    if "first" in result.curves and len(result.curves["first"][0]) == 0:
-        raise MismatchError("curves.first is empty")
+    if "first" in result.curves and len(result.curves["first"][0]) != 1:
+        raise MismatchError("curves.first is not one frequency")
     if "gain" in result.curves and not all(name in result.curves for name in CURVES_OF_GAIN):
         raise MismatchError("curves.gain is there without first and resonances")
     for name, lines in result.tables.items():

@@ -120,3 +120,16 @@ def test_a_damaged_value_is_refused(written, wrong):
         read_result(written)
     assert refused.value.code == "result"
     assert "values.f_max" in refused.value.reason
+
+
+@pytest.mark.parametrize("first", [[], [500.0, 600.0]])
+def test_the_first_resonance_is_one_frequency(tmp_path, first):
+    """Figures divide the gain's frequencies by it."""
+    contents = json.loads((ROOT / "results/study/cases/case02.json").read_text())
+    contents["curves"]["first"] = [first]
+    path = tmp_path / "case02.json"
+    path.write_text(json.dumps(contents))
+    with pytest.raises(InputError) as refused:
+        read_result(path)
+    assert refused.value.code == "result"
+    assert "curves.first" in refused.value.reason
