@@ -23,6 +23,10 @@ TEXTS: Final[Mapping[str, str]] = {
     "short": "short: {length:.1f} D long; below {needed:g} D it may be {too_high:.0%} too high",
     "too_short": "too short: {length:.1f} D long, the rule needs {needed:g} D and reads too high",
     "few_digits": "overlaps are known to {error:.2g} by the digits of positions",
+    "scanned": (
+        "from a scan: gaps below {tolerance:.3g} m count as contacts, whose mean force follows "
+        "from {stress:.3g} Pa"
+    ),
     "free_surface": "free surface at {ends}: of {cubes} cubes away from walls and surfaces",
     "contacts_missing": (
         "contacts missing: {pairs} pairs of spheres and {with_wall} spheres at a wall overlap "

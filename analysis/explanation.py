@@ -23,7 +23,7 @@ ERROR_PARTS: Final[Mapping[str, str]] = {
     "window": "choice of the window, or of the part of a record, that is read",
     "resolution": "width of a line, within which values are not independent",
     "length": "packing too short, or its two halves unlike: equal in all samples of one kind",
-    "digits": "few digits of positions, from which overlaps follow",
+    "digits": "few digits of positions, from which overlaps follow, or gaps in place of overlaps",
     "samples": "differences between samples of one state",
 }
 """Parts of an error by name: what each of them stands for. All are in the unit of the value. The

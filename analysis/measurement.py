@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from analysis.same_state import Difference, State, differences, state_of
 from analysis.value import Value, unknown
 from modal.exchange.programs.own import is_sample
 from modal.exchange.registry import read_remarked
+from modal.formats.tables import html_table, load_optional
 from modal.packing.network import Network
 from modal.packing.sample import Sample, read_sample
 from modal.tools.arguments import checked
@@ -24,6 +25,10 @@ from modal.tools.display import table
 from modal.tools.errors import InputError, refuse_unknown
 from modal.waves.motions import Motion
 from modal.waves.signals import Signals, read_signals
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 
 class Measurement(dict[str, Value]):
@@ -47,6 +52,48 @@ class Measurement(dict[str, Value]):
     def as_json(self) -> dict[str, dict[str, Any]]:
         """Return `Value.as_json` of each quantity by its name."""
         return {name: value.as_json() for name, value in self.items()}
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return value, error, unit and caveats of each quantity as a pandas DataFrame.
+
+        Values over frequency stand in one cell, as arrays.
+        """
+        pandas = load_optional("pandas", "tables")
+        rows = []
+        for value in self.values():
+            row = {"value": value.value, "error": value.error, "unit": value.unit}
+            rows.append(row | {"caveats": "; ".join(map(str, value.caveats))})
+        frame: pd.DataFrame = pandas.DataFrame(rows, index=[*self])
+        return frame
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return the values as an xarray Dataset, with error, unit and caveats in `attrs`.
+
+        Values over frequency have a dimension of their own.
+        """
+        xarray = load_optional("xarray", "labelled arrays")
+        variables = {}
+        coordinates = {}
+        for name, value in self.items():
+            attributes = {
+                "units": value.unit,
+                "error": value.error,
+                "caveats": "; ".join(map(str, value.caveats)),
+            }
+            dimensions: tuple[str, ...] = ()
+            if value.at is not None:
+                dimensions = (f"frequency of {name}",)
+                coordinates[dimensions[0]] = (dimensions, value.at, {"units": "Hz"})
+            variables[name] = (dimensions, value.value, attributes)
+        dataset: xr.Dataset = xarray.Dataset(variables, coordinates)
+        return dataset
+
+    def _repr_html_(self) -> str:
+        """Return the quantities as a table, for a notebook."""
+        rows = []
+        for name, value in self.items():
+            rows.append([name, value.text(), "; ".join(map(str, value.caveats))])
+        return html_table(["quantity", "value", "caveats"], rows)
 
     def __str__(self) -> str:
         lines = []

@@ -20,13 +20,19 @@ if TYPE_CHECKING:
     from modal.elasticity.moduli import elastic_moduli as elastic_moduli
     from modal.elasticity.sensitivity import moduli_sensitivity as moduli_sensitivity
     from modal.exchange.registry import read as read
+    from modal.exchange.spheres import from_spheres as from_spheres
     from modal.modes.counts import count_modes as count_modes
     from modal.modes.density import density_of_states as density_of_states
     from modal.modes.eigenmodes import eigenmodes as eigenmodes
     from modal.modes.sensitivity import frequency_sensitivity as frequency_sensitivity
     from modal.packing.crystal import fcc as fcc
+    from modal.packing.network import RECEIVER_WALL as RECEIVER_WALL
+    from modal.packing.network import SOURCE_WALL as SOURCE_WALL
     from modal.packing.network import Network as Network
+    from modal.packing.network import write_network as write  # noqa: F401
     from modal.preparation.random_packing import random_packing as random_packing
+    from modal.system.matrices import mass_matrix as mass_matrix
+    from modal.system.matrices import stiffness_matrix as stiffness_matrix
     from modal.theory.fcc import FccLattice as FccLattice
     from modal.tools.errors import InputError as InputError
     from modal.waves.propagate import propagate as propagate
@@ -37,6 +43,8 @@ _MODULES = {
     "FccLattice": "modal.theory.fcc",
     "InputError": "modal.tools.errors",
     "Network": "modal.packing.network",
+    "RECEIVER_WALL": "modal.packing.columns",
+    "SOURCE_WALL": "modal.packing.columns",
     "count_modes": "modal.modes.counts",
     "density_of_states": "modal.modes.density",
     "describe": "modal.description",
@@ -45,12 +53,16 @@ _MODULES = {
     "fcc": "modal.packing.crystal",
     "frequency_response": "modal.waves.response",
     "frequency_sensitivity": "modal.modes.sensitivity",
+    "from_spheres": "modal.exchange.spheres",
+    "mass_matrix": "modal.system.matrices",
     "moduli_sensitivity": "modal.elasticity.sensitivity",
     "propagate": "modal.waves.propagate",
     "random_packing": "modal.preparation.random_packing",
     "read": "modal.exchange.registry",
+    "stiffness_matrix": "modal.system.matrices",
+    "write": "modal.packing.network:write_network",
 }
-"""Module of each public name, as in the imports above."""
+"""Module of each public name, and its name there after a colon if that is another one."""
 __all__ = [*_MODULES]
 
 
@@ -59,7 +71,8 @@ if not TYPE_CHECKING:  # a type checker follows the imports above and reports ot
     def __getattr__(name: str) -> Any:
         if name not in _MODULES:
             raise AttributeError(f"module 'modal' has no attribute {name!r}")
-        return getattr(importlib.import_module(_MODULES[name]), name)
+        module, _, inner_name = _MODULES[name].partition(":")
+        return getattr(importlib.import_module(module), inner_name or name)
 
 
 def __dir__() -> list[str]:

@@ -34,6 +34,8 @@ OFFERED = {
     *("InputError", "Network", "read", "fcc", "random_packing", "eigenmodes", "count_modes"),
     *("density_of_states", "propagate", "frequency_response", "FccLattice", "elastic_moduli"),
     *("describe", "frequency_sensitivity", "moduli_sensitivity"),
+    *("from_spheres", "write", "stiffness_matrix", "mass_matrix"),
+    *("SOURCE_WALL", "RECEIVER_WALL"),
 }
 
 

@@ -4,7 +4,8 @@ The errors were measured on packings of 300, 400 and 500 spheres whose positions
 is the error of the overlaps (root mean square divided by the median), the bulk and the shear
 modulus were off by at most 1.2 e^2 + 0.1 e, velocities by half of this, the highest frequency by
 e / 8, the coordination number by 0.15 e, attenuation and quality by e. Moduli have a further error
-(`modal.elasticity.few_digits`).
+(`modal.elasticity.few_digits`). Of spheres from a scan, errors follow from the moduli and the
+coordination number at other tolerances (`modal.packing.scan`).
 """
 
 from dataclasses import replace
@@ -13,8 +14,11 @@ import numpy as np
 
 from analysis.caveats import Caveat
 from analysis.value import Value
+from modal.elasticity.few_digits import COVERAGE_FACTOR
+from modal.elasticity.moduli import elastic_moduli
 from modal.packing.network import Network
-from modal.packing.precision import overlap_error
+from modal.packing.precision import is_scanned, other_packings, overlap_error
+from modal.packing.scan import Scan
 
 MODULI_ERROR_PER_SQUARED_ERROR = 1.2
 """Quadratic term of the relative error of moduli, divided by e^2."""
@@ -33,8 +37,12 @@ def relative_error_by_digits(network: Network, name: str, unit: str) -> float:
 
     `unit` is the unit of the quantity. The error is 0 if all digits are known.
     """
+    if name in WITHOUT_OVERLAPS:
+        return 0.0
+    if is_scanned(network):
+        return _relative_error_of_scan(network, name, unit)
     error = overlap_error(network)
-    if name in WITHOUT_OVERLAPS or not error:
+    if not error:
         return 0.0
     moduli = MODULI_ERROR_PER_SQUARED_ERROR * error**2 + MODULI_ERROR_PER_ERROR * error
     if name == "coordination":
@@ -48,11 +56,38 @@ def relative_error_by_digits(network: Network, name: str, unit: str) -> float:
     return error
 
 
+def _relative_error_of_scan(network: Network, name: str, unit: str) -> float:
+    """Return the relative error of a quantity of scanned spheres, as `relative_error_by_digits`."""
+    if name == "coordination":
+        return _coordination_error(network)
+    if unit == "Pa":
+        return 0.0  # it is in the error of the moduli
+    moduli: float = network.cached("error of a scan", lambda: elastic_moduli(network).error)
+    if unit == "m/s":
+        return moduli / 2
+    return moduli
+
+
+def _coordination_error(network: Network) -> float:
+    """Return the relative error of the coordination number of scanned spheres."""
+    changes = [
+        other.coordination_number / network.coordination_number - 1
+        for other in other_packings(network)
+    ]
+    return COVERAGE_FACTOR * float(np.sqrt(np.mean(np.square(changes))))
+
+
 def with_digits(value: Value, network: Network, name: str, unit: str) -> Value:
     """Return the value with the error that few digits of overlaps cause, and a caveat."""
+    if not value.known:
+        return value
     relative = relative_error_by_digits(network, name, unit)
-    if not relative or not value.known:
+    scan = Scan.of(network.study)
+    if scan is not None and name not in WITHOUT_OVERLAPS:
+        caveat = Caveat("scanned", {"tolerance": scan.tolerance, "stress": scan.stress})
+    elif relative:
+        caveat = Caveat("few_digits", {"error": overlap_error(network)})
+    else:
         return value
     parts = dict(value.parts) | {"digits": relative * np.abs(value.value)}
-    caveat = Caveat("few_digits", {"error": overlap_error(network)})
     return replace(value, parts=parts).with_caveats(caveat)

@@ -1,10 +1,10 @@
-"""Packing, modes or wave for ParaView (*.vtu) and OVITO (*.xyz)."""
+"""Packing, modes or wave as a picture (*.vtu, *.xyz), as tables (*.csv), K (*.npz, *.mtx)."""
 
 from pathlib import Path
 
 from modal.cli.options import Option, Options, Result, output
 from modal.cli.reading import NETWORK
-from modal.exchange import picture
+from modal.exchange import picture, table_files
 from modal.exchange.registry import read_remarked
 from modal.formats.provenance import packing_of, require_same_packing
 from modal.modes.mode_set import ModeSet
@@ -14,13 +14,14 @@ from modal.waves.signals import DIRECTIONS, TORSION, Signals
 
 EXAMPLE = "export mine.network.h5 mine.modes.h5 --modes 1 -o mine.vtu"
 SCALE_HELP = "factor on displacements (default: the largest is half a radius)"
+OUTPUT_HELP = "*.vtu or *.xyz; *.csv (contacts; spheres beside); *.npz or *.mtx (K; M beside)"
 OPTIONS = (
     NETWORK,
     Option("product", "", "*.modes.h5 or *.signals.h5", kind=str, more={"nargs": "?"}),
     Option("--modes", "K ...", "which modes, from 1 (default all)", kind=int),
     Option("--frames", "N", "of an animation: a mode's period, a wave's times", kind=int),
     Option("--scale", "X", SCALE_HELP),
-    output("*.vtu or *.xyz", (".vtu", ".xyz"), required=True),
+    output(OUTPUT_HELP, (*picture.WRITERS, *table_files.WRITERS), required=True),
 )
 MAX_FRAMES = 10_000
 """Largest number of frames of an animation: more would fill the disk."""
@@ -46,6 +47,12 @@ def run(options: Options) -> Result:
     if motion:
         frames = picture.displace_spheres(network, fields, motion, options.scale)
     path = Path(options.output)
+    if path.suffix in table_files.WRITERS:
+        if options.product:
+            problem = f"{path.name} holds no motion"
+            raise InputError("no_picture", problem, remedy="leave the modes or signals out")
+        files = table_files.WRITERS[path.suffix](path, network)
+        return {"spheres": network.n_particles, "contacts": network.n_contacts, "written": files}
     written = picture.WRITERS[path.suffix](path, network, frames, series=bool(motion))
     return {"spheres": network.n_particles, "contacts": network.n_contacts, "written": written}
 

@@ -1,4 +1,4 @@
-"""Bring a sample to static equilibrium under its contact model."""
+"""Bring a sample, or the spheres of a scan, to static equilibrium under the contact model."""
 
 from dataclasses import asdict, replace
 from typing import Any
@@ -7,17 +7,21 @@ import numpy as np
 
 from modal.cli.options import SKIP, Option, Options, Result, flag, output, say
 from modal.formats.provenance import Provenance
+from modal.packing.network import read_network
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.summary import summary
-from modal.preparation.relax import MAX_STEPS, TOLERANCE, Equilibrium, relax
+from modal.preparation.relax import MAX_STEPS, TOLERANCE, Equilibrium, measure_equilibrium, relax
+from modal.preparation.scanned import bring_to_stress, sample_of_scan
 from modal.tools.errors import InputError
 from modal.tools.progress import Minute
 
+STRESS_HELP = "isotropic stress to which a scan's spheres are brought first (friction 0 is allowed)"
 EXAMPLE = "relax mine.sample.h5 --friction 0.5 -o rested.sample.h5"
 OPTIONS = (
-    Option("sample", "", "*.sample.h5", kind=str),
+    Option("sample", "", "*.sample.h5; with --stress a scan's *.network.h5", kind=str),
     Option("--friction", "MU", "of the wave that will follow (default: the sample's)"),
     flag("--mobilised", "keep contacts at the whole friction limit where they have slid to it"),
+    Option("--stress", "PA", STRESS_HELP),
     Option("--tolerance", "T", "mean net force over mean contact force at rest", TOLERANCE),
     output("the sample at rest, *.sample.h5", (".sample.h5",), required=True),
     SKIP,
@@ -39,6 +43,8 @@ def current_result(options: Options) -> Result:
 
 def run(options: Options) -> Result:
     """Bring a sample to rest; the result has its residuals and its reserve of friction."""
+    if options.stress is not None:
+        return _bring_scan_to_rest(options)
     sample = read_sample(options.sample)
     tolerance = options.tolerance
     if options.friction is not None:
@@ -86,6 +92,24 @@ def run(options: Options) -> Result:
     write_sample(options.output, replace(rested, study=study, provenance=provenance))
     result: Result = {"residual_before": residuals[0], "stress_change": stress_change}
     return result | asdict(state) | measured
+
+
+def _bring_scan_to_rest(options: Options) -> Result:
+    """Bring the spheres of a scan to rest under a stress; the result has the state's numbers."""
+    network = read_network(options.sample)
+    friction = options.friction
+    if friction is None:
+        friction = network.noted("mu_wave") or 0.0
+    sample = bring_to_stress(sample_of_scan(network, friction), options.stress, say)
+    state = measure_equilibrium(sample)
+    if friction:
+        sample, state = relax(sample, tolerance=options.tolerance)
+        _say_residual(state)
+    measured = summary(sample.network(), sample.friction)
+    study = sample.study | measured | {"residual": state.residual, "at_rest": True}
+    provenance = _with_parent(options.made, network.provenance)
+    write_sample(options.output, replace(sample, study=study, provenance=provenance))
+    return {"residual": state.residual, "contacts": state.contacts} | measured
 
 
 def _say_residual(state: Equilibrium) -> None:

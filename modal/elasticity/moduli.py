@@ -14,7 +14,7 @@ itself, whose error is the square of that of the motion. The file format is "gra
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,10 +26,11 @@ from modal.elasticity.steady import steady_motion
 from modal.elasticity.strain import STRAINS, UNIT_STRAINS, has_walls, stressed_stiffness
 from modal.formats.product import Column, product_of, stored
 from modal.formats.provenance import Provenance
+from modal.formats.tables import Tabular, html_table, load_optional
 from modal.modes.zero_modes import by_structure
 from modal.packing.ends import end_heights
 from modal.packing.network import Network
-from modal.packing.precision import overlap_error
+from modal.packing.precision import is_exact
 from modal.packing.rattlers import force_bearing
 from modal.packing.state import volume_between_walls
 from modal.system.contacts import PreStress, Sliding
@@ -39,6 +40,9 @@ from modal.tools.arrays import Floats
 from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError, UnavailableError
 from modal.tools.visible import visible
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SCHEMA = "granular-moduli"
 VERSION = (1, 2)
@@ -79,7 +83,7 @@ class Remark(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class ElasticModuli(Drawn):
+class ElasticModuli(Drawn, Tabular):
     """Elastic stiffness of a packing; the order is xx, yy, zz, yz, zx, xy, shears as angles.
 
     Attributes
@@ -96,7 +100,8 @@ class ElasticModuli(Drawn):
         Stiffness of a slab with its walls, Pa; otherwise equal to `stiffness`.
     error : float
         Relative error of the moduli from the residual of the response and, if overlaps are known to
-        few digits, from these digits (`modal.elasticity.few_digits`).
+        few digits or not at all, from what other overlaps would change
+        (`modal.elasticity.few_digits`).
     asymmetry : float
         |C - C^T| / |C| of the measured stiffness of a bulk, which its finite length leaves; 0 for
         other regions.
@@ -118,6 +123,8 @@ class ElasticModuli(Drawn):
     ('cell', (6, 6))
     """
 
+    DIMENSIONS = {6: "strain", 3: "axis", "n": "particle"}
+
     stiffness: Annotated[Floats, TENSOR]
     affine: Annotated[Floats, TENSOR]
     density: float
@@ -134,6 +141,20 @@ class ElasticModuli(Drawn):
     def __array__(self, dtype: type | None = None, copy: bool | None = None) -> Floats:
         """Return the stiffness tensor, where an array is expected."""
         return np.array(self.stiffness, dtype=dtype)
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return the stiffness tensor, Pa, as a pandas DataFrame with the names of the strains."""
+        pandas = load_optional("pandas", "tables")
+        frame: pd.DataFrame = pandas.DataFrame(self.stiffness, index=STRAINS, columns=STRAINS)
+        frame.attrs["units"] = "Pa"
+        return frame
+
+    def _repr_html_(self) -> str:
+        """Return the stiffness tensor, Pa, as a table, for a notebook."""
+        rows = []
+        for name, row in zip(STRAINS, self.stiffness, strict=True):
+            rows.append([name, *(f"{number:.5g}" for number in row)])
+        return html_table(["Pa", *STRAINS], rows)
 
     def velocities(self, direction: ArrayLike) -> Floats:
         """Return the velocities (3,), m/s, of the longest waves along a direction (3,).
@@ -324,7 +345,7 @@ def elastic_moduli(
         solver,
         non_affine,
     )
-    if not overlap_error(network):
+    if is_exact(network):
         return moduli
 
     def measure(perturbed: Network) -> ElasticModuli:

@@ -57,35 +57,10 @@ FOREIGN: list[ForeignFile] = [
         lambda path, head: named_as_scene(path) or b"serialization" in head[:400],
     ),
     ForeignFile(
-        "yade_text",
-        "positions and radii that YADE's export.text has written, without contacts",
-        f"save the scene (O.save('scene.yade.bz2')), then {EXPORT_SCENE} scene.yade.bz2 "
-        "mine.network.h5`",
-        begins(b"#format "),
-    ),
-    ForeignFile(
-        "old_mercury_restart",
-        "a restart file of an old MercuryDPM (restart_version), whose species have no laws by name",
-        "load it with MercuryDPM 1.0 and let that write it again; its file begins with MercuryDPM",
-        begins(b"restart_version"),
-    ),
-    ForeignFile(
-        "lammps_data",
-        "a data file of LAMMPS (write_data), without law and walls",
-        f"read_data it in a script with your pair_style and walls, {DUMP}, then {IMPORT_DUMP}",
-        contains(rb"^\s*\d+\s+atoms\b", rb"^\s*\S+\s+\S+\s+xlo\s+xhi\b"),
-    ),
-    ForeignFile(
         "mercury_data",
         "a .data or .fstat file of MercuryDPM, without stiffnesses",
         "give the restart file (*.restart) of the same run",
         lambda path, head: re.search(r"\.(data|fstat)(\.\d+)?$", path.name) is not None,
-    ),
-    ForeignFile(
-        "own_picture",
-        "a picture of a packing that `export` has written",
-        "give the network or the sample that it was made of",
-        contains(rb"\A\s*\d+\s*\n[^\n]*Properties=species:S:1"),
     ),
     ForeignFile(
         "numpy_arrays",
@@ -129,19 +104,6 @@ FOREIGN: list[ForeignFile] = [
         "a dump of LAMMPS in YAML",
         DUMP_IN_TEXT,
         begins(b"---\ncreator: LAMMPS"),
-    ),
-    ForeignFile(
-        "liggghts_vtk",
-        "a VTK file of LIGGGHTS, whose numbers have six digits and which names no law",
-        DUMP_OF_LIGGGHTS,
-        contains(rb"\A# vtk DataFile", rb"(?i)LIGGGHTS|pizza|lpp"),
-    ),
-    ForeignFile(
-        "vtk",
-        "a VTK file, which holds no contact law",
-        "give the program's own file (text dumps of LAMMPS or LIGGGHTS, restart files of "
-        "MercuryDPM, scenes of YADE by yade_scripts/export_scene.py), or two tables (*.csv)",
-        begins(b"# vtk DataFile", b"<?xml", b"<VTKFile"),
     ),
     ForeignFile(
         "xyz",

@@ -157,7 +157,9 @@ def _keep_stiffnesses(
         distance = reach - geometry.overlap
         name = "median distance of spheres that touch"
         _refuse_few_digits(packing, error, MAX_NORMAL_ERROR_RAD, distance, name)
-    return _ContactState(geometry.overlap, "positions", listed.force, dict(listed.columns))
+    columns = dict(listed.columns)
+    sliding = columns.pop("sliding", None)
+    return _ContactState(geometry.overlap, "positions", listed.force, columns, sliding=sliding)
 
 
 def _apply_laws(

@@ -4,12 +4,19 @@ A module needs to be named nowhere else. It has NAME, what people call the progr
 its files need beside the given one, by name; `sniff(path, head)`, which tells whether a file with
 these first bytes is of this program; and `read(path, **options)`, which returns its packing.
 `modal.read`, the command `import` and all commands that take a packing use this registry.
+
+Another package adds a program by an entry point of the group `granular_modes.programs`, whose value
+is such a module:
+
+    [project.entry-points."granular_modes.programs"]
+    mine = "my_package.reader"
 """
 
 import importlib
 import pkgutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 
@@ -21,7 +28,12 @@ from modal.formats.whole_file import refuse_absent
 from modal.packing.network import Network
 from modal.packing.plausibility import plausibility
 from modal.tools.arguments import checked
+from modal.tools.errors import InputError
 
+ENTRY_POINTS = "granular_modes.programs"
+"""Group of the entry points by which other packages add programs."""
+PROGRAM_NAMES = ("NAME", "OPTIONS", "sniff", "read")
+"""Names that the module of a program has."""
 BEGINNING_BYTES = 2000
 """Number of bytes at the beginning of a file that show of which program it is."""
 
@@ -48,11 +60,30 @@ class Option:
 def all_programs() -> Iterator[ModuleType]:
     """Yield the modules of all programs; a file belongs to at most one of them.
 
-    This project's own module comes first: for its files no other is loaded.
+    This project's own module comes first: for its files no other is loaded. Those of other packages
+    come last.
     """
     names = [name for _, name, _ in pkgutil.iter_modules(programs.__path__)]
     for name in sorted(names, key=lambda name: name != "own"):
         yield importlib.import_module(f"{programs.__name__}.{name}")
+    for entry in entry_points(group=ENTRY_POINTS):
+        yield _load_entry(entry)
+
+
+def _load_entry(entry: EntryPoint) -> ModuleType:
+    """Return the module of an entry point; raise InputError if it is no program."""
+    try:
+        program: ModuleType = entry.load()
+    except ImportError as error:
+        problem = f"the reader {entry.name} ({entry.value}) cannot be loaded"
+        remedy = "mend or remove the package that adds it"
+        raise InputError("broken_reader", problem, str(error), remedy) from error
+    for name in PROGRAM_NAMES:
+        if not hasattr(program, name):
+            problem = f"the reader {entry.name} ({entry.value}) has no {name}"
+            remedy = "mend or remove the package that adds it"
+            raise InputError("broken_reader", problem, remedy=remedy)
+    return program
 
 
 def read_beginning(path: str | Path) -> bytes:
@@ -76,7 +107,7 @@ def find_program(path: Path) -> ModuleType:
         "unknown_file",
         f"begins with {quote(first_line)}, which no program known here writes",
         remedy="give a network, a sample, a text dump of LAMMPS or LIGGGHTS, a restart file of "
-        "MercuryDPM, or *.csv",
+        "MercuryDPM, *.csv, VTK or extended XYZ",
         line=1,
     )
 

@@ -348,7 +348,7 @@ def count_significant_digits(texts: Sequence[str]) -> int:
             continue
         if abs(number) < MAX_SINGLE_PRECISION:
             numbers.append(number)
-    if numbers and _are_rounded_to_single_precision(np.array(numbers)):
+    if numbers and are_rounded_to_single_precision(np.array(numbers)):
         return SINGLE_PRECISION_DIGITS
     return digits
 
@@ -362,7 +362,7 @@ def count_written_digits(texts: Iterable[str]) -> int:
     return most
 
 
-def _are_rounded_to_single_precision(values: Floats) -> bool:
+def are_rounded_to_single_precision(values: Floats) -> bool:
     """Tell whether numbers (n,) were rounded to single precision.
 
     All numbers must fit into single precision, and one must need the end of its mantissa: numbers

@@ -12,6 +12,7 @@ import numpy as np
 from modal.formats.hdf5 import complete
 from modal.formats.product import product_of, stored
 from modal.formats.provenance import Provenance
+from modal.formats.tables import MAX_HTML_ROWS, Tabular, html_table
 from modal.packing.network import Network
 from modal.system.root_mass import RootMass
 from modal.tools.arguments import frequencies
@@ -108,7 +109,7 @@ class Choice:
 
 
 @dataclass(repr=False)
-class ModeSet(Drawn):
+class ModeSet(Drawn, Tabular):
     """k modes in ascending order of frequency, as `modal.eigenmodes` finds them.
 
     For degenerate pairs of a crystal, chi_z and rotation_share are those of travelling waves, while
@@ -146,6 +147,9 @@ class ModeSet(Drawn):
     ((2,), True, 0)
     """
 
+    DIMENSIONS = {"k": "mode", "n": "particle", 6: "motion", "r": "resonance", "nc": "chain"}
+    ROWS = "mode"
+
     frequency: Annotated[Floats, stored("", "f", "k", unit="Hz")]
     residual: Annotated[Floats, stored("", "f", "k")]
     chi_z: Annotated[Floats, stored("", "f", "k")]
@@ -157,6 +161,15 @@ class ModeSet(Drawn):
     resonance_wavenumber: Annotated[Floats | None, stored("", "f", "r", unit="1/m")] = None
     resonance_shape: Annotated[Floats | None, stored("", "f", "r", "nc", unit="kg^-1/2")] = None
     attributes: dict[str, Any] = field(default_factory=dict)
+
+    def _repr_html_(self) -> str:
+        """Return the first modes as a table, for a notebook."""
+        rows = []
+        for k in range(min(len(self.frequency), MAX_HTML_ROWS)):
+            numbers = (self.frequency[k], self.residual[k], self.chi_z[k], self.rotation_share[k])
+            rows.append([str(k + 1), *(f"{number:.6g}" for number in numbers)])
+        header = ["mode", "frequency, Hz", "residual", "chi_z", "rotation_share"]
+        return html_table(header, rows, len(self.frequency) - len(rows))
 
     @property
     def bytes(self) -> int:

@@ -19,7 +19,7 @@ from modal.packing.missing_contacts import (
 )
 from modal.packing.network import Network
 from modal.packing.occupied import occupied_part
-from modal.packing.precision import MAX_OVERLAP_ERROR_OF_MODES, overlap_error
+from modal.packing.precision import MAX_OVERLAP_ERROR_OF_MODES, is_scanned, overlap_error
 from modal.packing.state import unevenness
 from modal.packing.summary import crystalline_shares
 from modal.packing.weight import gravity_of, unbalanced_forces
@@ -133,7 +133,13 @@ def examine(network: Network, *, sought: bool = False, waves: bool = False) -> F
 
 
 def _remark_on_digits(network: Network) -> Remark:
-    """Remark on overlaps that are known to few digits."""
+    """Remark on overlaps that are known to few digits, or not at all."""
+    if is_scanned(network):
+        text = (
+            "contacts follow from a tolerance of gaps, their stiffnesses from the stress: "
+            "velocities and moduli have an error for it, single modes are not listed"
+        )
+        return Remark("scanned_packing", True, text)
     error = overlap_error(network)
     consequence = "off by up to 2 %"
     if error > MAX_OVERLAP_ERROR_OF_MODES:

@@ -1,14 +1,18 @@
-"""Handle overlaps that are known to few digits.
+"""Handle overlaps that are known to few digits, or not at all.
 
 Positions that were rounded when they were written change each overlap by a random amount.
 Velocities and moduli, which are sums over many contacts, hardly change; a single low mode, which
 depends on the weakest places, does: in a packing of 3,000 spheres at 100 kPa an error of 1e-3 of
-the overlaps changes V_P by less than 1e-5 and one of the lowest eight modes by 2 %.
+the overlaps changes V_P by less than 1e-5 and one of the lowest eight modes by 2 %. Of spheres from
+a scan (`modal.packing.scan`) no overlap is known at all.
 """
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from modal.packing.network import Network
+from modal.packing.scan import TOLERANCE, Scan, alternatives
 from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
 
@@ -20,6 +24,10 @@ packing are right to three digits."""
 MAX_OVERLAP_ERROR_OF_MODES = 1e-3
 """Largest error of overlaps with which single modes are listed; with a larger one they would be
 wrong by more than 2 %."""
+PERTURBED_PACKINGS = 3
+"""Number of packings with perturbed overlaps: each costs as much as what is computed of it."""
+SEED = 1
+"""Seed of the perturbations, so that a packing has the same error each time."""
 MAX_OVERLAP_ERROR = 0.3
 """Largest error of overlaps with which any number is given; with this one, one contact in ten is
 lost or false, and V_P is wrong by 4 %."""
@@ -30,8 +38,41 @@ def overlap_error(network: Network) -> float:
     return network.noted(OVERLAP_ERROR) or 0.0
 
 
+def is_scanned(network: Network) -> bool:
+    """Return whether contacts and stiffnesses of a network are guessed from gaps and the stress."""
+    return Scan.of(network.study) is not None
+
+
+def is_exact(network: Network) -> bool:
+    """Return whether the overlaps of a network are known exactly."""
+    return not overlap_error(network) and not is_scanned(network)
+
+
+def other_packings(network: Network) -> Iterator[Network]:
+    """Yield packings that may as well be the real one, from which errors follow.
+
+    They have perturbed overlaps or, of a scan, other tolerances and forces. There are none if
+    overlaps are known exactly.
+    """
+    if is_scanned(network):
+        for other in alternatives(network):
+            yield taken_as_exact(other)
+    elif overlap_error(network):
+        random = np.random.default_rng(SEED)
+        for _ in range(PERTURBED_PACKINGS):
+            yield with_perturbed_overlaps(network, random)
+
+
 def refuse_few_digits(network: Network) -> None:
     """Raise UnavailableError if overlaps are not known well enough for single modes."""
+    if is_scanned(network):
+        raise UnavailableError(
+            "scanned_packing",
+            "contacts and stiffnesses are guessed from gaps and the stress",
+            "no single mode follows from them",
+            "bring the spheres to rest under the stress (`relax --stress`); moduli, wave, density "
+            "and measure take this packing",
+        )
     error = overlap_error(network)
     if error > MAX_OVERLAP_ERROR_OF_MODES:
         raise UnavailableError(
@@ -44,11 +85,13 @@ def refuse_few_digits(network: Network) -> None:
 
 
 def taken_as_exact(network: Network) -> Network:
-    """Return the network without its note, for callers that compute the error themselves."""
-    if OVERLAP_ERROR not in network.study:
+    """Return the network without its notes on errors, for callers that compute the error."""
+    notes = [name for name in (OVERLAP_ERROR, TOLERANCE) if name in network.study]
+    if not notes:
         return network
     copy = network.unchecked()
-    del copy.study[OVERLAP_ERROR]  # a new dict, which nobody else has
+    for name in notes:
+        del copy.study[name]  # of a new dict, which nobody else has
     return copy
 
 

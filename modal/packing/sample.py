@@ -349,7 +349,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     Moduli and contact model are those in the `study` of the network, or those of glass. InputError
     if stiffnesses are those of another law or of other moduli, or if there are other contacts.
     """
-    sample = _bare_sample(network, friction)
+    sample = bare_sample(network, friction)
     shift = network.require("cell_shift", "sample with its contacts in order")
     force = network.require("force_tangential", "sample with its history")
     rows, i, j, ordered_shift, turned = canonical(network.particle_i, network.particle_j, shift)
@@ -370,7 +370,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
     return sample
 
 
-def _bare_sample(network: Network, friction: float) -> Sample:
+def bare_sample(network: Network, friction: float) -> Sample:
     """Return the sample of a network without shear forces."""
     network.refuse_angles("sample")
     radius = network.radius

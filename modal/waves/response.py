@@ -94,6 +94,9 @@ class Response(Recording, Drawn):
     True
     """
 
+    ROWS = "n"
+    INDEX = "frequency"
+
     frequency: Annotated[Floats, Column("frequency", "f", ("n",), "Hz")]
     resolution: float
     products: int

@@ -19,6 +19,7 @@ from modal.formats.attributes import read_attributes
 from modal.formats.hdf5 import complete, open_h5
 from modal.formats.product import Column, Product, product_of
 from modal.formats.provenance import Provenance
+from modal.formats.tables import Tabular
 from modal.tools.arrays import Floats, Ints
 from modal.tools.display import Drawn, quantity
 from modal.tools.errors import InputError
@@ -51,12 +52,14 @@ def no_values(kind: type = float) -> Any:
 
 
 @dataclass(repr=False, kw_only=True)
-class Recording:
+class Recording(Tabular):
     """What a source sends, recorded at n times or n frequencies; the fields are the file's columns.
 
     Fields that a source or a packing does not have are empty, or None. Stresses are along
     `direction`, in which the source moves, as the walls push: for z compression is positive.
     """
+
+    DIMENSIONS = {"nc": "chain", "nl": "layer", "np": "particle", "ns": "slip", 2: "end"}
 
     chain_particle: Annotated[Ints, Column("chain/particle", "i", ("nc",), "1")] = no_values(int)
     chain_displacement: Annotated[Any, Column("chain/displacement", "f", ("n", "nc"), "m")] = (
@@ -168,6 +171,9 @@ class Signals(Recording, Drawn):
     >>> signals.time.shape, signals.chain_displacement.shape
     ((21,), (21, 20))
     """
+
+    ROWS = "n"
+    INDEX = "time"
 
     time: Annotated[Floats, Column("time", "f", ("n",), "s")]
     source_displacement: Annotated[Floats, Column("source/displacement", "f", ("n",), "m")]

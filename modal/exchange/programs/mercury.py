@@ -2,7 +2,8 @@
 
 Each line begins with a word for what it is, and has a name before each number. A network has one
 flat wall at low z and one at high z. Other walls may be in the file as long as no sphere touches
-them; the list of interactions, if there is one, shows whether a sphere does.
+them; the list of interactions, if there is one, shows whether a sphere does. Files of old versions
+are translated first (`modal.exchange.old_mercury`).
 """
 
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from modal.exchange import old_mercury
 from modal.exchange.import_result import ImportResult, build_network
 from modal.exchange.law import DISPLACEMENT, SI, ProgramLaw, Units
 from modal.exchange.particles_and_contacts import (
@@ -23,6 +25,7 @@ from modal.exchange.particles_and_contacts import (
     find_ends,
 )
 from modal.exchange.programs import lammps
+from modal.exchange.registry import read_beginning
 from modal.exchange.text import Rows, Words, count_significant_digits, read_lines, refuse
 from modal.packing.contact_law import sphere_volume
 from modal.tools.arrays import Bools, Floats, Ints
@@ -110,8 +113,8 @@ class Restart:
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Tell whether a file is a restart file, which begins with the program's name."""
-    return head.startswith(b"MercuryDPM")
+    """Tell whether a file is a restart file, by the program's name or, of old ones, a version."""
+    return head.startswith((b"MercuryDPM", old_mercury.BEGINNING))
 
 
 def read(path: Path, scales: Sequence[float] | None = None) -> ImportResult:
@@ -181,7 +184,10 @@ def read_restart(path: Path, units: Units) -> Restart:
     section = ""
     announced: dict[str, float] = {}
     file = Restart(path, units, {name: [] for name in ("", *SECTIONS)}, {})
-    for number, text in read_lines(path):
+    lines = read_lines(path)
+    if read_beginning(path).startswith(old_mercury.BEGINNING):
+        lines = old_mercury.new_lines(path)
+    for number, text in lines:
         line = Words(text.split(), f"{path}, line {number}", WRITE_WHOLE)
         kind = line.remaining[0] if line.remaining else ""
         if kind in SECTIONS:

@@ -1,4 +1,4 @@
-"""A packing as two tables with named columns (CSV), as any program can write them.
+"""A packing as one or two tables with named columns (CSV), as any program can write them.
 
 Three lines that begin with # above the spheres describe the cell: `# cell XLO XHI YLO YHI ZLO ZHI`,
 `# periodic x y` and `# walls ZLOW ZHIGH`, in small or capital letters, with or without a colon;
@@ -7,13 +7,17 @@ each row is a contact, whatever its force and overlap; -1 for the second sphere 
 z, -2 the wall at high z. A column that is not known is refused, as it may change the answer.
 """
 
+import itertools
 import re
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from modal.exchange import spheres
 from modal.exchange.import_result import ImportResult, build_network
 from modal.exchange.law import SI, Units
 from modal.exchange.particles_and_contacts import (
@@ -25,13 +29,15 @@ from modal.exchange.particles_and_contacts import (
     find_ends,
 )
 from modal.exchange.programs import lammps
+from modal.exchange.sphere_table import has_spheres, read_sphere_table, separator_of
+from modal.exchange.spheres import SphereOptions, import_spheres
 from modal.exchange.text import Rows, Words, quote, read_lines, refuse, take_rows
 from modal.formats.hdf5 import named
 from modal.packing.checks import check_force_ratio
 from modal.tools.arrays import Ints
 
 NAME = "tables (*.csv)"
-OPTIONS = {name: lammps.OPTIONS[name] for name in ("contacts", "scales")}
+OPTIONS = {"contacts": lammps.OPTIONS["contacts"], **spheres.OPTIONS}
 SPHERES = ("id", "x", "y", "z", "radius", "mass")
 """Columns of the spheres, SI units by default."""
 CONTACTS = ("i", "j", "kn", "kt")
@@ -42,6 +48,10 @@ SHEAR = ("ftx", "fty", "ftz")
 """Optional columns of shear forces on i, N."""
 TURNING = ("kr", "kw")
 """Optional columns of stiffnesses against rolling and twisting, N m/rad."""
+SLIDING = ("sliding",)
+"""Optional column: 1 for a contact at its friction limit, else 0."""
+FROM_POSITIONS = ("nx", "ny", "nz", "overlap", "shift_x", "shift_y", "shift_z")
+"""Columns that `export` writes for other programs; here they follow from the positions."""
 KEYS = {
     "cell": "# cell XLO XHI YLO YHI ZLO ZHI",
     "periodic": "# periodic x y, with the axes that are, or leave the line out for none",
@@ -53,22 +63,39 @@ KeyLines = dict[str, Words]
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Tell whether a file is a table, by its name."""
-    return ".csv" in path.name
+    """Tell whether a file is a table, by its name or by the names of its columns."""
+    if ".csv" in path.name:
+        return True
+    for line in head.decode("utf-8", "replace").splitlines():
+        if has_spheres(_without_comment_sign(line)):
+            return True
+        if line.strip() and not line.startswith("#"):
+            return False
+    return False
+
+
+def _without_comment_sign(line: str) -> str:
+    """Return the names of a line that begins with #, as numpy, or with #format, as YADE writes."""
+    if line.startswith("#format "):
+        return line.removeprefix("#format ").replace("_", " ")
+    return line.lstrip("# ")
 
 
 def read(
-    path: Path, contacts: str | Path | None = None, scales: Sequence[float] | None = None
+    path: Path,
+    contacts: str | Path | None = None,
+    scales: Sequence[float] | None = None,
+    **sphere_options: Any,
 ) -> ImportResult:
-    """Return a packing of two tables."""
+    """Return a packing of two tables, or of spheres alone.
+
+    `sphere_options` are those of `SphereOptions`, which only spheres alone may have.
+    """
     if contacts is None:
-        refuse(
-            path,
-            "no_law",
-            "a table of spheres alone has no stiffnesses",
-            remedy="`import` it with that of the contacts (--contacts FILE with "
-            f"{','.join(CONTACTS)})",
-        )
+        return _read_spheres_alone(path, SphereOptions(scales=scales, **sphere_options))
+    for name in sphere_options:
+        remedy = "leave one of the two out"
+        refuse(path, "unknown_option", f"--{name} beside a table of contacts", remedy=remedy)
     units = Units.from_scales(scales) or SI
     rows, key_lines = _read_table(path, SPHERES)
     table = rows.read(*SPHERES)
@@ -92,6 +119,23 @@ def read(
     return result
 
 
+def _read_spheres_alone(path: Path, options: SphereOptions) -> ImportResult:
+    """Return the packing of a table of spheres, whose contacts follow from a typed law."""
+    rows, key_lines = _read_rows(path, SPHERES)
+    table = read_sphere_table(rows)
+    units = options.units
+    if table.unit is not None:
+        if options.scales is not None:
+            remedy = "leave one of the two out"
+            refuse(path, "other_units", "a unit in the header beside --scales", remedy=remedy)
+        options = options._replace(scales=(1.0, 1.0, 1.0))
+        units = Units(length=table.unit)
+    cell = None
+    if key_lines:
+        cell = _read_cell(path, key_lines, units)
+    return import_spheres(path, replace(table.spheres, cell=cell), options, rows)
+
+
 def _read_table(
     path: str | Path, needed: tuple[str, ...], optional: tuple[str, ...] = ()
 ) -> tuple[Rows, KeyLines]:
@@ -99,45 +143,68 @@ def _read_table(
 
     Raises InputError for columns that are missing or not known, and for a table without rows.
     """
-    key_lines: KeyLines = {}
-    lines = read_lines(path)
-    for number, text in lines:
-        if text.startswith("#"):
-            _read_key_line(path, number, text.rstrip(", \n"), key_lines)
-        elif text.strip():
-            break
-    else:
-        remedy = f"begin with {','.join(needed)}"
-        refuse(path, "no_column", "no line with the names of columns", remedy=remedy)
-    texts = take_rows(path, lines, sys.maxsize)
-    while texts and not texts[-1].strip():
-        texts.pop()
-    columns = tuple(name.strip() for name in text.split(","))
-    rows = Rows(Path(path), columns, texts, number + 1, ",")
+    rows, key_lines = _read_rows(path, needed)
     names = ",".join(needed)
     rows.require(needed, f"name the columns in a line of text in UTF-8, with commas: {names}")
     known = (*needed, *optional)
-    for name in columns:
+    for name in rows.columns:
         if name and name not in known:
             refuse(
                 path,
                 "unknown_column",
                 "it is not known, and may change the answer",
                 remedy=f"leave it out; known are {','.join(known)}",
-                line=number,
+                line=rows.line - 1,
                 column=quote(name)[1:-1],
             )
-        if name and columns.count(name) > 1:
+        if name and rows.columns.count(name) > 1:
             refuse(
                 path,
                 "repeated_column",
                 "it stands twice among the names",
                 "which of the two is meant is not said",
                 "leave one out",
-                line=number,
+                line=rows.line - 1,
                 column=name,
             )
-    too_wide = np.array([text.rstrip(", \n").count(",") >= len(columns) for text in texts])
+    return rows, key_lines
+
+
+def _read_rows(path: str | Path, needed: tuple[str, ...]) -> tuple[Rows, KeyLines]:
+    """Return the rows of a table, and the lines after # for the cell.
+
+    Raises InputError for a table without names or rows, and for rows longer than the header;
+    `needed` are the names that a message proposes.
+    """
+    key_lines: KeyLines = {}
+    header = ""
+    lines = read_lines(path)
+    for number, text in lines:
+        if text.startswith("#"):
+            _read_key_line(path, number, text.rstrip(", \n"), key_lines)
+            if has_spheres(_without_comment_sign(text)):
+                header = _without_comment_sign(text)
+        elif text.strip():
+            break
+    else:
+        remedy = f"begin with {','.join(needed)}"
+        refuse(path, "no_column", "no line with the names of columns", remedy=remedy)
+    first_line = number + 1
+    if header:
+        lines = itertools.chain([(number, text)], lines)
+        first_line = number
+    else:
+        header = text
+    texts = take_rows(path, lines, sys.maxsize)
+    while texts and not texts[-1].strip():
+        texts.pop()
+    separator = separator_of(header)
+    columns = tuple(name.strip() for name in header.split(separator))
+    rows = Rows(Path(path), columns, texts, first_line, separator)
+    names = ",".join(needed)
+    too_wide = np.array(
+        [len(text.rstrip(", \n").split(separator)) > len(columns) for text in texts]
+    )
     rows.refuse(
         too_wide,
         "long_row",
@@ -198,13 +265,13 @@ def _read_cell(path: str | Path, key_lines: KeyLines, units: Units) -> Cell:
 
 def _read_contacts(path: str | Path, packing: Packing, units: Units) -> Contacts:
     """Return the contacts of a table, with their stiffnesses."""
-    rows, _ = _read_table(path, CONTACTS, FORCE + SHEAR + TURNING)
+    optional = FORCE + SHEAR + TURNING + SLIDING + FROM_POSITIONS
+    rows, _ = _read_table(path, CONTACTS, optional)
     for group in (SHEAR, TURNING):
         if any(map(rows.has, group)):
             rows.require(group, f"give all of {','.join(group)}, with zeros where one is none")
-    values = rows.read_groups(
-        {"contacts": CONTACTS, "force": FORCE, "shear": SHEAR, "turning": TURNING}
-    )
+    groups = {"contacts": CONTACTS, "force": FORCE, "shear": SHEAR}
+    values = rows.read_groups(groups | {"turning": TURNING, "sliding": SLIDING})
     table = values["contacts"]
     i, j = find_ends(rows, packing.number, table[:, :2].T, ("i", "j"), WALLS)
     _refuse_absent_walls(rows, packing, j)
@@ -216,6 +283,8 @@ def _read_contacts(path: str | Path, packing: Packing, units: Units) -> Contacts
         rolling, twisting = units.moment * values["turning"].T
         columns["stiffness_rolling"] = rolling.copy()
         columns["stiffness_twisting"] = twisting.copy()
+    if "sliding" in values:
+        columns["sliding"] = values["sliding"][:, 0] != 0
     force = None
     if "force" in values:
         force = units.force * values["force"][:, 0]

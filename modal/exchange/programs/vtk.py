@@ -1,0 +1,122 @@
+"""Read VTK files by the library vtk: points with radii (.vtp, .vtu, legacy .vtk), spheres alone.
+
+LIGGGHTS, YADE (VTKRecorder and VTKExporter), MFiX, Lethe, JaxDEM and this project's `export` write
+them. Points carry the radius or the diameter under many names. Such a file has no law and no cell.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modal.exchange.import_result import ImportResult
+from modal.exchange.sphere_table import read_heading
+from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
+from modal.exchange.spheres import SphereOptions, Spheres, import_spheres
+from modal.exchange.text import are_rounded_to_single_precision, count_written_digits, refuse
+from modal.formats.tables import load_optional
+from modal.tools.arrays import Array, Floats
+
+NAME = "VTK (*.vtp, *.vtu, *.vtk)"
+OPTIONS = SPHERE_OPTIONS
+XML_READERS = {
+    "PolyData": "vtkXMLPolyDataReader",
+    "UnstructuredGrid": "vtkXMLUnstructuredGridReader",
+}
+"""Readers of the library by the type of an XML file."""
+SINGLE_DIGITS = 7
+"""Significant digits of a number in single precision."""
+SAMPLED_NUMBERS = 1500
+"""Number of coordinates whose digits are looked at."""
+MAX_DIGITS = 17
+
+
+def sniff(path: Path, head: bytes) -> bool:
+    """Tell whether a file is one of VTK, by its first line or its root element."""
+    return head.startswith(b"# vtk DataFile") or b"<VTKFile" in head[:500]
+
+
+def read(path: Path, scales: Sequence[float] | None = None, **sphere_options: Any) -> ImportResult:
+    """Return the packing of a file; the options are those of `SphereOptions`."""
+    options = SphereOptions(scales=scales, **sphere_options)
+    position, fields = read_points(path)
+    columns = {}
+    for name, data in fields.items():
+        known = read_heading(name).name
+        if known and data.ndim == 1:
+            columns.setdefault(known, data)
+    if "radius" not in columns and "diameter" in columns:
+        columns["radius"] = columns["diameter"] / 2
+    if "radius" not in columns:
+        listed = ", ".join(fields) or "none"
+        problem = f"its points have no radius (fields: {listed})"
+        refuse(path, "no_spheres", problem, remedy="give the file of the spheres, with radii")
+    radius = columns["radius"].astype(float)
+    numbers = np.append(position.ravel(), radius)
+    spheres = Spheres(
+        position=position,
+        radius=radius,
+        number=_numbers(columns.get("id")),
+        mass=columns.get("mass"),
+        density=columns.get("density"),
+        digits=_count_digits(numbers),
+    )
+    return import_spheres(path, spheres, options)
+
+
+def read_points(path: Path) -> tuple[Floats, dict[str, Array]]:
+    """Return the points (n, 3) of a file and their fields (n,) or (n, k) by name.
+
+    Raises InputError if the library is absent, or if it cannot read the file.
+    """
+    data = _read_with_library(path)
+    support = load_optional("vtkmodules.util.numpy_support", "VTK files")
+    if data is None or not hasattr(data, "GetPoints") or data.GetNumberOfPoints() == 0:
+        refuse(path, "no_spheres", "no points in it", remedy="give the file of the spheres")
+    points: Floats = support.vtk_to_numpy(data.GetPoints().GetData()).astype(float)
+    fields = {}
+    attributes = data.GetPointData()
+    for index in range(attributes.GetNumberOfArrays()):
+        array = attributes.GetArray(index)
+        if array is not None:
+            fields[array.GetName()] = support.vtk_to_numpy(array)
+    return points, fields
+
+
+def _read_with_library(path: Path) -> Any:
+    """Return the data set of a file as an object of vtk; None if it cannot be read."""
+    head = path.read_bytes()[:2000]
+    if head.startswith(b"# vtk DataFile"):
+        legacy = load_optional("vtkmodules.vtkIOLegacy", "VTK files")
+        reader = legacy.vtkGenericDataObjectReader()
+        reader.ReadAllScalarsOn()
+        reader.ReadAllVectorsOn()
+        reader.ReadAllFieldsOn()
+    else:
+        xml = load_optional("vtkmodules.vtkIOXML", "VTK files")
+        kind = re.search(rb"<VTKFile[^>]*?\stype=[\"'](\w+)", head)
+        name = XML_READERS.get(kind[1].decode() if kind else "")
+        if name is None:
+            problem = "neither PolyData nor UnstructuredGrid"
+            refuse(path, "no_spheres", problem, remedy="give the *.vtp or *.vtu of the spheres")
+        reader = getattr(xml, name)()
+    reader.SetFileName(str(path))
+    reader.Update()
+    return reader.GetOutput()
+
+
+def _numbers(identifiers: Array | None) -> Floats | None:
+    """Return the numbers of spheres; None if they are absent or not distinct."""
+    if identifiers is None or len(np.unique(identifiers)) < len(identifiers):
+        return None
+    return identifiers.astype(float)
+
+
+def _count_digits(numbers: Floats) -> int:
+    """Return the significant digits of numbers that were written as text or in single precision."""
+    if are_rounded_to_single_precision(numbers):
+        return SINGLE_DIGITS
+    written = (repr(number) for number in numbers[:SAMPLED_NUMBERS].tolist())
+    return min(count_written_digits(written), MAX_DIGITS)

@@ -1,0 +1,95 @@
+"""Bring scanned spheres, whose overlaps are not known, to rest under a stress.
+
+The spheres move from where the scan shows them until their contacts balance and bear the stress:
+without friction down the enthalpy (`modal.preparation.frictionless`), with friction by damped
+motion under a servo on the three principal stresses, as each state of a compression. The noise of
+the positions decides which of many states it is; without friction a packing becomes denser than it
+was, as its contacts may slide.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from modal.packing.network import Network
+from modal.packing.precision import taken_as_exact
+from modal.packing.sample import ELASTIC, Sample, bare_sample
+from modal.packing.scan import Scan
+from modal.preparation.compression import run_to_checkpoint, start_dynamics
+from modal.preparation.frictionless import Descent, Pressure
+from modal.preparation.protocol import Stage, Study
+from modal.tools.errors import InputError
+
+MAX_CHECKPOINTS = 100
+"""Number of checkpoints after which the motion is given up: each is many steps."""
+
+
+def sample_of_scan(network: Network, friction: float) -> Sample:
+    """Return the spheres of a scan as a sample, whose contacts follow from positions.
+
+    Raises InputError if the network is not from a scan, if its law is not that of a material, or if
+    its sides are free.
+    """
+    if Scan.of(network.study) is None:
+        raise InputError(
+            "not_scanned",
+            "the network is not from a scan",
+            "its contacts are known already",
+            "give a network that `import --stress --tolerance` has written, or a sample",
+        )
+    missing = [name for name in ELASTIC if network.noted(name) is None]
+    if missing:
+        raise InputError(
+            "no_material",
+            "the scan was imported with a law that is not that of a material",
+            remedy='import it with "granular hertz/material E 0 NU tangential mindlin NULL 0 MU"',
+        )
+    if not network.cell_periodic[:2].all():
+        raise InputError(
+            "free_sides",
+            "the sides along x or y are free",
+            "a sample is periodic there",
+            "cut a box out of the scan and give its sides as periods (--cell, --periodic)",
+        )
+    sample = bare_sample(taken_as_exact(network), friction)
+    position = sample.position.copy()
+    position[:, :2] = (position[:, :2] - position[:, :2].min(axis=0)) % sample.side
+    if sample.periodic_z:
+        low = sample.walls[0]
+        position[:, 2] = low + (position[:, 2] - low) % sample.length
+    return replace(sample, position=position, study={}, provenance={})
+
+
+def bring_to_stress(sample: Sample, stress: float, say: Callable[[str], None]) -> Sample:
+    """Return the spheres of a sample at rest under an isotropic stress, Pa.
+
+    `say` is called with lines of progress. Raises InputError if the stress is not positive, or if
+    the spheres do not come to rest.
+    """
+    if not 0 < stress < np.inf:
+        raise InputError("stress", f"stress {stress:g}", "must be positive", "give it in Pa")
+    material = sample.material
+    smallest = float(np.min(sample.sizes))
+    study = Study(
+        mu_comp=sample.friction,
+        spheres=len(sample.position),
+        width=float(min(sample.side)) / (2 * sample.radius),
+        solid=f"{material.young!r} {material.poisson!r} {material.density!r} {smallest!r}",
+    )
+    name = f"{stress:g}"
+    is_over = False
+    for _ in range(MAX_CHECKPOINTS):
+        if sample.friction == 0:
+            sample, is_over = run_to_checkpoint(sample, Pressure(name, study), Descent, say)
+        else:
+            sample, is_over = run_to_checkpoint(sample, Stage(name, study), start_dynamics, say)
+        if is_over:
+            break
+    if not sample.study.get("settled"):
+        raise InputError(
+            "not_at_rest",
+            f"the spheres do not come to rest at {stress:g} Pa",
+            remedy="give another stress, or check radii and cell",
+        )
+    return replace(sample, study=sample.study | {"mu_comp": sample.friction, "stress": stress})
