@@ -35,8 +35,8 @@ OFFERED = {
     *("density_of_states", "propagate", "frequency_response", "FccLattice", "elastic_moduli"),
     *("describe", "frequency_sensitivity", "moduli_sensitivity"),
     *("from_spheres", "write", "stiffness_matrix", "mass_matrix"),
-    *("SOURCE_WALL", "RECEIVER_WALL"),
 }
+CODES_OF_WALLS = {"SOURCE_WALL", "RECEIVER_WALL"}
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def packing(tmp_path_factory):
 
 
 def test_the_public_names_and_nothing_else():
-    assert set(modal.__all__) == OFFERED
+    assert set(modal.__all__) == OFFERED | CODES_OF_WALLS
     assert all(hasattr(modal, name) for name in modal.__all__) and set(dir(modal)) >= OFFERED
     with pytest.raises(AttributeError, match="no attribute 'magic'"):
         modal.magic  # noqa: B018

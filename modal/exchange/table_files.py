@@ -33,12 +33,18 @@ FURTHER_CONTACT_COLUMNS = {
     "torque_shortening": ("torque_shortening",),
 }
 """Names in a table of further columns of contacts, by their names in a network."""
+HELD_MOTIONS = ("held_x", "held_y", "held_z", "held_turn_x", "held_turn_y", "held_turn_z")
+"""Columns for the motions that a body cannot make."""
 MAX_INERTIA_ERROR = 1e-9
 """Largest relative deviation from 0.4 m R^2 with which the inertia of a sphere is not written."""
 
 
 def write_tables(path: Path, network: Network) -> list[str]:
-    """Write contacts and spheres as two tables (CSV); return the names of the files."""
+    """Write contacts and spheres as two tables (CSV); return the names of the files.
+
+    Raises UnavailableError for a cell whose periods are at angles.
+    """
+    network.refuse_angles("table")
     columns: dict[str, Array] = {
         "i": network.particle_i,
         "j": network.particle_j,
@@ -74,6 +80,9 @@ def _sphere_columns(network: Network) -> dict[str, Array]:
     homogeneous = 0.4 * network.mass * network.radius**2
     if abs(network.inertia / homogeneous - 1).max() > MAX_INERTIA_ERROR:
         columns["inertia"] = network.inertia
+    if network.fixed is not None:
+        for place, motion in enumerate(HELD_MOTIONS):
+            columns[motion] = network.fixed[:, place]
     if network.inertia_tensor is not None:
         for row, first in enumerate("xyz"):
             for column, second in enumerate("xyz"):

@@ -154,14 +154,12 @@ class ScannedSpheres:
     def contacts(self, tolerance: float) -> ContactList:
         """Return the pairs, and the spheres at walls, with gaps up to a tolerance, m."""
         position = self.bodies["position"]
-        radius = self.bodies["radius"] + tolerance / 2
         periods = np.where(self.cell_periodic, self.cell_size, 0.0)
         walls = np.where(self.has_wall, self.wall_position, np.nan)
-        inward = np.array([tolerance / 2, -tolerance / 2])
+        radius = self.bodies["radius"]
+        low = position.min(axis=0)
         with np.errstate(invalid="ignore", divide="ignore"):  # two in one place are refused later
-            contacts = touching(position, position.min(axis=0), periods, walls + inward, radius)
-        contacts.overlap -= tolerance
-        return contacts
+            return touching(position, low, periods, walls, radius, gap=tolerance)
 
     def network(
         self, scan: Scan, study: Mapping[str, Any], *, equal_forces: bool = False

@@ -23,6 +23,7 @@ def stiffness_matrix(
     pre_stress: PreStress = "none",
     sliding: Sliding = "elastic",
     translations_only: bool = False,
+    held: bool = False,
 ) -> sp.csr_matrix:
     """Assemble the stiffness matrix K of a packing, or M^-1/2 K M^-1/2.
 
@@ -34,12 +35,15 @@ def stiffness_matrix(
         Return A = M^-1/2 K M^-1/2, 1/s^2, whose eigenvalues are the squares of 2 pi f.
     pre_stress, sliding, translations_only
         As in `modal.eigenmodes`.
+    held : bool, default False
+        Keep the rows and columns of motions that held bodies cannot make (`Network.fixed`).
 
     Returns
     -------
     scipy.sparse.csr_matrix (6 n, 6 n)
         K in N/m, N/rad, N m/m and N m/rad. Body i has the rows 6 i to 6 i + 5: displacements along
-        x, y, z and turns about them. With translations only there are three rows a body.
+        x, y, z and turns about them. With translations only there are three rows a body. Rows of
+        held motions are left out, the others follow each other.
 
     Examples
     --------
@@ -53,12 +57,16 @@ def stiffness_matrix(
         network, pre_stress=pre_stress, sliding=sliding, translations_only=translations_only
     )
     if mass_scaled:
-        return system.assemble_dynamical_matrix()
-    return assemble_stiffness(system.network, system.dof, pre_stress)
+        matrix = system.assemble_dynamical_matrix()
+    else:
+        matrix = assemble_stiffness(system.network, system.dof, pre_stress)
+    return _select_rows(network, matrix, held)
 
 
 @checked
-def mass_matrix(network: Network, *, translations_only: bool = False) -> sp.csr_matrix:
+def mass_matrix(
+    network: Network, *, translations_only: bool = False, held: bool = False
+) -> sp.csr_matrix:
     """Assemble the mass matrix M of a packing.
 
     Its rows are those of `stiffness_matrix`.
@@ -69,6 +77,8 @@ def mass_matrix(network: Network, *, translations_only: bool = False) -> sp.csr_
         The packing, n bodies.
     translations_only : bool, default False
         Leave the turns out.
+    held : bool, default False
+        As in `stiffness_matrix`.
 
     Returns
     -------
@@ -90,9 +100,19 @@ def mass_matrix(network: Network, *, translations_only: bool = False) -> sp.csr_
     dof = 3 if translations_only else 6
     diagonal = mass_diagonal(network, dof)
     if network.inertia_tensor is None or translations_only:
-        return sp.diags(diagonal, format="csr")
+        return _select_rows(network, sp.diags(diagonal, format="csr"), held)
     blocks = diagonal.reshape(-1, 6, 1) * np.eye(6)
     blocks[:, 3:, 3:] = network.inertia_tensor
     starts = np.arange(len(blocks) + 1)
     size = 6 * len(blocks)
-    return sp.bsr_matrix((blocks, starts[:-1], starts), (size, size)).tocsr()
+    matrix = sp.bsr_matrix((blocks, starts[:-1], starts), (size, size)).tocsr()
+    return _select_rows(network, matrix, held)
+
+
+def _select_rows(network: Network, matrix: sp.csr_matrix, held: bool) -> sp.csr_matrix:
+    """Return a matrix without the rows and columns of held motions, unless these are wanted."""
+    if held or network.fixed is None:
+        return matrix
+    dof = matrix.shape[0] // network.n_particles
+    rows = np.flatnonzero(network.free_motions[:, :dof])
+    return matrix[rows][:, rows]

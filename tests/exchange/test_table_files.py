@@ -65,6 +65,19 @@ def test_eigenvalues_of_the_written_matrices(network, exported, ending):
     np.testing.assert_allclose(np.sqrt(square[-20:]) / (2 * np.pi), found, rtol=1e-9)
 
 
+def test_held_spheres_leave_the_matrices(network):
+    """Rows of motions that spheres cannot make are left out, as from a matrix by hand."""
+    fixed = np.zeros((network.n_particles, 6), bool)
+    fixed[3] = True
+    fixed[5, 2] = True
+    rows = np.flatnonzero(~fixed.ravel())
+    held = replace(network, fixed=fixed)
+    for make in (modal.stiffness_matrix, modal.mass_matrix):
+        whole = make(held, held=True).toarray()
+        np.testing.assert_array_equal(whole, make(network).toarray())
+        np.testing.assert_array_equal(make(held).toarray(), whole[np.ix_(rows, rows)])
+
+
 def test_mass_scaled_matrix(network):
     scaled = modal.stiffness_matrix(network, mass_scaled=True).toarray()
     plain = modal.stiffness_matrix(network).toarray()
