@@ -430,7 +430,7 @@ def from_spheres(
     Examples
     --------
     >>> import modal
-    >>> crystal = modal.fcc(cells=(2, 2, 4), periodic_z=True)
+    >>> crystal = modal.fcc(cells=(3, 3, 4), periodic_z=True)
     >>> law = "hertz/material 60e9 0 0.2 tangential mindlin NULL 0 0.5"
     >>> same = modal.from_spheres(crystal.position, crystal.radius, cell=crystal.cell_size, law=law)
     >>> same.n_contacts == crystal.n_contacts
