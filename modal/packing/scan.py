@@ -225,7 +225,7 @@ def mean_contact_force(stress: float, volume: float, lengths: Floats) -> float:
     `stress` is the mean stress, Pa, and `volume` that of the packing, m^3. If forces differ, each
     length counts as often as its force is larger than the mean one.
 
-    >>> mean_contact_force(1e5, 1e-6, np.full(100, 2e-3))
+    >>> round(mean_contact_force(1e5, 1e-6, np.full(100, 2e-3)), 9)
     1.5
     """
     return float(3 * stress * volume / lengths.sum())
