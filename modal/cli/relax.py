@@ -103,7 +103,7 @@ def _bring_scan_to_rest(options: Options) -> Result:
     sample = bring_to_stress(sample_of_scan(network, friction), options.stress, say)
     state = measure_equilibrium(sample)
     if friction:
-        sample, state = relax(sample, tolerance=options.tolerance)
+        sample, state = relax(sample, tolerance=options.tolerance, mobilised=options.mobilised)
         _say_residual(state)
     measured = summary(sample.network(), sample.friction)
     study = sample.study | measured | {"residual": state.residual, "at_rest": True}
