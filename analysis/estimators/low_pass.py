@@ -168,7 +168,8 @@ def at_stretch(
     width = high - low
     known, particles = _known_values(distance, values, length, (low, high))
     ends = {"stretch_start": max(NEAR_FIELD, low) * length, "stretch_end": high * length}
-    steps = (Step("window", "read", ends), _step_of_particles(known, particles))
+    window = Step("window", "read", ends)
+    steps: tuple[Step, ...] = (window, _step_of_particles(known, particles))
     if not _are_enough(known, particles):
         counts = {"seen": len(known), "particles": particles}
         return unknown("Hz", Caveat("few_particles", counts), steps=steps)

@@ -352,8 +352,8 @@ def excess_peak(packing: PackingData) -> Value:
     peak_numbers = {"resolution": line, "lowest": lowest, "peak": peak}
     if not np.isfinite(peak):
         caveat = Caveat("no_peak", {"frequency": hertz(lowest)})
-        steps = (Step("limit", "no_maximum", peak_numbers),)
-        return unknown("Hz", caveat, *packing.of_one_sample, steps=steps)
+        no_maximum = Step("limit", "no_maximum", peak_numbers)
+        return unknown("Hz", caveat, *packing.of_one_sample, steps=(no_maximum,))
     first, last = np.interp([lowest, peak], frequency, modes_below)
     mode_numbers = {"modes_below": last - first, "needed": MIN_MODES_BELOW_PEAK}
     enough_modes = limit_step(mode_numbers, "modes_below", "needed", least=True)
