@@ -98,6 +98,26 @@ def test_a_cycle_is_linear_symmetric_and_positive(system):
 
 
 @needs_pyamg
+def test_eliminated_bodies_do_not_touch_and_have_few_contacts():
+    """With one level, the factor of what remains, elimination is exact: one cycle solves."""
+    from modal.solvers import elimination
+
+    system = LinearSystem.of(diluted(0.4, 1, 12))
+    matrix = system.shifted(-1e-3 * system.diagonal.max()).tobsr((6, 6))
+    bodies = elimination.independent_bodies(matrix)
+    blocks = elimination.some_blocks(matrix, bodies, bodies)
+    assert len(bodies) > 10 and len(blocks.data) == len(bodies)
+    assert (np.diff(matrix.indptr)[bodies] <= 1 + elimination.MAX_CONTACTS).all()
+    load = np.random.default_rng(3).standard_normal((system.size, 3))
+    for most in (100, 10**6):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("modal.solvers.hierarchy.MAX_COARSEST_ROWS", most)
+            inverse = elimination.EliminationHierarchy(matrix, soft_motions(system).rigid)
+        residual = np.linalg.norm(matrix @ inverse.apply(load) - load) / np.linalg.norm(load)
+        assert (residual < 1e-12) == (most == 10**6)
+
+
+@needs_pyamg
 def test_steps_do_not_grow_with_the_packing(monkeypatch):
     """Eight times the spheres, of a crystal with random stiffnesses, take hardly more steps;
     without coarser matrices the number would double with the length."""

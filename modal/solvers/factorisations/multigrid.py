@@ -9,14 +9,11 @@ what the solution has of them follows from their own energy. There is no inertia
 import importlib.util
 
 import numpy as np
-import scipy.sparse as sp
 
 from modal.solvers.conjugate_gradients import conjugate_gradients
 from modal.solvers.factor import Cost, Factor, Factorisation, Problem, Shape
 from modal.tools.arrays import Array, Floats, Ints
 
-ROWS = 6
-"""Rows of a body: three displacements and three rotations."""
 LIFT = 0.01
 """Stiffness c that motions without energy get, divided by the largest diagonal entry."""
 MAX_LIFTED_ENTRIES = 200
@@ -56,7 +53,7 @@ def _load() -> None:
 
 def _make(problem: Problem) -> Factor:
     """Make the hierarchy of a positive definite matrix whose soft motions are known."""
-    from modal.solvers.hierarchy import Hierarchy
+    from modal.solvers.elimination import ROWS, EliminationHierarchy, rows_of, some_blocks
 
     soft = problem.soft
     if soft is None:
@@ -67,9 +64,10 @@ def _make(problem: Problem) -> Factor:
     is_local = np.diff(free.indptr) <= MAX_LIFTED_ENTRIES
     local = free[:, is_local]
     lifted = matrix + LIFT * largest * (local @ local.T)
-    bodies = _body_order(problem.order)
-    rows = (bodies[:, None] * ROWS + np.arange(ROWS)).ravel()
-    hierarchy = Hierarchy(_reordered(lifted.tobsr((ROWS, ROWS)), bodies), soft.rigid[rows])
+    bodies = _body_order(problem.order // ROWS)
+    rows = rows_of(bodies)
+    ordered = some_blocks(lifted.tobsr((ROWS, ROWS)), bodies, bodies)
+    hierarchy = EliminationHierarchy(ordered, soft.rigid[rows])
     free_energy = np.asarray(free.multiply(matrix @ free).sum(axis=0)).ravel()
 
     def hold(columns: Floats) -> Floats:
@@ -97,20 +95,10 @@ def _make(problem: Problem) -> Factor:
     return Factor(solve, None, approximate=approximate)
 
 
-def _body_order(order: Ints) -> Ints:
+def _body_order(body_of_row: Ints) -> Ints:
     """Return the bodies in the order in which their first rows come."""
-    _, first = np.unique(order // ROWS, return_index=True)
+    _, first = np.unique(body_of_row, return_index=True)
     return np.argsort(first)
-
-
-def _reordered(matrix: sp.bsr_matrix, bodies: Ints) -> sp.bsr_matrix:
-    """Return a matrix in blocks with its bodies in another order."""
-    places = np.arange(1, len(matrix.data) + 1)
-    n = len(bodies)
-    pattern = sp.csr_matrix((places, matrix.indices, matrix.indptr), (n, n))
-    ordered = pattern[bodies][:, bodies]
-    blocks = matrix.data[ordered.data - 1]
-    return sp.bsr_matrix((blocks, ordered.indices, ordered.indptr), matrix.shape)
 
 
 FACTORISATION = Factorisation(

@@ -1,0 +1,103 @@
+"""Lowest modes and moduli of cubes against the number of spheres: factors, multigrid, moments.
+
+Runs only when it is named: the largest cube takes hours and tens of gigabytes. The cubes are
+periodic packings without friction at 100 kPa. Each method goes as far as time and memory allow; a
+failure stands in the table. What users without this program would take is scipy's `eigsh` about a
+shift on the assembled K.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.sparse.linalg import eigsh
+
+from benchmarks.harness import diagram
+from benchmarks.harness.measure import Job
+from benchmarks.harness.report import Page, Rows
+from benchmarks.scaling import compile_loop
+from modal.elasticity.moduli import elastic_moduli
+from modal.exchange.registry import read
+from modal.modes.density import density_of_states
+from modal.modes.eigenmodes import modes_of
+from modal.packing.network import Network
+from modal.system.linear_system import LinearSystem, frequency_of
+
+TITLE = "Cubes: lowest modes and moduli against the number of spheres"
+SIZES = {True: (300, 600), False: (4_000, 50_000, 200_000)}
+COUNT = 20
+"""Number of lowest modes."""
+SHIFT = 1e-7
+"""Distance below zero of scipy's shift, divided by the largest diagonal entry of A."""
+MAX_SCIPY_SPHERES = 4_000
+"""Spheres up to which scipy is tried: its factor takes minutes from there on."""
+
+
+def lowest(network: Network, *, certify: bool) -> str:
+    """Find the lowest modes, and return the first and the last one and how they were found."""
+    solver = None if certify else "multigrid"
+    system = LinearSystem.of(network, solver=solver, shapes=False, hours=1.0)
+    modes = modes_of(system, lowest=COUNT, certify=certify)
+    first, last = modes.frequency[[0, -1]]
+    text = f"{first:.6f} to {last:.6f} Hz, residual {modes.residual.max():.1e}"
+    expected = modes.attributes.get("expected_modes")
+    if expected is not None:
+        text += f"; moments expect {expected:.0f} +- {modes.attributes['expected_modes_error']:.0f}"
+    return text
+
+
+def lowest_by_scipy(network: Network) -> str:
+    """Find the lowest modes with scipy's eigsh about a shift, zero modes among them."""
+    system = LinearSystem.of(network)
+    sigma = -SHIFT * system.diagonal.max()
+    square = eigsh(system.dynamical_matrix.tocsc(), k=COUNT, sigma=sigma, which="LM")[0]
+    return f"{len(square)} modes up to {frequency_of(np.sort(square))[-1]:.3f} Hz"
+
+
+def moduli(network: Network, solver: str) -> str:
+    """Compute the moduli, and return the bulk modulus and the number of products."""
+    result = elastic_moduli(network, solver=solver)
+    return f"bulk modulus {result.bulk_modulus:.6e} Pa, {result.products} products"
+
+
+ACTIONS: dict[str, Callable[[Network], str]] = {
+    "lowest 20, factor and count": lambda network: lowest(network, certify=True),
+    "lowest 20, multigrid": lambda network: lowest(network, certify=False),
+    "lowest 20, scipy eigsh": lowest_by_scipy,
+    "density, 10 kHz": lambda network: repr(density_of_states(network, resolution=1e4)),
+    "moduli, pardiso": lambda network: moduli(network, "pardiso"),
+    "moduli, multigrid": lambda network: moduli(network, "multigrid"),
+}
+
+
+def act(path: str, curve: str) -> Callable[[], str]:
+    """Prepare the task of one of `ACTIONS`."""
+    compile_loop()
+    network = read(path)
+    return lambda: ACTIONS[curve](network)
+
+
+def run(job: Job) -> Page:
+    """Make each cube by a command, and ask it every question."""
+    rows: Rows = []
+    for spheres in SIZES[job.quick]:
+        folder = f"cube{spheres}"
+        words = f"modal pack --friction 0 --periodic --spheres {spheres} --aspect 1 --stress 1e5"
+        job.command(*words.split(), "-o", folder)
+        (path,) = (job.folder / folder).glob("*.sample.h5")
+        for curve in ACTIONS:
+            if "scipy" in curve and spheres > MAX_SCIPY_SPHERES:
+                continue
+            run = job.measured(act, must=False, path=str(path), curve=curve)
+            row: dict[str, Any] = {"curve": curve, "x": spheres, **run.cost, "result": run.value}
+            rows.append(row)
+            print(*(f"{name} {value}" for name, value in row.items()), sep=", ", flush=True)
+    rows.sort(key=lambda row: list(ACTIONS).index(row["curve"]))
+    task = (
+        "Seconds are processor time of one thread, memory the peak of the process. x: spheres of a "
+        "periodic cube without friction at 100 kPa."
+    )
+    measured = [row | {"method": row["curve"]} for row in rows if row["seconds"]]
+    axes = {"x": "number of spheres"}
+    figure = diagram.work_precision(measured, axes, ("seconds", "peak_mb"))
+    return Page(TITLE, task, {"cubes": rows}, [], {"cubes": figure})
