@@ -39,6 +39,9 @@ MULTIGRID_STEPS = 30
 MIN_MULTIGRID_ROWS = 1e5
 """Least number of rows for which multigrid is taken: smaller packings take seconds in any way, and
 PARDISO's few steps give more digits."""
+MIN_MULTIGRID_CONTACTS = 5.0
+"""Least mean number of contacts of a sphere for which multigrid is taken: case 29, with 4, takes
+more than four times as many steps as case 6, with 6."""
 MAX_FACTOR_OPERATIONS = 6e11
 """Largest number of multiplications of a factor that is used, about a minute."""
 MAX_FACTOR_MEMORY_SHARE = 0.8
@@ -115,8 +118,9 @@ def _faster_solver(system: LinearSystem, columns: int) -> str:
     if fits and available("pardiso"):
         operations["pardiso"] = factor.operations
     hierarchy = named("multigrid").cost(shape, True)
-    large = shape.rows > MIN_MULTIGRID_ROWS and hierarchy.bytes < free
-    if large and available("multigrid"):
+    contacts_per_sphere = 2 * system.network.n_contacts / system.network.n_particles
+    suitable = shape.rows > MIN_MULTIGRID_ROWS and contacts_per_sphere > MIN_MULTIGRID_CONTACTS
+    if suitable and hierarchy.bytes < free and available("multigrid"):
         step = hierarchy.approximation + BLOCK_PRODUCT_OPERATIONS * shape.nonzeros
         operations["multigrid"] = hierarchy.operations + MULTIGRID_STEPS * columns * step
     if not operations:

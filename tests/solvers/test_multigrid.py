@@ -10,6 +10,7 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import spsolve
 
 import modal
+from modal.elasticity import steady
 from modal.modes.eigenmodes import modes_of
 from modal.modes.soft_motions import soft_motions
 from modal.solvers import factor as registry
@@ -168,6 +169,18 @@ def test_moduli_equal_those_of_another_solver():
     scale = abs(by_blocks.stiffness).max()
     assert abs(by_multigrid.stiffness - by_blocks.stiffness).max() <= 1e-7 * scale
     assert by_multigrid.solver == "multigrid"
+
+
+@needs_pyamg
+def test_moduli_take_multigrid_where_contacts_are_many(monkeypatch):
+    """And where a factor is not at hand; small packings, and those of few contacts, do not."""
+    full = LinearSystem.of(disordered((3, 3, 12)))
+    few = LinearSystem.of(diluted(0.4, 1, 12))
+    monkeypatch.setattr(steady, "available", lambda name: name == "multigrid")
+    assert steady._faster_solver(full, 6) == "gradients"
+    monkeypatch.setattr(steady, "MIN_MULTIGRID_ROWS", 0)
+    assert steady._faster_solver(full, 6) == "multigrid"
+    assert steady._faster_solver(few, 6) == "gradients"
 
 
 def test_it_counts_no_modes_and_solves_below_them_alone():
