@@ -59,11 +59,10 @@ KINDS = (
     "response",
     "shear.signals",
     "moduli",
+    "other.signals",
     *OTHER_WAVES,
 )
 """All kinds of files of a case; the word behind the last dot names its format."""
-EARLY_SIGNALS_VERSION = "2"
-"""Version of files with signals whose wave is not recorded from wall to wall."""
 
 
 def _read_gain(path: Path) -> response.Response:
@@ -89,6 +88,7 @@ FORMATS: dict[str, Format] = {
     "network": Format(network, network.read_network),
     "sample": Format(sample, sample.read_sample),
     "signals": Format(signals, signals.read_signals),
+    "other.signals": Format(signals, partial(signals.read_signals, of_any_source=True)),
     "modes": Format(mode_set, partial(mode_set.read_modes, shapes=False)),
     "highest.modes": Format(mode_set, mode_set.read_modes),
     "density": Format(density, density.read_density),
@@ -99,6 +99,8 @@ FORMATS: dict[str, Format] = {
 """Format of each kind of files, or of the last word of a kind."""
 KIND_BY_SCHEMA = {each.module.SCHEMA: kind for kind, each in FORMATS.items()}
 """Kind of files by schema; modes and signals are of several kinds."""
+COLUMNS_FROM_WALL_TO_WALL = ("chain/particle", "receiver/stress", "source/stress")
+"""Datasets of every record of a wave from wall to wall."""
 
 
 @dataclass
@@ -260,13 +262,14 @@ def kind_of(path: str | Path) -> str:
     with open_h5(path) as file, complete(path):
         attributes = {name: str(text) for name, text in read_attributes(file).items()}
         schema = attributes.get("schema", "")
+        has_both_walls = all(name in file for name in COLUMNS_FROM_WALL_TO_WALL)
         choice = mode_set.Choice("all")
         if schema == mode_set.SCHEMA:
             choice = mode_set.Choice.of_attributes(attributes)
     if schema == mode_set.SCHEMA:
         return _kind_of_modes(path, choice)
     if schema == signals.SCHEMA:
-        return _kind_of_signals(path, attributes)
+        return _kind_of_signals(attributes, has_both_walls)
     if schema not in KIND_BY_SCHEMA:
         raise InputError(
             "unknown_schema", f"{path}: schema is {schema!r}, of no product that a report reads"
@@ -286,15 +289,13 @@ def _kind_of_modes(path: str | Path, choice: mode_set.Choice) -> str:
     return "modes"
 
 
-def _kind_of_signals(path: str | Path, attributes: dict[str, str]) -> str:
-    """Return the kind of a file with signals; InputError if they are not from wall to wall."""
-    if attributes.get("schema_version") == EARLY_SIGNALS_VERSION:
-        raise InputError(
-            "not_from_wall_to_wall",
-            f"{path}: not a wave from wall to wall",
-            remedy="a report reads no other",
-        )
-    if attributes.get("direction", "z") == "z":
+def _kind_of_signals(attributes: dict[str, str], has_both_walls: bool) -> str:
+    """Return the kind of a file with signals: of wall to wall, or of any other wave."""
+    direction = attributes.get("direction", "z")
+    is_from_wall = attributes.get("source", "wall") in signals.WALL_SOURCES
+    if not is_from_wall or direction == signals.TORSION or not has_both_walls:
+        return "other.signals"
+    if direction == "z":
         return "signals"
     if attributes.get("producer") == "yade":
         return "shear_yade.signals"

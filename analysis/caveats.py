@@ -45,6 +45,20 @@ TEXTS: Final[Mapping[str, str]] = {
     "first_arrival_stands": "what comes first does not move on along the chain",
     "no_stiffness": "nothing resists this motion: do spheres slide along the walls?",
     "faint_source": "faint source: above {frequency} it sends less than {share:.0%}",
+    # Travel times between transducers.
+    "near_field": (
+        "near field: {wavelengths:.2g} wavelengths between the transducers; below {needed:g} P- "
+        "and S-motion of the source overlap"
+    ),
+    "side_reflections": (
+        "sides: waves by way of the sides, or from a disc's images, arrive {periods:.2g} periods "
+        "after the direct one"
+    ),
+    "wavelength_near_grains": (
+        "short waves: {wavelength:.1f} D, where the packing disperses and scatters them"
+    ),
+    "ambiguous_cycle": "cycle not certain: the next maximum is {ratio:.0%} of the largest",
+    "no_such_point": "{rule}: source or receiver has no such point",
     # Low-pass frequency.
     "no_plateau": "no plateau: it changes by {change:.0%} with the place along the packing",
     "no_plateau_beside": "no plateau: it is not known on the stretches beside",

@@ -24,6 +24,10 @@ ERROR_PARTS: Final[Mapping[str, str]] = {
     "resolution": "width of a line, within which values are not independent",
     "length": "packing too short, or its two halves unlike: equal in all samples of one kind",
     "digits": "few digits of positions, from which overlaps follow, or gaps in place of overlaps",
+    "threshold": "choice of the level at which a wave arrives",
+    "distortion": "change of the shape of a pulse on its way",
+    "sampling": "times between the samples of a record",
+    "distance": "places of the spheres of which a transducer consists",
     "samples": "differences between samples of one state",
 }
 """Parts of an error by name: what each of them stands for. All are in the unit of the value. The

@@ -196,7 +196,7 @@ def _read_record(record: Signals | str | Path) -> Signals:
     """Return a wave, read from its file if a path is given."""
     if isinstance(record, Signals):
         return record
-    return read_signals(record)
+    return read_signals(record, of_any_source=True)
 
 
 def _requested_names(
@@ -270,7 +270,7 @@ def measure_files(paths: Sequence[str], say: Callable[[str], object], **how: Any
         If no file can be measured.
     """
     kinds, refused = _kinds_of(paths)
-    waves = [path for path, kind in kinds.items() if kind in WAVES]
+    waves = [path for path, kind in kinds.items() if kind in (*WAVES, "other.signals")]
     cases = cases_of_files([path for path in kinds if path not in waves])
     owner = {path: owner_of(Path(path), cases) for path in waves}
     measured = dict[str, Measurement]()

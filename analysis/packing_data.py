@@ -93,7 +93,7 @@ class PackingData:
     network : Network
         The contact network.
     given : sequence of Signals, or None
-        Recorded waves; None for those among the files of `case`.
+        Recorded waves, of any source; None for those among the files of `case`.
     source : Motion, optional
         Motion of the wall that sends computed waves; by default `pulse`.
     case : Case
@@ -130,7 +130,8 @@ class PackingData:
     def __post_init__(self) -> None:
         """Refuse damaged records when the packing is created."""
         for record in self.given or ():
-            self._check(record, "a record")
+            if record.from_wall_to_wall:
+                self._check(record, "a record")
 
     @classmethod
     def of(cls, case: Case, every_particle: bool = True) -> PackingData:
@@ -281,7 +282,7 @@ class PackingData:
         What a reader of files should know about them is added to the notes of the case.
         """
         if self.given is not None:
-            return list(self.given)
+            return [record for record in self.given if record.from_wall_to_wall]
         records = []
         for kind in filter(self.case.has, WAVES):
             record = self.case.read(kind)
@@ -293,6 +294,14 @@ class PackingData:
                     "beside it is of the network's own, with the same motion of the source"
                 )
         return records
+
+    @cached_property
+    def of_other_source(self) -> Signals | None:
+        """Return the first recorded wave that does not go from wall to wall; None without one."""
+        if self.given is None:
+            record: Signals | None = self.case.read("other.signals")
+            return record
+        return next((record for record in self.given if not record.from_wall_to_wall), None)
 
     def _check(self, record: Signals, path: Path | str) -> None:
         """Refuse a record that cannot be read; note where its energy does not balance."""

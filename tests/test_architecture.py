@@ -16,12 +16,21 @@ from modal.packing.network import write_network
 
 ORDER = {
     "modal": (
-        *("tools", "formats", "solvers", "packing", "system", "dem", "waves", "modes"),
-        *("elasticity", "preparation", "theory", "exchange", "description", "cli", "__main__"),
+        *("tools", "formats", "solvers", "packing", "system", "dem", "waves", "sources", "motions"),
+        *(
+            "modes",
+            "elasticity",
+            "preparation",
+            "theory",
+            "exchange",
+            "description",
+            "cli",
+            "__main__",
+        ),
     ),
     "analysis": (
         *("table", "typed_json", "watch", "caveats", "explanation", "value", "mean", "estimators"),
-        *("agreement", "case"),
+        *("bench", "agreement", "case"),
         *(
             "same_state",
             "packing_state",

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from analysis.case import Case, cases_of_files
+from analysis.case import Case, cases_of_files, kind_of
 from analysis.figures import FIGURES, Figure, compose
 from analysis.figures.looks import refuse_undrawable
 from analysis.figures.picture import read_picture
@@ -48,6 +48,13 @@ def run(options: Options) -> None:
         if not options.file:
             raise InputError("no_file", "no file given", remedy="name a packing, or a figure's CSV")
         cases = cases_of_files(options.file)
+        for path in options.file:
+            if kind_of(path) == "other.signals":
+                raise InputError(
+                    "not_from_wall_to_wall",
+                    f"{path}: not a wave from wall to wall",
+                    remedy="a figure shows no other; measure and watch do",
+                )
         picture = compose(name, [PackingData.of(case) for case in cases])
         stem = ".".join([*(case.name for case in cases), name])
     paths = save(picture, Path(options.output) / stem)

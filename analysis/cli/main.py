@@ -11,6 +11,7 @@ from modal.tools.workload import out_of_memory
 
 COMMANDS = {
     "measure": "start here: velocities, low-pass, moduli ... of your packing, with errors",
+    "transducers": "a bench test: two discs, V_P or V_S by the rules of laboratories",
     "figure": "when a number is not enough: one figure, or again from its CSV",
     "watch": "to see a wave or modes move: one page, in three dimensions",
     "agreement": "when a DEM run is in doubt: against the linear wave, by cause",
@@ -32,7 +33,10 @@ USED_FOR = {
 
 def parser(called: str = "") -> argparse.ArgumentParser:
     """Return the parser of all commands, with the options of the one that is `called`."""
-    about = "Your packing: measure, figure, watch, agreement. The study: study. See COMMAND --help."
+    about = (
+        "Your packing: measure, transducers, figure, watch, agreement. The study: study. See "
+        "COMMAND --help."
+    )
     whole = Parser(prog="python -m analysis", description=about)
     commands = whole.add_subparsers(
         dest="command", required=True, parser_class=Parser, metavar="COMMAND", title="commands"

@@ -25,6 +25,8 @@ has not reached the particle."""
 MAX_RELATIVE_ERROR = 0.2
 """Largest standard error of a velocity, divided by the velocity. Times that scatter more do not
 come from a wave that travels from the source."""
+MIN_DISTANCE_IN_DIAMETERS = 3.0
+"""Least distance of a layer from a source inside of the packing, whose near field ends there."""
 ARRIVAL_LEVEL = 0.05
 """Displacement, relative to a particle's largest, at which the wave arrives at the particle."""
 WALL_MOVES_LEVEL = 0.1
@@ -119,6 +121,32 @@ def _in_fitted_stretch(distance: np.ndarray, length: float) -> np.ndarray:
     """Return which distances (n,) from the source wall, m, lie in `FITTED_STRETCH` of a length."""
     low, high = FITTED_STRETCH
     return (distance > low * length) & (distance < high * length)
+
+
+def layers_above(record: Signals, network: Network) -> tuple[float, float]:
+    """Return the velocity of first peaks of the layers above any source, and its error, m/s.
+
+    Layers between `MIN_DISTANCE_IN_DIAMETERS` and three quarters of the way to the end of the
+    packing count, in a period those up to three quarters of half of it. Both are NaN if the record
+    has no layers.
+    """
+    if record.layer_displacement is None or record.layer_position is None:
+        return np.nan, np.nan
+    bottom, top = network.wall_position
+    source = bottom
+    if record.source_height is not None:
+        source = float(record.source_height[0])
+    distance = record.layer_position - source
+    way = top - source
+    if network.cell_periodic[2]:
+        distance = distance % network.length
+        way = network.length / 2
+    nearest = MIN_DISTANCE_IN_DIAMETERS * 2 * float(network.radius.mean())
+    counts = (distance > nearest) & (distance < FITTED_STRETCH[1] * way)
+    if not counts.any():
+        return np.nan, np.nan
+    layers = replace(record, chain_displacement=record.layer_displacement[:, counts])
+    return travel_velocity(distance[counts], first_peak_times(layers))
 
 
 def first_peaks_of_columns(record: Signals, network: Network) -> tuple[float, float]:

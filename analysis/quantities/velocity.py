@@ -20,10 +20,10 @@ from analysis.estimators.coherent import (
     longest_waves,
 )
 from analysis.estimators.damped_transform import Dispersion, chain_dispersion
-from analysis.estimators.travel_time import first_peaks_of_columns, travelled
+from analysis.estimators.travel_time import first_peaks_of_columns, layers_above, travelled
 from analysis.explanation import Step, UnreadableError, limit_step
 from analysis.packing_data import PackingData, cached_on_packing
-from analysis.quantities.registry import quantity
+from analysis.quantities.registry import on_request, quantity
 from analysis.value import Value, hertz, unknown
 from modal.elasticity.slab import static_velocity
 
@@ -284,3 +284,17 @@ def v_p_first_peaks(packing: PackingData) -> Value:
     The value depends on pulse and chain, because disorder broadens the first peak on its way.
     """
     return first_peak(packing, "wave").with_caveats(*packing.of_waves)
+
+
+@on_request("m/s", definition="velocity of first peaks of layers above a source inside")
+def v_other_source(packing: PackingData) -> Value:
+    """Measure the velocity of a recorded wave from a plane, a sphere or a disc, or of torsion.
+
+    It is that of the first peaks in the means over layers above the source. Near a small source
+    they are not those of a plane wave: `python -m analysis transducers` reads two discs by rules.
+    """
+    record = packing.of_other_source
+    if record is None:
+        raise AbsentError
+    velocity, error = layers_above(record, packing.network)
+    return _value_of_arrivals(velocity, error).with_caveats(*packing.of_waves)

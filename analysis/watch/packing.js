@@ -140,7 +140,7 @@ function sheet(z, follows) {
     vertexShader: `
       uniform float shift;
       void main() {
-        vec3 p = position + vec3(${data.along === "x" ? "0.0, shift, 0.0" : data.along === "y" ? "0.0, 0.0, shift" : "shift, 0.0, 0.0"});
+        vec3 p = position + vec3(${data.along === "x" ? "0.0, shift, 0.0" : data.along === "y" ? "0.0, 0.0, shift" : data.along === "torsion" ? "0.0, 0.0, 0.0" : "shift, 0.0, 0.0"});
         gl_Position = projectionMatrix * modelViewMatrix * vec4(p, 1.0);
       }`,
     fragmentShader: `void main() { gl_FragColor = vec4(0.29, 0.35, 0.41, ${WALL}); }`,

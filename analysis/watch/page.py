@@ -50,7 +50,7 @@ def watch_page(
     InputError
         If a file lacks the motion of spheres, or if the packing is missing or is another one.
     """
-    motion, moved, numbers = read_sphere_motion(product, chosen)
+    motion, moved, numbers = read_sphere_motion(product, chosen, any_source=True)
     if not packing:
         packing = _find_packing(Path(product))
     note = require_same_packing(product, packing_of(packing))

@@ -5,7 +5,7 @@ const FRAMES_A_SECOND = 30;
 const PERIOD = 90; // drawn frames of a mode's period at normal speed
 const moved = decoded(data.displacement, Int16Array);
 const isWave = data.kind === "wave";
-const pushed = isWave ? turned("xyz".indexOf(data.along)) : 0; // where the source wall moves to
+const pushed = isWave ? turned(Math.max(0, "xyz".indexOf(data.along))) : 0; // where the source wall moves to
 // Fields that stay as they are while spheres move, 0 to 255: their name, and what 255 is.
 const still = {};
 if (data.pressure) still["pressure of contacts"] = [decoded(data.pressure, Uint8Array), data.pressure_ends];
@@ -54,7 +54,7 @@ function layOut() {
   material.uniforms.contrast.value = fixed ? 1 : 10 ** by("contrast").value;
   by("factor").textContent = data.real ? `${(factor * data.visible / data.real).toPrecision(2)} x` : `${factor.toPrecision(2)} x`;
   const edges = ends ? ends
-    : isWave ? [-1, 1].map((sign) => `${sign < 0 ? "-" : ""}${(data.largest_nm / 10 ** by("contrast").value).toPrecision(2)} nm`)
+    : isWave ? [-1, 1].map((sign) => `${sign < 0 ? "-" : ""}${(data.largest_nm / 10 ** by("contrast").value).toPrecision(2)} ${data.unit}`)
     : ["-", "+"];
   by("low").textContent = edges[0]; by("high").textContent = edges[1];
   wallShift.value = isWave ? (factor * data.visible * interpolated(data.wall_displacement)) / data.largest_nm : 0;
@@ -89,8 +89,8 @@ let left = null;
 function plots() {
   if (isWave) {
     const signal = data.signals[which];
-    left = plot(by("left"), ["signal", "time, µs", `u_${data.along}, nm`], [data.signal_time, signal.displacement], false, true);
-    plot(by("right"), ["its spectrum", "frequency, kHz", `|U_${data.along}|, nm µs`], [data.spectrum_frequency, signal.spectrum], false, false);
+    left = plot(by("left"), ["signal", "time, µs", `${data.symbol}, ${data.unit}`], [data.signal_time, signal.displacement], false, true);
+    plot(by("right"), ["its spectrum", "frequency, kHz", `|F(${data.symbol})|, ${data.unit} µs`], [data.spectrum_frequency, signal.spectrum], false, false);
   } else {
     const modes = data.modes;
     left = plot(by("left"), ["share of motion along z", "frequency, kHz", "chi_z"],
@@ -111,7 +111,7 @@ function tell() {
   const share = (value + 1) / 2; // of what does not move
   const shown = colour === "pressure of contacts" ? `pressure ${(100 * share).toFixed(0)} % of ${data.pressure_ends[1]}`
     : colour === "dissipated by slip" ? `slip dissipated ${share ? (10 ** (data.slip_decades * (share - 1))).toPrecision(2) : "no more than " + 10 ** -data.slip_decades} of ${data.slip_ends[1]}`
-    : isWave ? `u_${data.along} = ${(value * data.largest_nm).toPrecision(3)} nm`
+    : isWave ? `${data.symbol} = ${(value * data.largest_nm).toPrecision(3)} ${data.unit}`
     : `${colour.replace("displacement ", "u_")} = ${value.toFixed(3)} of the largest`;
   by("under").textContent = `sphere ${s}, z = ${z.toFixed(2)} mm: ${shown}`;
   const left = Math.min(pointer[0] + 14, canvas.clientWidth - by("under").offsetWidth - 4);

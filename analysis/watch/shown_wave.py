@@ -3,15 +3,15 @@
 Keys are those that `packing.js` and `player.js` read.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from analysis.watch.coding import SHADES, code_displacements, code_numbers, round_numbers
 from modal.packing.network import Network
-from modal.tools.arrays import Ints
+from modal.tools.arrays import Floats, Ints
 from modal.tools.display import quantity
-from modal.waves.signals import Signals
+from modal.waves.signals import TORSION, WALL_SOURCES, Signals
 
 MAX_MOTION_BYTES = 7_500_000
 """Largest size of the displacements in a page, bytes; base64 makes 10 MB of text of it."""
@@ -50,13 +50,24 @@ def describe_wave(network: Network, signals: Signals, moved: np.ndarray) -> dict
     interval = float(np.mean(np.diff(signals.time)))
     frequency = np.fft.rfftfreq(n_times, interval)
     in_band = frequency <= MAX_SPECTRUM_FREQUENCY * signals.input_frequency
+    heights = signals.chain_position
+    traces = signals.chain_displacement
+    whose = "the sphere"
+    if not len(heights):  # without two walls there is no chain
+        heights = signals.layer_position
+        traces = signals.layer_displacement
+        whose = "the layer"
+    wall = signals.source_displacement[frames]
+    if signals.source not in WALL_SOURCES or signals.direction == TORSION:
+        wall = 0 * wall
+    recorded = _describe_motion(signals)
     shown_signals = []
-    for sphere in _choose_signals(signals):
-        displacement = signals.chain_displacement[:, sphere]
+    for column in _choose_signals(heights):
+        displacement = traces[:, column]
         amplitude = abs(np.fft.rfft(displacement))
         shown_signals.append(
             {
-                "name": f"the sphere at z = {1e3 * signals.chain_position[sphere]:.1f} mm",
+                "name": f"{whose} at z = {1e3 * heights[column]:.1f} mm",
                 "displacement": round_numbers(1e9 * displacement),
                 "spectrum": round_numbers(1e15 * interval * amplitude[in_band]),
             }
@@ -66,16 +77,17 @@ def describe_wave(network: Network, signals: Signals, moved: np.ndarray) -> dict
         "told": (
             f"{network.n_particles:,} spheres; {PRODUCERS.get(signals.producer, 'a wave')}, "
             f"pulse of {quantity(signals.input_frequency, 'Hz')}, "
-            f"{quantity(2 * signals.amplitude, 'm')} high; "
-            f"{len(frames)} of {n_times} recorded times. "
-            f"Coloured by displacement along {signals.direction}."
+            f"{recorded.source}; {len(frames)} of {n_times} recorded times. "
+            f"Coloured by {recorded.colour}."
         ),
         "along": signals.direction,
+        "symbol": recorded.symbol,
+        "unit": recorded.unit,
         "time": round_numbers(1e6 * signals.time[frames]),
         "displacement": code_displacements(moved[frames], largest),
         "real": largest,
         "largest_nm": 1e9 * largest,
-        "wall_displacement": round_numbers(1e9 * signals.source_displacement[frames]),
+        "wall_displacement": round_numbers(1e9 * wall),
         "contrast": float(np.log10(largest / typical)),
         "signal_time": round_numbers(1e6 * signals.time),
         "spectrum_frequency": round_numbers(frequency[in_band] / 1e3),
@@ -90,9 +102,33 @@ def _choose_frames(n_times: int, n_spheres: int) -> Ints:
     return np.unique(np.linspace(0, n_times - 1, min(count, n_times)).round().astype(int))
 
 
-def _choose_signals(signals: Signals) -> Ints:
-    """Return the columns of the chain whose signals are shown, evenly spaced and from below."""
-    ascending = np.argsort(signals.chain_position)
+class _RecordedMotion(NamedTuple):
+    """Words for the motion that a wave's record has, and for what its source did.
+
+    symbol, unit: of the motion. colour: what colours stand for. source: what sent the wave.
+    """
+
+    symbol: str
+    unit: str
+    colour: str
+    source: str
+
+
+def _describe_motion(signals: Signals) -> _RecordedMotion:
+    """Return the words for a record: displacements along an axis, or turns about z."""
+    unit = "rad" if signals.direction == TORSION else "m"
+    source = f"{quantity(2 * signals.amplitude, unit)} high"
+    if signals.source not in WALL_SOURCES:
+        source = f"from the {signals.source}"
+    if signals.direction == TORSION:
+        return _RecordedMotion("θ_z", "nrad", "turn about z, which moves no centre", source)
+    colour = f"displacement along {signals.direction}"
+    return _RecordedMotion(f"u_{signals.direction}", "nm", colour, source)
+
+
+def _choose_signals(heights: Floats) -> Ints:
+    """Return the columns (k,) whose signals are shown, evenly spaced and from below."""
+    ascending = np.argsort(heights)
     places = np.linspace(0, len(ascending) - 1, SHOWN_SIGNALS).round().astype(int)
     return ascending[np.unique(places)]
 

@@ -12,6 +12,7 @@ from modal.packing.network import Network
 from modal.packing.sample import read_sample
 from modal.system.damping import ContactDamping
 from modal.tools.errors import InputError
+from modal.waves.bursts import WINDOWS, SineBurst, SquareWave
 from modal.waves.defaults import (
     DURATION_IN_PASSAGES,
     INTERVAL_IN_D_PER_V,
@@ -22,6 +23,7 @@ from modal.waves.defaults import (
     default_duration,
     default_frequency,
 )
+from modal.waves.discs import Disc
 from modal.waves.motions import Motion, Pulse, chirp, read_motion, step
 from modal.waves.nonlinear import NONLINEAR_TOLERANCE, NonlinearWave
 from modal.waves.propagate import LINEAR_TOLERANCE, LinearWave, propagate
@@ -40,6 +42,8 @@ MOTIONS = {
     "pulse": MotionKind(Pulse, ("amplitude", "input_frequency", "cycles")),
     "chirp": MotionKind(chirp, ("amplitude", "input_frequency", "last_frequency", "sweep")),
     "step": MotionKind(step, ("amplitude", "sweep")),
+    "sine": MotionKind(SineBurst, ("amplitude", "input_frequency", "cycles", "window")),
+    "square": MotionKind(SquareWave, ("amplitude", "input_frequency", "cycles")),
     "file": MotionKind(read_motion, ("motion_file",)),
 }
 """Motions of the source by the words of --motion, and that of --motion-file."""
@@ -62,7 +66,8 @@ INTERVAL_HELP = f"between records (default: {INTERVAL_IN_D_PER_V:g} D / V)"
 MOTION_OPTIONS = (
     Option("--amplitude", "A", AMPLITUDE_HELP),
     Option("--input-frequency", "HZ", FREQUENCY_HELP),
-    Option("--cycles", "N", "of a pulse", 1, int),
+    Option("--cycles", "N", "of a pulse, a sine or a square wave", 1, int),
+    Option("--window", "", "envelope of a sine", "none", WINDOWS),
     Option("--last-frequency", "HZ", "at the end of a chirp"),
     Option("--sweep", "S", "how long a chirp lasts, or a step rises"),
 )
@@ -70,7 +75,13 @@ MOTION_OPTIONS = (
 DEFAULTS_FROM_PACKING = ("amplitude", "input_frequency")
 """Arguments of motions with a default that follows from the packing."""
 WHICH_MOTION = (
-    Option("--motion", "", "of the source wall", "pulse", ("pulse", "chirp", "step")),
+    Option(
+        "--motion",
+        "",
+        "of the source",
+        "pulse",
+        tuple(name for name in MOTIONS if name != "file"),
+    ),
     Option(
         "--motion-file", "FILE", "the source's motion as a table of two columns: s, m", None, str
     ),
@@ -79,6 +90,8 @@ DIRECTION_HELP = "of the source's motion: along z, along x or y for S-waves, or 
 PLANE_HELP = "in the place of the source wall the contacts across this height, m, open"
 ROUGH_HELP = "the held spheres at the lower end move (default if no sphere touches a flat wall)"
 POINT_HELP = "in its place a force, in N, pushes sphere K (from 0 on), or a torque turns it"
+DISC_HELP = "in its place a disc of spheres moves as a plate: its centre and radius, m"
+RECEIVERS_HELP = "heights, m, of discs like that of --disc whose mean motion is recorded"
 DAMPING_HELP = "of the contacts, over the critical: normal, tangential (default: none)"
 SOURCE_OPTIONS = (
     Option("--direction", "", DIRECTION_HELP, "z", tuple(COMPONENT)),
@@ -88,8 +101,10 @@ SOURCE_OPTIONS = (
             Option("--plane", "Z", PLANE_HELP),
             Option("--point", "K", POINT_HELP, kind=int),
             flag("--rough-wall", ROUGH_HELP),
+            Option("--disc", ("X", "Y", "Z", "R"), DISC_HELP),
         ],
     ),
+    Option("--receivers", "Z ...", RECEIVERS_HELP),
     Option("--damping", ("N", "T"), DAMPING_HELP),
 )
 """Options for the source, its direction, and the dashpots of the contacts."""
@@ -128,7 +143,10 @@ def set_defaults(options: Options) -> None:
 
 
 def source_arguments(options: Options, network: Network) -> dict[str, Any]:
-    """Return the arguments of `propagate` for the source and for the dashpots of the contacts."""
+    """Return the arguments of `propagate` for source, receivers, and dashpots of the contacts.
+
+    Raises InputError for receivers without a disc, which says how large they are and where.
+    """
     source = default_source(network)
     if options.point is not None:
         source = Point(options.point)
@@ -136,10 +154,18 @@ def source_arguments(options: Options, network: Network) -> dict[str, Any]:
         source = Plane(options.plane)
     if options.rough_wall:
         source = RoughWall()
+    receivers = []
+    if options.disc is not None:
+        x, y, z, radius = options.disc
+        source = Disc((x, y, z), radius, options.direction)
+        for height in options.receivers or ():
+            receivers.append(Disc((x, y, height), radius, options.direction))
+    elif options.receivers:
+        raise InputError("missing_option", f"--receivers needs {typed('disc')}")
     damping = None
     if options.damping:
         damping = ContactDamping(*options.damping)
-    return {"source": source, "damping": damping}
+    return {"source": source, "damping": damping, "receivers": receivers}
 
 
 def motion_name(options: Options) -> str:

@@ -187,6 +187,9 @@ class Dynamics:
     carried : ndarray (k,) of int
         Spheres that the source wall takes along, so that a plane opens between these and all
         others.
+    moves_flat_wall : bool
+        Whether the flat wall at the source end moves with the source; otherwise the `carried`
+        spheres alone are the source.
     axis : ndarray (2,)
         x and y, m, of the line along z about which the source wall turns.
     push : ndarray (n, 6) or None
@@ -215,6 +218,7 @@ class Dynamics:
         self._source_step = np.zeros(6)
         self.axis = np.zeros(2)
         self.carried = np.zeros(0, int)
+        self.moves_flat_wall = True
         self.push: Floats | None = None
         self._start = sample
         self.velocity = np.zeros((n, 6))
@@ -238,14 +242,15 @@ class Dynamics:
         contacts = self.contacts
         self._source_step = displacement - self._source_displacement
         self._source_displacement = displacement
-        contacts.walls[0] = self._start.walls[0] + displacement[2]
+        if self.moves_flat_wall:
+            contacts.walls[0] = self._start.walls[0] + displacement[2]
         position = contacts.position[self.carried] + self._source_step[:3]
         if self._source_step[5]:
             rotation = _rotation(self._source_step[5])
             position[:, :2] = self.axis + (position[:, :2] - self.axis) @ rotation
             self.velocity[self.carried, :2] = self.velocity[self.carried, :2] @ rotation
         contacts.position[self.carried] = position
-        if contacts.periodic_z:
+        if contacts.periodic_z and self.moves_flat_wall:
             contacts.lean = -displacement[:2]
 
     def displacement(self) -> Floats:
@@ -259,7 +264,9 @@ class Dynamics:
 
         The forces of the last step are used.
         """
-        total = -self.contacts.on_walls[0]
+        total = np.zeros(6)
+        if self.moves_flat_wall:
+            total -= self.contacts.on_walls[0]
         load = self.contacts.load[self.carried] + self.contacts.on_held[self.carried]
         x, y = self._from_axis()
         total[:3] -= load[:, :3].sum(axis=0)
@@ -318,8 +325,9 @@ class Dynamics:
         contacts = self.contacts
         change = np.zeros((4, 3))
         change[PERIODS] = contacts.lengths * (1 - 1 / (1 + dt * self.rates))
-        change[SOURCE] = self._source_step[:3]
-        if contacts.periodic_z:
+        if self.moves_flat_wall:
+            change[SOURCE] = self._source_step[:3]
+        if contacts.periodic_z and self.moves_flat_wall:
             change[PERIODS, 2] -= self._source_step[2]
             change[LEAN, :2] = -self._source_step[:2]
         velocity = self.velocity
@@ -331,7 +339,8 @@ class Dynamics:
             x, y = self._from_axis()
             velocity[self.carried] += source_velocity
             velocity[self.carried, :2] += source_velocity[5] * np.column_stack([-y, x])
-        change[TURN] = source_velocity[5], *self.axis
+        if self.moves_flat_wall:
+            change[TURN] = source_velocity[5], *self.axis
         contacts.touch(velocity, dt, change)
 
     def stress(self) -> Floats:

@@ -141,9 +141,9 @@ def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, 
 
 
 class StaticVelocity(NamedTuple):
-    """Velocity and modulus of P-waves of infinite length in the bulk of a slab.
+    """Velocity and modulus of waves of infinite length in the bulk of a slab.
 
-    velocity: m/s. modulus: P-wave modulus, Pa. error: error of the velocity, m/s.
+    velocity: m/s. modulus: P-wave modulus or shear modulus, Pa. error: error of the velocity, m/s.
     """
 
     velocity: float
@@ -151,14 +151,15 @@ class StaticVelocity(NamedTuple):
     error: float
 
 
-def static_velocity(network: Network) -> StaticVelocity:
-    """Measure velocity and modulus of P-waves in the bulk, in the limit of long waves.
+def static_velocity(network: Network, axis: int = 2) -> StaticVelocity:
+    """Measure velocity and modulus of waves along z in the bulk, in the limit of long waves.
 
-    The source wall is pushed. In the mean nothing moves sideways, so that this one load gives the
-    P-wave modulus: the stress divided by the strain of the bulk. The velocity is sqrt(modulus /
-    density). The strain is the slope of the mean motion of layers. The error is half of the change
-    if the mean strain takes the place of the slope; the two differ where the bulk is not even.
-    InputError if the packing is too short or carries no force from wall to wall.
+    The source wall is moved along an axis: 2 for P-waves, 0 or 1 for S-waves. In the mean nothing
+    moves across that, so that this one load gives the P-wave modulus, or the shear modulus: the
+    stress divided by the strain of the bulk. The velocity is sqrt(modulus / density). The strain is
+    the slope of the mean motion of layers. The error is half of the change if the mean strain takes
+    the place of the slope; the two differ where the bulk is not even. InputError if the packing is
+    too short or carries no force from wall to wall.
     """
     system = LinearSystem.of(network)
     bulk = Bulk.of(network)
@@ -168,8 +169,8 @@ def static_velocity(network: Network) -> StaticVelocity:
             "the packing is too short for a velocity of its bulk",
             remedy="take a longer one",
         )
-    source = system.put_on(end_moves(network, "source"))
-    receiver = system.put_on(end_moves(network, "receiver"))
+    source = system.put_on(end_moves(network, "source", axis))
+    receiver = system.put_on(end_moves(network, "receiver", axis))
     # A factor takes minutes or gigabytes where some hundred products take a second.
     solution, _ = steady_motion(
         system, source, lambda work: MOTION_TOLERANCE**2 * work, "gradients"
@@ -177,13 +178,13 @@ def static_velocity(network: Network) -> StaticVelocity:
     motion = solution.motion[:, 0]
     stress = float((receiver.pull.T @ motion)[0]) / network.area
     layers = Layers(network)
-    motion_along_z = motion[2::6]
-    strain = -bulk.slope(layers, motion_along_z)
+    motion_along_axis = motion[axis::6]
+    strain = -bulk.slope(layers, motion_along_axis)
     if not (stress > 0 and strain > 0):
         raise UnavailableError(
             "no_wave", "no force goes from wall to wall", remedy="such a packing carries no wave"
         )
     modulus = stress / strain
     velocity = float(np.sqrt(modulus / bulk.density(network)))
-    unevenness = abs(bulk.growth(layers, motion_along_z) / -strain - 1)
+    unevenness = abs(bulk.growth(layers, motion_along_axis) / -strain - 1)
     return StaticVelocity(velocity, modulus, velocity * unevenness / 2)

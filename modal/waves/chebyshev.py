@@ -9,7 +9,7 @@ omega^2 from zero to `top`, 1/s^2.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -72,13 +72,14 @@ def readings(
 
 
 def summed(
-    forced: ForcedSystem, series_for: Callable[[float], AnySeries], tolerance: float
-) -> Summation[AnySeries]:
-    """Sum a series up to a relative error of `tolerance`.
+    forced: ForcedSystem, series_for: Callable[[float], Sequence[AnySeries]], tolerance: float
+) -> list[Summation[AnySeries]]:
+    """Sum series up to a relative error of `tolerance`, each; all of them share the products.
 
     `series_for` returns the series for the `top` of an interval in omega^2, 1/s^2. The error is
-    relative to `ForcedSystem.largest` of the record; it exceeds `tolerance` only if round-off is
-    larger. GrowthError if K has negative directions, InputError if there is no stiffness.
+    relative to `ForcedSystem.largest` of a series' own record; it exceeds `tolerance` only if
+    round-off is larger. GrowthError if K has negative directions, InputError if there is no
+    stiffness.
     """
     operator = forced.springs.operator
     top, products = forced.system.spectral_bound_and_cost
@@ -86,28 +87,37 @@ def summed(
         raise UnavailableError(
             "no_stiffness", "the network has no stiffness", remedy="no wave goes through it"
         )
-    series = series_for(top)
+    all_series = series_for(top)
+    records = [forced.blank(series.moved) for series in all_series]
     start = forced.springs.push.toarray()[0]
     length = norm(start)
     states = enumerate(chebyshev(operator, start, 2 / top, -1.0))
     max_reading = largest_growth(operator, 0) * length * forced.reach
-    record = forced.blank(series.moved)
     orders_done = 0
     # No record exceeds what all weights together allow, so that at least this many orders count.
-    orders = series.orders(tolerance * series.left(0))
+    orders = max(series.orders(tolerance * series.left(0)) for series in all_series)
     while True:
         rows = readings(operator, states, forced.springs.rows, length, orders - orders_done)
-        series.add(record, rows, orders_done)
+        errors = []
+        for series, record in zip(all_series, records, strict=True):
+            series.add(record, rows, orders_done)
+            left = series.left(orders) * max_reading
+            largest = forced.largest(record, apart=series.apart)
+            with np.errstate(divide="ignore"):
+                relative = np.divide(left, largest, out=0 * left, where=left > 0)
+            errors.append(float(relative.max()))
         orders_done = orders
-        left = series.left(orders_done) * max_reading
-        largest = forced.largest(record, apart=series.apart)
-        with np.errstate(divide="ignore"):
-            relative = np.divide(left, largest, out=0 * left, where=left > 0)
-        error = float(relative.max())
-        if error > tolerance:
-            orders = series.orders(series.left(orders_done) * tolerance / error)
-        if error <= tolerance or orders <= orders_done:
-            return Summation(series, record, products + max(orders_done - 1, 0), error)
+        for series, error in zip(all_series, errors, strict=True):
+            if error > tolerance:
+                needed = series.orders(series.left(orders_done) * tolerance / error)
+                orders = max(orders, needed)
+        if orders <= orders_done:
+            break
+    products += max(orders_done - 1, 0)
+    summations = []
+    for series, record, error in zip(all_series, records, errors, strict=True):
+        summations.append(Summation(series, record, products, error))
+    return summations
 
 
 class Expansion:
@@ -150,15 +160,19 @@ class Expansion:
 
     def left(self, orders: int) -> float:
         """Return the sum of the largest coefficients of all further orders, m s^2."""
-        return float(self._left[orders])
+        return float(self._left[min(orders, len(self._left) - 1)])
 
     def orders(self, left: float) -> int:
         """Return the smallest number of orders that leaves at most `left`, or round-off."""
         return int(np.argmax(self._left <= max(left, self._left[-1])))
 
     def add(self, record: Floats, rows: Floats, first: int) -> None:
-        """Add to a record the terms of the orders from `first` on, whose moments are `rows`."""
-        same_bits_product(self.coefficient[first : first + len(rows)].T, rows, record)
+        """Add to a record the terms of the orders from `first` on, whose moments are `rows`.
+
+        Orders beyond those that round-off hides have no coefficient.
+        """
+        coefficient = self.coefficient[first : first + len(rows)]
+        same_bits_product(coefficient.T, rows[: len(coefficient)], record)
 
 
 def orders_of(top: float, duration: float) -> float:

@@ -26,7 +26,6 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import norm
 
-from modal.packing.network import Network
 from modal.packing.repeats import Repeats, lateral_repeats, undivided
 from modal.system.imposed import Imposed, end_moves
 from modal.system.linear_system import LinearSystem
@@ -74,7 +73,8 @@ class SourceCoupling:
         further rows below, for the receivers: (count, size).
     held : ndarray (walls,)
         Force on the walls per unit displacement of the source, or per unit velocity, while the
-        bodies are at rest.
+        bodies are at rest. The vector of the springs has the readings of the receivers below,
+        which are those of the spheres that move with the source: (count,).
     """
 
     operator: ContactOperator
@@ -141,7 +141,8 @@ class ForcedSystem:
             root_under=system.sqrt_mass.under,
             motion_of_part=_motion_of_part(part_system, part),
             parts=part.count,
-            forces=_wall_forces(source, receivers, network),
+            forces=_wall_forces(source, receivers),
+            motion_of_source=_motion_of_bodies(source, receivers),
         )
         load = source.load(network, direction)
         operator = part_system.renumbered
@@ -173,9 +174,7 @@ class ForcedSystem:
 
     def blank(self, moved: Array) -> Array:
         """Return the record (k, count) of bodies at rest while the source has `moved` (k,), m."""
-        record = np.zeros((len(moved), self.count), moved.dtype)
-        record[:, : self.walls] = moved[:, None] * self.springs.held
-        return record
+        return moved[:, None] * self.springs.held
 
     @property
     def reach(self) -> Floats:
@@ -212,9 +211,17 @@ def _motion_of_part(part_system: LinearSystem, part: Repeats) -> sp.csr_matrix:
     return sp.csr_matrix((np.ones(len(column)), column, row_starts), shape)
 
 
-def _wall_forces(source: Source, receivers: Receivers, network: Network) -> list[_WallForce]:
+def _motion_of_bodies(source: Source, receivers: Receivers) -> Floats:
+    """Return the motion (6n,) of the bodies that are the source, per unit of its motion."""
+    motion = np.zeros((receivers.network.n_particles, 6))
+    motion[source.own_bodies(receivers.network), COMPONENT[receivers.direction]] = 1
+    return motion.ravel()
+
+
+def _wall_forces(source: Source, receivers: Receivers) -> list[_WallForce]:
     """Return the forces that are recorded: on the source, if it moves, and on the receiver wall."""
     forces = []
+    network = receivers.network
     imposed = source.imposed(network, receivers.direction)
     if imposed is not None:
         # The force that holds the source against the bodies.
@@ -230,13 +237,15 @@ class _CouplingBuilder:
     """Couple springs or dashpots to a source and to the walls.
 
     root_under: divides rows by the roots of masses. motion_of_part: see `_motion_of_part`. parts:
-    the number of equal parts. forces: those that are recorded.
+    the number of equal parts. forces: those that are recorded. motion_of_source: see
+    `_motion_of_bodies`.
     """
 
     root_under: Callable[[sp.csr_matrix], sp.csr_matrix]
     motion_of_part: sp.csr_matrix
     parts: int
     forces: list[_WallForce]
+    motion_of_source: Floats
 
     def couple(
         self,
@@ -251,17 +260,20 @@ class _CouplingBuilder:
         forces.
         """
         push = sp.csr_matrix(load)
-        held = np.zeros(len(self.forces))
         rows = [sp.csr_matrix((0, system.size))]
-        for k, force in enumerate(self.forces):
+        held_source = None
+        for force in self.forces:
             coupling = system.put_on(force.imposed)
             rows.append(force.sign * coupling.pull.T)
             if force.name == "source_stress":
                 push = coupling.push.T.tocsr()
-                held[k] = coupling.held[0, 0]
+                held_source = coupling.held[0, 0]
         if receiver_rows is not None:
             rows.append(receiver_rows)
         reading = sp.vstack(rows, format="csr")
+        held = np.asarray(reading @ self.motion_of_source, float)
+        if held_source is not None:
+            held[0] = held_source
         # The mean of the pushes on equal parts is the push on one part.
         mean_push = self.root_under(push) @ self.motion_of_part / self.parts
         return SourceCoupling(

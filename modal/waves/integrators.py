@@ -23,7 +23,9 @@ schemes of fixed order, the work rises with the number of digits, not with a pow
 (`docs/attenuation.md`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -76,15 +78,16 @@ class WaveRecord:
 
 def by_polynomials(
     forced: ForcedSystem,
-    motion: Motion,
+    motions: Sequence[Motion],
     duration: float,
     interval: float,
     tolerance: float,
     time_step: float | None = None,
-) -> WaveRecord:
-    """Compute a wave by Chebyshev polynomials, exactly in time to the relative `tolerance`.
+) -> list[WaveRecord]:
+    """Compute the waves of some motions by Chebyshev polynomials, exactly in time.
 
-    With a `time_step`, s, the wave is that of the leapfrog scheme. Records are an `interval`, s,
+    `tolerance` is the relative error of each wave; all of them share the products with K. With a
+    `time_step`, s, the waves are those of the leapfrog scheme. Records are an `interval`, s,
     apart, for leapfrog a whole number of steps. GrowthError if K has negative directions,
     InputError with dashpots, for an endless run, and if the time step exceeds the stability limit 2
     / omega_max.
@@ -100,21 +103,28 @@ def by_polynomials(
     if time_step is not None:
         steps_between_records = _steps_between_records(interval, time_step)
 
-    def series_for(top: float) -> Expansion:
+    def series_for(top: float) -> list[Expansion]:
         if time_step is not None:
             _refuse_unstable(time_step, top)
-        _refuse_endless_expansion(forced, top, duration, interval, steps_between_records)
+        times = len(motions) * (duration / interval + 1)
+        _refuse_endless_expansion(forced, top, duration, times, steps_between_records)
         time = record_times(duration, interval)
 
-        def response(square: Floats) -> Floats:
+        def response(motion: Motion, square: Floats) -> Floats:
             if time_step is None:
                 return oscillation(motion, square, time)
             return leapfrog(motion, square, len(time), steps_between_records, time_step)
 
-        return Expansion(response, time, motion.displacement(time), top)
+        expansions = []
+        for motion in motions:
+            moved = motion.displacement(time)
+            expansions.append(Expansion(partial(response, motion), time, moved, top))
+        return expansions
 
-    found = summed(forced, series_for, tolerance)
-    return WaveRecord(found.series.time, found.record, found.products, found.error)
+    records = []
+    for series, record, products, error in summed(forced, series_for, tolerance):
+        records.append(WaveRecord(series.time, record, products, error))
+    return records
 
 
 def _refuse_unstable(time_step: float, top: float) -> None:
@@ -133,19 +143,18 @@ def _refuse_endless_expansion(
     forced: ForcedSystem,
     top: float,
     duration: float,
-    interval: float,
+    times: float,
     steps_between_records: int,
 ) -> None:
-    """Raise InputError if an expansion takes more than a day or the memory."""
+    """Raise InputError if expansions with so many times take more than a day or the memory."""
     orders = orders_of(top, duration)
-    times = duration / interval + 1
     coefficients = (EXPANSION_COPIES * orders + steps_between_records) * times
     readings = (orders + times) * forced.count
     remedy = "take a shorter duration or a longer interval"
     if steps_between_records:
         remedy += ", or step"
     refuse_endless(
-        f"a wave of {duration:g} s, recorded every {interval:g} s,",
+        f"a wave of {duration:g} s, recorded at {times:.3g} times,",
         forced.springs.operator,
         products=orders / 1.1,
         bytes_needed=8 * (coefficients + readings),

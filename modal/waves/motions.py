@@ -1,6 +1,7 @@
 """Motions of a source in time: pulses, chirps, steps, and sampled motions.
 
-The default pulse is that of Otsubo et al. (2017).
+The default pulse is that of Otsubo et al. (2017). Bursts of laboratories are in
+`modal.waves.bursts`.
 """
 
 import warnings
@@ -59,6 +60,24 @@ def _is_squarable(number: float) -> bool:
     return MIN_SQUARABLE < abs(number) < MAX_SQUARABLE
 
 
+def refuse_no_wave(name: str, amplitude: float, frequency: float, cycles: float) -> None:
+    """Raise InputError if an amplitude, m, a frequency, Hz, and a number of periods make no wave.
+
+    `name` is that of the motion, with its article.
+    """
+    hertz = float(frequencies(frequency))
+    if not (_is_squarable(hertz) and _is_squarable(amplitude)):
+        raise InputError(
+            "no_wave",
+            f"{name} of {amplitude:g} m and {frequency:g} Hz makes no wave",
+            "the amplitude must not be 0, the frequency above 0, and the squares of both numbers",
+        )
+    if cycles < 1 or cycles != int(cycles):
+        raise InputError(
+            "cycles", f"{cycles} cycles", f"{name} has a whole number of them, from 1 on"
+        )
+
+
 @dataclass(frozen=True)
 class Pulse:
     """A few periods of u = A (1 - cos 2 pi f t).
@@ -89,18 +108,7 @@ class Pulse:
 
     def __post_init__(self) -> None:
         refuse_other_kinds(Pulse, "Pulse", vars(self))
-        frequency = float(frequencies(self.frequency))
-        if not (_is_squarable(frequency) and _is_squarable(self.amplitude)):
-            raise InputError(
-                "no_wave",
-                f"a pulse of {self.amplitude:g} m and {self.frequency:g} Hz makes no wave",
-                "the amplitude must not be 0, the frequency above 0, and the squares of both "
-                "numbers",
-            )
-        if self.cycles < 1 or self.cycles != int(self.cycles):
-            raise InputError(
-                "cycles", f"{self.cycles} cycles", "a pulse has a whole number of them, from 1 on"
-            )
+        refuse_no_wave("a pulse", self.amplitude, self.frequency, self.cycles)
 
     @property
     def corners(self) -> Floats:

@@ -8,8 +8,9 @@ r^2 - 1, is the error of the finer run. Where contacts slide or open the order m
 reported error is then only an estimate, the last difference divided by r^2 - 1.
 
 Sources are those of the linear wave: the source wall, flat or of held spheres, a plane between
-spheres that opens, a sphere that a force pushes or a torque turns. A wall that twists turns about z
-as a body. With a plane, all that lies below it turns, and moves in the frame that turns.
+spheres that opens, a sphere that a force pushes or a torque turns, a disc of spheres that move
+together or are pushed. A wall that twists turns about z as a body. With a plane, all that lies
+below it turns, and moves in the frame that turns.
 
 The energy is balanced: the work of the source is kinetic energy, energy stored in contacts, or
 energy dissipated by slip. With the kinetic energy from the velocities on both sides of a state, and
@@ -19,6 +20,7 @@ step.
 
 import math
 import time as clock
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,11 +34,12 @@ from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError, UnavailableError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_endless
+from modal.waves.discs import Disc
 from modal.waves.energy_balance import EnergyBalance, drift_limit
 from modal.waves.motions import Motion
 from modal.waves.receivers import Receivers
 from modal.waves.signals import COMPONENT, TORSION, Direction, Wave, record_times
-from modal.waves.sources import Source
+from modal.waves.sources import Source, hold_own_bodies
 
 NONLINEAR_TOLERANCE = 1e-3
 """Default error of the time step, relative to the largest recorded displacement. The number of
@@ -101,9 +104,11 @@ class NonlinearWave(Wave):
 
     @property
     def displacements(self) -> Floats:
-        """All recorded displacements (nt, k): of the chain, the layers and the spheres."""
+        """All recorded displacements (nt, k): of the chain, layers, discs and spheres."""
         signals = self.signals
         records = [signals.chain_displacement, signals.layer_displacement]
+        if signals.disc_displacement is not None:
+            records.append(signals.disc_displacement)
         if signals.particle_displacement is not None:
             records.append(signals.particle_displacement)
         return np.hstack(records)
@@ -151,11 +156,14 @@ class NonlinearRuns:
     motion: Motion
     direction: Direction
     particles: bool
+    discs: Sequence[Disc] = ()
 
     def __post_init__(self) -> None:
         self.network = self.sample.network()
         self.time = record_times(self.duration, self.interval)
-        self.receivers = Receivers(self.network, self.direction, particles=self.particles)
+        self.receivers = Receivers(
+            self.network, self.direction, particles=self.particles, discs=self.discs
+        )
         # Building the source's motion and load refuses a source that the packing does not have.
         self.source_moves = self.source.imposed(self.network, self.direction) is not None
         if self.source_moves and self.direction == TORSION and self.sample.periodic_z:
@@ -164,6 +172,7 @@ class NonlinearRuns:
                 "a period along z does not turn",
                 remedy="take a cell between walls, a sphere as the source, or the linear wave",
             )
+        self.moved_sample = self._hold_own_bodies()
         self.load = self.source.load(self.network, self.direction).reshape(-1, 6)
         self.system = LinearSystem(self.network)
         spectral_bound = self.system.spectral_bound
@@ -171,6 +180,13 @@ class NonlinearRuns:
         if spectral_bound > 0:
             self.max_time_step = 2 / math.sqrt(spectral_bound)
         self.coarsest = math.ceil(self.interval / (FIRST_STEP_OVER_LIMIT * self.max_time_step))
+
+    def _hold_own_bodies(self) -> Sample:
+        """Return the sample with the bodies held that are the source itself."""
+        held = hold_own_bodies(self.network, self.source)
+        if held is self.network:
+            return self.sample
+        return replace(self.sample, fixed=held.fixed)
 
     @property
     def component(self) -> int:
@@ -255,7 +271,7 @@ class NonlinearRuns:
                 dynamics.step(k)
                 continue
             record = k // steps_per_record
-            motion[record] = reading @ dynamics.displacement()
+            motion[record] = reading @ dynamics.displacement(k)
             velocity_behind = dynamics.velocity.copy()
             dynamics.step(k)
             energy[record] = dynamics.energy(velocity_behind)
@@ -355,9 +371,11 @@ class _DrivenDynamics:
         self.runs = runs
         self.time_step = time_step
         self.source_motion = source_motion
-        self.dynamics = Dynamics(runs.sample, track_energy=True)
+        self.dynamics = Dynamics(runs.moved_sample, track_energy=True)
+        self.dynamics.moves_flat_wall = runs.source.moves_flat_wall
         self.dynamics.axis = runs.network.cell_size[:2] / 2
         self.dynamics.carried = runs.source.carried(runs.network)
+        self.own_bodies = runs.source.own_bodies(runs.network)
         self.contacts = self.dynamics.contacts
         self.inertia = np.repeat(self.dynamics.masses, 3, axis=1)
         self.rotation = np.zeros(len(self.inertia))
@@ -374,11 +392,13 @@ class _DrivenDynamics:
         """True if turns are recorded, not displacements."""
         return self.runs.component > 2
 
-    def displacement(self) -> Floats:
-        """Return the recorded component of the motion (n,), m or rad."""
-        if self.turns:
-            return self.rotation
-        return self.dynamics.displacement()[:, self.runs.component]
+    def displacement(self, k: int) -> Floats:
+        """Return the recorded component of the motion (n,), m or rad, at step k."""
+        moved = self.rotation.copy()
+        if not self.turns:
+            moved = self.dynamics.displacement()[:, self.runs.component]
+        moved[self.own_bodies] = self.source_motion[k]
+        return moved
 
     def step(self, k: int) -> None:
         """Take step k, with the source where it is at that time, and add up the work."""

@@ -1,6 +1,7 @@
 """The linear wave through a packing: source, system, integrator and receivers put together."""
 
 import time as clock
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, overload
 
@@ -14,13 +15,14 @@ from modal.system.linear_system import LinearSystem
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
 from modal.waves.defaults import default_interval, default_pulse
+from modal.waves.discs import Disc
 from modal.waves.forced_system import ForcedSystem
 from modal.waves.integrators import by_polynomials, by_series
 from modal.waves.motions import Motion
 from modal.waves.nonlinear import NONLINEAR_TOLERANCE, NonlinearRuns, NonlinearWave, sample_at_rest
 from modal.waves.receivers import Receivers
 from modal.waves.signals import Direction, Wave
-from modal.waves.sources import Source, default_source
+from modal.waves.sources import Source, default_source, direction_of, hold_own_bodies
 
 LINEAR_TOLERANCE = 1e-9
 """Default error of a linear wave, relative to the largest record. The number of products with K
@@ -67,7 +69,8 @@ def propagate(
     interval: float | None = None,
     tolerance: float | None = None,
     particles: bool = False,
-    direction: Direction = "z",
+    direction: Direction | None = None,
+    receivers: Sequence[Disc] = (),
     time_step: float | None = None,
     friction: float | None = None,
 ) -> NonlinearWave: ...
@@ -86,7 +89,8 @@ def propagate(
     pre_stress: PreStress = "none",
     sliding: Sliding = "elastic",
     particles: bool = False,
-    direction: Direction = "z",
+    direction: Direction | None = None,
+    receivers: Sequence[Disc] = (),
     damping: ContactDamping | None = None,
     whole: bool = False,
     time_step: float | None = None,
@@ -106,7 +110,8 @@ def propagate(
     pre_stress: PreStress = "none",
     sliding: Sliding = "elastic",
     particles: bool = False,
-    direction: Direction = "z",
+    direction: Direction | None = None,
+    receivers: Sequence[Disc] = (),
     damping: ContactDamping | None = None,
     whole: bool = False,
     time_step: float | None = None,
@@ -129,8 +134,8 @@ def propagate(
     nonlinear : bool, default False
         Let contacts follow their law.
     source : Source, optional
-        One of `modal.waves.sources`: the source wall (default), flat or of held spheres, a plane
-        inside the packing that opens, or one sphere that is pushed.
+        One of `modal.sources`: the source wall (default), flat or of held spheres, a plane inside
+        the packing that opens, one sphere that is pushed, or a disc of spheres.
     motion : Motion, optional
         Motion of the source, m (force: N). The default is one pulse of frequency 0.33 V / D, Hz,
         and of amplitude 1e-6 D or a hundredth of the mean overlap, whichever is smaller.
@@ -146,9 +151,11 @@ def propagate(
         As in `modal.eigenmodes`.
     particles : bool, default False
         Record every particle.
-    direction : str, default "z"
+    direction : str, optional
         Direction of the motion and of all records: "z" sends P-waves, "x" and "y" S-waves,
-        "torsion" turns about z.
+        "torsion" turns about z. The default is that of a disc, else "z".
+    receivers : sequence of Disc, optional
+        Discs whose mean motion is recorded.
     damping : ContactDamping, optional
         Dashpots of the contacts (`modal.system.damping`); the wave then takes some ten times as
         many products K u.
@@ -164,8 +171,9 @@ def propagate(
     -------
     LinearWave or NonlinearWave
         `signals`: `time` (nt,) s, `chain_displacement` (nt, nc) m of particles from wall to wall,
-        `layer_displacement` (nt, nl) m, `receiver_stress` (nt,) Pa ...; `truncation` bounds the
-        error, and is above `tolerance` only where round-off leaves more.
+        `layer_displacement` (nt, nl) m, `disc_displacement` (nt, nd) m of receivers,
+        `receiver_stress` (nt,) Pa ...; `truncation` bounds the error, and is above `tolerance` only
+        where round-off leaves more.
 
     Raises
     ------
@@ -204,6 +212,7 @@ def propagate(
     if isinstance(network, Sample):
         network = network.network()
     source = source or default_source(network)
+    direction = direction_of(source, direction)
     if motion is None:
         motion = default_pulse(network, source, direction)
     if interval is None:
@@ -215,28 +224,117 @@ def propagate(
             "the tolerance between 0 and 1",
         )
     if sample is not None:
-        runs = NonlinearRuns(sample, duration, interval, source, motion, direction, particles)
+        runs = NonlinearRuns(
+            sample, duration, interval, source, motion, direction, particles, receivers
+        )
         return runs.compute_wave(error, time_step)
-    started = clock.perf_counter()
-    system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
-    receivers = Receivers(system.network, direction, particles=particles)
-    forced = ForcedSystem.of(system, source, receivers, duration, error, whole=whole)
-    if forced.dashpots and time_step is None:
-        wave = by_series(forced, motion, duration, interval, error)
-    else:
-        wave = by_polynomials(forced, motion, duration, interval, error, time_step)
-    signals = receivers.signals(
-        wave.time,
-        wave.record,
-        motion,
-        source,
-        forced.stresses,
-        producer="linear",
-        time_step=time_step or interval,
-        run_time=clock.perf_counter() - started,
+    system = LinearSystem.of(
+        hold_own_bodies(network, source), pre_stress=pre_stress, sliding=sliding, damping=damping
     )
+    readings = Receivers(network, direction, particles=particles, discs=receivers)
+    (wave,) = _linear_waves(
+        system, source, [motion], readings, duration, interval, error, time_step, whole=whole
+    )
+    return wave
+
+
+@checked
+def propagate_motions(
+    network: Network,
+    duration: float,
+    motions: Sequence[Motion],
+    *,
+    interval: float,
+    source: Source | None = None,
+    receivers: Sequence[Disc] = (),
+    direction: Direction | None = None,
+    tolerance: float = LINEAR_TOLERANCE,
+) -> list[LinearWave]:
+    """Propagate the linear waves of several motions of one source, as fast as about one of them.
+
+    The system is linear and its contacts are elastic, so that all waves share the products with K.
+    Each is the wave that `propagate` gives for its motion.
+
+    Parameters
+    ----------
+    network : Network
+        The packing.
+    duration, interval : float
+        Length of the records, and time between two of them, s.
+    motions : sequence of Motion
+        Motions of the source.
+    source, receivers, direction, tolerance
+        As in `propagate`.
+
+    Returns
+    -------
+    list of LinearWave
+        One for each motion.
+
+    Raises
+    ------
+    InputError
+        As `propagate`.
+
+    Examples
+    --------
+    >>> import modal
+    >>> from modal.motions import SineBurst
+    >>> bursts = [SineBurst(1e-9, frequency) for frequency in (2e4, 4e4)]
+    >>> waves = propagate_motions(modal.fcc(cells=(1, 1, 20)), 5e-5, bursts, interval=1e-6)
+    >>> [wave.signals.input_frequency for wave in waves]
+    [20000.0, 40000.0]
+    """
+    source = source or default_source(network)
+    direction = direction_of(source, direction)
+    if not (0 < interval <= duration < np.inf and 0 < tolerance < 1 and len(motions)):
+        raise InputError(
+            "interval_or_tolerance",
+            "duration and interval must be positive, the interval no longer than the duration, "
+            "the tolerance between 0 and 1, and there must be a motion",
+        )
+    system = LinearSystem.of(hold_own_bodies(network, source))
+    readings = Receivers(network, direction, discs=receivers)
+    return _linear_waves(system, source, motions, readings, duration, interval, tolerance)
+
+
+def _linear_waves(
+    system: LinearSystem,
+    source: Source,
+    motions: Sequence[Motion],
+    readings: Receivers,
+    duration: float,
+    interval: float,
+    tolerance: float,
+    time_step: float | None = None,
+    *,
+    whole: bool = False,
+) -> list[LinearWave]:
+    """Compute the waves of some motions; the arguments are those of `propagate`."""
+    started = clock.perf_counter()
+    forced = ForcedSystem.of(system, source, readings, duration, tolerance, whole=whole)
+    if forced.dashpots and time_step is None:
+        records = []
+        for motion in motions:
+            records.append(by_series(forced, motion, duration, interval, tolerance))
+    else:
+        records = by_polynomials(forced, motions, duration, interval, tolerance, time_step)
+    waves = []
     part = forced.part
-    return LinearWave(signals, wave.products, wave.error + part.difference, part.count)
+    for motion, record in zip(motions, records, strict=True):
+        signals = readings.signals(
+            record.time,
+            record.record,
+            motion,
+            source,
+            forced.stresses,
+            producer="linear",
+            time_step=time_step or interval,
+            run_time=clock.perf_counter() - started,
+        )
+        error = record.error + part.difference
+        waves.append(LinearWave(signals, record.products, error, part.count))
+    return waves
 
 
 def _refuse_options(kind: str, **is_set: bool) -> None:

@@ -1,4 +1,4 @@
-"""Record a motion: of a chain of spheres, as means over layers, and of all spheres."""
+"""Record a motion: of a chain of spheres, as means over layers and discs, and of all spheres."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,9 +12,10 @@ from modal.packing.layers import Layers
 from modal.packing.network import Network
 from modal.tools.arrays import Array, Floats
 from modal.tools.errors import InputError
+from modal.waves.discs import Disc
 from modal.waves.motions import Motion
 from modal.waves.signals import COMPONENT, Direction, Signals
-from modal.waves.sources import Source
+from modal.waves.sources import Source, direction_of
 
 
 class Receivers:
@@ -28,18 +29,27 @@ class Receivers:
         InputError if it is none of the four.
     particles : bool
         Record every sphere.
+    discs : sequence of Disc
+        Record the mean of the spheres of each disc. InputError for a disc that reads along another
+        direction.
 
     Attributes
     ----------
     rows : sparse matrix (count, 6n)
-        Read the displacements of the chain, the means of the layers, and those of all spheres.
+        Read the displacements of the chain, the means of the layers and of the discs, and the
+        displacements of all spheres.
     chain : ndarray (nc,)
         Spheres from wall to wall; empty if there are no two walls, flat or rough.
     layers : Layers
     """
 
     def __init__(
-        self, network: Network, direction: Direction = "z", *, particles: bool = False
+        self,
+        network: Network,
+        direction: Direction = "z",
+        *,
+        particles: bool = False,
+        discs: Sequence[Disc] = (),
     ) -> None:
         if direction not in COMPONENT:
             raise InputError(
@@ -48,6 +58,9 @@ class Receivers:
         self.direction = direction
         self.network = network
         self.particles = particles
+        self.discs = discs
+        for disc in discs:
+            direction_of(disc, direction)
         self.walls = has_two_ends(network)
         self.chain = np.empty(0, int)
         if self.walls:
@@ -55,6 +68,8 @@ class Receivers:
         self.layers = Layers(network)
         every_sphere = sp.identity(network.n_particles, format="csr")
         readings = [every_sphere[self.chain], _layer_means(self.layers)]
+        if len(discs):
+            readings.append(sp.csr_matrix([_disc_mean(network, disc) for disc in discs]))
         if particles:
             readings.append(every_sphere)
         component = np.eye(6)[[COMPONENT[direction]]]
@@ -67,18 +82,22 @@ class Receivers:
         are those forces divided by the area of the cell.
         """
         forces, readings = np.split(record, [len(stresses)], axis=1)
-        n_chain = len(self.chain)
-        n_layers = len(self.layers.position)
+        ends = np.cumsum([len(self.chain), len(self.layers.position), len(self.discs)])
+        chain, layers, discs, spheres = np.split(readings, ends, axis=1)
         fields = {
             **dict(zip(stresses, forces.T / self.network.area, strict=True)),
             "direction": self.direction,
             "chain_particle": self.chain,
-            "chain_displacement": readings[:, :n_chain],
+            "chain_displacement": chain,
             "layer_position": self.layers.position,
-            "layer_displacement": readings[:, n_chain : n_chain + n_layers],
+            "layer_displacement": layers,
         }
+        if len(self.discs):
+            positions = [disc.position_in(self.network) for disc in self.discs]
+            fields["disc_position"] = np.array(positions)
+            fields["disc_displacement"] = discs
         if self.particles:
-            fields["particle_displacement"] = readings[:, n_chain + n_layers :]
+            fields["particle_displacement"] = spheres
         return fields
 
     def signals(
@@ -94,21 +113,17 @@ class Receivers:
 
         `settings` are the further fields of `Signals`: producer, time step and so on.
         """
-        fields = self.columns(record, stresses)
-        source_displacement = motion.displacement(time)
-        if self.particles:
-            bodies = source.own_bodies(self.network)
-            fields["particle_displacement"][:, bodies] = source_displacement[:, None]
         return Signals(
             time=time,
             chain_position=self.network.position[self.chain, 2],
-            source_displacement=source_displacement,
+            source_displacement=motion.displacement(time),
             source=source.name,
             source_height=source.height_in(self.network),
+            source_position=source.position_in(self.network),
             case=str(self.network.study.get("case", "")),
             amplitude=motion.amplitude,
             input_frequency=motion.frequency,
-            **fields,
+            **self.columns(record, stresses),
             **settings,
         )
 
@@ -119,3 +134,11 @@ def _layer_means(layers: Layers) -> sp.csr_matrix:
     layer = layers.layer[in_layer]
     weights = 1 / layers.size[layer]
     return sp.csr_matrix((weights, (layer, in_layer)), (len(layers.size), len(layers.layer)))
+
+
+def _disc_mean(network: Network, disc: Disc) -> Floats:
+    """Return the weights (n,) of the mean over the spheres of a disc."""
+    spheres = disc.spheres(network)
+    weights = np.zeros(network.n_particles)
+    weights[spheres] = 1 / len(spheres)
+    return weights

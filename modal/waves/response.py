@@ -16,6 +16,7 @@ here, its columns in `modal.waves.signals`.
 """
 
 import time as clock
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -38,6 +39,7 @@ from modal.tools.errors import InputError, UnavailableError
 from modal.tools.progress import progress
 from modal.tools.workload import refuse_above, refuse_endless
 from modal.waves.chebyshev import CHUNK, Resolvent, summed
+from modal.waves.discs import Disc
 from modal.waves.forced_system import ForcedSystem
 from modal.waves.receivers import Receivers
 from modal.waves.signals import (
@@ -48,7 +50,7 @@ from modal.waves.signals import (
     read_recording,
     write_recording,
 )
-from modal.waves.sources import Source, default_source
+from modal.waves.sources import Source, default_source, direction_of, hold_own_bodies
 
 RESOLUTION = 0.005
 """Default resolution divided by the highest mode's frequency: 1 kHz in the study's packings under
@@ -191,8 +193,9 @@ def frequency_response(
     tolerance: float = 1e-5,
     pre_stress: PreStress = "none",
     sliding: Sliding = "elastic",
-    direction: Direction = "z",
+    direction: Direction | None = None,
     damping: ContactDamping | None = None,
+    receivers: Sequence[Disc] = (),
 ) -> Response:
     """Compute motions, stresses and gain under a steady motion of a source at each frequency.
 
@@ -219,10 +222,12 @@ def frequency_response(
         As in `modal.eigenmodes`.
     sliding : str, default "elastic"
         As in `modal.eigenmodes`.
-    direction : str, default "z"
+    direction : str, optional
         As in `modal.propagate`.
     damping : ContactDamping, optional
         Dashpots of the contacts (`modal.system.damping`).
+    receivers : sequence of Disc, optional
+        Discs whose mean motion is recorded.
 
     Returns
     -------
@@ -245,7 +250,11 @@ def frequency_response(
     >>> gain.gain_maxima().round(-1)
     array([ 3420., 10250., 17080.])
     """
-    system = LinearSystem.of(network, pre_stress=pre_stress, sliding=sliding, damping=damping)
+    source = source or default_source(network)
+    direction = direction_of(source, direction)
+    system = LinearSystem.of(
+        hold_own_bodies(network, source), pre_stress=pre_stress, sliding=sliding, damping=damping
+    )
     if resolution is None:
         resolution = default_resolution(system.highest_frequency, highest)
     if not (frequencies(resolution) > 0 and 0 < tolerance < 1):
@@ -253,10 +262,9 @@ def frequency_response(
             "resolution_or_tolerance",
             "resolution must be a positive number of Hz, tolerance between 0 and 1",
         )
-    source = source or default_source(network)
-    receivers = Receivers(system.network, direction)
+    readings = Receivers(network, direction, discs=receivers)
     # The window cuts a wave off after about 1 / gamma.
-    forced = ForcedSystem.of(system, source, receivers, 1 / (np.pi * resolution), tolerance)
+    forced = ForcedSystem.of(system, source, readings, 1 / (np.pi * resolution), tolerance)
     if forced.dashpots:
         frequency, record = _damped_record(forced, highest, resolution)
         products = 0
@@ -266,11 +274,12 @@ def frequency_response(
         damping = None
     return Response(
         frequency=frequency,
-        **receivers.columns(record, forced.stresses),
+        **readings.columns(record, forced.stresses),
         resolution=resolution,
         products=products,
         source=source.name,
         source_height=source.height_in(network),
+        source_position=source.position_in(network),
         damping=damping,
     )
 
@@ -325,7 +334,7 @@ def _windowed_record(
     # A resonance has the power 1 / ((omega - omega_r)^2 + gamma^2): full width 2 gamma.
     gamma = np.pi * resolution
 
-    def series_for(spectral_bound: float) -> Resolvent:
+    def series_for(spectral_bound: float) -> list[Resolvent]:
         end = _end_frequency(spectral_bound, highest, resolution)
         orders = 1.5 * float(np.sqrt(spectral_bound)) / (2 * gamma) * float(np.log(1 / tolerance))
         numbers = (orders + 16 * end / resolution) * forced.count + 4 * CHUNK * orders
@@ -336,9 +345,9 @@ def _windowed_record(
             bytes_needed=8 * numbers,
             remedy="take a coarser resolution or a lower highest frequency",
         )
-        return Resolvent(frequencies_up_to(end, resolution), gamma, spectral_bound)
+        return [Resolvent(frequencies_up_to(end, resolution), gamma, spectral_bound)]
 
-    series, record, products, error = summed(forced, series_for, tolerance)
+    ((series, record, products, error),) = summed(forced, series_for, tolerance)
     if error > tolerance:
         raise UnavailableError(
             "not_converged",

@@ -70,6 +70,11 @@ class Recording(Tabular):
     source_stress: Annotated[Any, Column("source/stress", "f", ("n",), "Pa")] = no_values()
     receiver_stress: Annotated[Any, Column("receiver/stress", "f", ("n",), "Pa")] = no_values()
     source_height: Annotated[Any, Column("source/height", "f", (1,), "m", since=2)] = None
+    source_position: Annotated[Any, Column("source/position", "f", (3,), "m", since=2)] = None
+    disc_position: Annotated[Any, Column("discs/position", "f", ("nd", 3), "m", since=2)] = None
+    disc_displacement: Annotated[
+        Any, Column("discs/displacement", "f", ("n", "nd"), "m", since=2)
+    ] = None
     direction: str = "z"
     source: str = "wall"
 
@@ -148,6 +153,10 @@ class Signals(Recording, Drawn):
         Displacement of every particle of the network.
     source, source_height : str, ndarray (1,) m or None
         Name of the source, "wall" or another, and its height inside the packing.
+    source_position : ndarray (3,), m, or None
+        Mean place of the spheres of a source that consists of some.
+    disc_position, disc_displacement : ndarray (nd, 3) m, (nt, nd) m, or None
+        Mean place and mean displacement of the spheres of each receiving disc.
     direction : str, default "z"
         Direction of the source: x, y, z or torsion.
     amplitude, input_frequency : float, m and Hz

@@ -2,7 +2,8 @@
 
 A source moves, or pushes, along the direction of the wave: x, y, z, or by turning about the line
 along z through the middle of the cell, which sends torsion. How it moves in time is a `Motion`
-(`modal.waves.motions`). A further source is a subclass of `MovingSource` or of `PushingSource`.
+(`modal.waves.motions`). A further source is a subclass of `MovingSource`, of `PushingSource`, or of
+`Source` (`modal.waves.discs`).
 """
 
 from abc import ABC, abstractmethod
@@ -29,20 +30,35 @@ class Source(ABC):
     """A place where a packing is moved, or pushed, from outside.
 
     `moves_parts_alike` is true if equal parts of a packing side by side are moved alike, so that
-    one of them is enough; `pushes` is true if the motion in time is that of a force.
+    one of them is enough; `moves_flat_wall` is true if the flat wall at the source end moves with
+    the source.
     """
 
     moves_parts_alike: ClassVar[bool] = True
-    pushes: ClassVar[bool]
+    moves_flat_wall: ClassVar[bool] = True
+
+    @property
+    @abstractmethod
+    def pushes(self) -> bool:
+        """True if the motion in time is that of a force."""
 
     @property
     @abstractmethod
     def name(self) -> str:
         """The source in words, as a file of signals has it."""
 
+    @property
+    def own_direction(self) -> Direction | None:
+        """The direction in which the source moves; None if it moves in any."""
+        return None
+
     @abstractmethod
     def height_in(self, network: Network) -> Floats | None:
         """Return the height (1,), m, of the source inside the packing; None for a wall."""
+
+    def position_in(self, network: Network) -> Floats | None:
+        """Return the place (3,), m, of a source of some spheres; None for others."""
+        return None
 
     @abstractmethod
     def imposed(self, network: Network, direction: Direction) -> Imposed | None:
@@ -64,7 +80,10 @@ class Source(ABC):
 class MovingSource(Source):
     """A source with a prescribed motion, which it puts on contacts."""
 
-    pushes = False
+    @property
+    def pushes(self) -> bool:
+        """False: the motion in time is a displacement."""
+        return False
 
     @abstractmethod
     def imposed(self, network: Network, direction: Direction) -> Imposed:
@@ -78,7 +97,10 @@ class MovingSource(Source):
 class PushingSource(Source):
     """A source with a prescribed force, which it puts on spheres."""
 
-    pushes = True
+    @property
+    def pushes(self) -> bool:
+        """True: the motion in time is a force."""
+        return True
 
     def imposed(self, network: Network, direction: Direction) -> None:
         """Return no motion: the source pushes."""
@@ -291,6 +313,10 @@ class Point(PushingSource):
         """Return the height of the sphere (1,), m."""
         return network.position[[int(self.particle)], 2]
 
+    def position_in(self, network: Network) -> Floats:
+        """Return the centre of the sphere (3,), m."""
+        return network.position[int(self.particle)]
+
     def load(self, network: Network, direction: Direction) -> Floats:
         """Return the unit force or torque on the sphere, among all (6n,).
 
@@ -322,3 +348,31 @@ def _refuse_torsion_of_periods(network: Network, direction: Direction) -> None:
             "a packing that is periodic sideways cannot be twisted",
             remedy="take one with free sides, or a sphere as the source",
         )
+
+
+def hold_own_bodies(network: Network, source: Source) -> Network:
+    """Return the network with the bodies held that are the source itself."""
+    bodies = source.own_bodies(network)
+    if network.held[bodies].all():
+        return network
+    fixed = ~network.free_motions
+    fixed[bodies] = True
+    return network.unchecked(fixed=fixed)
+
+
+def direction_of(source: Source, direction: Direction | None) -> Direction:
+    """Return the direction in which a source moves: that of the source, else z by default.
+
+    Raises InputError if a `direction` is given that is not the source's own.
+    """
+    own = source.own_direction
+    if own is None:
+        return direction or "z"
+    if direction not in (None, own):
+        raise InputError(
+            "direction",
+            f"direction {direction!r}",
+            f"the source, a {source.name}, moves along {own}",
+            "leave the direction out, or give it to the source",
+        )
+    return own

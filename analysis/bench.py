@@ -1,0 +1,320 @@
+"""A bench test of a packing with two transducers: travel times and velocities, as laboratories.
+
+A disc of spheres sends sine bursts, a second one above it receives them. The velocity is the
+distance from tip to tip, which is that of the mean centres of the spheres, divided by the travel
+time of each rule (`analysis.estimators.arrival_rules`). Beside them stand the velocities of the
+longest waves, by the elastic moduli: what the bench should give.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from analysis.caveats import Caveat
+from analysis.estimators.arrival_rules import (
+    MIN_WAVELENGTHS,
+    RULES,
+    RecordPair,
+    Rule,
+    travel_time,
+)
+from analysis.value import Value
+from modal.elasticity.moduli import elastic_moduli
+from modal.elasticity.slab import static_velocity
+from modal.packing.network import Network
+from modal.packing.rattlers import firmly_held
+from modal.tools.arguments import checked, frequencies
+from modal.tools.arrays import Floats
+from modal.tools.display import plain
+from modal.tools.errors import InputError, UnavailableError
+from modal.waves.bursts import SineBurst
+from modal.waves.defaults import PULSE_AMPLITUDE_IN_D, mean_diameter, p_velocity
+from modal.waves.discs import Disc
+from modal.waves.propagate import propagate_motions
+from modal.waves.signals import Direction
+
+RADIUS_IN_WIDTHS = 0.25
+"""Default radius of a disc, divided by the packing's smaller width."""
+SAMPLES_PER_PERIOD = 40
+"""Samples of a record in a period of the highest frequency."""
+MIN_SAMPLES_IN_PASSAGE = 200
+"""Least number of samples in the passage of the longest waves."""
+PASSAGES = 2.0
+"""Length of a record, in passages of the longest waves, besides the duration of the burst: grains
+delay short waves by half."""
+MIN_WAVELENGTH_IN_D = 8.0
+"""Wavelength, in mean diameters, below which grains disperse and scatter a wave."""
+S_OVER_P_VELOCITY = 0.5
+"""V_S / V_P for the length of the record where the moduli are not known."""
+MAX_REFLECTION_DELAY_IN_PERIODS = 1.0
+"""Delay of a wave by way of a side or an end, in periods, below which it overlaps the first one."""
+
+
+@dataclass(frozen=True)
+class TransducerRow:
+    """The velocity by one rule at one frequency.
+
+    Attributes
+    ----------
+    rule : str
+    frequency : float
+        Hz.
+    velocity : Value
+        m/s, with its error and caveats.
+    near_field : float
+        Distance divided by the wavelength of the longest waves' velocity at this frequency.
+    """
+
+    rule: Rule
+    frequency: float
+    velocity: Value
+    near_field: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the row as JSON has it; unknown numbers are None."""
+        return {
+            "rule": self.rule,
+            "frequency_hz": self.frequency,
+            "velocity": plain(self.velocity.value),
+            "error": plain(self.velocity.error),
+            "near_field": plain(self.near_field),
+            "caveats": [str(caveat) for caveat in self.velocity.caveats],
+            "codes": self.velocity.codes,
+        }
+
+
+@dataclass(frozen=True, repr=False)
+class TransducerTest:
+    """The result of `transducers`.
+
+    Attributes
+    ----------
+    rows : tuple of TransducerRow
+        One for each frequency and rule.
+    v_p, v_s : float
+        Velocities of the longest waves along z by the moduli, m/s; NaN if the packing has none.
+    distance : float
+        From tip to tip, m.
+    pairs : tuple of RecordPair
+        The two traces at each frequency.
+    """
+
+    rows: tuple[TransducerRow, ...]
+    v_p: float
+    v_s: float
+    distance: float
+    pairs: tuple[RecordPair, ...]
+
+    def __repr__(self) -> str:
+        return (
+            f"<TransducerTest: {len(self.pairs)} frequencies over {self.distance:.4g} m, "
+            f"V_P {self.v_p:.4g}, V_S {self.v_s:.4g} m/s by the moduli>"
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the test as JSON has it."""
+        return {
+            "rows": [row.as_json() for row in self.rows],
+            "v_p": plain(self.v_p),
+            "v_s": plain(self.v_s),
+            "distance": self.distance,
+        }
+
+
+@checked
+def transducers(
+    network: Network,
+    at: tuple[float, float],
+    frequencies_hz: Sequence[float],
+    *,
+    radius: float | None = None,
+    direction: Direction = "x",
+    cycles: int = 1,
+) -> TransducerTest:
+    """Test a packing with two discs of spheres, one above the other, and read it by all rules.
+
+    The source is a plate that moves by a burst of a sine; the receiver is a disc of spheres that
+    move freely. Both stand in the middle of the cross-section. Contacts are linear springs.
+
+    Parameters
+    ----------
+    network : Network
+        The packing.
+    at : pair of float
+        Heights z of source and receiver, m.
+    frequencies_hz : sequence of float
+        Frequencies of the bursts, Hz.
+    radius : float, optional
+        Radius of the discs, m; by default a quarter of the packing's smaller width.
+    direction : str, default "x"
+        Motion of the discs: x or y for S-waves, z for P-waves.
+    cycles : int, default 1
+        Periods of a burst.
+
+    Returns
+    -------
+    TransducerTest
+        `rows` with a velocity for each rule and frequency; `v_p` and `v_s` by the moduli, m/s.
+
+    Raises
+    ------
+    InputError
+        If the discs hold no spheres or are at one height, or a frequency is not positive.
+
+    Examples
+    --------
+    >>> import analysis, modal
+    >>> crystal = modal.fcc(cells=(2, 2, 100))
+    >>> heights = crystal.length * 0.2, crystal.length * 0.8
+    >>> test = analysis.transducers(crystal, heights, [1e4], radius=1.0)
+    >>> [row.rule for row in test.rows][:2]
+    ['first_arrival', 'zero_crossing']
+    """
+    hertz_values = np.atleast_1d(frequencies(frequencies_hz))
+    if not len(hertz_values) or not (hertz_values > 0).all():
+        raise InputError("frequency", "a burst of 0 Hz", remedy="give positive frequencies, in Hz")
+    if radius is None:
+        radius = RADIUS_IN_WIDTHS * float(_widths(network).min())
+    discs = [Disc((*_middle(network), z), radius, direction) for z in at]
+    source, receiver = discs
+    towards = receiver.position_in(network) - source.position_in(network)
+    if set(source.spheres(network)) & set(receiver.spheres(network)):
+        raise InputError(
+            "discs_overlap",
+            f"discs at {at[0]:g} and {at[1]:g} m share spheres",
+            remedy="give heights that are some diameters apart",
+        )
+    distance = float(np.linalg.norm(towards))
+    v_p, v_s = modulus_velocities(network, direction)
+    velocity = v_p if direction == "z" else v_s
+    bursts = [
+        SineBurst(PULSE_AMPLITUDE_IN_D * mean_diameter(network), frequency, cycles)
+        for frequency in hertz_values.tolist()
+    ]
+    duration, interval = _record(network, distance, velocity, bursts)
+    waves = propagate_motions(
+        network, duration, bursts, interval=interval, source=source, receivers=[receiver]
+    )
+    pairs = tuple(RecordPair.of(wave.signals) for wave in waves)
+    bench = _Bench(network, source, receiver, distance, velocity, cycles)
+    rows = [bench.row(pair, rule) for pair in pairs for rule in RULES]
+    return TransducerTest(tuple(rows), v_p, v_s, distance, pairs)
+
+
+def modulus_velocities(network: Network, direction: Direction) -> tuple[float, float]:
+    """Return V_P and V_S, m/s, of the longest waves along z; NaN where there is none.
+
+    V_S is that of motions along `direction`, x for a `direction` of z. Between walls they follow
+    from the static response to a moved wall, which takes seconds where all moduli take minutes.
+    """
+    shear_axis = 1 if direction == "y" else 0
+    try:
+        p_wave = static_velocity(network).velocity
+        return p_wave, static_velocity(network, shear_axis).velocity
+    except UnavailableError:
+        pass
+    try:
+        velocities, motions = elastic_moduli(network).waves((0, 0, 1))
+    except UnavailableError:
+        return np.nan, np.nan
+    p_wave = int(np.argmax(abs(motions[:, 2])))
+    shear_waves = np.delete(np.arange(3), p_wave)
+    along_axis = abs(motions[shear_waves, shear_axis])
+    return float(velocities[p_wave]), float(velocities[shear_waves[np.argmax(along_axis)]])
+
+
+def _widths(network: Network) -> Floats:
+    """Return the widths (2,), m, along x and y: of the cell, or of a packing with free sides."""
+    extent = np.ptp(network.position[:, :2], axis=0) + mean_diameter(network)
+    return np.where(network.cell_periodic[:2], network.cell_size[:2], extent)
+
+
+def _middle(network: Network) -> tuple[float, float]:
+    """Return x and y, m, of the middle of the packing."""
+    low = network.position[:, :2].min(axis=0)
+    high = network.position[:, :2].max(axis=0)
+    middle = np.where(network.cell_periodic[:2], network.cell_size[:2] / 2, (low + high) / 2)
+    return float(middle[0]), float(middle[1])
+
+
+def _record(
+    network: Network, distance: float, velocity: float, bursts: Sequence[SineBurst]
+) -> tuple[float, float]:
+    """Return the duration of the records, s, and the time between two samples, s."""
+    if not velocity > 0:
+        velocity = S_OVER_P_VELOCITY * p_velocity(network)
+    passage = distance / velocity
+    longest_burst = max(float(burst.corners[-1]) for burst in bursts)
+    highest = max(burst.frequency for burst in bursts)
+    interval = min(1 / (SAMPLES_PER_PERIOD * highest), passage / MIN_SAMPLES_IN_PASSAGE)
+    return PASSAGES * passage + longest_burst, interval
+
+
+@dataclass(frozen=True)
+class _Bench:
+    """Two discs in a packing, and what is known about the waves between them."""
+
+    network: Network
+    source: Disc
+    receiver: Disc
+    distance: float
+    velocity: float
+    cycles: int
+
+    def row(self, pair: RecordPair, rule: Rule) -> TransducerRow:
+        """Return the velocity by a rule, with its error and caveats."""
+        time = travel_time(pair, rule)
+        velocity = self.distance / time.value
+        known_velocity = self.velocity if self.velocity > 0 else velocity
+        parts = {name: velocity * part / time.value for name, part in time.parts.items()}
+        parts["distance"] = velocity * self._distance_error / self.distance
+        # Here the wavelength is that of the moduli's velocity, the same for all rules.
+        caveats = tuple(caveat for caveat in time.caveats if caveat.code != "near_field")
+        caveats += self._caveats(pair.frequency, known_velocity)
+        near_field = self.distance * pair.frequency / known_velocity
+        return TransducerRow(
+            rule, pair.frequency, Value(velocity, "m/s", parts, caveats), near_field
+        )
+
+    @cached_property
+    def _distance_error(self) -> float:
+        """Standard error of the distance, m: the spheres of a disc are not at one height."""
+        variance = 0.0
+        for disc in (self.source, self.receiver):
+            height = self.network.position[disc.spheres(self.network), 2]
+            variance += float(np.var(height)) / len(height)
+        return float(np.sqrt(variance))
+
+    def _caveats(self, frequency: float, velocity: float) -> tuple[Caveat, ...]:
+        """Return what to know about waves of a frequency, Hz, and a velocity, m/s."""
+        caveats = []
+        wavelengths = self.distance * frequency / velocity
+        if wavelengths < MIN_WAVELENGTHS:
+            values = {"wavelengths": wavelengths, "needed": MIN_WAVELENGTHS}
+            caveats.append(Caveat("near_field", values))
+        wavelength = velocity / frequency / mean_diameter(self.network)
+        if wavelength < MIN_WAVELENGTH_IN_D:
+            caveats.append(Caveat("wavelength_near_grains", {"wavelength": wavelength}))
+        periods = self._detour_by_sides * frequency / velocity
+        if periods < MAX_REFLECTION_DELAY_IN_PERIODS:
+            caveats.append(Caveat("side_reflections", {"periods": periods}))
+        return tuple(caveats)
+
+    @cached_property
+    def _detour_by_sides(self) -> float:
+        """How much longer the way by a side is than the direct one, m; inf for a plane source.
+
+        By a free side in the distance w / 2 it is as long as that from an image in the distance w.
+        """
+        across = self.network.position[:, :2] - np.asarray(self.source.centre[:2])
+        at_height = abs(self.network.position[:, 2] - self.source.centre[2]) <= self.network.radius
+        plane = firmly_held(self.network) & at_height
+        if len(self.source.spheres(self.network)) == plane.sum() and len(across):
+            return np.inf
+        width = float(_widths(self.network).min())
+        return float(np.hypot(self.distance, width)) - self.distance

@@ -1,0 +1,159 @@
+"""Discs of spheres: the transducers of a laboratory, as sources and as receivers.
+
+A disc lies across z, and consists of the spheres that its plane cuts: a bender element or a piezo
+disc, one grain thick, inside the packing or at a wall. As a source its spheres move together and do
+not turn (plate), or each of them is pushed by an equal share of a force. A receiver reads the mean
+displacement of its spheres, which move freely.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from modal.packing.network import Network
+from modal.packing.rattlers import firmly_held
+from modal.system.imposed import BodiesMove
+from modal.tools.arguments import refuse_other_kinds
+from modal.tools.arrays import Floats, Ints
+from modal.tools.errors import InputError, UnavailableError, refuse_unknown
+from modal.waves.signals import COMPONENT, DIRECTIONS, Direction
+from modal.waves.sources import Source
+
+Drive = Literal["plate", "force"]
+"""How a disc sends a wave: its spheres move as one rigid plate, or a force pushes them."""
+DRIVES: tuple[Drive, ...] = get_args(Drive)
+
+
+@dataclass(frozen=True)
+class Disc(Source):
+    """A disc across z that is moved, or pushed, along x, y or z; or that reads such a motion.
+
+    Its spheres are those that bear force, that the plane z of its centre cuts, and whose centres
+    are within its radius. Along periods of the cell the nearest images count. Propagating a wave
+    raises InputError if there is no such sphere.
+
+    Parameters
+    ----------
+    centre : sequence of 3 numbers
+        x, y and z, m; z is that of a wall for a disc against the wall.
+    radius : float
+        m.
+    direction : str, default "z"
+        x, y or z: of the motion or the force, and of what a receiver reads.
+    drive : str, default "plate"
+        "plate": the spheres move together by the motion in time, m, and do not turn. "force": the
+        motion in time is a force, N, which they share. A receiver ignores it.
+
+    Raises
+    ------
+    InputError
+        If the numbers or words make no disc.
+
+    Examples
+    --------
+    >>> import modal
+    >>> crystal = modal.fcc(cells=(2, 2, 40))
+    >>> source = Disc((0, 0, crystal.length / 4), 0.003, "x")
+    >>> receiver = Disc((0, 0, crystal.length / 2), 0.003, "x")
+    >>> wave = modal.propagate(crystal, 5e-5, source=source, receivers=[receiver]).signals
+    >>> wave.disc_displacement.shape == (len(wave.time), 1)
+    True
+    """
+
+    centre: Sequence[float]
+    radius: float
+    direction: Direction = "z"
+    drive: Drive = "plate"
+    moves_parts_alike = False
+    moves_flat_wall = False
+
+    def __post_init__(self) -> None:
+        refuse_other_kinds(Disc, "Disc", vars(self))
+        refuse_unknown("direction", self.direction, DIRECTIONS)
+        refuse_unknown("drive", self.drive, DRIVES)
+        centre = np.asarray(self.centre, float)
+        if centre.shape != (3,) or not np.isfinite(centre).all() or not 0 < self.radius < np.inf:
+            raise InputError(
+                "disc",
+                f"a disc of radius {self.radius:g} m at {tuple(self.centre)}",
+                "needs a positive radius, and x, y and z of its centre",
+                "give them in m",
+            )
+        object.__setattr__(self, "centre", tuple(centre.tolist()))
+
+    @property
+    def pushes(self) -> bool:
+        """True if the motion in time is that of a force."""
+        return self.drive == "force"
+
+    @property
+    def name(self) -> str:
+        """The disc in words: disc of 0.003 m at 0 0 0.02 m."""
+        place = " ".join(f"{coordinate:g}" for coordinate in self.centre)
+        return f"disc of {self.radius:g} m at {place} m"
+
+    @property
+    def own_direction(self) -> Direction:
+        """The direction of the disc."""
+        return self.direction
+
+    def spheres(self, network: Network) -> Ints:
+        """Return the indices of the spheres of the disc, in ascending order.
+
+        Raises UnavailableError if there are none.
+        """
+        away = self._from_centre(network)
+        is_cut = abs(away[:, 2]) <= network.radius
+        is_inside = np.hypot(away[:, 0], away[:, 1]) <= self.radius
+        spheres = np.flatnonzero(is_cut & is_inside & firmly_held(network))
+        if not len(spheres):
+            raise UnavailableError(
+                "no_spheres_in_disc",
+                f"{self.name}: no sphere that bears force is in it",
+                remedy="give a larger radius, or a place where spheres are",
+            )
+        return spheres
+
+    def position_in(self, network: Network) -> Floats:
+        """Return the mean centre (3,), m, of the disc's spheres: the tip of the transducer."""
+        away = self._from_centre(network)[self.spheres(network)]
+        return np.asarray(self.centre) + away.mean(axis=0)
+
+    def height_in(self, network: Network) -> Floats:
+        """Return the mean height of the disc's spheres (1,), m."""
+        return self.position_in(network)[2:]
+
+    def own_bodies(self, network: Network) -> Ints:
+        """Return the spheres of a plate; none if they are pushed, and move by themselves."""
+        if self.pushes:
+            return np.empty(0, int)
+        return self.spheres(network)
+
+    def imposed(self, network: Network, direction: Direction) -> BodiesMove | None:
+        """Return the unit motion of a plate; None if the spheres are pushed."""
+        if self.pushes:
+            return None
+        bodies = np.zeros(network.n_particles, bool)
+        bodies[self.spheres(network)] = True
+        return BodiesMove(bodies, COMPONENT[direction])
+
+    def load(self, network: Network, direction: Direction) -> Floats:
+        """Return the unit force, shared by the spheres, among all (6n,); zero for a plate."""
+        load = np.zeros((network.n_particles, 6))
+        if self.pushes:
+            spheres = self.spheres(network)
+            load[spheres, COMPONENT[direction]] = 1 / len(spheres)
+        return load.ravel()
+
+    def carried(self, network: Network) -> Ints:
+        """Return the spheres of a plate; none if they are pushed."""
+        return self.own_bodies(network)
+
+    def _from_centre(self, network: Network) -> Floats:
+        """Return the vectors (n, 3), m, from the centre to the nearest images of the spheres."""
+        away = network.position - np.asarray(self.centre)
+        is_period = network.cell_periodic
+        period = np.where(is_period, network.cell_size, 1.0)
+        return away - np.where(is_period, period * np.round(away / period), 0.0)

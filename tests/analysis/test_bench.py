@@ -1,0 +1,114 @@
+"""The bench of two transducers: the crystal against its theory by all rules, and the command."""
+
+import json
+
+import numpy as np
+import pytest
+from packings import slender
+from refusals import refusal
+from shear_lattice import ShearLattice
+
+import analysis
+import modal
+from analysis.__main__ import main
+from analysis.bench import modulus_velocities
+from analysis.estimators.arrival_rules import RULES, phase_delays
+from modal.packing.network import write_network
+from modal.theory.fcc import FccLattice
+
+FREQUENCIES = (8e3, 2e4)
+LAYERS = 160
+
+
+@pytest.fixture(scope="module")
+def crystal():
+    return modal.fcc(cells=(2, 2, LAYERS))
+
+
+@pytest.fixture(scope="module")
+def benches(crystal):
+    """Plane sources: discs wider than the crystal. S- and P-waves over half of the length."""
+    heights = (0.25 * crystal.length, 0.75 * crystal.length)
+    tests = {}
+    for direction in "xz":
+        tests[direction] = analysis.transducers(
+            crystal, heights, FREQUENCIES, radius=1.0, direction=direction, cycles=2
+        )
+    return tests
+
+
+def lattice_phase_velocity(direction: str, frequency: np.ndarray) -> np.ndarray:
+    """Phase velocity (nf,), m/s, along [001] by the closed dispersion relations."""
+    crystal = FccLattice(1e5)
+    wavenumber = np.linspace(1e-3, 0.5, 4000) * np.pi / crystal.layer_distance
+    omega = 2 * np.sqrt(crystal.C / crystal.mass) * np.sin(wavenumber * crystal.layer_distance / 2)
+    if direction == "x":
+        omega = ShearLattice.of_crystal(crystal, LAYERS).branches(wavenumber)[0]
+    return 2 * np.pi * frequency / np.interp(2 * np.pi * frequency, omega, wavenumber)
+
+
+@pytest.mark.parametrize("direction", "xz")
+def test_crystal_against_theory(benches, direction):
+    """The phase over frequency is the lattice's; all rules, within their errors, its long waves'.
+
+    At these wavelengths (19 layers and more) dispersion is below 1 %; plane waves have no near
+    field, so that the rules differ by what the lattice does to the corners of the burst alone.
+    """
+    test = benches[direction]
+    exact = lattice_phase_velocity(direction, np.array(FREQUENCIES))
+    for pair in test.pairs:
+        delays = phase_delays(pair)
+        near = abs(delays.frequency / pair.frequency - 1) < 0.2
+        phase_velocity = test.distance / delays.phase[near]
+        wanted = lattice_phase_velocity(direction, delays.frequency[near])
+        assert phase_velocity == pytest.approx(wanted, rel=2e-3)
+    for row in test.rows:
+        wanted = exact[FREQUENCIES.index(row.frequency)]
+        assert row.velocity.value == pytest.approx(wanted, rel=0.02), row
+        assert "side_reflections" not in row.velocity.codes
+        known = test.v_p if direction == "z" else test.v_s
+        assert row.near_field == pytest.approx(test.distance * row.frequency / known, rel=1e-12)
+        assert ("near_field" in row.velocity.codes) == (row.near_field < 2)
+
+
+def test_velocities_of_the_moduli(crystal):
+    """Statically, between walls; of a cell without walls by all moduli."""
+    lattice = FccLattice(1e5)
+    shear = ShearLattice.of_crystal(lattice).velocity
+    for network in (crystal, modal.fcc(cells=(2, 2, 4), periodic_z=True)):
+        for direction in "xyz":
+            v_p, v_s = modulus_velocities(network, direction)
+            assert v_p == pytest.approx(lattice.velocity, rel=2e-3)
+            assert v_s == pytest.approx(shear, rel=2e-3)
+
+
+def test_command(tmp_path, monkeypatch, capsys, printed, one_line):
+    monkeypatch.chdir(tmp_path)
+    network = slender()
+    write_network("a.network.h5", network)
+    low, high = (0.2 * network.length, 0.8 * network.length)
+    command = ["transducers", "a.network.h5", "--at", low, high, "--frequency", 2e4, 5e4]
+    found = printed(*command, main=main)
+    assert set(found) == {"rows", "v_p", "v_s", "distance"}
+    assert [row["rule"] for row in found["rows"]] == [*RULES, *RULES]
+    keys = ["rule", "frequency_hz", "velocity", "error", "near_field", "caveats", "codes"]
+    for row in found["rows"]:
+        assert list(row) == keys and row["frequency_hz"] in (2e4, 5e4)
+        assert 0.3 * found["v_s"] < row["velocity"] < 3 * found["v_s"] and row["error"] > 0
+        assert "side_reflections" in row["codes"] and len(row["codes"]) == len(row["caveats"])
+    assert found["distance"] == pytest.approx(high - low, rel=0.1)
+    assert main([*map(str, command), "-o", "traces.png"]) == 0
+    assert "| frequency |" in capsys.readouterr().out
+    assert (tmp_path / "traces.png").is_file() and (tmp_path / "traces.csv").is_file()
+    one_line(main, command[:4] + ["--frequency", 1e4], code="command_line")
+    one_line(main, [*command, "--radius", 1e-9], code="no_spheres_in_disc")
+    one_line(main, [*command[:3], low, low, "--frequency", 1e4], code="discs_overlap")
+    one_line(main, [*command[:6], 0.0], code="frequency")
+    json.dumps(found, allow_nan=False)
+
+
+def test_refusals(crystal):
+    with refusal("frequency"):
+        analysis.transducers(crystal, (0.01, 0.05), [])
+    with refusal("no_spheres_in_disc"):
+        analysis.transducers(crystal, (0.01, 5.0), [1e4])
