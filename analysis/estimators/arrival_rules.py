@@ -177,13 +177,18 @@ def _finite(times: Floats) -> Floats:
 
 def _first_motion(time: Floats, trace: Floats, level: float) -> float:
     """Return the time, s, at which a trace first exceeds a share of its largest; NaN if never."""
-    height = level * float(abs(trace).max())
-    if not height > 0 or abs(trace[0]) >= height:
+    largest = float(abs(trace).max())
+    above = abs(trace) >= level * largest
+    if not largest > 0 or above[0]:
         return np.nan
-    spline = CubicSpline(time, trace)
-    upward = _finite(spline.solve(height, extrapolate=False))
-    downward = _finite(spline.solve(-height, extrapolate=False))
-    return float(min(upward.min(initial=np.inf), downward.min(initial=np.inf)))
+    after = int(np.argmax(above))
+    towards = np.sign(trace[after])
+    spline = CubicSpline(time, towards * trace / largest)
+    crossings = _finite(spline.solve(level, extrapolate=False))
+    in_step = (crossings >= time[after - 1]) & (crossings <= time[after])
+    if not in_step.any():  # by round-off: the sample itself is at the level
+        return float(time[after])
+    return float(crossings[in_step][0])
 
 
 def picks(pair: RecordPair, rule: Rule) -> tuple[float, float]:

@@ -28,11 +28,11 @@ def test_delayed_pulse(rule):
     intervals = 4e-6 / 2 ** np.arange(3)
     times = [analysis.travel_time(delayed(interval), rule) for interval in intervals]
     errors = np.array([abs(time.value - DELAY) for time in times])
-    assert (errors < 1e-4 * DELAY).all(), errors
+    assert (errors < 2e-4 * DELAY).all(), errors
     # Halved twice, an error of second order is a sixteenth; one at round-off is as good.
     assert errors[2] < max(errors[0] / 10, 1e-12 * DELAY)
     stated = np.array([time.error for time in times])
-    assert (errors <= 2 * stated + 1e-12 * DELAY).all(), (errors, stated)
+    assert (errors <= 3 * stated + 1e-12 * DELAY).all(), (errors, stated)
     # 1.24 wavelengths
     assert times[0].codes == ["near_field"] and times[0].unit == "s"
 
@@ -73,23 +73,20 @@ def chain_pair(masses: int, frequency: float, top: float = 1e5) -> RecordPair:
     """A half-infinite chain of masses whose first support moves, and the motion of mass n.
 
     The impulse response is h(t) = 2 n J_2n(omega_m t) / t, as its transform is exp(-2 n theta) for
-    omega = i omega_m sinh(theta). Convolved by Gauss's rule on each piece of the burst.
+    omega = i omega_m sinh(theta). The sum that stands for the convolution has an error that falls
+    faster than any power of the step but for the burst's ends, which begin with the third.
     """
     omega_m = 2 * np.pi * top
     burst = SineBurst(1.0, frequency, 4, "hann")
-    interval = 1 / (40 * frequency)
-    time = interval * np.arange(int((6 / frequency + 1.4 * masses / (np.pi * top)) / interval))
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    fine = interval / 8
-    starts = fine * np.arange(round(4 / frequency / fine))
-    s = (starts[:, None] + fine * (nodes + 1) / 2).ravel()
-    weight = np.tile(weights * fine / 2, len(starts)) * burst.displacement(s)
-    receiver = np.zeros(len(time))
-    for k, t in enumerate(time):
-        since = t - s[s < t]
-        impulse = 2 * masses * jv(2 * masses, omega_m * since) / since
-        receiver[k] = impulse @ weight[s < t]
-    return RecordPair(time, burst.displacement(time), receiver, frequency)
+    finer, interval = 4, 1 / (40 * frequency)
+    step = interval / finer
+    time = step * np.arange(int((6 / frequency + 1.4 * masses / (np.pi * top)) / step))
+    impulse = np.zeros(len(time))
+    impulse[1:] = 2 * masses * jv(2 * masses, omega_m * time[1:]) / time[1:]
+    receiver = step * np.convolve(impulse, burst.displacement(time))[: len(time)]
+    return RecordPair(
+        time[::finer], burst.displacement(time)[::finer], receiver[::finer], frequency
+    )
 
 
 def test_dispersive_chain():
@@ -101,14 +98,15 @@ def test_dispersive_chain():
     phase = masses * 2 * np.arcsin(omega / omega_m) / omega
     group = masses * 2 / np.sqrt(omega_m**2 - omega**2)
     assert len(omega) > 10
-    # The window cuts the tail of the dispersed burst: some 1e-3 of a period.
-    assert delays.phase == pytest.approx(phase, abs=3e-3 / frequency)
+    # What the window cuts of the dispersed burst's tail, in periods.
+    assert delays.phase == pytest.approx(phase, abs=2e-4 / frequency)
+    # The derivative by differences.
     middle = abs(delays.frequency / frequency - 1) < 0.15
-    assert delays.group[middle] == pytest.approx(group[middle], rel=0.01)
-    # By one number each: the phase rule reads the phase velocity, peaks lie at the group's.
+    assert delays.group[middle] == pytest.approx(group[middle], rel=1e-3)
+    # The phase rule reads the phase velocity at the burst's frequency, not the long waves'.
     long_wave = masses / (np.pi * top)
-    at = omega_m * np.sin(0) + 2 * np.pi * frequency
-    exact = masses * 2 * np.arcsin(at / omega_m) / at
+    sent = 2 * np.pi * frequency
+    exact = masses * 2 * np.arcsin(sent / omega_m) / sent
     found = analysis.travel_time(pair, "phase")
     assert abs(found.value - exact) <= 2 * found.error + 1e-3 / frequency
     assert found.value > 1.01 * long_wave
@@ -118,16 +116,14 @@ def stokes_pair(wavelengths: float, cycles: int = 1) -> tuple[RecordPair, Stokes
     """Traces of force and motion at so many S-wavelengths across the force; distance, m."""
     solid = Stokes(cycles=cycles)
     distance = wavelengths * solid.v_s / solid.frequency
-    time = np.arange(0, 1.6 * distance / solid.v_s + (cycles + 1) / solid.frequency, 5e-7)
+    time = np.arange(0, 1.6 * distance / solid.v_s + (cycles + 1) / solid.frequency, 1e-6)
     pair = RecordPair(time, solid.force(time), solid.transverse(time, distance), solid.frequency)
     return pair, solid, distance
 
 
-@pytest.mark.parametrize(
-    ("rule", "order"), [("zero_crossing", 1), ("peak_to_peak", 1), ("cross_correlation", 1)]
-)
-def test_near_field_fades_with_distance(rule, order):
-    """Velocities across a point force tend to V_S.
+@pytest.mark.parametrize("rule", ["zero_crossing", "peak_to_peak", "cross_correlation"])
+def test_near_field_fades_with_distance(rule):
+    """Velocities across a point force tend to V_S as the inverse square of the distance.
 
     The near field is 1 / (k r) of the far one and a quarter of a period ahead, so that it shifts
     a time by about 1 / (omega k r), and a velocity, relatively, by 1 / (k r)^2.
@@ -138,8 +134,8 @@ def test_near_field_fades_with_distance(rule, order):
         found = analysis.travel_time(pair, rule)
         bias.append(abs(distance / found.value / solid.v_s - 1))
         assert ("near_field" in found.codes) == (found.value * solid.frequency < 2)
-    ratios = np.array(bias[:-1]) / np.array(bias[1:])
-    assert (ratios[1:] > 2**order).all() and bias[-1] < 2e-3, (bias, ratios)
+    assert bias[-1] < 3e-4 and bias[0] > 0.02, bias
+    assert bias[-2] / bias[-1] == pytest.approx(4, rel=0.1)
 
 
 def test_first_arrival_is_that_of_the_near_field():
@@ -160,5 +156,5 @@ def test_phase_of_stokes_solution():
     delays = phase_delays(pair)
     exact = solid.transverse_phase_delay(delays.frequency, distance)
     # The window fades nothing of a wave that has an end; what is left is the sampling.
-    assert delays.phase == pytest.approx(exact, rel=2e-3)
+    assert delays.phase == pytest.approx(exact, rel=1e-5)
     assert abs(exact / (distance / solid.v_s) - 1).max() > 0.01
