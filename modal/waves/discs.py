@@ -137,7 +137,7 @@ class Disc(Source):
             return None
         bodies = np.zeros(network.n_particles, bool)
         bodies[self.spheres(network)] = True
-        return BodiesMove(bodies, COMPONENT[direction])
+        return BodiesMove(bodies, COMPONENT[direction], walls_move=False)
 
     def load(self, network: Network, direction: Direction) -> Floats:
         """Return the unit force, shared by the spheres, among all (6n,); zero for a plate."""

@@ -70,14 +70,14 @@ def test_layer_that_moves_is_a_wall(crystal, direction):
     wave = modal.propagate(
         crystal, 6e-5, source=discs[0], motion=motion, receivers=discs, particles=True
     ).signals
-    assert wave.disc_displacement[:, 0] == pytest.approx(motion.displacement(wave.time), abs=1e-24)
+    assert wave.disc_displacement[:, 0] == pytest.approx(motion.displacement(wave.time), abs=1e-21)
     layers = wave.particle_displacement.reshape(len(wave.time), -1)
     for k, disc in enumerate(discs):
         mean = layers[:, disc.spheres(crystal)].mean(axis=1)
-        assert wave.disc_displacement[:, k] == pytest.approx(mean, abs=1e-24)
+        assert wave.disc_displacement[:, k] == pytest.approx(mean, abs=1e-21)
     assert abs(wave.disc_displacement[:, 5]).max() > 1e-10
-    assert wave.disc_position[:, 2] == pytest.approx(heights, rel=1e-8)
-    assert wave.source_position[2] == pytest.approx(heights[0], rel=1e-8)
+    assert wave.disc_position[:, 2] == pytest.approx(heights, rel=1e-6)
+    assert wave.source_position[2] == pytest.approx(heights[0], rel=1e-6)
 
 
 def test_plate_in_a_column():
@@ -147,28 +147,30 @@ def test_receivers_of_a_wall(crystal):
 
 
 def test_small_nonlinear_wave_of_a_plate_is_the_linear_one():
-    """The difference falls with the amplitude, as the law's change of stiffness does."""
+    """What is left is the error of the time step, which falls as its square; the energy adds up."""
     crystal = modal.fcc(cells=(2, 2, 16))
-    source = Disc((0, 0, crystal.length / 3), 0.003, "x")
-    receiver = Disc((0, 0, 2 * crystal.length / 3), 0.003, "x")
+    settings = {
+        "source": Disc((0, 0, crystal.length / 3), 0.003, "x"),
+        "receivers": [Disc((0, 0, 2 * crystal.length / 3), 0.003, "x")],
+        "motion": Pulse(1e-10, 1e5),
+        "interval": 1e-6,
+    }
+    linear = modal.propagate(crystal, 3e-5, pre_stress="full", **settings).signals
     differences = []
-    for amplitude in (1e-9, 1e-10):
-        settings = {"source": source, "receivers": [receiver], "interval": 1e-6}
-        settings["motion"] = Pulse(amplitude, 1e5)
+    for time_step in (8e-8, 4e-8):
         wave = modal.propagate(
-            crystal, 3e-5, nonlinear=True, friction=10.0, time_step=4e-8, **settings
+            crystal, 3e-5, nonlinear=True, friction=10.0, time_step=time_step, **settings
         )
-        linear = modal.propagate(crystal, 3e-5, pre_stress="full", **settings).signals
-        largest = abs(linear.disc_displacement).max()
-        off = abs(wave.signals.disc_displacement - linear.disc_displacement).max() / largest
-        stress = abs(linear.source_stress).max()
-        off_stress = abs(wave.signals.source_stress - linear.source_stress).max() / stress
-        differences.append((off, off_stress))
+        found = []
+        for name in ("disc_displacement", "source_stress", "receiver_stress"):
+            wanted = getattr(linear, name)
+            off = abs(getattr(wave.signals, name) - wanted).max() / abs(wanted).max()
+            found.append(off)
+        differences.append(found)
         work, kinetic, stored, lost = wave.energy.T
         assert abs(kinetic + stored + lost - work).max() < 1e-3 * abs(work).max()
     coarse, fine = np.array(differences)
-    # What is left of a tenth is the error of the time step.
-    assert (coarse < 2e-2).all() and (fine < 0.2 * coarse + 1e-4).all(), differences
+    assert (fine < 2e-3).all() and coarse / fine == pytest.approx(4, rel=0.2), differences
 
 
 def test_periodic_cell_and_free_sides():
