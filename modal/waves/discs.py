@@ -154,6 +154,4 @@ class Disc(Source):
     def _from_centre(self, network: Network) -> Floats:
         """Return the vectors (n, 3), m, from the centre to the nearest images of the spheres."""
         away = network.position - np.asarray(self.centre)
-        is_period = network.cell_periodic
-        period = np.where(is_period, network.cell_size, 1.0)
-        return away - np.where(is_period, period * np.round(away / period), 0.0)
+        return away - np.round(network.in_periods(away)) @ network.period_vectors

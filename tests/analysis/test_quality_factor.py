@@ -16,30 +16,26 @@ from analysis.estimators.quality_factor import (
 )
 from modal.motions import SineBurst
 from modal.packing.crystal import column
-from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
+from modal.packing.network import Network
 from modal.system.damping import ContactDamping
 
 SPHERES = 12
 
 
 def resonant_column() -> Network:
-    """A column of equal springs k, of twice k at the source wall, and free at its upper end.
+    """A column of equal springs k, and of twice k at both walls.
 
-    Such a wall is the mirror of an image that moves the opposite way, the free end of one that
-    moves alike: the modes are sines with theta = (2 r - 1) pi / (2 N), omega = 2 sqrt(k / m)
-    sin(theta / 2).
+    Such a wall is the mirror of an image that moves the opposite way: the modes are sines with
+    theta = r pi / N, omega = 2 sqrt(k / m) sin(theta / 2).
     """
-    whole = column(SPHERES)
-    free = whole.with_contacts(whole.particle_j != RECEIVER_WALL)
-    stiffness = np.where(free.particle_j == SOURCE_WALL, 2.0, 1.0) * free.stiffness_normal.max()
-    return replace(free, stiffness_normal=stiffness)
+    network = column(SPHERES)
+    stiffness = np.where(network.with_wall, 2.0, 1.0) * network.stiffness_normal.max()
+    return replace(network, stiffness_normal=stiffness)
 
 
-def omega_of(network: Network, order: int) -> float:
-    """Angular frequency, rad/s, of the resonance of this order, from 1."""
-    theta = (2 * order - 1) * np.pi / (2 * SPHERES)
-    stiffness = network.stiffness_normal.min()
-    return float(2 * np.sqrt(stiffness / network.mass[0]) * np.sin(theta / 2))
+def omega_of(stiffness: float, inertia: float) -> float:
+    """Angular frequency, rad/s, of the first resonance."""
+    return float(2 * np.sqrt(stiffness / inertia) * np.sin(np.pi / (2 * SPHERES)))
 
 
 @pytest.mark.parametrize("ratio", [0.02, 0.1])
@@ -51,32 +47,32 @@ def test_damped_column(ratio):
     """
     network = resonant_column()
     stiffness, mass = network.stiffness_normal.min(), network.mass[0]
-    omega = omega_of(network, 1)
+    omega = omega_of(stiffness, mass)
     quality = 1 / (omega * 2 * ratio * np.sqrt(mass / (2 * stiffness)))
     highest = 1.5 * omega / (2 * np.pi)
     found = modal.frequency_response(
         network, highest=highest, resolution=highest / 60, damping=ContactDamping(ratio, ratio)
     )
-    top = found.layer_displacement[:, -1]
-    fitted = fitted_resonance(found.frequency, top)
+    middle = found.layer_displacement[:, SPHERES // 2]
+    fitted = fitted_resonance(found.frequency, middle)
     assert fitted.frequency == pytest.approx(omega / (2 * np.pi), rel=1e-4)
     assert fitted.quality == pytest.approx(quality, rel=1e-4)
     assert fitted.error < 1e-3 * quality
     # The width is that of a single oscillator without a rest: good to some 1 / Q.
-    assert half_power(found.frequency, abs(top)).quality == pytest.approx(quality, rel=1 / quality)
+    assert half_power(found.frequency, abs(middle)).quality == pytest.approx(quality, rel=1 / quality)
 
 
 def test_torsional_column():
     """Twisting springs kw alone: f_1 of the same sines, Q of the window's known width."""
     network = resonant_column()
-    twisting = np.where(network.particle_j == SOURCE_WALL, 2.0, 1.0) * 1e-3
+    twisting = network.stiffness_normal * network.radius[0] ** 2
     bonded = replace(network, stiffness_twisting=twisting, stiffness_rolling=0 * twisting)
-    omega = 2 * np.sqrt(1e-3 / network.inertia[0]) * np.sin(np.pi / (4 * SPHERES))
+    omega = omega_of(twisting.min(), network.inertia[0])
     first = omega / (2 * np.pi)
     found = modal.frequency_response(
         bonded, direction="torsion", highest=1.6 * first, resolution=first / 50, tolerance=1e-8
     )
-    fitted = fitted_resonance(found.frequency, found.layer_displacement[:, -1])
+    fitted = fitted_resonance(found.frequency, found.layer_displacement[:, SPHERES // 2])
     # In place of omega stands omega + i gamma: an oscillator of omega_1^2 + gamma^2 and a rate of
     # 2 gamma.
     gamma = np.pi * found.resolution
