@@ -25,9 +25,9 @@ from analysis.estimators.fits import straight_line
 from modal.tools.arrays import Complex, Floats
 from modal.tools.errors import UnavailableError
 
-FIT_WIDTHS = 6.0
+FIT_WIDTHS = 4.0
 """Distance from a peak, in its widths at half power, up to which a resonance is fitted."""
-BACKGROUND_ORDER = 3
+BACKGROUND_ORDER = 4
 """Order in the frequency of the polynomial that stands for all other resonances."""
 MIN_FITTED_FREQUENCIES = 12
 FREQUENCIES = 121
