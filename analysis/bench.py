@@ -27,7 +27,6 @@ from analysis.value import Value
 from modal.elasticity.moduli import elastic_moduli
 from modal.elasticity.slab import strained_velocities
 from modal.packing.network import Network
-from modal.packing.rattlers import firmly_held
 from modal.tools.arguments import checked, frequencies
 from modal.tools.arrays import Floats
 from modal.tools.display import plain
@@ -283,11 +282,13 @@ class _Bench:
 
     @cached_property
     def _distance_error(self) -> float:
-        """Standard error of the distance, m: the spheres of a disc are not at one height."""
+        """Error of the distance, m: a plate's spheres are not at one height.
+
+        The highest of them send first, so that the error is that of a single height, not of a mean.
+        """
         variance = 0.0
         for disc in (self.source, self.receiver):
-            height = self.network.position[disc.spheres(self.network), 2]
-            variance += float(np.var(height)) / len(height)
+            variance += float(np.var(self.network.position[disc.spheres(self.network), 2]))
         return float(np.sqrt(variance))
 
     def _caveats(self, frequency: float, velocity: float) -> tuple[Caveat, ...]:
@@ -312,9 +313,7 @@ class _Bench:
         By a free side in the distance w / 2 it is as long as that from an image in the distance w.
         """
         across = self.network.position[:, :2] - np.asarray(self.source.centre[:2])
-        at_height = abs(self.network.position[:, 2] - self.source.centre[2]) <= self.network.radius
-        plane = firmly_held(self.network) & at_height
-        if len(self.source.spheres(self.network)) == plane.sum() and len(across):
+        if np.hypot(*across.T).max() <= self.source.radius:
             return np.inf
         width = float(_widths(self.network).min())
         return float(np.hypot(self.distance, width)) - self.distance

@@ -47,6 +47,9 @@ SENSE_LEVEL = 0.1
 """Motion of the source, divided by its largest, at which its first sense is read."""
 END_LEVEL = 1e-3
 """Motion of the source, divided by its largest, below which it has come to its end."""
+FADE_IN_PERIODS = 0.5
+"""Time over which the end of a direct wave is faded out, and by which the error of the window is
+read, in periods of the source."""
 MIN_WAVELENGTHS = 2.0
 """Number of wavelengths between the transducers below which P- and S-motion of the source overlap
 (I. Sanchez-Salinero, J. M. Roesset and K. H. Stokoe, Univ. of Texas, GR 86-15, 1986)."""
@@ -122,11 +125,11 @@ class RecordPair:
         """The pair with every second sample."""
         return RecordPair(self.time[::2], self.source[::2], self.receiver[::2], self.frequency)
 
-    def direct(self, periods: float) -> RecordPair:
+    def direct(self, periods: float = 0.0) -> RecordPair:
         """Return the pair without what comes after the direct wave.
 
-        The receiver's motion ends, like that of the source, after its first major peak, and is
-        faded out over one period; `periods` are added before that.
+        The receiver's motion ends as long after its first major peak as that of the source, and is
+        faded out over half a period; `periods` are added before that.
         """
         moving = abs(self.source) > END_LEVEL * abs(self.source).max()
         source_end = self.time[np.flatnonzero(moving)[-1]]
@@ -135,7 +138,7 @@ class RecordPair:
         if not np.isfinite(source_peak + receiver_peak):
             return self
         end = receiver_peak + source_end - source_peak + periods / self.frequency
-        fade = np.clip((self.time - end) * self.frequency, 0, 1)
+        fade = np.clip((self.time - end) * self.frequency / FADE_IN_PERIODS, 0, 1)
         return replace(self, receiver=self.receiver * np.cos(np.pi * fade / 2) ** 2)
 
 
@@ -261,8 +264,8 @@ def _read_cross_correlation(pair: RecordPair) -> _Reading:
     The error is that of a delay between traces of correlation rho, sqrt(1 / rho^2 - 1) / omega: one
     trace is the other one, with a rest that is as large at any phase.
     """
-    delay, correlation, side_lobe = _delay(pair.direct(0.5))
-    longer_delay = _delay(pair.direct(1.5))[0]
+    delay, correlation, side_lobe = _delay(pair.direct())
+    longer_delay = _delay(pair.direct(FADE_IN_PERIODS))[0]
     unlike = np.sqrt(max(1 / correlation**2 - 1, 0.0)) / (2 * np.pi * pair.frequency)
     caveats = ()
     if side_lobe > MAX_SIDE_LOBE:
@@ -325,7 +328,7 @@ def phase_delays(pair: RecordPair) -> PhaseDelays:
     >>> (1e6 * delays.group[[0, -1]]).round(1)
     array([100., 100.])
     """
-    return _phase_delays(pair.direct(0.5))
+    return _phase_delays(pair.direct())
 
 
 def _phase_delays(pair: RecordPair) -> PhaseDelays:
@@ -353,10 +356,10 @@ def _read_phase(pair: RecordPair) -> _Reading:
     """Read the travel time by the phase at the source's frequency.
 
     Its error is the scatter of the phase about a straight line over the band, and the change with a
-    window that ends a period later.
+    window that ends half a period later.
     """
-    delays = _phase_delays(pair.direct(0.5))
-    longer = _phase_delays(pair.direct(1.5))
+    delays = _phase_delays(pair.direct())
+    longer = _phase_delays(pair.direct(FADE_IN_PERIODS))
     time = float(np.interp(pair.frequency, delays.frequency, delays.phase))
     longer_time = float(np.interp(pair.frequency, longer.frequency, longer.phase))
     omega = 2 * np.pi * delays.frequency

@@ -197,7 +197,7 @@ def spectral_ratio(pair: RecordPair, travel_time: float) -> SpectralRatio:
     >>> abs(found.quality.quality) > 1e6, found.attenuation[0].round(3)
     (True, np.float64(0.693))
     """
-    direct = pair.direct(0.5)
+    direct = pair.direct()
     frequency = pair.frequency * np.linspace(*PHASE_BAND, FREQUENCIES)
     kernel = np.exp(-2j * np.pi * frequency[:, None] * pair.time)
     source = abs(kernel @ direct.source)

@@ -1,9 +1,9 @@
 """Discs of spheres: the transducers of a laboratory, as sources and as receivers.
 
-A disc lies across z, and consists of the spheres that its plane cuts: a bender element or a piezo
-disc, one grain thick, inside the packing or at a wall. As a source its spheres move together and do
-not turn (plate), or each of them is pushed by an equal share of a force. A receiver reads the mean
-displacement of its spheres, which move freely.
+A disc lies across z, and consists of the spheres about its plane: a bender element or a piezo
+disc, one layer of grains thick, inside the packing or at a wall. As a source its spheres move
+together and do not turn (plate), or each of them is pushed by an equal share of a force. A receiver
+reads the mean displacement of its spheres, which move freely.
 """
 
 from collections.abc import Sequence
@@ -24,14 +24,18 @@ from modal.waves.sources import Source
 Drive = Literal["plate", "force"]
 """How a disc sends a wave: its spheres move as one rigid plate, or a force pushes them."""
 DRIVES: tuple[Drive, ...] = get_args(Drive)
+HALF_THICKNESS_IN_RADII = float(np.sqrt(1 / 2))
+"""Largest distance of a sphere's centre from the plane of a disc, in its radii: half the distance
+of two layers of an FCC crystal along [001], so that a disc there is one layer."""
 
 
 @dataclass(frozen=True)
 class Disc(Source):
     """A disc across z that is moved, or pushed, along x, y or z; or that reads such a motion.
 
-    Its spheres are those that bear force, that the plane z of its centre cuts, and whose centres
-    are within its radius. Along periods of the cell the nearest images count. Propagating a wave
+    Its spheres are those that bear force, whose centres are within its radius, and within
+    `HALF_THICKNESS_IN_RADII` of the plane z of its centre; near a wall, of the plane of spheres
+    that touch the wall. Along periods of the cell the nearest images count. Propagating a wave
     raises InputError if there is no such sphere.
 
     Parameters
@@ -105,9 +109,9 @@ class Disc(Source):
         Raises UnavailableError if there are none.
         """
         away = self._from_centre(network)
-        is_cut = abs(away[:, 2]) <= network.radius
+        is_near = abs(away[:, 2]) <= HALF_THICKNESS_IN_RADII * network.radius
         is_inside = np.hypot(away[:, 0], away[:, 1]) <= self.radius
-        spheres = np.flatnonzero(is_cut & is_inside & firmly_held(network))
+        spheres = np.flatnonzero(is_near & is_inside & firmly_held(network))
         if not len(spheres):
             raise UnavailableError(
                 "no_spheres_in_disc",
@@ -119,7 +123,7 @@ class Disc(Source):
     def position_in(self, network: Network) -> Floats:
         """Return the mean centre (3,), m, of the disc's spheres: the tip of the transducer."""
         away = self._from_centre(network)[self.spheres(network)]
-        return np.asarray(self.centre) + away.mean(axis=0)
+        return self._centre_in(network) + away.mean(axis=0)
 
     def height_in(self, network: Network) -> Floats:
         """Return the mean height of the disc's spheres (1,), m."""
@@ -153,5 +157,15 @@ class Disc(Source):
 
     def _from_centre(self, network: Network) -> Floats:
         """Return the vectors (n, 3), m, from the centre to the nearest images of the spheres."""
-        away = network.position - np.asarray(self.centre)
+        away = network.position - self._centre_in(network)
         return away - np.round(network.in_periods(away)) @ network.period_vectors
+
+    def _centre_in(self, network: Network) -> Floats:
+        """Return the centre (3,), m; beside a wall that of spheres which touch the wall."""
+        x, y, z = self.centre
+        if not network.cell_periodic[2]:
+            radius = float(network.radius.mean())
+            bottom, top = network.wall_position
+            if bottom - radius <= z <= top + radius:
+                z = float(np.clip(z, bottom + radius, top - radius))
+        return np.array([x, y, z])

@@ -27,8 +27,8 @@ def crystal():
 
 @pytest.fixture(scope="module")
 def benches(crystal):
-    """Plane sources: discs wider than the crystal. S- and P-waves over half of the length."""
-    heights = (0.25 * crystal.length, 0.75 * crystal.length)
+    """Plane sources: discs wider than the crystal; no wave of a wall is back in the window."""
+    heights = (0.3 * crystal.length, 0.6 * crystal.length)
     tests = {}
     for direction in "xz":
         tests[direction] = analysis.transducers(
@@ -49,10 +49,10 @@ def lattice_phase_velocity(direction: str, frequency: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("direction", "xz")
 def test_crystal_against_theory(benches, direction):
-    """The phase over frequency is the lattice's; all rules, within their errors, its long waves'.
+    """The phase over frequency is the lattice's; the other rules come near to it.
 
-    At these wavelengths (19 layers and more) dispersion is below 1 %; plane waves have no near
-    field, so that the rules differ by what the lattice does to the corners of the burst alone.
+    At these wavelengths (30 layers and more) dispersion is below 1 %. Plane waves have no near
+    field: the rules differ by what the lattice does to the corners of the burst.
     """
     test = benches[direction]
     exact = lattice_phase_velocity(direction, np.array(FREQUENCIES))
@@ -61,10 +61,12 @@ def test_crystal_against_theory(benches, direction):
         near = abs(delays.frequency / pair.frequency - 1) < 0.2
         phase_velocity = test.distance / delays.phase[near]
         wanted = lattice_phase_velocity(direction, delays.frequency[near])
-        assert phase_velocity == pytest.approx(wanted, rel=2e-3)
+        # A plate does not turn, as layers of an S-wave do: it adds a fifth of a layer, 4e-3.
+        assert phase_velocity == pytest.approx(wanted, rel=2e-4 if direction == "z" else 6e-3)
     for row in test.rows:
         wanted = exact[FREQUENCIES.index(row.frequency)]
-        assert row.velocity.value == pytest.approx(wanted, rel=0.02), row
+        bound = 0.05 if row.rule == "first_arrival" else 0.015
+        assert row.velocity.value == pytest.approx(wanted, rel=bound), row
         assert "side_reflections" not in row.velocity.codes
         known = test.v_p if direction == "z" else test.v_s
         assert row.near_field == pytest.approx(test.distance * row.frequency / known, rel=1e-12)

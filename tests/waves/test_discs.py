@@ -19,9 +19,9 @@ def crystal():
 
 
 def test_which_spheres(crystal):
-    """Those whose plane is cut, within the radius, by the nearest images; all by counting."""
+    """One layer of a crystal wherever the plane is, within the radius, by the nearest images."""
     width, height = crystal.cell_size[0], crystal.position[:, 2].max() / 2
-    layer = abs(crystal.position[:, 2] - height) < crystal.radius
+    layer = abs(crystal.position[:, 2] - height) < np.sqrt(1 / 2) * crystal.radius
     everywhere = Disc((0, 0, height), 10 * width)
     assert np.array_equal(everywhere.spheres(crystal), np.flatnonzero(layer))
     x, y, _ = crystal.position[np.flatnonzero(layer)[0]]
@@ -31,6 +31,10 @@ def test_which_spheres(crystal):
     assert (crystal.position[at_wall.spheres(crystal), 2] < 1.1 * crystal.radius[0]).all()
     place = everywhere.position_in(crystal)
     assert place[2] == pytest.approx(crystal.position[layer, 2].mean(), rel=1e-12)
+    per_layer = crystal.n_particles // 24
+    for share in np.linspace(0, 1, 14):
+        disc = Disc((0, 0, share * crystal.length), 10 * width)
+        assert len(disc.spheres(crystal)) == per_layer
     with refusal("no_spheres_in_disc"):
         Disc((0, 0, 2 * crystal.length), width).spheres(crystal)
 
