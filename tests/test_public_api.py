@@ -318,7 +318,11 @@ def test_names_are_loaded_from_the_modules_that_type_checkers_see():
         node for node in ast.parse(Path(modal.__file__).read_text()).body
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
     )  # fmt: skip
-    modules = {node.names[0].name: node.module for node in checked_block.body}
+    modules = {}
+    for node in checked_block.body:
+        (alias,) = node.names
+        is_renamed = alias.asname != alias.name
+        modules[alias.asname] = node.module + f":{alias.name}" * is_renamed
     assert modules == modal._MODULES
 
 

@@ -123,6 +123,7 @@ def _read_spheres_alone(path: Path, options: SphereOptions) -> ImportResult:
     """Return the packing of a table of spheres, whose contacts follow from a typed law."""
     rows, key_lines = _read_rows(path, SPHERES)
     table = read_sphere_table(rows)
+    _refuse_long_rows(rows)
     units = options.units
     if table.unit is not None:
         if options.scales is not None:
@@ -167,14 +168,27 @@ def _read_table(
                 line=rows.line - 1,
                 column=name,
             )
+    _refuse_long_rows(rows)
     return rows, key_lines
+
+
+def _refuse_long_rows(rows: Rows) -> None:
+    """Raise InputError, with the line, for a row with more columns than the header names."""
+    count = len(rows.columns)
+    too_wide = [len(text.rstrip(", \n").split(rows.separator)) > count for text in rows.texts]
+    rows.refuse(
+        np.array(too_wide),
+        "long_row",
+        f"more than the {count} columns that the header names",
+        remedy="write numbers with a point, commas between them alone",
+    )
 
 
 def _read_rows(path: str | Path, needed: tuple[str, ...]) -> tuple[Rows, KeyLines]:
     """Return the rows of a table, and the lines after # for the cell.
 
-    Raises InputError for a table without names or rows, and for rows longer than the header;
-    `needed` are the names that a message proposes.
+    Raises InputError for a table without names or rows; `needed` are the names that a message
+    proposes.
     """
     key_lines: KeyLines = {}
     header = ""
@@ -202,15 +216,6 @@ def _read_rows(path: str | Path, needed: tuple[str, ...]) -> tuple[Rows, KeyLine
     columns = tuple(name.strip() for name in header.split(separator))
     rows = Rows(Path(path), columns, texts, first_line, separator)
     names = ",".join(needed)
-    too_wide = np.array(
-        [len(text.rstrip(", \n").split(separator)) > len(columns) for text in texts]
-    )
-    rows.refuse(
-        too_wide,
-        "long_row",
-        f"more than the {len(columns)} columns that the header names",
-        remedy="write numbers with a point, commas between them alone",
-    )
     if not texts:
         problem = f"no rows below the names {names}"
         remedy = "write those of the packing"
