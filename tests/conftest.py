@@ -19,7 +19,7 @@ FAST = ("numba", "pypardiso")
 HIDDEN = [name for name in os.environ.get("GRANULAR_WITHOUT", "").split(",") if name]
 MAY_BE_ABSENT = ["LAMMPS", "Chromium", "Slurm", *HIDDEN]
 """Names in the reason of a skip that is allowed also where the tests must be complete."""
-LONG = ("same_bits", "faults_study", "workflow", "docs", "yade")
+LONG = ("same_bits", "faults_study", "tiny_study", "docs", "yade")
 """Parts of the names of the slowest files; the first compiles loops that others then load."""
 COMPLETE = os.environ.get("CI") == "true"
 """Whether a test that is skipped without being asked to fails."""
@@ -84,15 +84,6 @@ def printed(capsys):
         return json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
 
     return run
-
-
-@pytest.fixture
-def jobs(monkeypatch):
-    """Return the workflow's module of jobs, in the folder of the project."""
-    root = Path(__file__).resolve().parents[1]
-    monkeypatch.syspath_prepend(str(root / "workflow"))
-    monkeypatch.chdir(root)
-    return importlib.import_module("jobs")
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,7 @@ groups: [{kind: fcc, factors: {stress: [1e4, 1e5, 1e6]}, friction: 0, wave_frict
 
 
 def study_folder(folder: Path, study: str = "") -> Path:
-    """The project's programs, which are linked, a copy of its workflow, this Python as .venv.
+    """Make a folder of the project's programs, a copy of its workflow, and this Python as .venv.
 
     `study` stands in place of the paper's, so that products and Snakemake's notes are its own.
     """
@@ -52,7 +52,7 @@ def study_folder(folder: Path, study: str = "") -> Path:
 
 
 def copy_of(start: Path, name: str) -> Path:
-    """Another such folder beside it, with what has been made in it."""
+    """Copy such a folder, with all that has been made in it, to another name beside it."""
     folder = start.with_name(name)
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(start, folder, symlinks=True)
@@ -60,38 +60,46 @@ def copy_of(start: Path, name: str) -> Path:
 
 
 def driven(folder: Path, only: str, **settings: object) -> tuple[int, str]:
-    """Status and words of the driver that ./run_cases.sh starts; Snakemake is loaded once."""
-    found = {"study": PAPER, "products": "products", "stage": "result"} | settings
-    said, start = io.StringIO(), subprocess.run
+    """Run the driver that ./run_cases.sh starts; return its status and output.
 
-    def in_this_process(command: list[str], **given: object) -> SimpleNamespace:
+    Snakemake runs in this process, so that it is loaded once.
+    """
+    settings = {"study": PAPER, "products": "products", "stage": "result"} | settings
+    words = [f"{name}={value}" for name, value in settings.items()]
+    output = io.StringIO()
+    start_program = subprocess.run
+
+    def run_snakemake_here(command: list[str], **options: object) -> SimpleNamespace:
         if command[1:3] != ["-m", "snakemake"]:
-            return start(command, **given)
-        with pytest.raises(SystemExit) as end:
+            return start_program(command, **options)
+        stdout = io.StringIO() if options.get("capture_output") else output
+        with redirect_stdout(stdout), pytest.raises(SystemExit) as end:
             importlib.import_module("snakemake.cli").main(command[3:])
-        return SimpleNamespace(returncode=end.value.code)
+        return SimpleNamespace(returncode=end.value.code, stdout=stdout.getvalue(), stderr="")
 
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings(action="ignore"):
-        patch.setattr(subprocess, "run", in_this_process)
+        patch.setattr(subprocess, "run", run_snakemake_here)
         patch.syspath_prepend(str(ROOT / "workflow"))
         patch.chdir(folder)
-        with redirect_stdout(said), redirect_stderr(said):
-            driver = importlib.import_module("run")
-            status = driver.main("local", only, "2", *(f"{n}={v}" for n, v in found.items()))
-    return status, said.getvalue()
+        with redirect_stdout(output), redirect_stderr(output):
+            status = importlib.import_module("run").main("local", only, "2", *words)
+    return status, output.getvalue()
 
 
 def planned(folder: Path, **settings: object) -> dict[str, int]:
-    """Number of jobs of each rule in a dry run."""
-    status, said = driven(folder, "dry-run", **settings)
-    assert status == 0, said
-    rules = dict(re.findall(r"^(\w+) +(\d+)$", said.rpartition("Job stats:")[2], re.M))
-    return {rule: int(n) for rule, n in rules.items() if rule != "all"}
+    """Return the number of jobs of each rule in a dry run."""
+    status, output = driven(folder, "dry-run", **settings)
+    assert status == 0, output
+    _, _, statistics = output.rpartition("Job stats:")
+    counts = {rule: int(count) for rule, count in re.findall(r"^(\w+) +(\d+)$", statistics, re.M)}
+    counts.pop("all", None)
+    return counts
 
 
 def measured(name: str, folder: Path) -> CaseResult:
-    """The result of a crystal whose products are in a folder, by the command line."""
-    study, output = folder / "crystals.yaml", folder / f"{name}.json"
+    """Return the result of a crystal whose products are in a folder, by the command line."""
+    study = folder / "crystals.yaml"
+    output = folder / f"{name}.json"
     study.write_text(CRYSTALS)
     command = ["study", str(study), "--measure", name, "--products", str(folder)]
     assert main([*command, "-o", str(output)]) == 0

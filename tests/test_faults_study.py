@@ -4,10 +4,17 @@ import os
 import shutil
 import subprocess
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
-from study_folder import PAPER, copy_of, planned, study_folder
-from test_faults import equal, killed_again_and_again, study, undisturbed
+from killed_runs import (
+    MAX_SECONDS,
+    assert_equal_products,
+    kill_again_and_again,
+    run_undisturbed,
+    start_script,
+)
+from study_folder import PAPER, copy_of, driven, planned, study_folder
 
 from modal.formats.provenance import packing_of, read_provenance
 
@@ -25,8 +32,10 @@ groups:
 make:
   fcc: [network, highest.modes, signals, modes, translations.modes]
 """
-RUN = """
-export WAVE_FRACTION=${WAVE_FRACTION:-0.4}
+WAVE_FRACTION = "0.4"
+"""Time step of the wave divided by the largest stable one: large, so that the wave is short."""
+RUN = f"""
+export WAVE_FRACTION=${{WAVE_FRACTION:-{WAVE_FRACTION}}}
 for stage in wave modes; do ./run_cases.sh --case 2 -j 2 --stage $stage || exit; done
 """
 """All but the comparison, whose products are tables and figures."""
@@ -34,104 +43,137 @@ for stage in wave modes; do ./run_cases.sh --case 2 -j 2 --stage $stage || exit;
 
 @pytest.fixture(scope="module")
 def start(tmp_path_factory, yade) -> Path:
-    """The project with a short crystal."""
+    """Return the project with a short crystal."""
     return study_folder(tmp_path_factory.mktemp("study") / "start", STUDY)
 
 
+class Reference(NamedTuple):
+    """The folder of an undisturbed study, and the time, s, that it took."""
+
+    folder: Path
+    seconds: float
+
+
 @pytest.fixture(scope="module")
-def reference(start) -> tuple[Path, float]:
-    """The undisturbed study, and the seconds that it took."""
+def reference(start) -> Reference:
+    """Run the study undisturbed."""
     folder = copy_of(start, "reference")
-    seconds = undisturbed(RUN, folder)
+    seconds = run_undisturbed(RUN, folder)
     assert len(list(folder.rglob("case02.*.h5"))) == 5
-    return folder, seconds
+    return Reference(folder, seconds)
 
 
-def run(folder: Path, *options: str, **environment: str) -> subprocess.CompletedProcess:
-    """`./run_cases.sh` there."""
-    variables = os.environ | {"OMP_NUM_THREADS": "1", "WAVE_FRACTION": "0.4"} | environment
+def run(folder: Path, *options: str) -> subprocess.CompletedProcess:
+    """Run `./run_cases.sh` in a folder."""
+    variables = os.environ | {"OMP_NUM_THREADS": "1", "WAVE_FRACTION": WAVE_FRACTION}
     command = ["./run_cases.sh", "-j", "2", *options]
     return subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True)
 
 
+def list_products(folder: Path) -> set[str]:
+    """Return the names of the files of all products."""
+    return {path.name for path in (folder / "products").glob("*.h5")}
+
+
+class Waved(NamedTuple):
+    """The folder of a study that has its waves, its exit status and the last line of its errors."""
+
+    folder: Path
+    status: int
+    last_line: str
+
+
 @pytest.fixture(scope="module")
-def waved(start) -> tuple[Path, subprocess.CompletedProcess]:
-    """The study as far as its waves, where case 1 is too narrow for YADE; how that ended."""
+def waved(start) -> Waved:
+    """Run the study as far as its waves, where case 1 is too narrow for YADE."""
     folder = copy_of(start, "waved")
-    narrow = STUDY + "cases: {case01: {width: 2}}\n"
-    (folder / PAPER).write_text(narrow)
-    return folder, run(folder, "--case", "1", "2", "--stage", "wave")
+    (folder / PAPER).write_text(STUDY + "cases: {case01: {width: 2}}\n")
+    done = run(folder, "--case", "1", "2", "--stage", "wave")
+    return Waved(folder, done.returncode, done.stderr.strip().splitlines()[-1])
 
 
 @pytest.mark.slow
 def test_study_killed_a_hundred_times(reference):
-    """The next run ends with the products of an undisturbed one."""
-    folder, seconds = reference
-    again = folder.with_name("again")
-    alive, at_work = killed_again_and_again(RUN, folder, again, KILLS, seconds)
-    assert alive > 0.8 * KILLS and at_work > 0.4 * KILLS
+    """End the next run with the products of an undisturbed one."""
+    again = reference.folder.with_name("again")
+    kills = kill_again_and_again(RUN, reference.folder, again, KILLS, reference.seconds)
+    assert kills.of_script > 0.8 * KILLS
+    assert kills.of_job > 0.4 * KILLS
 
 
 @pytest.mark.slow
 def test_two_studies_in_one_folder_at_once(start, reference):
     folder = copy_of(start, "shared")
-    both = [study(RUN, folder) for _ in range(2)]
-    assert [process.wait(timeout=600) for process in both] == [0, 0]
-    equal(reference[0], folder)
+    processes = [start_script(RUN, folder) for _ in range(2)]
+    assert [process.wait(timeout=MAX_SECONDS) for process in processes] == [0, 0]
+    assert_equal_products(reference.folder, folder)
 
 
-@pytest.mark.parametrize(
-    ("program", "status", "said"),
-    [("nowhere", 2, "setup.sh: YADE="), ("crashes", 1, "crystal case02: no product from YADE")],
-)
-def test_without_a_yade_that_works_there_is_no_product(program, status, said, start, tmp_path):
-    """But one line: none, a crash; other failures of yade-batch in test_study_jobs.py."""
-    for name, stands_there in (("crashes", "yade"), ("crashes-batch", "false")):
-        (tmp_path / name).symlink_to(shutil.which(stands_there))
+def test_without_a_yade_there_is_no_product(start, tmp_path, monkeypatch, capfd):
     folder = copy_of(start, "without")
-    done = run(folder, "--case", "2", "--stage", "wave", YADE=str(tmp_path / program))
-    assert done.returncode == status and said in done.stderr.strip().splitlines()[-1]
+    monkeypatch.setenv("YADE", str(tmp_path / "nowhere"))
+    status, _ = driven(folder, "", cases=[2], stage="wave")
+    assert status == 2
+    assert "setup.sh: YADE=" in capfd.readouterr().err.strip().splitlines()[-1]
     assert not list(folder.rglob("*.h5"))
 
 
-def test_wave_that_fails_does_not_keep_the_modes_from_being_made(waved):
-    """An unstable time step: the job fails, the study says so; what is finished is kept."""
-    folder = copy_of(waved[0], "unstable")
+def test_yade_that_crashes_makes_no_product(start, tmp_path, monkeypatch):
+    """Report a crash in one line; other failures of yade-batch are in workflow/test_job_scripts."""
+    (tmp_path / "crashes").symlink_to(shutil.which("yade"))
+    (tmp_path / "crashes-batch").symlink_to(shutil.which("false"))
+    folder = copy_of(start, "without")
+    monkeypatch.setenv("YADE", str(tmp_path / "crashes"))
+    status, output = driven(folder, "", cases=[2], stage="wave")
+    assert status == 1
+    assert "crystal case02: no product from YADE" in output.strip().splitlines()[-1]
+    assert not list(folder.rglob("*.h5"))
+
+
+def test_wave_that_fails_does_not_keep_the_modes_from_being_made(waved, monkeypatch):
+    """Take an unstable time step: the job fails, the study says so, other products are kept."""
+    folder = copy_of(waved.folder, "unstable")
     (folder / "products/case02.signals.h5").unlink()
-    done = run(folder, "--case", "2", WAVE_FRACTION="1.5")
-    error = done.stderr.strip().splitlines()
-    assert done.returncode == 2 and "yade_wave case02: " in error[-1], error
-    made = {path.name for path in (folder / "products").glob("*.h5")}
-    assert "case02.modes.h5" in made and "case02.signals.h5" not in made
+    monkeypatch.setenv("WAVE_FRACTION", "1.5")
+    status, output = driven(folder, "", cases=[2])
+    assert status == 2
+    assert "yade_wave case02: " in output.strip().splitlines()[-1], output
+    assert "case02.modes.h5" in list_products(folder)
+    assert "case02.signals.h5" not in list_products(folder)
     assert not (folder / "products/results/case02.json").exists()
 
 
-def test_products_folder_that_is_a_file(start):
+def test_products_folder_that_is_a_file_is_refused(start):
     folder = copy_of(start, "file")
     (folder / "products").write_text("")
     done = run(folder, "--case", "2", "--stage", "wave")
-    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "products" in done.stderr
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "products" in done.stderr
 
 
 def test_case_that_fails_does_not_keep_the_others_from_going_on(waved):
-    """Case 2 gets its products, and the last line names case 1."""
-    folder, done = waved
-    assert done.returncode == 2
-    last = done.stderr.strip().splitlines()[-1]
-    assert last.startswith("run_cases.sh: crystal case01: ") and "at least 3" in last
-    made = {path.name for path in (folder / "products").glob("*.h5")}
-    assert made == {f"case02.{kind}.h5" for kind in ("network", "highest.modes", "signals")}
+    """Make the products of case 2, and name case 1 in the last line."""
+    assert waved.status == 2
+    assert waved.last_line.startswith("run_cases.sh: crystal case01: ")
+    assert "at least 3" in waved.last_line
+    expected = {f"case02.{kind}.h5" for kind in ("network", "highest.modes", "signals")}
+    assert list_products(waved.folder) == expected
 
 
 def test_changed_study_makes_the_products_again(waved, monkeypatch):
-    """Another stress in the study: by plan the network and what a wave needs follow it."""
-    folder = copy_of(waved[0], "changed")
-    monkeypatch.setenv("WAVE_FRACTION", "0.4")
+    """Plan the network, and what a wave needs of it, again after another stress in the study."""
+    folder = copy_of(waved.folder, "changed")
+    monkeypatch.setenv("WAVE_FRACTION", WAVE_FRACTION)
     assert planned(folder, cases=[2], stage="wave") == {}
     (folder / PAPER).write_text(STUDY.replace("[1e4, 1e5]", "[1e4, 2e5]"))
-    again = planned(folder, cases=[2], stage="wave")
-    assert again == {"crystal": 1, "highest_mode": 1, "yade_wave": 1, "total": 4}
-    network = packing_of(folder / "products/case02.network.h5")
-    assert read_provenance(folder / "products/case02.network.h5").settings["stress"] == 1e5
-    for kind in ("highest.modes", "signals"):
-        assert read_provenance(folder / f"products/case02.{kind}.h5").packing[0] == network[0]
+    plan = planned(folder, cases=[2], stage="wave")
+    assert plan == {"crystal": 1, "highest_mode": 1, "yade_wave": 1, "total": 4}
+
+
+@pytest.mark.parametrize("kind", ["highest.modes", "signals"])
+def test_products_know_the_network_that_they_were_made_from(kind, waved):
+    network = waved.folder / "products/case02.network.h5"
+    assert read_provenance(network).settings["stress"] == 1e5
+    provenance = read_provenance(waved.folder / f"products/case02.{kind}.h5")
+    assert provenance.packing[0] == packing_of(network)[0]

@@ -15,9 +15,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from killed_runs import assert_equal_products
 from places import ROOT
 from study_folder import copy_of, study_folder
-from test_faults import equal
 
 HERE = str(ROOT / "tests/slurm_here.sh")
 SPHERES = "1000"
@@ -86,7 +86,7 @@ def kill(process: subprocess.Popen) -> None:
 
 def same(local: Path, folder: Path) -> None:
     """Equal products; walks note how long they took, and how far they had come."""
-    equal(local / FOLDER, folder / FOLDER)
+    assert_equal_products(local / FOLDER, folder / FOLDER)
 
 
 def without(folder: Path, *names: str) -> dict[Path, float]:

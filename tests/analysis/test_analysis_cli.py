@@ -1,5 +1,7 @@
 """The command line of analysis, in-process: products in, table and figures out, errors."""
 
+from pathlib import Path
+
 import pytest
 from exact_crystal import write_crystal
 from study_folder import measured
@@ -9,34 +11,49 @@ from modal.packing.crystal import fcc
 
 
 @pytest.fixture(scope="module")
-def products(tmp_path_factory):
-    """Case 2: network and signals; case 3: only the network."""
+def products(tmp_path_factory) -> Path:
+    """Return a folder with the network and the record of case 2, and the network of case 3."""
     folder = tmp_path_factory.mktemp("products")
     write_crystal(folder, "case02")
     write_crystal(folder, "case03", 1e6, recorded=False)
     return folder
 
 
-def test_linear_is_one_thing_and_its_pre_stress_has_its_own_row(products):
-    """Without pre-stress the linear wave's V_P is theory's; the pre-stress row may differ from it.
+@pytest.fixture(scope="module")
+def comparison(products) -> dict[str, dict[str, str]]:
+    """Return the rows of case 2 beside theory: what theory, modes, linear wave and YADE give."""
+    columns = ("theory", "modal", "linear", "yade", "note")
+    rows = measured("case02", products).tables["comparison"]
+    return {row[1]: dict(zip(columns, row[3:], strict=True)) for row in rows}
 
-    By the ratio of normal force to stiffness and distance, N / (kn D) = 2/3 overlap / D, at most.
-    The damped transform's own bias is below 1e-5.
-    """
-    lines = measured("case02", products).tables["comparison"]
-    head = ("theory", "modal", "linear", "yade", "note")
-    rows = {line[1]: dict(zip(head, line[3:], strict=True)) for line in lines}
-    edge, void = rows["f_low-pass"], rows["void ratio, wall to wall"]
+
+def test_band_edge_of_the_record_is_that_of_theory(comparison):
+    edge = comparison["f_low-pass"]
     assert edge["modal"] == ""
     assert float(edge["yade"]) == pytest.approx(float(edge["theory"]), rel=2e-3)
-    theory = float(rows["V_P, long waves"]["theory"])
-    full = rows["V_P, long waves, with pre-stress"]
+
+
+def test_velocity_of_the_linear_wave_is_that_of_theory(comparison):
+    """The bias of the damped transform is below 1e-5."""
+    velocity = comparison["V_P, long waves"]
+    assert float(velocity["linear"]) == pytest.approx(float(velocity["theory"]), rel=1e-5)
+
+
+def test_pre_stress_has_its_own_row(comparison):
+    """Expect a difference from theory of at most N / (kn D) = 2/3 overlap / D."""
+    row = comparison["V_P, long waves, with pre-stress"]
     crystal = fcc(cells=(1, 1, 4))
     overlap = crystal.overlap.max() / (2 * crystal.radius[0])
-    assert float(rows["V_P, long waves"]["linear"]) == pytest.approx(theory, rel=1e-5)
-    assert 0 < abs(float(full["linear"]) / theory - 1) < 2 / 3 * overlap
-    assert full["theory"] == full["yade"] == "" and "tangent" in full["note"]
-    assert void["yade"] == "" and void["modal"]  # a property of the packing, with or without a run
+    theory = float(comparison["V_P, long waves"]["theory"])
+    assert 0 < abs(float(row["linear"]) / theory - 1) < 2 / 3 * overlap
+    assert row["theory"] == row["yade"] == ""
+    assert "tangent" in row["note"]
+
+
+def test_void_ratio_is_of_the_packing_with_or_without_a_run(comparison):
+    void_ratio = comparison["void ratio, wall to wall"]
+    assert void_ratio["yade"] == ""
+    assert void_ratio["modal"]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,114 @@
+"""`measure` on the command line, and means over packings."""
+
+import json
+
+import numpy as np
+import pytest
+from long_packing import thin_packing
+from packings import slender
+
+import analysis
+from analysis.__main__ import main
+from analysis.measurement import Measurement, mean_of
+from analysis.quantities import QUICK
+from analysis.value import Value, unknown
+from modal.packing.network import write_network
+
+
+def test_cell_without_walls_has_velocities_by_its_moduli(printed):
+    """Without walls some of the quick quantities, requested by name, are missing: status 3."""
+    packing = "examples/packings/triaxial.network.h5"
+    values = printed("measure", packing, "--quick", main=main, status=3)
+    assert values["v_p"]["value"] > 0
+    assert "no_walls" in values["v_p"]["codes"]
+    assert values["low_pass"]["value"] is None
+    assert values["low_pass"]["codes"] == ["no_walls"]
+
+
+SEEDS = 1, 2, 3
+
+
+@pytest.fixture(scope="module")
+def paths(tmp_path_factory) -> list[str]:
+    """Return the files of three packings that differ in their seeds."""
+    folder = tmp_path_factory.mktemp("seeds")
+    paths = [str(folder / f"seed{seed}.network.h5") for seed in SEEDS]
+    for path, seed in zip(paths, SEEDS, strict=True):
+        write_network(path, thin_packing(seed))
+    return paths
+
+
+def test_quick_quantities_of_a_file_are_printed(paths, printed):
+    values = printed("measure", paths[0], "--quick", main=main)
+    assert set(values) == set(QUICK)
+    assert set(values["v_p"]) == {"value", "error", "unit", "parts", "caveats", "codes"}
+    assert values["v_p"]["unit"] == "m/s"
+    assert values["void_ratio"]["error"] == 0
+
+
+def test_mean_over_files_has_its_standard_error(paths, printed):
+    """Expect the larger of the scatter's standard error and that of the single errors."""
+    several = printed("measure", *paths, "--quantities", "v_p", main=main)
+    assert set(several) == {*paths, "mean"}
+    alone = printed("measure", paths[0], "--quantities", "v_p", main=main)
+    assert several[paths[0]] == alone
+    velocities = [several[path]["v_p"] for path in paths]
+    values = [velocity["value"] for velocity in velocities]
+    mean = several["mean"]["v_p"]
+    assert mean["value"] == pytest.approx(np.mean(values))
+    scatter = np.std(values, ddof=1)
+    assert mean["scatter"] == pytest.approx(scatter)
+    single_error = np.linalg.norm([velocity["error"] for velocity in velocities]) / len(paths)
+    standard_error = scatter / np.sqrt(len(paths))
+    assert mean["error"] == pytest.approx(max(single_error, standard_error))
+    assert "one_sample" not in mean["codes"]
+
+
+def test_some_unknown_quantity_of_those_requested_is_status_3(paths):
+    command = ["measure", paths[0], "--quantities", "coordination", "even_part"]
+    assert main(command) == 3
+
+
+def test_absent_file_is_refused(tmp_path, one_line):
+    one_line(main, ["measure", tmp_path / "none.h5"], "none.h5", code="no_file")
+
+
+def test_output_file_has_what_is_printed(paths, tmp_path, printed):
+    command = ["measure", paths[0], "--quantities", "void_ratio", "chi_z"]
+    values = printed(*command, "-o", tmp_path / "a.json", main=main)
+    assert json.loads((tmp_path / "a.json").read_text()) == values
+
+
+def test_mean_of_short_packings_keeps_the_error_of_their_length():
+    """More samples lessen the fit's error, but not what a short length does to each of them."""
+    measurement = analysis.measure(slender(), quantities="v_p")
+    velocity = measurement["v_p"]
+    mean = mean_of([measurement, measurement])["v_p"]
+    assert "short" in mean.codes
+    assert mean.parts["length"] == 0.15 * mean.value
+    assert mean.error**2 + mean.parts["fit"] ** 2 == pytest.approx(velocity.error**2)
+
+
+def test_mean_with_an_unknown_value_is_that_of_one_sample():
+    measurement = analysis.measure(slender(), quantities="v_p")
+    mean = mean_of([measurement, {"v_p": unknown("m/s")}])["v_p"]
+    assert mean.error == pytest.approx(measurement["v_p"].error)
+    assert "one_sample" in mean.codes
+
+
+@pytest.mark.parametrize(
+    ("lists", "expected", "error"),
+    [
+        # Standard errors: the scatter of 1 and 3, and of 2 and 6, divided by sqrt(2), or the fit's.
+        ([[1.0, 2], [3.0, 6, 9]], [2, 4], [2**0.5, 2]),
+        ([[1.0, 2], [np.nan]], [1, 2], [2, 2]),
+    ],
+    ids=["lists of two lengths", "an unknown list"],
+)
+def test_mean_of_lists_is_that_of_common_entries(lists, expected, error):
+    measurements = [
+        Measurement({"f": Value(np.array(values), "Hz", {"fit": 2.0})}) for values in lists
+    ]
+    mean = mean_of(measurements)["f"]
+    assert mean.value == pytest.approx(np.array(expected, float))
+    assert mean.error == pytest.approx(np.array(error, float))
