@@ -23,25 +23,44 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 def blocks(page):
+    """Return the kind and the text of each block of a page."""
     return BLOCK.findall(page.read_text())
 
 
 WITH_BLOCKS = [page for page in PAGES if {kind for kind, _ in blocks(page)} & {"python", "console"}]
-SLOW_PAGES = {"attenuation.md", "lammps.md", "own_packing.md"}
-"""Pages whose packings take 10 to 20 s."""
+SLOW_PAGES = {"attenuation.md", "lammps.md"}
+"""Pages whose packings take 10 to 20 s, and whose numbers need packings of that size."""
+SMALLER = {"--spheres 2000": "--spheres 500", "modal.fcc()": "modal.fcc(cells=(2, 2, 40))"}
+"""Packings of other pages, each with a smaller one that is enough for its commands."""
 
 
 def pages_with_blocks():
-    """Return each page as a parameter with its name; pages of long examples are slow tests."""
-    return [
-        pytest.param(page, id=page.name, marks=[pytest.mark.slow] * (page.name in SLOW_PAGES))
-        for page in WITH_BLOCKS
-    ]
+    """Return the parameters of tests of pages: with smaller packings, and as they are, if slow."""
+    parameters = []
+    for page in WITH_BLOCKS:
+        is_shortened = any(packing in page.read_text() for packing in SMALLER)
+        if page.name not in SLOW_PAGES:
+            parameters.append(pytest.param(page, SMALLER, id=page.name))
+        if page.name in SLOW_PAGES or is_shortened:
+            name = f"{page.name} as it is"
+            parameters.append(pytest.param(page, {}, id=name, marks=pytest.mark.slow))
+    return parameters
 
 
-@pytest.mark.parametrize("page", pages_with_blocks())
-def test_every_block_runs(page, tmp_path, monkeypatch, capsys):
-    """In the page's order and in one folder; names stay from block to block, as for a reader."""
+def run_block(kind, text, page, names):
+    """Run a block of Python with the names of earlier blocks, or a block of commands."""
+    if kind == "python":
+        exec(compile(text, page.name, "exec"), names)
+    elif kind == "console":
+        for line in text.splitlines():
+            (program,) = [name for name in PROGRAMS if line.startswith(f"$ {name} ")]
+            arguments = shlex.split(line.removeprefix(f"$ {program} "))
+            assert PROGRAMS[program](arguments) == 0, line
+
+
+@pytest.mark.parametrize(("page", "smaller"), pages_with_blocks())
+def test_every_block_runs(page, smaller, tmp_path, monkeypatch):
+    """Run a page's blocks in order and in one folder; names stay, as they do for a reader."""
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")
     monkeypatch.chdir(tmp_path)
@@ -50,13 +69,9 @@ def test_every_block_runs(page, tmp_path, monkeypatch, capsys):
     shutil.copytree(ROOT / "examples/packings", tmp_path, dirs_exist_ok=True)
     names = {}
     for kind, text in blocks(page):
-        if kind == "python":
-            exec(compile(text, page.name, "exec"), names)
-        elif kind == "console":
-            for line in text.splitlines():
-                (program,) = [name for name in PROGRAMS if line.startswith(f"$ {name} ")]
-                arguments = shlex.split(line.removeprefix(f"$ {program} "))
-                assert PROGRAMS[program](arguments) == 0, (line, capsys.readouterr().err)
+        for packing, small_packing in smaller.items():
+            text = text.replace(packing, small_packing)
+        run_block(kind, text, page, names)
     pyplot.close("all")
     if page.name == "README.md":
         assert (tmp_path / "wave.png").read_bytes().startswith(b"\x89PNG")

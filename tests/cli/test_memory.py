@@ -1,4 +1,4 @@
-"""Memory: the smallest of all limits is asked, and what exceeds it is refused in one line."""
+"""Memory at hand: the smallest of all limits; what exceeds it is refused in one line."""
 
 import os
 import subprocess
@@ -18,7 +18,7 @@ GIGABYTE = 10**9
 
 @pytest.fixture
 def machine(tmp_path, monkeypatch):
-    """A Linux of its own: 16 GB free, this process without limits, no control groups."""
+    """Return the root of a Linux with 16 GB free, no limits of this process, no control groups."""
     for name in [name for name in os.environ if name.startswith("SLURM_")]:
         monkeypatch.delenv(name)
     monkeypatch.setattr(memory, "PROC", tmp_path / "proc")
@@ -29,57 +29,79 @@ def machine(tmp_path, monkeypatch):
 
 
 def write(path: Path, text: str) -> None:
+    """Write a file and its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
 
 
-def mounted(machine: Path, kind: str, root: str, own: str, options: str) -> Path:
-    """A folder of control groups that shows those below `root`, this process in the group `own`."""
+def mount_groups(machine: Path, kind: str, root: str, group: str, options: str) -> Path:
+    """Mount a folder of control groups that shows those below `root`; this process is in `group`.
+
+    Returns the folder.
+    """
     folder = machine / "control groups"
-    at = str(folder).replace(" ", r"\040")
-    line = f"30 23 0:26 {root} {at} rw,nosuid shared:4 - {kind} cgroup {options}\n"
+    escaped = str(folder).replace(" ", r"\040")
+    line = f"30 23 0:26 {root} {escaped} rw,nosuid shared:4 - {kind} cgroup {options}\n"
     write(machine / "proc/self/mountinfo", "21 1 8:1 / / rw - ext4 /dev/sda rw\n" + line)
     controllers = "" if kind == "cgroup2" else "cpu,memory"
-    write(machine / "proc/self/cgroup", f"3:pids:/elsewhere\n0:{controllers}:{own}\n")
+    write(machine / "proc/self/cgroup", f"3:pids:/elsewhere\n0:{controllers}:{group}\n")
     return folder
 
 
-@pytest.mark.parametrize("root", ["/", "/docker/abc"])
-def test_control_groups_of_version_2_inside_of_each_other(machine, root):
-    """What each leaves is its limit less its use, but for files that need not stay; max is none."""
-    own = "/docker/abc/job/step" if root != "/" else "/job/step"
-    folder = mounted(machine, "cgroup2", root, own, "rw")
-    for name, limit, used, files in (
-        ("", "max", 9 * GIGABYTE, 0),
-        ("job", 3 * GIGABYTE, 2 * GIGABYTE, GIGABYTE // 2),
-        ("job/step", 8 * GIGABYTE, GIGABYTE, 0),
-    ):
-        write(folder / name / "memory.max", f"{limit}\n")
-        write(folder / name / "memory.current", f"{used}\n")
-        write(folder / name / "memory.stat", f"anon 5\ninactive_file {files}\n")
+def write_group(folder: Path, limit: object, used: int, inactive_files: int) -> None:
+    """Write the files of a control group of version 2, numbers in bytes."""
+    write(folder / "memory.max", f"{limit}\n")
+    write(folder / "memory.current", f"{used}\n")
+    write(folder / "memory.stat", f"anon 5\ninactive_file {inactive_files}\n")
+
+
+@pytest.fixture(params=[("/", "/job/step"), ("/docker/abc", "/docker/abc/job/step")], ids=str)
+def nested_groups(request, machine) -> Path:
+    """Return the folder of control groups of version 2 inside of each other."""
+    root, group = request.param
+    folder = mount_groups(machine, "cgroup2", root, group, "rw")
+    write_group(folder, "max", 9 * GIGABYTE, 0)
+    write_group(folder / "job", 3 * GIGABYTE, 2 * GIGABYTE, GIGABYTE // 2)
+    write_group(folder / "job/step", 8 * GIGABYTE, GIGABYTE, 0)
+    return folder
+
+
+def test_control_group_leaves_its_limit_without_its_use(nested_groups):
+    """Subtract the use, but for files that need not stay; `max` is no limit."""
     assert memory.memory_at_hand() == 1.5e9
-    write(folder / "job/step/memory.high", f"{2 * GIGABYTE}\n")
+
+
+def test_high_mark_of_a_control_group_is_a_limit(nested_groups):
+    write(nested_groups / "job/step/memory.high", f"{2 * GIGABYTE}\n")
     assert memory.memory_at_hand() == 1e9
 
 
-@pytest.mark.parametrize("own", ["/slurm/job_7", "/docker/abc"])
-def test_control_groups_of_version_1(machine, own):
-    """Those of memory alone; a container's own is the root of what it sees."""
-    root = own if "docker" in own else "/"
-    folder = mounted(machine, "cgroup", root, own, "rw,cpu,memory")
-    group = folder if root != "/" else folder / "slurm/job_7"
-    write(group / "memory.limit_in_bytes", f"{4 * GIGABYTE}\n")
-    write(group / "memory.usage_in_bytes", f"{3 * GIGABYTE}\n")
-    write(group / "memory.stat", f"total_inactive_file {GIGABYTE}\n")
+@pytest.fixture(params=["/slurm/job_7", "/docker/abc"])
+def old_group(request, machine) -> Path:
+    """Return a control group of version 1; a container's own is the root of what it sees."""
+    group = request.param
+    if "docker" in group:
+        folder = mount_groups(machine, "cgroup", group, group, "rw,cpu,memory")
+    else:
+        folder = mount_groups(machine, "cgroup", "/", group, "rw,cpu,memory") / "slurm/job_7"
+    write(folder / "memory.limit_in_bytes", f"{4 * GIGABYTE}\n")
+    write(folder / "memory.usage_in_bytes", f"{3 * GIGABYTE}\n")
+    write(folder / "memory.stat", f"total_inactive_file {GIGABYTE}\n")
+    return folder
+
+
+def test_control_group_of_version_1_leaves_its_limit_without_its_use(old_group):
     assert memory.memory_at_hand() == 2e9
-    write(group / "memory.limit_in_bytes", "9223372036854771712\n")  # no limit, as it is written
+
+
+def test_largest_integer_is_no_limit_of_a_control_group_of_version_1(old_group):
+    write(old_group / "memory.limit_in_bytes", "9223372036854771712\n")
     assert memory.memory_at_hand() == 16e9
 
 
-def test_a_group_that_has_more_than_its_limit_leaves_nothing(machine):
-    folder = mounted(machine, "cgroup2", "/", "/", "rw")
-    write(folder / "memory.max", f"{GIGABYTE}\n")
-    write(folder / "memory.current", f"{2 * GIGABYTE}\n")
+def test_group_that_uses_more_than_its_limit_leaves_nothing(machine):
+    folder = mount_groups(machine, "cgroup2", "/", "/", "rw")
+    write_group(folder, GIGABYTE, 2 * GIGABYTE, 0)
     assert memory.memory_at_hand() == 0
 
 
@@ -99,44 +121,50 @@ def test_a_group_that_has_more_than_its_limit_leaves_nothing(machine):
         ({"MEM_PER_CPU": "1024"}, 2**30),
     ],
 )
-def test_what_slurm_grants(machine, monkeypatch, variables, bytes_):
-    """In MB or with a unit; what is no number of Slurm's grants nothing and takes nothing."""
+def test_memory_that_slurm_grants_is_a_limit(machine, monkeypatch, variables, bytes_):
+    """Read MB, or a number with a unit; any other text is no limit."""
     for name, value in variables.items():
         monkeypatch.setenv(f"SLURM_{name}", value)
     assert memory.memory_at_hand() == bytes_
 
 
-def test_limits_of_the_process_itself():
-    """Its addresses and its data, less what it has of them; asked in a process of its own."""
+@pytest.mark.parametrize("limit", ["RLIMIT_AS", "RLIMIT_DATA"], ids=["addresses", "data"])
+def test_limit_of_the_process_leaves_what_the_process_does_not_have(limit):
+    """Read the memory at hand in a process of its own, before and after the limit."""
     pytest.importorskip("resource")
     if not Path("/proc/self/status").exists():
         pytest.skip("only Linux tells what a process has")
-    for limit in ("RLIMIT_AS", "RLIMIT_DATA"):
-        code = (
-            "import resource; from modal.tools.memory import memory_at_hand as free\n"
-            f"before = free(); resource.setrlimit(resource.{limit}, (2 * 10**9,) * 2)\n"
-            "print(before, free())"
-        )
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-        before, free = map(float, done.stdout.split())
-        assert 0 < free < min(2e9, before)
+    code = (
+        "import resource; from modal.tools.memory import memory_at_hand\n"
+        f"print(memory_at_hand()); resource.setrlimit(resource.{limit}, (2 * 10**9,) * 2)\n"
+        "print(memory_at_hand())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    before, after = map(float, done.stdout.split())
+    assert 0 < after < min(2e9, before)
 
 
-def test_a_system_that_tells_little(monkeypatch, tmp_path):
-    """As macOS, which tells its whole memory alone, and as Windows, which lacks these modules."""
-    free, peak = memory.memory_at_hand(), memory.peak_memory()
+def test_macos_tells_its_whole_memory_alone(monkeypatch, tmp_path):
+    free = memory.memory_at_hand()
+    peak = memory.peak_memory()
     monkeypatch.setattr(memory, "PROC", tmp_path)
     assert free <= memory.memory_at_hand() < 1e15
     assert memory.peak_memory() >= 0.9 * peak
+
+
+def test_windows_tells_no_memory(monkeypatch, tmp_path):
+    """Windows has neither /proc nor the modules that ask for limits."""
+    monkeypatch.setattr(memory, "PROC", tmp_path)
     monkeypatch.setattr(memory, "resource", None)
     monkeypatch.delattr(os, "sysconf", raising=False)
     monkeypatch.delenv("SLURM_MEM_PER_NODE", raising=False)
     monkeypatch.delenv("SLURM_MEM_PER_CPU", raising=False)
-    assert memory.memory_at_hand() == np.inf and memory.peak_memory() == 0
+    assert memory.memory_at_hand() == np.inf
+    assert memory.peak_memory() == 0
 
 
 def test_without_the_modules_that_windows_lacks():
-    """resource and fcntl hidden: a network, its modes, a wave and what measure makes of it."""
+    """Hide resource and fcntl: make a network, its modes, a wave, and measure a quantity."""
     code = (
         "import sys; sys.modules.update(resource=None, fcntl=None, pwd=None, termios=None);"
         "import modal, analysis; n = modal.fcc(cells=(1, 1, 12));"
@@ -148,14 +176,15 @@ def test_without_the_modules_that_windows_lacks():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     answers = done.stdout.split("\n")
-    assert answers[:3] == 3 * ["True"] and answers[-2] == "0"
+    assert answers[:3] == ["True", "True", "True"]
+    assert answers[-2] == "0"
 
 
 @pytest.mark.parametrize(
     "error", [MemoryError(), np._core._exceptions._ArrayMemoryError((9,), np.dtype(float))]
 )
-def test_a_command_that_finds_no_memory_ends_in_one_line(error, tmp_path, monkeypatch, capsys):
-    """Where no estimate has foreseen it."""
+def test_command_that_finds_no_memory_ends_in_one_line(error, tmp_path, monkeypatch, capsys):
+    """Refuse also where no estimate has foreseen it."""
     write_network(tmp_path / "a.network.h5", modal.fcc(cells=(1, 1, 4)))
 
     def fail(*_, **__):
@@ -163,5 +192,7 @@ def test_a_command_that_finds_no_memory_ends_in_one_line(error, tmp_path, monkey
 
     monkeypatch.setattr("modal.cli.info.summary", fail)
     assert main(["info", str(tmp_path / "a.network.h5")]) == 2
-    said = capsys.readouterr()
-    assert said.err.startswith("error: ") and said.err.count("\n") == 1 and not said.out
+    printed = capsys.readouterr()
+    assert printed.err.startswith("error: ")
+    assert printed.err.count("\n") == 1
+    assert printed.out == ""
