@@ -187,7 +187,8 @@ def two_producers():
 def frame(two_producers):
     """Return the numbers of the three crystals."""
     results = [
-        replace(measure_result(packing), name=str(number)) for number, packing in enumerate(two_producers)
+        replace(measure_result(packing), name=str(number))
+        for number, packing in enumerate(two_producers)
     ]
     return frame_of(results)
 
