@@ -30,10 +30,6 @@ if HIDDEN:
     runpy.run_path(str(folder / "sitecustomize.py"))
     paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
     os.environ["PYTHONPATH"] = os.pathsep.join(paths)
-if os.environ.get("PYTHONDONTWRITEBYTECODE"):
-    # Programs that tests start would compile each module again: a fifth of their processor time.
-    os.environ["PYTHONDONTWRITEBYTECODE"] = ""
-    os.environ["PYTHONPYCACHEPREFIX"] = str(Path(__file__).parents[1] / "build/pycache")
 
 
 def pytest_configure(config):

@@ -28,10 +28,16 @@ Loop = Callable[..., Any]
 
 
 def compile_cached(function: Loop, **options: Any) -> Loop:
-    """Compile a function with numba, which keeps the result in files if a folder allows it."""
+    """Compile a function with numba, which keeps the result in files if a folder allows it.
+
+    numba finds the result by the path of the source file, here without links: where the project is
+    reached through a link, as on many clusters, nothing is compiled again.
+    """
     folder = cache_folder()
     if folder is None:
         return numba.njit(**options)(function)
+    path = os.path.realpath(function.__code__.co_filename)
+    function.__code__ = function.__code__.replace(co_filename=path)
     configured = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(folder)  # numba reads it while it decorates
     try:

@@ -19,16 +19,21 @@ def doubled(x):
 """
 
 
-@pytest.fixture
-def doubled(tmp_path):
-    """Return a function of a module in a folder of its own."""
-    path = tmp_path / "installed" / "numbers_of_it.py"
-    path.parent.mkdir()
-    path.write_text(LOOP)
-    spec = importlib.util.spec_from_file_location("numbers_of_it", path)
+def load_doubled(folder):
+    """Return the function of the module in a folder."""
+    spec = importlib.util.spec_from_file_location("numbers_of_it", folder / "numbers_of_it.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module.doubled
+
+
+@pytest.fixture
+def doubled(tmp_path):
+    """Return a function of a module in a folder of its own."""
+    folder = tmp_path / "installed"
+    folder.mkdir()
+    (folder / "numbers_of_it.py").write_text(LOOP)
+    return load_doubled(folder)
 
 
 @pytest.fixture
@@ -56,6 +61,14 @@ def test_loops_are_kept_for_the_user_and_not_in_the_installation(doubled, caches
     assert loop_cache.numba.config.CACHE_DIR == ""
     again = loop_cache.compile_cached(doubled)
     assert again(21) == 42 and sum(again.stats.cache_hits.values()) == 1
+
+
+def test_loops_behind_a_link_are_not_compiled_again(doubled, caches, tmp_path):
+    loop_cache.compile_cached(doubled)(21)
+    (tmp_path / "linked").symlink_to(tmp_path / "installed")
+    loop = loop_cache.compile_cached(load_doubled(tmp_path / "linked"))
+    assert loop(21) == 42
+    assert sum(loop.stats.cache_hits.values()) == 1
 
 
 def test_the_folder_of_numba_is_taken_where_it_is_named(doubled, caches, tmp_path, monkeypatch):
