@@ -1,4 +1,4 @@
-"""Sizes that packings should have: one constant each, which the documents have too."""
+"""Sizes that packings should have: one constant each, which the documents also state."""
 
 import re
 from pathlib import Path
@@ -17,8 +17,8 @@ from modal.preparation.protocol import NOMINAL_FRACTION
 DOCS = Path(__file__).parents[2] / "docs"
 
 
-def number(page: str, pattern: str) -> float:
-    """The number of a sentence on a page, whose lines may break anywhere."""
+def read_number(page: str, pattern: str) -> float:
+    """Return the number of a sentence on a page, whose lines may break anywhere."""
     text = " ".join((DOCS / page).read_text().split())
     (word,) = re.findall(pattern, text)
     return float(word.replace(",", ""))
@@ -37,7 +37,7 @@ def number(page: str, pattern: str) -> float:
     ],
 )
 def test_documents_advise_what_the_code_asks_for(page, pattern, constant):
-    assert number(page, pattern) == constant
+    assert read_number(page, pattern) == constant
 
 
 @pytest.mark.parametrize(
@@ -49,28 +49,36 @@ def test_documents_advise_what_the_code_asks_for(page, pattern, constant):
     ],
 )
 def test_as_many_spheres_as_the_documents_say_make_that_length(page, pattern, length):
-    """At the usual width, with the solid fraction that `pack` reckons with; not twice as many."""
-    spheres = number(page, pattern)
-    reached = spheres * np.pi / 6 / NOMINAL_FRACTION / MIN_WIDTH_IN_DIAMETERS**2
-    assert length < reached < 1.3 * length
+    """Compute the length at the usual width, with the solid fraction that `pack` assumes."""
+    spheres = read_number(page, pattern)
+    reached_length = spheres * np.pi / 6 / NOMINAL_FRACTION / MIN_WIDTH_IN_DIAMETERS**2
+    assert length < reached_length < 1.3 * length
 
 
-def caveats(network, name):
+def caveats_of(network, name):
+    """Return the caveats of a quantity of a network."""
     return QUANTITIES[name].measured(PackingData(network)).caveats
 
 
-def test_a_narrow_cell_is_said_where_a_wave_is_read_and_nowhere_else():
-    """Of 200 spheres 3.5 D wide: what differs between waves and the packing itself is the width."""
+def width_caveat(packing):
+    """Return the one caveat that waves have because of the width."""
+    (caveat,) = set(packing.of_waves) - set(packing.of_one_sample)
+    return caveat
+
+
+def test_narrow_cell_is_a_caveat_of_what_is_read_from_waves():
+    """Take 200 spheres 3.5 D wide."""
     packing = PackingData(slender())
     assert packing.width < MIN_WIDTH_IN_DIAMETERS
-    (narrow,) = set(packing.of_waves) - set(packing.of_one_sample)
-    assert narrow in caveats(slender(), "v_p")
-    for name in ("void_ratio", "highest_frequency", "v_p_static"):
-        assert narrow not in caveats(slender(), name)
+    assert width_caveat(packing) in caveats_of(slender(), "v_p")
 
 
-def test_a_velocity_by_the_moduli_is_of_no_wave():
+@pytest.mark.parametrize("name", ["void_ratio", "highest_frequency", "v_p_static"])
+def test_narrow_cell_is_no_caveat_of_what_needs_no_wave(name):
+    assert width_caveat(PackingData(slender())) not in caveats_of(slender(), name)
+
+
+def test_narrow_cell_is_no_caveat_of_a_velocity_by_the_moduli():
     cell = modal.random_packing(110, seed=2, friction=0.6, aspect=1, periodic=True)
     packing = PackingData(bare(cell, "cell_shift"))
-    (narrow,) = set(packing.of_waves) - set(packing.of_one_sample)
-    assert narrow not in QUANTITIES["v_p"].measured(packing).caveats
+    assert width_caveat(packing) not in QUANTITIES["v_p"].measured(packing).caveats

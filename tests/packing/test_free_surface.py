@@ -30,7 +30,9 @@ GRAVITY = np.array([0.6, 0.0, -9.81])
 @cache
 def cell() -> Network:
     """Return 1,500 spheres in a periodic cube, whose void ratio is that of its volume."""
-    return packings.random_sample(1500, 1e5, seed=1, aspect=1.5, periodic=True).network()
+    return packings.random_sample(
+        1500, 1e5, seed=1, aspect=1.5, tolerance=1e-2, periodic=True
+    ).network()
 
 
 CONTACT_COLUMNS = (

@@ -18,7 +18,7 @@ from modal.packing.network import Network, write_network
 def with_two_sizes(ratio: float) -> Network:
     """Return a packing of two sizes, whose radii have this ratio."""
     mixture = {"sizes": ["two", ratio, 0.8], "aspect": 1.0, "tolerance": 1e-2}
-    return packings.random_sample(900, 1e5, seed=4, **mixture).network()
+    return packings.random_sample(400, 1e5, seed=4, **mixture).network()
 
 
 def without_periods(network: Network) -> Network:

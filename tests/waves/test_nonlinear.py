@@ -142,7 +142,7 @@ def pillar():
         *(("rested", "wall", direction) for direction in "zx"),
         *(("rested", "plane", direction) for direction in "zx"),
         *(("rested", "point", direction) for direction in ("z", "y", "torsion")),
-        *(("endless", "plane", direction) for direction in "zxy"),
+        *(("endless", "plane", direction) for direction in "zx"),
         *(("endless", "point", direction) for direction in ("x", "torsion")),
         *(("pillar", source, "torsion") for source in ("wall", "plane", "point")),
     ],
