@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -168,7 +169,7 @@ def test_number_has_no_digit_beyond_its_error(value, error, text):
 
 def with_coarse_gain(network, records=()):
     """Return a crystal with a coarse gain, which takes least time and is not read here."""
-    case = Case("crystal", None, {}, contents={"response": coarse_gain(network)})
+    case = Case("crystal", Path(), {}, contents={"response": coarse_gain(network)})
     return PackingData(network, records, case=case)
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from exact_crystal import CHAIN, LENGTH, record, write_crystal
-from packings import slender, slim
+from packings import slender
 from refusals import refusal
 from scipy.special import ndtr
 
@@ -62,7 +62,7 @@ def random_case(tmp_path_factory) -> Path:
     """Return a random packing without a run, beside the spectra that `measure --keep` makes."""
     folder = tmp_path_factory.mktemp("random")
     network = folder / "case06.network.h5"
-    write_network(network, slim())
+    write_network(network, slender())
     command = ["measure", str(network), "--keep", str(folder)]
     assert main([*command, "--quantities", "gain", "excess_peak", "ioffe_regel"]) in (0, 3)
     return network

@@ -7,6 +7,7 @@ import pytest
 from packings import slender
 
 import analysis
+import modal
 from analysis.__main__ import main
 from analysis.measurement import Measurement, mean_of
 from analysis.quantities import QUICK
@@ -37,8 +38,11 @@ def paths(tmp_path_factory) -> list[str]:
     return paths
 
 
-def test_quick_quantities_of_a_file_are_printed(paths, printed):
-    values = printed("measure", paths[0], "--quick", main=main)
+def test_quick_quantities_of_a_file_are_printed(tmp_path, printed):
+    """Measure a crystal that is long enough for each of them."""
+    path = tmp_path / "crystal.network.h5"
+    write_network(path, modal.fcc(cells=(1, 1, 200)))
+    values = printed("measure", path, "--quick", main=main)
     assert set(values) == set(QUICK)
     assert set(values["v_p"]) == {"value", "error", "unit", "parts", "caveats", "codes"}
     assert values["v_p"]["unit"] == "m/s"
