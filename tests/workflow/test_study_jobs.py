@@ -86,6 +86,7 @@ def test_reduced_study_compresses_without_yade(jobs):
 
 def test_study_from_scratch_takes_no_committed_sample(jobs):
     full_jobs = jobs.Jobs(PATHS | {"from_scratch": True})
+    assert full_jobs.rows["case02"]["layers"] == 200  # the paper's 4 x 4 x 200
     assert len(full_jobs.walks) == 7
     samples = [full_jobs.committed_sample(case) for case in full_jobs.cases_of_kind("random")]
     assert not any(samples)
@@ -124,6 +125,29 @@ def test_number_of_lowest_modes_is_that_of_the_study(split_command, paper_jobs):
 def test_every_place_in_a_command_is_filled(paper_jobs, import_module):
     for rule in import_module("commands").OF_NETWORK:
         assert "{" not in paper_jobs.network_command(rule, "case06"), rule
+
+
+def test_wave_takes_twice_as_long_in_a_packing_of_eight_times_the_spheres(jobs):
+    short = jobs.Jobs(PATHS | {"spheres": 1000}).duration("case06")
+    long = jobs.Jobs(PATHS | {"spheres": 8000}).duration("case06")
+    assert long == pytest.approx(2 * short, rel=1e-3)
+
+
+def test_duration_of_a_wave_falls_as_the_velocity_rises_with_the_stress(jobs):
+    """Case 7 has ten times the stress of case 6; the velocity is proportional to stress^(1/6)."""
+    small_jobs = jobs.Jobs(PATHS | {"spheres": 1000})
+    ratio = small_jobs.duration("case06") / small_jobs.duration("case07")
+    assert ratio == pytest.approx(10 ** (1 / 6), rel=1e-3)
+
+
+@pytest.mark.parametrize("case", ["case02", "case03", "case06"])
+def test_commands_make_each_product_that_a_result_is_measured_from(case, jobs):
+    """YADE's jobs make sample and network beside a wave; spectra are kept by `measure`."""
+    small_jobs = jobs.Jobs(PATHS | {"spheres": 1000})
+    commands = "\n".join(small_jobs.product_commands(case))
+    made_beside = {"sample", "network", "response", "density", "structure"}
+    for kind in set(small_jobs.product_kinds(case)) - made_beside:
+        assert small_jobs.product(case, kind) in commands, kind
 
 
 @pytest.fixture

@@ -49,7 +49,7 @@ def numerical_tangent(sample, step):
             motion[column] = sign * displacement
             contacts.move(motion.reshape(-1, 6))
             loads.append(contacts.load.ravel())
-        K[:, number] = (loads[0] - loads[1]) / (2 * displacement)
+        K[:, number] = (loads[1] - loads[0]) / (2 * displacement)
     return K
 
 
