@@ -221,10 +221,10 @@ def modulus_velocities(network: Network, direction: Direction) -> tuple[float, f
         velocities, motions = elastic_moduli(network).waves((0, 0, 1))
     except UnavailableError:
         return np.nan, np.nan
-    p_wave = int(np.argmax(abs(motions[:, 2])))
-    shear_waves = np.delete(np.arange(3), p_wave)
+    p_number = int(np.argmax(abs(motions[:, 2])))
+    shear_waves = np.delete(np.arange(3), p_number)
     along_axis = abs(motions[shear_waves, shear_axis])
-    return float(velocities[p_wave]), float(velocities[shear_waves[np.argmax(along_axis)]])
+    return float(velocities[p_number]), float(velocities[shear_waves[np.argmax(along_axis)]])
 
 
 def _widths(network: Network) -> Floats:

@@ -267,7 +267,7 @@ def _read_cross_correlation(pair: RecordPair) -> _Reading:
     delay, correlation, side_lobe = _delay(pair.direct())
     longer_delay = _delay(pair.direct(FADE_IN_PERIODS))[0]
     unlike = np.sqrt(max(1 / correlation**2 - 1, 0.0)) / (2 * np.pi * pair.frequency)
-    caveats = ()
+    caveats: tuple[Caveat, ...] = ()
     if side_lobe > MAX_SIDE_LOBE:
         caveats = (Caveat("ambiguous_cycle", {"ratio": side_lobe}),)
     parts = {"distortion": float(unlike), "window": abs(longer_delay - delay)}

@@ -103,7 +103,7 @@ def fitted_resonance(frequency: Floats, response: Complex) -> QualityFactor:
     >>> round(found.frequency, 6), round(found.quality, 6)
     (100.0, 50.0)
     """
-    rough = half_power(frequency, abs(response))
+    rough = half_power(frequency, np.abs(response))
     distance = FIT_WIDTHS * rough.frequency / rough.quality
     near = abs(frequency - rough.frequency) < distance
     if near.sum() < MIN_FITTED_FREQUENCIES:

@@ -161,7 +161,7 @@ def _energy_of_broken(
     energy = np.zeros(len(geometry.ends))
     if not acts_across_gaps(laws[0]):
         return energy
-    is_broken = step.normal.any(axis=1)
+    is_broken: Bools = np.any(step.normal, axis=1)
     is_broken[contacts.rows] = False
     i, j = geometry.ends[is_broken].T
     pair = j >= 0

@@ -52,8 +52,9 @@ def constants_of(stiffness: Floats, relative_error: float = 0.0) -> CrossAnisotr
     `relative_error` is that of the moduli; a Poisson's ratio, a ratio of compliances, is off by as
     much, not by a share of itself.
     """
-    mean = _constants_along(np.linalg.inv(about_z(stiffness)), 0)
-    compliance = np.linalg.inv(stiffness)
+    mean_compliance = np.linalg.inv(about_z(stiffness)).astype(float)
+    mean = _constants_along(mean_compliance, 0)
+    compliance = np.linalg.inv(stiffness).astype(float)
     along_x = _constants_along(compliance, 0)
     along_y = _constants_along(compliance, 1)
     spread = np.maximum(abs(along_x - mean), abs(along_y - mean))

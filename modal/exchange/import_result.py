@@ -159,7 +159,8 @@ def _keep_stiffnesses(
         _refuse_few_digits(packing, error, MAX_NORMAL_ERROR_RAD, distance, name)
     columns = dict(listed.columns)
     sliding = columns.pop("sliding", None)
-    return _ContactState(geometry.overlap, "positions", listed.force, columns, sliding=sliding)
+    is_sliding = None if sliding is None else sliding.astype(bool)
+    return _ContactState(geometry.overlap, "positions", listed.force, columns, sliding=is_sliding)
 
 
 def _apply_laws(

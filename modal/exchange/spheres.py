@@ -30,7 +30,7 @@ from modal.packing.contact_law import GLASS, sphere_volume
 from modal.packing.network import Network
 from modal.packing.scan import ForceLaw, Scan, ScannedSpheres
 from modal.tools.arguments import checked
-from modal.tools.arrays import Floats
+from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 
 GLASS_LAW = "granular hertz/material 6e10 0 0.2 tangential mindlin NULL 0 0.3"
@@ -102,7 +102,7 @@ class Spheres:
     number: Floats | None = None
     mass: Floats | None = None
     density: Floats | None = None
-    kind: Floats | None = None
+    kind: Ints | None = None
     cell: Cell | None = None
     digits: int = FULL_DIGITS
 
@@ -194,8 +194,8 @@ def import_spheres(
         _refuse_large_radii(path, spheres.radius)
     mass = _choose_masses(spheres, options, units, remarks)
     count = len(spheres.position)
-    number = np.arange(count) if spheres.number is None else spheres.number
-    kind = np.full(count, dump.ONLY_TYPE) if spheres.kind is None else spheres.kind.astype(int)
+    number = np.arange(count, dtype=float) if spheres.number is None else spheres.number
+    kind = np.full(count, dump.ONLY_TYPE) if spheres.kind is None else spheres.kind
     columns = SphereColumns(number, spheres.position, spheres.radius, mass, kind)
     named_rows = rows or Rows(Path(path), (), (), 0)
     packing = Packing.from_columns(named_rows, cell, units, columns, spheres.digits)
@@ -268,8 +268,8 @@ def _choose_cell(spheres: Spheres, options: SphereOptions, walls: dump.Walls, un
         low[2] = walls[WALLS[0]].z
     if WALLS[1] in walls:
         high[2] = walls[WALLS[1]].z
-    planes = tuple(walls[code].z if code in walls else np.nan for code in WALLS)
-    return replace(cell, low=low, high=high, walls=planes)
+    low_plane, high_plane = (walls[code].z if code in walls else np.nan for code in WALLS)
+    return replace(cell, low=low, high=high, walls=(low_plane, high_plane))
 
 
 def _wall_line(cell: Cell | None, units: Units) -> str | None:

@@ -116,7 +116,10 @@ def _describe_cell(network: Network) -> str:
 def _csv(columns: Mapping[str, Array]) -> str:
     """Return columns (n,) as the text of a table; numbers have all their digits."""
     formats = ["%d" if data.dtype.kind in "iub" else "%.17g" for data in columns.values()]
-    table = np.rec.fromarrays([*columns.values()], names=[*columns])
+    rows = len(next(iter(columns.values())))
+    table = np.empty(rows, dtype=[(name, data.dtype) for name, data in columns.items()])
+    for name, data in columns.items():
+        table[name] = data
     text = io.StringIO()
     np.savetxt(text, table, fmt=formats, delimiter=",", header=",".join(columns), comments="")
     return text.getvalue()

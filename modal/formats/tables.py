@@ -102,7 +102,7 @@ class Tabular:
     def _labelled(self) -> dict[str, tuple[tuple[str, ...], Array, str]]:
         """Return names of dimensions, numbers and unit of each column that is present."""
         labelled = {}
-        columns = columns_of(type(self))  # type: ignore[arg-type]
+        columns = columns_of(type(self))
         for field in fields(self):  # type: ignore[arg-type]
             column = columns.get(field.name)
             value = getattr(self, field.name)

@@ -13,8 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from modal.packing.network import Network
+from modal.packing.noted_laws import ELASTIC
 from modal.packing.precision import taken_as_exact
-from modal.packing.sample import ELASTIC, Sample, bare_sample
+from modal.packing.sample import Sample, bare_sample
 from modal.packing.scan import Scan
 from modal.preparation.compression import run_to_checkpoint, start_dynamics
 from modal.preparation.frictionless import Descent, Pressure

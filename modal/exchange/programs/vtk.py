@@ -42,7 +42,7 @@ def read(path: Path, scales: Sequence[float] | None = None, **sphere_options: An
     """Return the packing of a file; the options are those of `SphereOptions`."""
     options = SphereOptions(scales=scales, **sphere_options)
     position, fields = read_points(path)
-    columns = {}
+    columns: dict[str, Floats] = {}
     for name, data in fields.items():
         known = read_heading(name).name
         if known and data.ndim == 1:
