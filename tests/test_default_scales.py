@@ -67,11 +67,16 @@ def factor_of(name: str, length: float, stiffness: float) -> float:
     return next((factor for end, factor in factors.items() if name.endswith(end)), 1.0)
 
 
-def compare(name, before, after, factor):
-    """Numbers, or lists and named values of numbers."""
+def compare(name, before, after, scale):
+    """Compare numbers, or lists and named values of numbers, whose unit their names end with.
+
+    Named values have the unit of their own names, or else that of the name above them.
+    """
+    factor = factor_of(name, *scale)
     if isinstance(before, dict):
         for key, value in before.items():
-            compare(name, value, after[key], factor)
+            has_unit = factor_of(key, *scale) != 1
+            compare(key if has_unit else name, value, after[key], scale)
     elif isinstance(before, list) and before and not isinstance(before[0], str):
         wanted, size = factor * np.array(before, float), abs(np.array(before, float)).max()
         assert np.array(after) == pytest.approx(wanted, rel=1e-6, abs=ROUND_OFF * factor * size), (
@@ -95,8 +100,7 @@ def test_defaults_scale_with_the_packing(command, tmp_path, printed, monkeypatch
         results.append(printed(words[0], "a.network.h5", *words[1:]))
         for name, value in results[0].items():
             if name not in (*COST, *OF_ROUND_OFF) and number:
-                factor = factor_of(name, length, stiffness)
-                compare(name, value, results[number][name], factor)
+                compare(name, value, results[number][name], (length, stiffness))
 
 
 def test_density_of_a_soft_packing_shows_its_modes():

@@ -75,8 +75,10 @@ def run(options: Options) -> Result:
         theories["walton_smooth"] = walton(assembly, rough=False)
     result["theory"] = {name: _compare(measured, expected) for name, expected in theories.items()}
     if not len(moduli.soft_strains()):
-        constants = cross_anisotropy(moduli)._asdict()
-        result["cross_anisotropy"] = {name: list(each) for name, each in constants.items()}
+        result["cross_anisotropy"] = {
+            name if name.startswith("poisson") else f"{name}_pa": list(constant)
+            for name, constant in cross_anisotropy(moduli)._asdict().items()
+        }
     if options.fluid:
         result["saturated"] = _saturated(network, measured, options)
     return result

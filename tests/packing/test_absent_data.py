@@ -73,6 +73,7 @@ def test_info_names_what_is_absent_and_leaves_its_numbers_out(tmp_path, printed)
     needs_forces |= {f"{most}net_force_over_contact_force" for most in ("", "largest_")}
     needs_normal_force = {"wall_stress_pa", "pulling_contacts", "law"}
     needs_normal_force |= {"force_over_stiffness_times_overlap"}
+    needs_forces |= {"mobilised_contacts_per_particle", "isostatic_coordination_number"}
     needs_forces = (needs_forces | {"sliding_contacts"}) & known.keys()
     for kept, lost in (
         (("force_normal", "overlap"), needs_forces),
