@@ -173,7 +173,7 @@ def test_moduli_equal_those_of_another_solver():
 
 @needs_pyamg
 def test_moduli_take_multigrid_where_contacts_are_many(monkeypatch):
-    """Take it where no factor is at hand; not for small packings, and not for 4 contacts a sphere."""
+    """Take it where no factor is at hand; not in small packings, nor with 4 contacts a sphere."""
     full = LinearSystem.of(disordered((3, 3, 12)))
     few = LinearSystem.of(diluted(0.65, 1, 12))
     monkeypatch.setattr(steady, "available", lambda name: name == "multigrid")
