@@ -25,7 +25,8 @@ TEXTS: Final[Mapping[str, str]] = {
     "few_digits": "overlaps are known to {error:.2g} by the digits of positions",
     "scanned": (
         "from a scan: gaps below {tolerance:.3g} m count as contacts, whose mean force follows "
-        "from {stress:.3g} Pa"
+        "from {stress:.3g} Pa; where few of them bear the stress, as in sheared packings, "
+        "velocities are too high by more than the error"
     ),
     "free_surface": "free surface at {ends}: of {cubes} cubes away from walls and surfaces",
     "contacts_missing": (
