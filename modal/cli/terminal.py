@@ -148,7 +148,11 @@ def label_and_unit(name: str) -> tuple[str, str]:
 def _value_lines(value: Any, unit: str) -> list[str]:
     """Return the text for a result's value: one line, or several for texts and named values."""
     if isinstance(value, dict) and value:
-        rows = [(_key(key), ", ".join(_value_lines(item, unit))) for key, item in value.items()]
+        rows = []
+        for key, item in value.items():
+            label, own_unit = label_and_unit(key)
+            lines = _value_lines(item, own_unit or unit)
+            rows.append((label if own_unit else _key(key), ", ".join(lines)))
         return table(rows).split("\n")
     if isinstance(value, bool):
         return ["yes" if value else "no"]
