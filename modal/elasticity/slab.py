@@ -168,13 +168,7 @@ def static_velocity(network: Network) -> StaticVelocity:
     InputError if the packing is too short or carries no force from wall to wall.
     """
     system = LinearSystem.of(network)
-    bulk = Bulk.of(network)
-    if bulk is None:
-        raise UnavailableError(
-            "too_short",
-            "the packing is too short for a velocity of its bulk",
-            remedy="take a longer one",
-        )
+    bulk = _bulk_of(network)
     source = system.put_on(end_moves(network, "source"))
     receiver = system.put_on(end_moves(network, "receiver"))
     # A factor takes minutes or gigabytes where some hundred products take a second.
@@ -196,6 +190,18 @@ def static_velocity(network: Network) -> StaticVelocity:
     return StaticVelocity(velocity, modulus, velocity * unevenness / 2)
 
 
+def _bulk_of(network: Network) -> Bulk:
+    """Return the bulk of a packing; raise UnavailableError if it is too short to have one."""
+    bulk = Bulk.of(network)
+    if bulk is None:
+        raise UnavailableError(
+            "too_short",
+            "the packing is too short for a velocity of its bulk",
+            remedy="take a longer one",
+        )
+    return bulk
+
+
 def strained_velocities(network: Network, axes: Sequence[int]) -> list[StaticVelocity]:
     """Measure velocities and moduli of waves along z whose spheres move along each of some axes.
 
@@ -205,13 +211,7 @@ def strained_velocities(network: Network, axes: Sequence[int]) -> list[StaticVel
     strain are those of the bulk, as in `stiffness_of`. UnavailableError if the packing is too short
     or a strain meets no resistance.
     """
-    bulk = Bulk.of(network)
-    if bulk is None:
-        raise UnavailableError(
-            "too_short",
-            "the packing is too short for a velocity of its bulk",
-            remedy="take a longer one",
-        )
+    bulk = _bulk_of(network)
     system = LinearSystem.of(network)
     gradient = np.zeros((len(axes), 3, 3))
     gradient[np.arange(len(axes)), axes, 2] = 1
