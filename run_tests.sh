@@ -6,6 +6,8 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 ./setup.sh --extra test
+# Hundreds of programs that tests start would each compile all modules anew.
+unset PYTHONDONTWRITEBYTECODE
 # Two workers with one thread each; a file's tests share what they prepared.
 export OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 pytest=(.venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder)

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -25,9 +26,9 @@ FOREIGN = {
 
 def texts_of(path: Path) -> Iterator[str]:
     """The string constants of a module without its docstrings; what is filled in stands as {}."""
-    tree = ast.parse(path.read_text())
-    statements = {id(each.value) for each in ast.walk(tree) if isinstance(each, ast.Expr)}
-    nodes = [node for node in ast.walk(tree) if id(node) not in statements]
+    every_node = list(ast.walk(ast.parse(path.read_text())))
+    statements = {id(node.value) for node in every_node if isinstance(node, ast.Expr)}
+    nodes = [node for node in every_node if id(node) not in statements]
     parts = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in node.values}
     for node in nodes:
         if isinstance(node, ast.JoinedStr):
@@ -41,13 +42,16 @@ def texts_of(path: Path) -> Iterator[str]:
             yield node.value
 
 
-def all_texts() -> Iterator[tuple[str, str]]:
-    """Name of the module and text, of all packages."""
+@cache
+def all_texts() -> list[tuple[str, str]]:
+    """Return the name of the module and the text, for each text of all packages."""
+    texts = []
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
             if path != IN_A_JOB:
-                for text in texts_of(path):
-                    yield str(path.relative_to(ROOT)), text
+                name = str(path.relative_to(ROOT))
+                texts += [(name, text) for text in texts_of(path)]
+    return texts
 
 
 def options_of(package: str, name: str) -> set[str]:
@@ -63,14 +67,13 @@ def options_of(package: str, name: str) -> set[str]:
     return found
 
 
-TEXTS = list(all_texts())
 CALL = r"(python -m |)\b(modal|analysis|granular-modes) ([a-z]+)\b([^`;]*)"
 
 
 def test_commands_in_texts_exist_with_their_options():
     """In backticks or not, a command of ours is named as it is typed."""
     seen = 0
-    for path, text in TEXTS:
+    for path, text in all_texts():
         for how, program, name, rest in re.findall(CALL, text):
             package = program.replace("granular-modes", "modal")
             if name not in COMMANDS_OF[package]:
@@ -89,7 +92,7 @@ def test_options_in_texts_exist(package):
     known = set(FOREIGN)
     for each, names in COMMANDS_OF.items():
         known = known.union(*(options_of(each, name) for name in names))
-    for path, text in TEXTS:
+    for path, text in all_texts():
         if path.startswith(package):
             for option in re.findall(r"(?<![\w-])--[a-z][a-z-]+", text):
                 assert option in known, f"{path}: {option} in {text!r}"
