@@ -20,10 +20,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
 
 from analysis.caveats import Caveat
 from analysis.estimators.fits import straight_line
@@ -56,6 +58,8 @@ MIN_WAVELENGTHS = 2.0
 MAX_SIDE_LOBE = 0.95
 """Largest second maximum of a cross-correlation, divided by the first, for which the cycle is
 certain."""
+ROUND_OFF = 1e-14
+"""Error of a time that a root is found to, divided by the length of the record."""
 MIN_SOURCE_AMPLITUDE = 0.2
 """Least amplitude of the source's spectrum, divided by its largest, at which a phase is read."""
 PHASE_BAND = (0.5, 1.5)
@@ -120,7 +124,17 @@ class RecordPair:
         first = int(np.argmax(size > SENSE_LEVEL * size.max()))
         return float(np.sign(self.source[first])) or 1.0
 
-    @property
+    @cached_property
+    def source_points(self) -> Points:
+        """The characteristic points of the source's motion."""
+        return _points(self.time, self.sense * self.source)
+
+    @cached_property
+    def receiver_points(self) -> Points:
+        """The characteristic points of the receiver's motion, in the source's sense."""
+        return _points(self.time, self.sense * self.receiver)
+
+    @cached_property
     def decimated(self) -> RecordPair:
         """The pair with every second sample."""
         return RecordPair(self.time[::2], self.source[::2], self.receiver[::2], self.frequency)
@@ -133,11 +147,10 @@ class RecordPair:
         """
         moving = abs(self.source) > END_LEVEL * abs(self.source).max()
         source_end = self.time[np.flatnonzero(moving)[-1]]
-        source_peak = _points(self.time, self.sense * self.source).peak
-        receiver_peak = _points(self.time, self.sense * self.receiver).peak
-        if not np.isfinite(source_peak + receiver_peak):
+        peak_delay = self.receiver_points.peak - self.source_points.peak
+        if not np.isfinite(peak_delay):
             return self
-        end = receiver_peak + source_end - source_peak + periods / self.frequency
+        end = source_end + peak_delay + periods / self.frequency
         fade = np.clip((self.time - end) * self.frequency / FADE_IN_PERIODS, 0, 1)
         return replace(self, receiver=self.receiver * np.cos(np.pi * fade / 2) ** 2)
 
@@ -186,12 +199,10 @@ def _first_motion(time: Floats, trace: Floats, level: float) -> float:
         return np.nan
     after = int(np.argmax(above))
     towards = np.sign(trace[after])
-    spline = CubicSpline(time, towards * trace / largest)
-    crossings = _finite(spline.solve(level, extrapolate=False))
-    in_step = (crossings >= time[after - 1]) & (crossings <= time[after])
-    if not in_step.any():  # by round-off: the sample itself is at the level
+    beyond = CubicSpline(time, towards * trace / largest - level)
+    if not beyond(time[after]) > 0:  # by round-off: the sample itself is at the level
         return float(time[after])
-    return float(crossings[in_step][0])
+    return float(brentq(beyond, time[after - 1], time[after], xtol=ROUND_OFF * time[-1]))
 
 
 def picks(pair: RecordPair, rule: Rule) -> tuple[float, float]:
@@ -204,8 +215,8 @@ def picks(pair: RecordPair, rule: Rule) -> tuple[float, float]:
             _first_motion(pair.time, pair.source, ARRIVAL_LEVEL),
             _first_motion(pair.time, pair.receiver, ARRIVAL_LEVEL),
         )
-    source = _points(pair.time, pair.sense * pair.source)
-    receiver = _points(pair.time, pair.sense * pair.receiver)
+    source = pair.source_points
+    receiver = pair.receiver_points
     if rule == "zero_crossing":
         return source.crossing, receiver.crossing
     if rule == "peak_to_peak":
@@ -236,8 +247,8 @@ def _read_zero_crossing(pair: RecordPair) -> _Reading:
 
     Its error is the distance to the mean of the times by the extrema before and after it.
     """
-    source = _points(pair.time, pair.sense * pair.source)
-    receiver = _points(pair.time, pair.sense * pair.receiver)
+    source = pair.source_points
+    receiver = pair.receiver_points
     crossing = receiver.crossing - source.crossing
     extrema = (receiver.peak - source.peak + receiver.trough - source.trough) / 2
     return _Reading(crossing, {"distortion": abs(crossing - extrema)})
@@ -248,8 +259,8 @@ def _read_peak_to_peak(pair: RecordPair) -> _Reading:
 
     Its error is half the distance to the time by the troughs that follow, if there are any.
     """
-    source = _points(pair.time, pair.sense * pair.source)
-    receiver = _points(pair.time, pair.sense * pair.receiver)
+    source = pair.source_points
+    receiver = pair.receiver_points
     peak = receiver.peak - source.peak
     trough = receiver.trough - source.trough
     distortion = 0.0
