@@ -29,7 +29,7 @@ def blocks(page):
 
 
 WITH_BLOCKS = [page for page in PAGES if {kind for kind, _ in blocks(page)} & {"python", "console"}]
-SLOW_PAGES = {"attenuation.md", "lammps.md"}
+SLOW_PAGES = {"attenuation.md", "from_scan.md", "lammps.md"}
 """Pages whose packings take 10 to 20 s, and whose numbers need packings of that size."""
 SMALLER = {"--spheres 2000": "--spheres 500", "modal.fcc()": "modal.fcc(cells=(2, 2, 40))"}
 """Packings of other pages, each with a smaller one that is enough for its commands."""

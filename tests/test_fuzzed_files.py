@@ -138,7 +138,7 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("count", [25, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [12, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_changed_file_is_read_or_refused(kind, count, tmp_path):
     work = KINDS[kind](tmp_path)

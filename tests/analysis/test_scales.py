@@ -59,7 +59,9 @@ def as_it_is(kind):
 
 
 @pytest.mark.parametrize("units", UNITS)
-@pytest.mark.parametrize("kind", PACKINGS)
+@pytest.mark.parametrize(
+    "kind", ["random", "crystal", pytest.param("periodic", marks=pytest.mark.slow)]
+)
 def test_every_quantity_scales_with_the_units_of_length_mass_and_time(kind, units):
     """As many are known, and values and errors are the same to round-off."""
     first = as_it_is(kind)

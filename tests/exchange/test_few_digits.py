@@ -63,7 +63,7 @@ def velocities_and_moduli(moduli: ElasticModuli) -> np.ndarray:
     return np.array([moduli.bulk_modulus, moduli.shear_modulus, moduli.v_p, moduli.v_s])
 
 
-@pytest.mark.parametrize("digits", [7, 6])
+@pytest.mark.parametrize("digits", [pytest.param(7, marks=pytest.mark.slow), 6])
 def test_the_stated_error_contains_what_rounding_has_changed(tmp_path, digits):
     """Check nine of ten draws, each with another shift through the periods, of all four numbers.
 

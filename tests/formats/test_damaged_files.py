@@ -204,7 +204,7 @@ def test_dataset_that_is_missing_is_a_fault_of_the_file(sound):
     assert refused.value.code == "unreadable"
 
 
-@pytest.mark.parametrize("count", [30, pytest.param(500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [15, pytest.param(500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", READERS)
 def test_damaged_bytes_are_refused_or_change_nothing(kind, count, sound, tmp_path):
     verdicts, faults = spoiled(kind, sound, tmp_path, 1, count)

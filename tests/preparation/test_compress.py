@@ -223,7 +223,11 @@ def kill_at_next_checkpoint(command, folder, delay):
 
 
 @pytest.mark.parametrize(
-    ("friction", "delay"), [("0.4", 0.1), ("0", 0.0)], ids=["with friction", "without friction"]
+    ("friction", "delay"),
+    [
+        pytest.param("0.4", 0.1, id="with friction", marks=pytest.mark.slow),
+        pytest.param("0", 0.0, id="without friction"),
+    ],
 )
 def test_killed_and_extended_path_ends_equal(friction, delay, make_path, tmp_path):
     """Kill a path to its first stress twice, then extend it; its states are equal to the bit."""

@@ -106,7 +106,9 @@ def test_time_step_goes_by_the_lightest_sphere_and_the_stiffest_contact():
     assert inertial_time(1e5, RADIUS, GLASS) == inertial_time(1e5)
 
 
-@pytest.mark.parametrize(("friction", "apart"), [(0.0, 1e-3), (0.3, 1e-9)])
+@pytest.mark.parametrize(
+    ("friction", "apart"), [(0.0, 1e-3), pytest.param(0.3, 1e-9, marks=pytest.mark.slow)]
+)
 def test_packings_of_other_spheres_are_similar(friction, apart):
     """Make spheres 64 times as hard, 4 times as dense, twice as large: an equal packing.
 
