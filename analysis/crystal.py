@@ -28,7 +28,10 @@ from modal.theory.fcc import frequency_of_equal_turns
 COLUMNS = ("theory", "modal", "linear", "yade")
 TABLE = Path(__file__).with_name("comparison.csv")
 """Table of compared quantities. Each line has an id, a quantity, its unit, the names of its numbers
-by theory, by modes and by the wave of a record, and a note."""
+by theory, by modes and by the wave of a record, a note, and how the row is `shown` on a terminal,
+if it is, with the cause of a difference (`because`)."""
+DEVIATION_ROW = "rms"
+"""Id of the row whose numbers are deviations from theory."""
 RULE_QUANTITIES = "v_p_first_peaks_yade", "f_low_pass_2_yade", "f_low_pass_1_yade"
 """Quantities that a rule reads from a record: first peaks and thresholds of the amplitude."""
 Numbers = dict[str, float]
@@ -51,7 +54,7 @@ def compare(packing: PackingData) -> list[list[str]]:
     low, high = (100 * place for place in low_pass.CRYSTAL_STRETCH)
     stretch = f"at {low:g}-{high:g} % of the length"
     rows = []
-    for line in csv.DictReader(TABLE.read_text().splitlines()):
+    for line in table_lines():
         cells = []
         for column in COLUMNS:
             name = line.get(column, line["wave"]).format(record=column)
@@ -60,6 +63,11 @@ def compare(packing: PackingData) -> list[list[str]]:
             text = line["quantity"].format(stretch=stretch)
             rows.append([line["id"], text, line["unit"], *cells, line["note"]])
     return rows
+
+
+def table_lines() -> list[dict[str, str]]:
+    """Return the lines of `TABLE`, each by the names of its columns."""
+    return list(csv.DictReader(TABLE.read_text().splitlines()))
 
 
 def _numbers_of(row: CaseResult) -> Numbers:

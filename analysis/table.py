@@ -1,4 +1,4 @@
-"""Hold tables of text, and write them as Markdown, CSV and aligned for a terminal."""
+"""Hold tables of text and write them as Markdown and CSV."""
 
 import csv
 import io
@@ -39,15 +39,6 @@ class Table:
         rule = "|" + "---|" * len(self.header)
         lines = [_markdown_line(self.header), rule, *map(_markdown_line, self.rows)]
         return "".join(f"{line}\n" for line in lines)
-
-    def text(self) -> str:
-        """Return the table as aligned text for a terminal, without the title.
-
-        The first cell of a row is its name.
-        """
-        from pandas import DataFrame  # other tables do not need it
-
-        return DataFrame(self.rows, columns=self.header).set_index(self.header[0]).to_string()
 
     def write_csv(self, path: Path) -> None:
         """Write the header and the rows as CSV."""

@@ -1,11 +1,12 @@
 """All results of a study: tables, figures, targets, a page, in seconds; or one of its stages."""
 
+import textwrap
 from pathlib import Path
 
+from analysis.study.case_table import WIDTH, case_text
 from analysis.study.description import Study
 from analysis.study.measure_case import measure_case
 from analysis.study.report import write_study
-from analysis.study.tables import tabulate_case
 from modal.cli.options import Group, NewFile, NewFolder, Option, Options, flag, output_folder
 from modal.cli.terminal import put
 from modal.tools.errors import InputError
@@ -55,9 +56,10 @@ def run(options: Options) -> int:
     if not results.is_dir():
         raise InputError("no_folder", f"{results}: no such folder", remedy="give --results DIR")
     if options.case:
-        table, notes = tabulate_case(study, results, options.case)
-        put(f"{table.title}\n{table.text()}")
-        put("".join(f"note: {note}\n" for note in notes), end="")
+        text, notes = case_text(study, results, options.case)
+        put(text)
+        for note in notes:
+            put(textwrap.fill(f"note: {note}", WIDTH, subsequent_indent="      "))
         return 0
     page, missing = write_study(study, results, folder, ["python", "-m", "analysis", *options.argv])
     put(page)

@@ -52,7 +52,8 @@ DEFAULTS: dict[str, Any] = {
     "forget": False,
 }
 STATED = ["quantity", "select", "value", "low", "high", "unit", "where"]
-"""Columns of stated.csv."""
+"""Columns of stated.csv. `agrees_because` and `differs_because` may follow: the table of a case
+prints them below a number."""
 
 
 class Study:

@@ -7,20 +7,15 @@ is a column of yes or no; `no` puts a star behind the number.
 
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
 
-from analysis.case_columns import OF_RECORD
-from analysis.case_result import CaseResult
-from analysis.crystal import COLUMNS
 from analysis.estimators.fits import power_law, straight_line
-from analysis.frame import frame_of, mean_with_error, numbers, select, spreads
-from analysis.result_file import read_results
+from analysis.frame import mean_with_error, numbers, select, spreads
 from analysis.study.captions import UNKNOWN, Captions
-from analysis.study.description import Study, following
+from analysis.study.description import following
 from analysis.study.fields import fill, number_format
 from analysis.study.rules import Rules
 from analysis.table import Table, cell, number
@@ -34,8 +29,6 @@ TABLE_KINDS: tuple[TableKind, ...] = get_args(TableKind)
 used."""
 Cells = tuple[list[str], list[list[str]]]
 """A header, and lines of the same length."""
-ALWAYS_SHOWN = ("void_ratio", "coordination_number", "v_p_static_m_per_s", *OF_RECORD)
-"""Numbers of a case that are shown even if nothing is stated of them."""
 NAMES_OF_COLUMNS = {
     "case": "case",
     "name": "name",
@@ -253,65 +246,3 @@ def tabulate_side_by_side(spec: Spec, cases: pd.DataFrame) -> Cells:
         return [], []
     joined = pd.concat(parts, axis=1).reset_index()
     return list(joined), [line for line in joined.to_numpy().tolist() if any(line[1:])]
-
-
-def tabulate_case(study: Study, results: Path, name: str) -> tuple[Table, list[str]]:
-    """Return the table of one case, and its notes.
-
-    A crystal is shown by theory, modes, linear wave and YADE; other packings beside the stated
-    numbers. Raises InputError if the case has no result.
-    """
-    rows = {row.name: row for row in read_results(results)}
-    if name not in rows:
-        raise InputError("no_results", f"{results}: no result of {name}", remedy="run it first")
-    row = rows[name]
-    frame = frame_of(rows.values(), study.cases)
-    rules = Rules(frame, study.stated())
-    case = frame.loc[[name]]
-    if "comparison" in row.tables:
-        return _tabulate_comparison(row, case, rules), row.notes
-    lines = []
-    stated_quantities = [statement["quantity"] for statement, _ in rules.statements]
-    for quantity in dict.fromkeys([*ALWAYS_SHOWN, *stated_quantities]):
-        value = float(numbers(case, quantity).iloc[0])
-        stated, deviation = _describe_stated(quantity, value, case, rules)
-        if np.isfinite(value) and (stated or quantity in ALWAYS_SHOWN):
-            lines.append([quantity, number(value, row.spread(quantity)), stated, deviation])
-    return Table(row.label, ["quantity", "here", "stated", "deviation"], lines), row.notes
-
-
-def _describe_stated(
-    quantity: str, value: float, case: pd.DataFrame, rules: Rules
-) -> tuple[str, str]:
-    """Describe what is stated of a quantity, and how far a value is from it."""
-    row = rules.stated_row(quantity, case)
-    if row is None:
-        return "", ""
-    if np.isfinite(row["value"]):
-        return f"{row['value']:.5g}", f"{100 * (value / row['value'] - 1):+.3f} %"
-    low = row["low"]
-    high = row["high"]
-    stated = f"> {low:.4g}"
-    if not np.isnan(high):
-        stated = f"{low:.4g} to {high:.4g}"
-    if value < low or value > high:
-        return stated, "outside"
-    return stated, "inside"
-
-
-def _tabulate_comparison(row: CaseResult, case: pd.DataFrame, rules: Rules) -> Table:
-    """Return the comparison that a crystal was measured with, and deviations in per cent."""
-    lines = []
-    for key, quantity, unit, *cells, note in row.tables["comparison"]:
-        values = pd.to_numeric(pd.Series(cells, COLUMNS), errors="coerce")
-        deviations = 100 * (values[1:] / values["theory"] - 1)
-        percent = [cell(value, "+.3f") for value in deviations]
-        value = values["yade"]
-        if np.isnan(value):
-            value = values["modal"]
-        stated, from_stated = _describe_stated(key, value, case, rules)
-        from_stated = from_stated.removesuffix(" %") if np.isfinite(value) else ""
-        lines.append([quantity, unit, *cells, stated, *percent, from_stated, note])
-    percent_heads = [f"{name}/theory %" for name in COLUMNS[1:]]
-    header = ["quantity", "unit", *COLUMNS, "paper", *percent_heads, "to paper %", "note"]
-    return Table(row.label, header, lines)
