@@ -3,7 +3,7 @@
 import sys
 from functools import partial
 
-from modal.__main__ import main as run
+from analysis.shadowing import run
 
 __all__ = ["main"]
 

@@ -38,7 +38,8 @@ if TYPE_CHECKING:
     from modal.waves.propagate import propagate as propagate
     from modal.waves.response import frequency_response as frequency_response
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
+__distribution__ = "granular-wave-modes"
 _MODULES = {
     "FccLattice": "modal.theory.fcc",
     "InputError": "modal.tools.errors",

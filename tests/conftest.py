@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from analysis.shadowing import describe_other_modal
+
 FAST = ("numba", "pypardiso")
 """Optional packages of the recommended path."""
 HIDDEN = [name for name in os.environ.get("GRANULAR_WITHOUT", "").split(",") if name]
@@ -33,7 +35,13 @@ if HIDDEN:
 
 
 def pytest_configure(config):
-    """Refuse to test the recommended path without its packages where it must be tested."""
+    """Refuse to test another `modal`, or the recommended path without its packages.
+
+    The latter only where that path must be tested.
+    """
+    other_modal = describe_other_modal()
+    if other_modal:
+        raise pytest.UsageError(other_modal)
     absent = [name for name in FAST if name not in HIDDEN and not importlib.util.find_spec(name)]
     if COMPLETE and absent:
         raise pytest.UsageError(
