@@ -33,8 +33,12 @@ def compute_principal_stresses(sample):
     return (network.branch * force).sum(axis=0) / network.cell_size.prod()
 
 
-def test_stress_ratio_is_reached_and_stiffens_along_the_larger_stress(folder):
-    """Compare C_zz divided by the lateral moduli before and after loading to a ratio of 0.6."""
+def test_stress_ratio_is_reached_and_stiffens_along_the_larger_stress(folder, monkeypatch):
+    """Compare C_zz divided by the lateral moduli before and after loading to a ratio of 0.6.
+
+    Loading goes three times as fast as by default.
+    """
+    monkeypatch.setattr(unequal_stress, "RATE_RATIO", 0.3)
     (isotropic,) = load(folder, [1e5])
     (sample,) = load(folder, [1e5], stress_ratio=0.6)
     assert sample.study["settled"]
