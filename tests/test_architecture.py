@@ -42,7 +42,7 @@ ORDER = {
         ),
         *("case_columns", "case_result", "case_measurement", "column_results", "result_file"),
         *("expressions", "frame", "crystal", "figures", "study"),
-        *("cli", "__main__"),
+        *("cli", "shadowing", "__main__"),
     ),
 }
 """Rooms and modules from the ground up: each imports from those before it alone."""
