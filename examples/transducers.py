@@ -86,8 +86,8 @@ def readings(record, exact):
 def gather():
     """Add all tests that are not in the table yet, and write the table after each place."""
     tables = [pd.read_csv(TABLE)] if TABLE.exists() else []
-    for place in PLACES:
-        for friction, cases in SAMPLES.items():
+    for friction, cases in SAMPLES.items():
+        for place in PLACES:
             for stress, case in zip(STRESSES, cases, strict=True):
                 key = {"friction": friction, "stress_pa": stress, "place_over_d": place}
                 if any((table[list(key)] == pd.Series(key)).all(axis=1).any() for table in tables):
