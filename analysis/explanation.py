@@ -42,6 +42,7 @@ OUTCOMES: Final[Mapping[str, str]] = {
     "none_left": "no frequency is left to be read",
     "crossed": "the attenuation rises through the level at which the wave has faded",
     "no_wave": "no coherent wave at any frequency",
+    "does_not_travel": "no wave travels at this frequency",
     "starts_above": "the wave has faded already at the lowest frequency",
     "ends_below": "the wave ends before it has faded",
     # Fits.
@@ -49,6 +50,7 @@ OUTCOMES: Final[Mapping[str, str]] = {
     "too_few": "too few frequencies for a fit",
     "stands": "the first peak does not move on along the chain",
     "converged": "the solver has converged",
+    "waves_compared": "waves of both signs and the linear wave, at the same times",
     # Limits.
     "kept": "the limit is kept",
     "exceeded": "above the limit",
@@ -58,6 +60,10 @@ OUTCOMES: Final[Mapping[str, str]] = {
     "not_reached": "the limit is reached at no frequency",
     "starts_beyond": "beyond the limit already at the lowest frequency",
     "no_maximum": "largest at the lowest frequency that can be read",
+    "digits": "the digits of the packing limit the value",
+    # Lists of modes.
+    "complete": "the list has every mode",
+    "ends_early": "the list ends before the highest mode",
 }
 """Meanings of the outcomes of steps, by their codes."""
 
@@ -97,6 +103,18 @@ NUMBERS: Final[Mapping[str, NumberMeaning]] = {
     "last_crossing": NumberMeaning("last crossing", "Hz"),
     "waves": NumberMeaning("standing waves"),
     "cubes": NumberMeaning("cubes away from walls and surfaces"),
+    "periods": NumberMeaning("largest number of periods in the cell"),
+    "lines": NumberMeaning("lines with a width"),
+    "maxima": NumberMeaning("maxima of the gain"),
+    "first_gain": NumberMeaning("the first of them"),
+    "first_gain_frequency": NumberMeaning("at", "Hz"),
+    "layers": NumberMeaning("layers that no wall orders"),
+    "all_layers": NumberMeaning("of"),
+    "samples": NumberMeaning("times that both records have"),
+    "wavelength": NumberMeaning("wavelength in diameters"),
+    # Lists of modes.
+    "modes": NumberMeaning("modes"),
+    "all_modes": NumberMeaning("of"),
     # Fits and solvers.
     "velocity": NumberMeaning("velocity", "m/s"),
     "error": NumberMeaning("its standard error", "m/s"),
@@ -104,6 +122,17 @@ NUMBERS: Final[Mapping[str, NumberMeaning]] = {
     "band_edge": NumberMeaning("band edge", "Hz"),
     "order": NumberMeaning("order of the fit"),
     "residual": NumberMeaning("relative residual of the solver"),
+    "scatter": NumberMeaning("scatter between columns", "m/s"),
+    "packing_length": NumberMeaning("length of the packing", "m"),
+    "side": NumberMeaning("period of the cell along the wave", "m"),
+    "exponent": NumberMeaning("exponent"),
+    "exponent_error": NumberMeaning("its standard error"),
+    "amplitude": NumberMeaning("amplitude of the source", "m"),
+    "time_step": NumberMeaning("time step", "s"),
+    "step_error": NumberMeaning("error from the time steps"),
+    "noise": NumberMeaning("motion without a wave, divided by that of the wave"),
+    "overlap_error": NumberMeaning("relative error of the overlaps"),
+    "relative_error": NumberMeaning("relative error that it makes"),
     # Numbers that are compared with a limit.
     "limit": NumberMeaning("limit"),
     "needed": NumberMeaning("needed"),
@@ -127,6 +156,11 @@ NUMBERS: Final[Mapping[str, NumberMeaning]] = {
     "modes_below": NumberMeaning("modes below the largest value"),
     "asymmetry": NumberMeaning("asymmetry of the stiffness of the bulk"),
     "radius_difference": NumberMeaning("largest relative difference of two radii"),
+    "share": NumberMeaning("largest share of the next standing wave that one mode has"),
+    "last_pure": NumberMeaning("last mode with so large a chi_z at", "Hz"),
+    "resonance_distance": NumberMeaning("distance of two resonances", "Hz"),
+    "list_end": NumberMeaning("the list of modes ends at", "Hz"),
+    "least_list_end": NumberMeaning("it must reach", "Hz"),
 }
 """Meanings and units of the numbers of steps, by their names."""
 

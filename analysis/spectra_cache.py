@@ -65,10 +65,6 @@ def kept_file(packing: PackingData, kind: SpectrumKind) -> Any:
     In the folder, a file that is missing or out of date is written first. If it cannot be written,
     the spectrum is returned nevertheless, and `packing.not_kept` says why. None if there is no file
     and no folder. For a crystal only the response is kept in the folder.
-
-    In that folder a file that is missing or out of date is written first. If it cannot be written,
-    the spectrum is returned all the same, and `packing.not_kept` says why. None without a file and
-    without the folder; of a crystal the folder keeps the response alone.
     """
     case = packing.case
     if packing.keep is None:

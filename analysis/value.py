@@ -232,18 +232,20 @@ def unknown(unit: str, *caveats: Caveat, steps: tuple[Step, ...] = ()) -> Value:
     return Value(np.nan, unit, {"fit": np.nan}, caveats, steps=steps)
 
 
-def estimate(value: float, error: float = np.nan, common: float = 0.0) -> Value:
+def estimate(
+    value: float, error: float = np.nan, common: float = 0.0, steps: tuple[Step, ...] = ()
+) -> Value:
     """Return a number of a case with its error if this is known; the column's name says its unit.
 
-    `common` is the part of the error that all packings of the kind share.
+    `common` is the part of the error that all packings of the kind share, `steps` led to the value.
 
     >>> estimate(1.0, 5.0, 4.0).parts
     {'fit': 3.0, 'length': 4.0}
     """
     if not common:
-        return Value(float(value), "", {"fit": error})
-    own = float(np.sqrt(max(error**2 - common**2, 0.0)))
-    return Value(float(value), "", {"fit": own, COMMON: float(common)})
+        return Value(float(value), "", {"fit": error}, steps=steps)
+    independent = float(np.sqrt(max(error**2 - common**2, 0.0)))
+    return Value(float(value), "", {"fit": independent, COMMON: float(common)}, steps=steps)
 
 
 def hertz(frequency: float) -> str:

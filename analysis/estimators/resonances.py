@@ -39,11 +39,15 @@ class Standing:
         Share of the standing wave's pattern that the mode has, at most 1.
     row : ndarray (R,) of int
         Row of the mode in the mode set.
+    next_share : float
+        Largest share of the next standing wave that a mode has, below `MIN_SHARE`; NaN if the wave
+        of `HIGHEST_ORDER` belongs to a mode.
     """
 
     frequency: np.ndarray
     share: np.ndarray
     row: np.ndarray
+    next_share: float = np.nan
 
 
 def standing_modes(frequency: np.ndarray, z_shape: np.ndarray, network: Network) -> Standing:
@@ -59,9 +63,11 @@ def standing_modes(frequency: np.ndarray, z_shape: np.ndarray, network: Network)
     largest = share[row, np.arange(len(orders))]
     without_mode = np.flatnonzero(largest < MIN_SHARE)
     count = len(orders)
+    next_share = np.nan
     if len(without_mode):
         count = without_mode[0]
-    return Standing(frequency[row[:count]], largest[:count], row[:count])
+        next_share = float(largest[count])
+    return Standing(frequency[row[:count]], largest[:count], row[:count], next_share)
 
 
 def fitted_wavenumbers(shape: np.ndarray, depth: np.ndarray, length: float) -> np.ndarray:

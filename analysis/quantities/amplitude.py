@@ -15,6 +15,7 @@ import numpy as np
 import modal
 from analysis.caveats import Caveat
 from analysis.estimators.coherent import PASSAGES
+from analysis.explanation import Step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request
 from analysis.record_rules import RECORD_INTERVAL_IN_D_PER_V
@@ -49,8 +50,8 @@ then has eight records a period."""
 class Responses(NamedTuple):
     """Results of two waves with opposite motions of the wall, each over the amplitudes (na,).
 
-    The fields are the quantities of `AMPLITUDE`. error: the error from the time steps and from the
-    packing's motion without a wave.
+    The first fields are the quantities of `AMPLITUDE`. time_step: s. step_error: the relative error
+    from the time steps. noise: the packing's motion without a wave, divided by that of the wave.
     """
 
     odd_part: Floats
@@ -60,7 +61,14 @@ class Responses(NamedTuple):
     opening_share: Floats
     slip_loss: Floats
     slip_sharing: Floats
-    error: Floats
+    time_step: Floats
+    step_error: Floats
+    noise: Floats
+
+    @property
+    def error(self) -> Floats:
+        """Return the error from the time steps and from the motion without a wave."""
+        return np.hypot(self.step_error, self.noise)
 
 
 @cached_on_packing
@@ -106,7 +114,9 @@ def _respond(packing: PackingData, amplitude: float) -> tuple[float, ...]:
         float(np.mean(forward.opened | reverse.opened)),
         float(np.mean(losses)),
         float(np.mean(sharing)),
-        np.hypot(forward.error, forward.noise),
+        step,
+        forward.error,
+        forward.noise,
     )
 
 
@@ -125,7 +135,17 @@ def _measure_over_amplitudes(packing: PackingData, name: str) -> Value:
     if name in COUNTED:
         error = 0 * values
     sizes = ", ".join(f"{size:.3g}" for size in packing.amplitudes)
-    return Value(values, "1", {"fit": error}, (Caveat("amplitudes", {"sizes": sizes}),))
+    caveats = (Caveat("amplitudes", {"sizes": sizes}),)
+    steps = []
+    for row, amplitude in enumerate(packing.amplitudes):
+        numbers = {
+            "amplitude": amplitude,
+            "time_step": result.time_step[row],
+            "step_error": result.step_error[row],
+            "noise": result.noise[row],
+        }
+        steps.append(Step("fit", "waves_compared", numbers))
+    return Value(values, "1", {"fit": error}, caveats, steps=tuple(steps))
 
 
 for _name, _definition in AMPLITUDE.items():

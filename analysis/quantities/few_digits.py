@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.caveats import Caveat
+from analysis.explanation import Step
 from analysis.value import Value
 from modal.elasticity.few_digits import COVERAGE_FACTOR
 from modal.elasticity.moduli import elastic_moduli
@@ -83,11 +84,13 @@ def with_digits(value: Value, network: Network, name: str, unit: str) -> Value:
         return value
     relative = relative_error_by_digits(network, name, unit)
     scan = Scan.of(network.study)
+    numbers = {"overlap_error": overlap_error(network), "relative_error": relative}
     if scan is not None and name not in WITHOUT_OVERLAPS:
         caveat = Caveat("scanned", {"tolerance": scan.tolerance, "stress": scan.stress})
     elif relative:
-        caveat = Caveat("few_digits", {"error": overlap_error(network)})
+        caveat = Caveat("few_digits", {"error": numbers["overlap_error"]})
     else:
         return value
     parts = dict(value.parts) | {"digits": relative * np.abs(value.value)}
-    return replace(value, parts=parts).with_caveats(caveat)
+    steps = (*value.steps, Step("limit", "digits", numbers))
+    return replace(value, parts=parts, steps=steps).with_caveats(caveat)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from analysis.caveats import Caveat
+from analysis.explanation import Step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.passband import low_pass_2
 from analysis.quantities.registry import on_request
@@ -34,7 +35,25 @@ def gain(packing: PackingData) -> Value:
     """Measure the gain factor of P-waves without damping, over frequency."""
     response = gain_of(packing)
     caveat = Caveat("gain_resolution", {"width": hertz(response.resolution)})
-    return Value(response.gain, "1", {}, (caveat, *packing.of_waves), response.frequency)
+    caveats = (caveat, *packing.of_waves)
+    steps = (step_of_gain(response),)
+    return Value(response.gain, "1", {}, caveats, response.frequency, steps=steps)
+
+
+def step_of_gain(response: Response) -> Step:
+    """Return the frequencies over which the gain is known, and its first maximum, as a step."""
+    frequency, height = maxima(response.frequency, response.gain)
+    numbers = {
+        "lowest": response.frequency[0],
+        "highest": response.frequency[-1],
+        "frequencies": len(response.frequency),
+        "resolution": response.resolution,
+        "maxima": len(frequency),
+    }
+    if len(frequency):
+        numbers["first_gain"] = height[0]
+        numbers["first_gain_frequency"] = frequency[0]
+    return Step("window", "read", numbers)
 
 
 def passage(packing: PackingData) -> float:

@@ -166,10 +166,12 @@ def void_ratio_of_bulk(packing: PackingData) -> Value:
     if of_core is not None:
         return of_core
     layers = state.profile(packing.network)
+    numbers = {"layers": layers.bulk.sum(), "all_layers": len(layers.bulk)}
     if not layers.bulk.any():
-        return unknown("1", Caveat("no_bulk"))
+        return unknown("1", Caveat("no_bulk"), steps=(Step("window", "none_left", numbers),))
     solid_fraction = (1 / (1 + layers.void_ratio[layers.bulk])).mean()
-    return Value(float(1 / solid_fraction - 1), "1")
+    steps = (Step("window", "read", numbers),)
+    return Value(float(1 / solid_fraction - 1), "1", steps=steps)
 
 
 @on_request("1", definition="largest deviation of a principal stress from its target")

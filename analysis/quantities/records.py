@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.case import AbsentError
 from analysis.estimators.low_pass import Reference, Whose
-from analysis.estimators.resonances import long_wave_velocity
+from analysis.explanation import Step
 from analysis.packing_data import PackingData
 from analysis.quantities import gain, passband, scattering, spectrum, velocity
 from analysis.quantities.passband import Producer
@@ -81,19 +81,25 @@ def width_over_d(packing: PackingData) -> float:
 @case_quantity("m/s", "V_P of first peaks, mean of columns and their scatter")
 def v_p_first_peaks_columns(packing: PackingData) -> Value:
     """Measure V_P of first peaks along all columns of the linear wave."""
-    return estimate(*velocity.columns(packing, "linear"))
+    mean, scatter = velocity.columns(packing, "linear")
+    step = Step("fit", "fitted", {"velocity": mean, "scatter": scatter})
+    return estimate(mean, scatter, steps=(step,))
 
 
 @case_quantity("m/s", "2 L f_1 of the first resonance (Eqs. 3, 4)")
-def v_p_modes_first(packing: PackingData) -> float:
-    """Measure V_P, m/s, by the frequency of the first P resonance."""
-    return 2 * packing.network.length * _resonance(packing, 1).value
+def v_p_modes_first(packing: PackingData) -> Value:
+    """Measure V_P by the frequency of the first P resonance."""
+    resonance = _resonance(packing, 1)
+    length = packing.network.length
+    velocity = 2 * length * resonance.value
+    numbers = {"frequency": resonance.value, "packing_length": length, "velocity": velocity}
+    return estimate(velocity, steps=(*resonance.steps, Step("window", "read", numbers)))
 
 
 @case_quantity("m/s", "V_P of modes, kappa = pi r / L, by omega = V kappa (1 + b kappa^2)")
 def v_p_modes_eq_4(packing: PackingData) -> Value:
     """Measure V_P by the standing waves among the modes, with their wave numbers by Eq. 4."""
-    return estimate(*long_wave_velocity(*spectrum.standing_waves(packing)))
+    return spectrum.velocity_of_standing_waves(*spectrum.standing_waves(packing))
 
 
 case_quantity("m/s", "V_P of modes, kappa fitted", "v_p_modes_fitted")(spectrum.modal_fitted)
@@ -158,9 +164,11 @@ def resonances_found(packing: PackingData) -> float:
 
 
 @case_quantity("Hz", "end of a crystal's band, modes")
-def band_edge_modes(packing: PackingData) -> float:
-    """Measure the frequency, Hz, at which a crystal's band ends, by its modes."""
-    return spectrum.modal_dispersion(packing).low_pass_frequency
+def band_edge_modes(packing: PackingData) -> Value:
+    """Measure the frequency at which a crystal's band ends, by its modes."""
+    dispersion = spectrum.modal_dispersion(packing)
+    step = spectrum.step_of_dispersion(dispersion)
+    return estimate(dispersion.low_pass_frequency, steps=(step,))
 
 
 @case_quantity("Hz", "end of a crystal's band, lattice")
@@ -177,19 +185,19 @@ def translations_only_over_edge(packing: PackingData) -> float:
 
 
 @case_quantity("1", "largest chi_z of the chain's modes below 0.05 f_max")
-def chi_z_low(packing: PackingData) -> float:
+def chi_z_low(packing: PackingData) -> Value:
     """Measure the largest chi_z of the chain among low modes."""
     return _largest_chi(packing, 0.0, LOW)
 
 
 @case_quantity("1", "largest of them above 0.07 f_max")
-def chi_z_high(packing: PackingData) -> float:
+def chi_z_high(packing: PackingData) -> Value:
     """Measure the largest chi_z of the chain among high modes."""
     return _largest_chi(packing, HIGH, np.inf)
 
 
 @case_quantity("1", "the same of all spheres")
-def chi_z_high_all(packing: PackingData) -> float:
+def chi_z_high_all(packing: PackingData) -> Value:
     """Measure the largest chi_z of all spheres among high modes."""
     return _largest_chi(packing, HIGH, np.inf, chain=False)
 
@@ -206,15 +214,17 @@ case_quantity("Hz", "highest frequency of a mode with chi_z above 0.9", "chi_z_p
 
 
 @case_quantity("1", "largest gain", spectrum="response")
-def gain_maximum(packing: PackingData) -> float:
+def gain_maximum(packing: PackingData) -> Value:
     """Measure the largest gain: stress at the receiver wall divided by that at the source wall."""
-    return float(np.max(gain.gain_of(packing).gain))
+    response = gain.gain_of(packing)
+    return estimate(float(np.max(response.gain)), steps=(gain.step_of_gain(response),))
 
 
 @case_quantity("Hz", "width of its lines", spectrum="response")
-def gain_resolution(packing: PackingData) -> float:
-    """Return the full width of a resonance's line in the gain, Hz."""
-    return gain.gain_of(packing).resolution
+def gain_resolution(packing: PackingData) -> Value:
+    """Return the full width of a resonance's line in the gain."""
+    response = gain.gain_of(packing)
+    return estimate(response.resolution, steps=(gain.step_of_gain(response),))
 
 
 case_quantity("1", "mean free path there, D", "free_path_at_f_low_pass_over_d")(
@@ -226,27 +236,28 @@ case_quantity("1", "power of f in the ridge's width there", "ridge_width_power")
 
 
 @case_quantity("Hz", "the Ioffe-Regel frequency of a kept structure factor")
-def ioffe_regel_of_ridge(packing: PackingData) -> float:
-    """Measure the Ioffe-Regel frequency, Hz, from a file with the structure factor."""
-    return scattering.whole_ridge(packing).limit
+def ioffe_regel_of_ridge(packing: PackingData) -> Value:
+    """Measure the Ioffe-Regel frequency from a file with the structure factor."""
+    ridge = scattering.whole_ridge(packing)
+    return estimate(ridge.limit, steps=(scattering.step_of_limit(ridge),))
 
 
 @case_quantity("1", "D f_max^3 / f^2 at 0.1 f_max")
-def excess_at_a_tenth(packing: PackingData) -> float:
+def excess_at_a_tenth(packing: PackingData) -> Value:
     """Measure the density of states at a tenth of the highest frequency."""
-    return float(_excess(packing).at_a_tenth)
+    return estimate(_excess(packing).at_a_tenth, steps=_steps_of_density(packing))
 
 
 @case_quantity("1", "largest D f_max^3 / f^2")
-def excess_largest(packing: PackingData) -> float:
+def excess_largest(packing: PackingData) -> Value:
     """Measure the largest ratio of the density of states to that of plane waves."""
-    return float(_excess(packing).peak)
+    return estimate(_excess(packing).peak, steps=_steps_of_density(packing))
 
 
 @case_quantity("Hz", "where it is")
-def excess_largest_at(packing: PackingData) -> float:
-    """Measure the frequency, Hz, of the largest ratio of density of states to plane waves."""
-    return float(_excess(packing).peak_frequency)
+def excess_largest_at(packing: PackingData) -> Value:
+    """Measure the frequency of the largest ratio of density of states to plane waves."""
+    return estimate(_excess(packing).peak_frequency, steps=_steps_of_density(packing))
 
 
 @case_quantity("1", "drift of the run's energy")
@@ -280,7 +291,7 @@ def contacts_slid(packing: PackingData) -> float:
 
 
 @case_quantity("1", "run less linear wave, relative")
-def yade_less_linear_layers(packing: PackingData) -> float:
+def yade_less_linear_layers(packing: PackingData) -> Value:
     """Compute the relative L2 difference of run and linear wave over all common times.
 
     The compared motions are means over layers; for a crystal, and if layers are not recorded, they
@@ -296,7 +307,9 @@ def yade_less_linear_layers(packing: PackingData) -> float:
         reference = linear.chain_displacement
     motion = motion[::every][: len(reference)]
     reference = reference[: len(motion)]
-    return float(np.linalg.norm(motion - reference) / np.linalg.norm(reference))
+    difference = float(np.linalg.norm(motion - reference) / np.linalg.norm(reference))
+    numbers = {"samples": len(reference), "record_end": linear.time[len(reference) - 1]}
+    return estimate(difference, steps=(Step("window", "read", numbers),))
 
 
 @case_quantity("1", "passages of the record")
@@ -317,16 +330,21 @@ def _resonance(packing: PackingData, order: int) -> Value:
     return spectrum.natural_frequency(float(frequency[order - 1]), modes)
 
 
-def _largest_chi(packing: PackingData, low: float, high: float, chain: bool = True) -> float:
-    """Return the largest chi_z of modes between two shares of the highest frequency."""
+def _largest_chi(packing: PackingData, low: float, high: float, chain: bool = True) -> Value:
+    """Measure the largest chi_z of modes between two shares of the highest frequency."""
     highest = spectrum.f_max(packing)
-    return spectrum.largest_chi(packing, low * highest, high * highest, chain)[0]
+    return spectrum.measure_largest_chi(packing, low * highest, high * highest, chain)
 
 
 def _excess(packing: PackingData) -> spectrum.Excess:
     """Return the excess of a density of states in a file; AbsentError without the file."""
     packing.case.needed("density")
     return spectrum.excess(packing)
+
+
+def _steps_of_density(packing: PackingData) -> tuple[Step]:
+    """Return the search for the largest excess in a file's density of states as a step."""
+    return (spectrum.step_of_peak(packing),)
 
 
 def _energy(packing: PackingData, name: str) -> float:
@@ -355,10 +373,24 @@ def _wavelength(packing: PackingData, threshold: Threshold) -> Value:
     if not np.isfinite(edge.value):
         raise AbsentError
     producer = threshold.producer
-    wavelength = passband.wavelength_at(packing, edge.value, producer) / packing.diameter
-    low = passband.wavelength_at(packing, edge.value - edge.error, producer) / packing.diameter
-    high = passband.wavelength_at(packing, edge.value + edge.error, producer) / packing.diameter
-    return estimate(wavelength, 0.5 * abs(low - high))
+    frequencies = [edge.value, edge.value - edge.error, edge.value + edge.error]
+    wavelengths = []
+    steps = list(edge.steps)
+    for frequency in frequencies:
+        wavelength = passband.wavelength_at(packing, frequency, producer) / packing.diameter
+        wavelengths.append(wavelength)
+        numbers = {"frequency": frequency, "wavelength": wavelength}
+        outcome = "read" if np.isfinite(wavelength) else "does_not_travel"
+        steps.append(Step("window", outcome, numbers))
+    wavelength, low, high = wavelengths
+    return estimate(wavelength, 0.5 * abs(low - high), steps=tuple(steps))
+
+
+def _band_edge(packing: PackingData, key: str) -> Value:
+    """Measure f_low-pass, Hz, of a crystal by the dispersion relation of a record's chain."""
+    edge = passband.band_edge(packing, key)
+    step = spectrum.step_of_dispersion(velocity.chain(packing, key))
+    return estimate(edge, steps=(step,))
 
 
 def _shear_low_pass(packing: PackingData, key: str) -> Value:
@@ -383,7 +415,7 @@ class RecordQuantity(NamedTuple):
 RECORD_QUANTITIES = (
     RecordQuantity("v_p_first_peaks_{}", "m/s", "V_P of first peaks", velocity.first_peak, "{}"),
     RecordQuantity("v_p_long_waves_{}", "m/s", "V_P of the longest waves", velocity.longest, "{}"),
-    RecordQuantity("band_edge_{}", "Hz", "end of a crystal's band", passband.band_edge, "{}"),
+    RecordQuantity("band_edge_{}", "Hz", "end of a crystal's band", _band_edge, "{}"),
     RecordQuantity(
         "lambda_edge_{}_over_d", "1", "wavelength there, D", passband.edge_wavelength, "{}"
     ),

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.caveats import Caveat
 from analysis.estimators.coherent import DECAY, STRETCH, Coherent
 from analysis.estimators.low_pass import spectra
-from analysis.estimators.structure_factor import Scattering, structure_factor
+from analysis.estimators.structure_factor import POWER_RANGE, Scattering, structure_factor
 from analysis.explanation import Step, UnreadableError, limit_step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.passband import low_pass_2, scale
@@ -184,7 +184,7 @@ def ioffe_regel(packing: PackingData) -> Value:
     if packing.crystal:
         return unknown("Hz", Caveat("crystal"))
     ridge = scattering(packing)
-    steps = (_step_of_limit(ridge),)
+    steps = (step_of_limit(ridge),)
     if not np.isfinite(ridge.limit):
         return unknown("Hz", Caveat("no_short_free_path"), steps=steps)
     distance = np.sort(abs(ridge.frequency - ridge.limit))[:2].sum()
@@ -195,7 +195,7 @@ def ioffe_regel(packing: PackingData) -> Value:
     return Value(ridge.limit, "Hz", {"resolution": distance / 2}, caveats, steps=steps)
 
 
-def _step_of_limit(ridge: Scattering) -> Step:
+def step_of_limit(ridge: Scattering) -> Step:
     """Return the search for the frequency where pi times the width reaches it as a step."""
     ratio = np.pi * ridge.width / ridge.frequency
     numbers = {
@@ -256,13 +256,21 @@ def _width_of_lines(packing: PackingData, polarisation: str) -> Value:
     power = structure.power.reshape(most_periods, 3, -1).mean(axis=1)
     peak, width = replace(structure, order=orders[::3], power=power).ridge()
     known = np.isfinite(peak) & np.isfinite(width)
+    numbers = {
+        "periods": most_periods,
+        "resolution": packing.line,
+        "lines": known.sum(),
+        "lowest": peak[known].min(initial=np.inf),
+        "highest": peak[known].max(initial=-np.inf),
+    }
     if not known.any():
-        return unknown("Hz", Caveat("no_line"))
+        return unknown("Hz", Caveat("no_line"), steps=(Step("window", "none_left", numbers),))
+    steps = (Step("window", "read", numbers),)
     error_of_width = np.nanstd(widths_of_axes, axis=1) / np.sqrt(3)
     scatter_of_peaks = np.nanstd(peaks_of_axes, axis=1)
     error = np.hypot(np.hypot(error_of_width, scatter_of_peaks), packing.line / 10)
     parts = {"fit": error[known]}
-    return Value(width[known], "Hz", parts, packing.of_one_sample, peak[known])
+    return Value(width[known], "Hz", parts, packing.of_one_sample, peak[known], steps=steps)
 
 
 # 2 pi times this width is the rate at which disorder takes energy from a plane wave.
@@ -322,12 +330,31 @@ def whole_ridge(packing: PackingData) -> Scattering:
     return structure.scattering(velocity, packing.diameter)
 
 
-def free_path(packing: PackingData) -> float:
-    """Return the mean free path of the coherent wave at f_low-pass (2 %), in diameters."""
-    return whole_ridge(packing).free_path(low_pass_2(packing))
+def free_path(packing: PackingData) -> Value:
+    """Measure the mean free path of the coherent wave at f_low-pass (2 %), in diameters."""
+    ridge = whole_ridge(packing)
+    frequency = low_pass_2(packing)
+    numbers = {
+        "lowest": ridge.frequency.min(initial=np.inf),
+        "highest": ridge.frequency.max(initial=-np.inf),
+        "velocity": ridge.velocity,
+        "frequency": frequency,
+    }
+    path = ridge.free_path(frequency)
+    outcome = "read" if np.isfinite(path) else "none_left"
+    return estimate(path, steps=(Step("window", outcome, numbers),))
 
 
 def width_power(packing: PackingData) -> Value:
     """Fit the power of the frequency that the ridge's width follows near f_low-pass."""
-    law = whole_ridge(packing).power(scale(packing))
-    return estimate(law.exponent, law.error)
+    frequency = scale(packing)
+    law = whole_ridge(packing).power(frequency)
+    low, high = POWER_RANGE
+    numbers = {
+        "lowest": low * frequency,
+        "highest": high * frequency,
+        "exponent": law.exponent,
+        "exponent_error": law.error,
+    }
+    outcome = "fitted" if np.isfinite(law.exponent) else "too_few"
+    return estimate(law.exponent, law.error, steps=(Step("fit", outcome, numbers),))

@@ -5,11 +5,15 @@ it are no waves, but soft because of the packing's disorder alone. E. Lerner, G.
 Bouchbinder, Phys. Rev. Lett. 117, 035501 (2016) took small cells for this reason.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from analysis.estimators.structure_factor import wave_vectors
+from analysis.explanation import Step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request
+from analysis.quantities.spectrum import step_of_modes
 from analysis.value import Value
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import ModeSet
@@ -19,9 +23,21 @@ from modal.tools.arrays import Floats
 from modal.tools.errors import UnavailableError
 
 
+class LowestWave(NamedTuple):
+    """The longest shear wave of a periodic cell: velocity, m/s, and waves per length, 1/m."""
+
+    velocity: float
+    waves_per_length: float
+
+    @property
+    def frequency(self) -> float:
+        """Return the frequency, Hz."""
+        return self.velocity * self.waves_per_length
+
+
 @cached_on_packing
-def lowest_wave(packing: PackingData) -> float:
-    """Return the frequency, Hz, of the longest shear wave of a cell without walls.
+def lowest_wave(packing: PackingData) -> LowestWave:
+    """Return the shear wave of lowest frequency along an axis of a cell without walls.
 
     Raises UnavailableError for a cell that is not periodic along all three axes.
     """
@@ -31,11 +47,12 @@ def lowest_wave(packing: PackingData) -> float:
             "between walls waves have other frequencies",
             remedy="take a periodic cell",
         )
-    frequencies = []
+    waves = []
     for vector in wave_vectors(packing.network, np.eye(3, dtype=int)):
-        wavenumber = float(np.linalg.norm(vector)) / (2 * np.pi)
-        frequencies.append(packing.moduli.velocities(vector)[-1] * wavenumber)
-    return float(min(frequencies))
+        waves_per_length = float(np.linalg.norm(vector)) / (2 * np.pi)
+        velocity = float(packing.moduli.velocities(vector)[-1])
+        waves.append(LowestWave(velocity, waves_per_length))
+    return min(waves, key=lambda wave: wave.frequency)
 
 
 @cached_on_packing
@@ -44,7 +61,7 @@ def soft_modes(packing: PackingData) -> ModeSet:
 
     Raises UnavailableError if there is none, or if modes are missing.
     """
-    modes = eigenmodes(taken_as_exact(packing.network), below=lowest_wave(packing))
+    modes = eigenmodes(taken_as_exact(packing.network), below=lowest_wave(packing).frequency)
     if modes.missing or not len(modes.frequency):
         raise UnavailableError(
             "not_converged", f"below the first wave {modes.missing} modes are missing of some"
@@ -55,12 +72,28 @@ def soft_modes(packing: PackingData) -> ModeSet:
 @on_request("Hz", definition="slowest V_S along an axis over the side of a periodic cell")
 def first_wave(packing: PackingData) -> Value:
     """Measure the frequency of the longest shear wave by the moduli."""
-    return Value(lowest_wave(packing), "Hz")
+    return Value(lowest_wave(packing).frequency, "Hz", steps=_steps_of_wave(packing))
+
+
+def _steps_of_wave(packing: PackingData) -> tuple[Step, ...]:
+    """Return the moduli, and the longest shear wave that follows from them, as steps."""
+    wave = lowest_wave(packing)
+    numbers = {
+        "velocity": wave.velocity,
+        "side": 1 / wave.waves_per_length,
+        "frequency": wave.frequency,
+    }
+    return (
+        Step("fit", "converged", {"residual": packing.moduli.error}),
+        Step("window", "read", numbers),
+    )
 
 
 def _over_modes(packing: PackingData, numbers: Floats) -> Value:
     """Return a number (k,) of each mode below the first wave, as a value over their frequencies."""
-    return Value(numbers, "1", {}, packing.of_one_sample, soft_modes(packing).frequency)
+    modes = soft_modes(packing)
+    steps = (*_steps_of_wave(packing), step_of_modes(packing, modes))
+    return Value(numbers, "1", {}, packing.of_one_sample, modes.frequency, steps=steps)
 
 
 @on_request("1", definition="spheres that take part in each mode below the first wave")

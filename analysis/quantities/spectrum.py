@@ -67,6 +67,23 @@ def z_shapes(packing: PackingData) -> Floats | None:
     return None
 
 
+def step_of_modes(packing: PackingData, modes: ModeSet) -> Step:
+    """Return a list of modes as a step: how many it has of how many, and between which ends."""
+    count = len(modes.frequency)
+    degrees_of_freedom = packing.network.degrees_of_freedom
+    outcome = "complete"
+    if count + modes.floppy_modes < degrees_of_freedom:
+        outcome = "ends_early"
+    numbers = {
+        "modes": count,
+        "all_modes": degrees_of_freedom,
+        "lowest": modes.frequency.min(initial=np.inf),
+        "highest": modes.frequency.max(initial=-np.inf),
+        "residual": modes.residual.max(initial=0.0),
+    }
+    return Step("window", outcome, numbers)
+
+
 @cached_on_packing
 def lowest_modes(packing: PackingData) -> tuple[ModeSet, Floats, list[Caveat]]:
     """Return the lowest modes, their motion along z (k, n), and caveats of what the list lacks.
@@ -147,7 +164,10 @@ def modal_dispersion(packing: PackingData) -> Dispersion:
 def modal_fitted(packing: PackingData) -> Value:
     """Measure V_P, m/s, with wave numbers that are fitted to the shapes of the modes."""
     if packing.crystal:
-        return estimate(modal_dispersion(packing).velocity)
+        modes = packing.case.needed("modes")
+        dispersion = modal_dispersion(packing)
+        steps = (step_of_modes(packing, modes), step_of_dispersion(dispersion))
+        return estimate(dispersion.velocity, steps=steps)
     bearers = standing(packing)
     shapes = z_shapes(packing)
     if bearers is None or shapes is None:
@@ -157,7 +177,35 @@ def modal_fitted(packing: PackingData) -> Value:
     depth = network.position[bearing, 2] - network.wall_position[0]
     rows = bearers.row[:LOW_ORDER]
     wavenumber = resonant.fitted_wavenumbers(shapes[rows][:, bearing], depth, network.length)
-    return estimate(*resonant.long_wave_velocity(bearers.frequency[:LOW_ORDER], wavenumber))
+    return velocity_of_standing_waves(bearers.frequency[:LOW_ORDER], wavenumber)
+
+
+def step_of_dispersion(dispersion: Dispersion) -> Step:
+    """Return the fit of a crystal's dispersion relation as a step."""
+    numbers = {
+        "order": len(dispersion.coefficients),
+        "velocity": dispersion.velocity,
+        "band_edge": dispersion.low_pass_frequency,
+    }
+    return Step("fit", "fitted", numbers)
+
+
+def velocity_of_standing_waves(frequency: Floats, wavenumber: Floats) -> Value:
+    """Measure V_P, m/s, by the frequencies (R,), Hz, and wave numbers (R,), 1/m, of r = 1 ... R."""
+    velocity, error = resonant.long_wave_velocity(frequency, wavenumber)
+    rows = resonant.FITTED_ROWS
+    known = np.isfinite(frequency[rows] / wavenumber[rows])
+    numbers = {
+        "waves": len(frequency),
+        "frequencies": known.sum(),
+        "needed": resonant.MIN_FITTED_ORDERS,
+        "lowest": frequency[rows][known].min(initial=np.inf),
+        "highest": frequency[rows][known].max(initial=-np.inf),
+        "velocity": velocity,
+        "error": error,
+    }
+    outcome = "fitted" if np.isfinite(velocity) else "too_few"
+    return estimate(velocity, error, steps=(Step("fit", outcome, numbers),))
 
 
 @cached_on_packing
@@ -193,7 +241,9 @@ def natural_frequency(frequency: float, *lists: ModeSet | None) -> Value:
     for modes in lists:
         if modes is not None and frequency in modes.frequency:
             row = int(np.argmax(modes.frequency == frequency))
-            return estimate(frequency, 0.5 * frequency * float(modes.residual[row]))
+            residual = float(modes.residual[row])
+            steps = (Step("fit", "converged", {"residual": residual}),)
+            return estimate(frequency, 0.5 * frequency * residual, steps=steps)
     return estimate(frequency)
 
 
@@ -250,24 +300,51 @@ def mean_chi(packing: PackingData, low: float, high: float) -> Value:
 
     The error is the standard error of independent modes.
     """
-    chi = chi_between(packing, low, high, chain=True)[1]
+    frequency, chi = chi_between(packing, low, high, chain=True)
     if len(chi) < 2:
         raise AbsentError
-    return estimate(float(chi.mean()), float(chi.std(ddof=1) / len(chi) ** 0.5))
+    error = float(chi.std(ddof=1) / len(chi) ** 0.5)
+    return estimate(float(chi.mean()), error, steps=(_step_between(frequency),))
+
+
+def _step_between(frequency: Floats) -> Step:
+    """Return the modes (k,) between two frequencies, Hz, as a step."""
+    numbers = {
+        "modes": len(frequency),
+        "lowest": frequency.min(initial=np.inf),
+        "highest": frequency.max(initial=-np.inf),
+    }
+    outcome = "read" if len(frequency) else "none_left"
+    return Step("window", outcome, numbers)
+
+
+def measure_largest_chi(packing: PackingData, low: float, high: float, chain: bool = True) -> Value:
+    """Measure the largest chi_z of the modes between two frequencies, Hz."""
+    largest, _ = largest_chi(packing, low, high, chain)
+    frequency, _ = chi_between(packing, low, high, chain)
+    return estimate(largest, steps=(_step_between(frequency),))
 
 
 def last_pure(packing: PackingData) -> Value:
     """Measure the highest frequency, Hz, of a mode whose chain has chi_z above 0.9.
 
     Each resonance has one such mode, so that the distance between two of them is the error.
-    `AbsentError` if the list of modes ends less than two of these distances above the last one.
+    It is not known if the list of modes ends less than two of these distances above the last one.
     """
     frequency, chi = chi_between(packing, 0, np.inf, chain=True)
     last = max(frequency[chi > MIN_CHI_OF_P_WAVE], default=np.inf)
     distance = 0.5 * longest(packing, "linear").value / packing.network.length
-    if not last + 2 * distance <= max(frequency, default=0):
-        raise AbsentError
-    return estimate(last, distance)
+    list_end = max(frequency, default=0)
+    numbers = {
+        "last_pure": last,
+        "resonance_distance": distance,
+        "list_end": list_end,
+        "least_list_end": last + 2 * distance,
+    }
+    step = limit_step(numbers, "list_end", "least_list_end", least=True)
+    if step.outcome != "kept":
+        return unknown("Hz", Caveat("absent"), steps=(step,))
+    return estimate(last, distance, steps=(step,))
 
 
 class Excess(NamedTuple):
@@ -346,22 +423,32 @@ def excess_peak(packing: PackingData) -> Value:
     if packing.crystal:
         return unknown("Hz", Caveat("no_soft_modes"))
     frequency, _, modes_below = density(packing)
-    peak = excess(packing).peak_frequency
-    line = 4 * float(frequency[1] - frequency[0])
-    lowest = 2.5 * line
-    peak_numbers = {"resolution": line, "lowest": lowest, "peak": peak}
-    if not np.isfinite(peak):
+    search = step_of_peak(packing)
+    peak = search.numbers["peak"]
+    line = search.numbers["resolution"]
+    lowest = search.numbers["lowest"]
+    if search.outcome == "no_maximum":
         caveat = Caveat("no_peak", {"frequency": hertz(lowest)})
-        no_maximum = Step("limit", "no_maximum", peak_numbers)
-        return unknown("Hz", caveat, *packing.of_one_sample, steps=(no_maximum,))
+        return unknown("Hz", caveat, *packing.of_one_sample, steps=(search,))
     first, last = np.interp([lowest, peak], frequency, modes_below)
     mode_numbers = {"modes_below": last - first, "needed": MIN_MODES_BELOW_PEAK}
     enough_modes = limit_step(mode_numbers, "modes_below", "needed", least=True)
-    steps = (limit_step(peak_numbers, "peak", "lowest", least=True), enough_modes)
+    steps = (search, enough_modes)
     if enough_modes.outcome != "kept":
         values = {"needed": MIN_MODES_BELOW_PEAK, "frequency": hertz(peak)}
         return unknown("Hz", Caveat("few_modes", values), *packing.of_one_sample, steps=steps)
     return Value(peak, "Hz", {"resolution": line / 2}, packing.of_one_sample, steps=steps)
+
+
+def step_of_peak(packing: PackingData) -> Step:
+    """Return the search for the largest D(f) / f^2 above the lowest frequency as a step."""
+    frequency = density(packing)[0]
+    peak = excess(packing).peak_frequency
+    line = 4 * float(frequency[1] - frequency[0])
+    numbers = {"resolution": line, "lowest": 2.5 * line, "peak": peak}
+    if not np.isfinite(peak):
+        return Step("limit", "no_maximum", numbers)
+    return limit_step(numbers, "peak", "lowest", least=True)
 
 
 @on_request("Hz", definition="of standing P-waves r = 1, 2, ... among the lowest modes")
@@ -373,18 +460,36 @@ def resonances(packing: PackingData) -> Value:
     """
     modes, along_z, caveats = lowest_modes(packing)
     frequency = modes.resonance_frequency
-    if not packing.crystal or frequency is None:
-        frequency = resonant.standing_modes(modes.frequency, along_z, packing.network).frequency
+    if packing.crystal and frequency is not None:
+        search = Step("window", "read", {"waves": len(frequency)})
+    else:
+        standing_of_list = resonant.standing_modes(modes.frequency, along_z, packing.network)
+        frequency = standing_of_list.frequency
+        search = _step_of_standing(standing_of_list)
+    steps = (step_of_modes(packing, modes), search)
     if not len(frequency):
-        return unknown("Hz", Caveat("no_standing_wave"), *caveats)
-    return Value(np.asarray(frequency), "Hz", {}).with_caveats(*packing.of_waves, *caveats)
+        return unknown("Hz", Caveat("no_standing_wave"), *caveats, steps=steps)
+    value = Value(np.asarray(frequency), "Hz", {}, steps=steps)
+    return value.with_caveats(*packing.of_waves, *caveats)
+
+
+def _step_of_standing(waves: resonant.Standing) -> Step:
+    """Return the search for standing waves as a step; it ends at a wave that belongs to no mode."""
+    numbers = {
+        "waves": len(waves.frequency),
+        "share": waves.next_share,
+        "limit": resonant.MIN_SHARE,
+    }
+    return limit_step(numbers, "share", "limit", least=True)
 
 
 @on_request("1", definition="share of a mode's motion that is along z, over frequency (Eq. 2)")
 def chi_z(packing: PackingData) -> Value:
     """Measure chi_z (Eq. 2) of all spheres, for each of the lowest modes."""
     modes, _, caveats = lowest_modes(packing)
-    return Value(modes.chi_z, "1", {}, (*packing.of_one_sample, *caveats), modes.frequency)
+    all_caveats = (*packing.of_one_sample, *caveats)
+    steps = (step_of_modes(packing, modes),)
+    return Value(modes.chi_z, "1", {}, all_caveats, modes.frequency, steps=steps)
 
 
 @on_request("1", definition="chi_z of every mode up to 1.5 V_P / W, W the cell's width")
@@ -400,4 +505,6 @@ def chi_z_of_branches(packing: PackingData) -> Value:
     caveats = packing.of_one_sample
     if modes.missing:
         caveats += (Caveat("missing_modes", {"missing": modes.missing}),)
-    return Value(modes.chi_z, "1", {}, caveats, modes.frequency)
+    velocity_step = Step("fit", "converged", {"residual": packing.moduli.error})
+    steps = (velocity_step, step_of_modes(packing, modes))
+    return Value(modes.chi_z, "1", {}, caveats, modes.frequency, steps=steps)

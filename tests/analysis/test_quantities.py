@@ -94,6 +94,16 @@ def test_nothing_slides_or_opens_in_a_column(name, column_at_amplitudes):
     assert not column_at_amplitudes[name].value.any()
 
 
+def test_error_over_amplitudes_is_that_of_time_steps_and_of_the_packing_at_rest(
+    column_at_amplitudes,
+):
+    value = column_at_amplitudes["even_part"]
+    errors = [np.hypot(step.numbers["step_error"], step.numbers["noise"]) for step in value.steps]
+    assert value.error == pytest.approx(errors)
+    low, high = (step.numbers["amplitude"] for step in value.steps)
+    assert high == pytest.approx(2 * low)
+
+
 @pytest.fixture(scope="module")
 def sheared_sample():
     """Return a packing with friction at rest."""
@@ -157,6 +167,13 @@ def test_crystal_does_not_scatter(name, cubic_crystal, lines_of_crystal):
     width = lines_of_crystal[name]
     assert (width.value < np.hypot(0.3 * line, 3 * width.error)).all()
     assert (width.error < 0.5 * line).all()
+
+
+def test_lines_of_a_crystal_are_those_of_the_step(lines_of_crystal):
+    lines = lines_of_crystal["scattering_of_p"]
+    (step,) = lines.steps
+    assert step.numbers["lines"] == len(lines.value) <= step.numbers["periods"]
+    assert [step.numbers["lowest"], step.numbers["highest"]] == lines.at[[0, -1]].tolist()
 
 
 def test_lines_of_a_crystal_lie_on_its_branches(cubic_crystal, lines_of_crystal):
@@ -260,6 +277,17 @@ def test_contacts_of_a_soft_mode_are_those_of_the_sphere_that_moves_most(
     displacement = (dense_modes.shape[0, :, :3] ** 2).sum(axis=1)
     ends = np.concatenate([soft_packing.particle_i, soft_packing.particle_j])
     assert soft_modes["soft_contacts"].value[0] == (ends == np.argmax(displacement)).sum()
+
+
+def test_steps_of_soft_modes_are_the_first_wave_and_the_modes_below_it(soft_modes):
+    first_wave = soft_modes["first_wave"]
+    rotation = soft_modes["soft_rotation"]
+    assert rotation.steps[:-1] == first_wave.steps
+    wave = first_wave.steps[-1].numbers
+    assert wave["velocity"] / wave["side"] == pytest.approx(first_wave.value)
+    modes = rotation.steps[-1].numbers
+    assert modes["modes"] == len(rotation.value)
+    assert modes["highest"] == rotation.at[-1] < first_wave.value
 
 
 def test_first_wave_of_a_crystal_is_its_shear_velocity_divided_by_the_side():

@@ -1,0 +1,172 @@
+"""Numbers in the steps of an explanation beside the value, its error and its frequencies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from packings import slender
+
+import analysis
+import modal
+from analysis.case import Case
+from analysis.estimators.resonances import MIN_SHARE
+from analysis.estimators.structure_factor import structure_factor, write_structure
+from analysis.packing_data import PackingData
+from analysis.quantities import QUANTITIES
+from analysis.quantities.records import HIGH, LOW
+from modal.modes.density import density_of_states, write_density
+from modal.modes.mode_set import write_modes
+from modal.packing.network import write_network
+from modal.packing.precision import OVERLAP_ERROR
+from modal.waves.response import frequency_response, write_response
+
+
+@pytest.fixture(scope="module")
+def packing(tmp_path_factory):
+    """Return a random packing with files of all its modes and of its spectra, as a case has."""
+    network = slender()
+    modes = modal.eigenmodes(network, all=True)
+    highest = float(modes.frequency[-1])
+    structure = structure_factor(network, np.arange(1, 13), 0.02 * highest, 0.5 * highest)
+    folder = tmp_path_factory.mktemp("case")
+    write_network(folder / "case01.network.h5", network)
+    write_modes(folder / "case01.modes.h5", modes)
+    write_structure(folder / "case01.structure.h5", structure)
+    write_density(folder / "case01.density.h5", density_of_states(network))
+    response = frequency_response(network, resolution=0.01 * highest)
+    write_response(folder / "case01.response.h5", response)
+    return PackingData(network, case=Case("case01", folder))
+
+
+def measure(packing, name):
+    """Measure a quantity of a packing by its name; it must be known."""
+    value = QUANTITIES[name].measured(packing)
+    assert value.known
+    return value
+
+
+def numbers_of(value, row=-1):
+    """Return the numbers of a step of a value, by default of the last one."""
+    return value.steps[row].numbers
+
+
+def test_gain_is_read_over_its_frequencies_and_at_its_first_maximum(packing):
+    """The summit of a parabola lies at or above the highest of its three points."""
+    gain = measure(packing, "gain")
+    numbers = numbers_of(gain)
+    assert numbers["frequencies"] == len(gain.value)
+    assert [numbers["lowest"], numbers["highest"]] == gain.at[[0, -1]].tolist()
+    first = np.argmin(abs(gain.at - numbers["first_gain_frequency"]))
+    top = gain.value[first]
+    assert top == gain.value[first - 1 : first + 2].max()
+    assert top <= numbers["first_gain"]
+
+
+def test_lines_of_the_gain_have_the_width_of_its_step(packing):
+    resolution = measure(packing, "gain_resolution")
+    assert numbers_of(resolution)["resolution"] == resolution.value
+
+
+def test_resonances_end_at_a_wave_that_belongs_to_no_mode(packing):
+    resonances = measure(packing, "resonances")
+    in_list, search = resonances.steps
+    assert in_list.outcome == "complete"
+    assert search.numbers["waves"] == len(resonances.value)
+    assert (search.outcome, search.numbers["limit"]) == ("fallen_short", MIN_SHARE)
+    assert 0 < search.numbers["share"] < MIN_SHARE
+
+
+def test_chi_z_has_a_number_for_each_mode_of_its_list(packing):
+    chi_z = measure(packing, "chi_z")
+    (step,) = chi_z.steps
+    assert step.numbers["modes"] == step.numbers["all_modes"] == len(chi_z.value)
+    assert [step.numbers["lowest"], step.numbers["highest"]] == chi_z.at[[0, -1]].tolist()
+
+
+def test_list_of_few_modes_ends_early():
+    value = analysis.measure(slender(), quantities="chi_z")["chi_z"]
+    (step,) = value.steps
+    assert step.outcome == "ends_early"
+    assert step.numbers["modes"] == len(value.value) < step.numbers["all_modes"]
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"), [("chi_z_low", 0.0, LOW), ("chi_z_high_mean", HIGH, np.inf)]
+)
+def test_chi_z_of_an_interval_counts_its_modes(name, low, high, packing):
+    frequency = packing.case.read("modes").frequency
+    inside = frequency[(frequency > low * frequency[-1]) & (frequency < high * frequency[-1])]
+    numbers = numbers_of(measure(packing, name))
+    assert numbers["modes"] == len(inside)
+    assert (numbers["lowest"], numbers["highest"]) == (inside[0], inside[-1])
+
+
+@pytest.mark.parametrize("name", ["f_max", "f_min", "f_1"])
+def test_error_of_a_natural_frequency_is_half_of_its_residual(name, packing):
+    frequency = measure(packing, name)
+    expected = 0.5 * numbers_of(frequency)["residual"] * frequency.value
+    # A soft mode may be unstable by round-off: its frequency is negative, its error is not.
+    assert frequency.error == pytest.approx(abs(expected))
+
+
+def test_velocity_of_the_first_resonance_is_twice_length_times_frequency(packing):
+    velocity = measure(packing, "v_p_modes_first")
+    numbers = numbers_of(velocity)
+    product = 2 * numbers["packing_length"] * numbers["frequency"]
+    assert velocity.value == pytest.approx(product)
+
+
+def test_velocity_of_standing_waves_is_that_of_its_fit(packing):
+    velocity = measure(packing, "v_p_modes_eq_4")
+    numbers = numbers_of(velocity)
+    assert (numbers["velocity"], numbers["error"]) == (velocity.value, velocity.error)
+    assert numbers["frequencies"] >= numbers["needed"]
+
+
+def test_velocity_of_columns_has_their_scatter_as_error(packing):
+    velocity = measure(packing, "v_p_first_peaks_columns")
+    numbers = numbers_of(velocity)
+    assert (numbers["velocity"], numbers["scatter"]) == (velocity.value, velocity.error)
+
+
+def test_largest_excess_is_unknown_if_it_is_at_the_lowest_frequency(packing):
+    """The lowest frequency that can be read is 2.5 widths of a line."""
+    at_a_tenth = measure(packing, "excess_at_a_tenth")
+    (step,) = at_a_tenth.steps
+    assert step.outcome == "no_maximum"
+    assert step.numbers["lowest"] == 2.5 * step.numbers["resolution"]
+    largest = QUANTITIES["excess_largest_at"].measured(packing)
+    assert not largest.known
+    assert largest.explain().as_json()["steps"] == [step.as_json()]
+
+
+@pytest.fixture(scope="module")
+def crystal():
+    """Return a crystal that is long enough for the paper's rule."""
+    return PackingData(modal.fcc(cells=(1, 1, 100)))
+
+
+def test_threshold_of_a_crystal_lies_above_its_band_where_no_wave_travels(crystal):
+    """The rule of 2 % is biased upwards; the steps say so for the frequency and its two ends."""
+    edge = measure(crystal, "f_low_pass_2_linear")
+    wavelength = QUANTITIES["lambda_2_linear_over_d"].measured(crystal)
+    assert not wavelength.known
+    assert wavelength.steps[: len(edge.steps)] == edge.steps
+    *_, main, low, high = wavelength.steps
+    assert main.outcome == "does_not_travel"
+    assert main.numbers["frequency"] == edge.value > measure(crystal, "band_edge_linear").value
+    assert high.numbers["frequency"] - low.numbers["frequency"] == pytest.approx(2 * edge.error)
+
+
+def test_band_edge_of_a_record_is_that_of_its_fit(crystal):
+    edge = measure(crystal, "band_edge_linear")
+    assert numbers_of(edge)["band_edge"] == edge.value
+
+
+def test_digits_of_a_packing_are_the_last_step():
+    network = slender()
+    rounded = replace(network, study={**network.study, OVERLAP_ERROR: 0.05})
+    value = analysis.measure(rounded, quantities="coordination")["coordination"]
+    numbers = numbers_of(value)
+    assert numbers["overlap_error"] == 0.05
+    assert value.parts["digits"] == pytest.approx(numbers["relative_error"] * value.value)
