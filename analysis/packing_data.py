@@ -172,7 +172,8 @@ class PackingData:
                 "no_walls",
                 "the cell has no two walls along z, from one to the other of which a wave here "
                 "goes",
-                remedy="`python -m modal wave --plane Z` sends one through a cell without walls",
+                remedy="`python -m modal moduli --layers FILE.csv` measures velocities by depth "
+                "above one wall, `python -m modal wave --plane Z` sends a wave from inside",
             )
 
     def require_crystal(self) -> None:

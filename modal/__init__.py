@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from modal.description import describe as describe
+    from modal.elasticity.depth import velocities_by_depth as velocities_by_depth
     from modal.elasticity.moduli import elastic_moduli as elastic_moduli
     from modal.elasticity.sensitivity import moduli_sensitivity as moduli_sensitivity
     from modal.exchange.registry import read as read
@@ -61,6 +62,7 @@ _MODULES = {
     "random_packing": "modal.preparation.random_packing",
     "read": "modal.exchange.registry",
     "stiffness_matrix": "modal.system.matrices",
+    "velocities_by_depth": "modal.elasticity.depth",
     "write": "modal.packing.network:write_network",
 }
 """Module of each public name, and its name there after a colon if that is another one."""

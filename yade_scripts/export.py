@@ -11,6 +11,7 @@ from yade import O
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.rigid_bodies import Bodies, joined
 from modal.packing.state import void_ratio
+from modal.packing.weight import with_gravity
 from modal.tools.errors import InputError
 from yade_scripts.held import held_motions
 from yade_scripts.scene import wall_faces
@@ -82,6 +83,15 @@ def describe_rotation_springs(contacts):
         "stiffness_rolling": np.where(resists, rolling, 0.0),
         "stiffness_twisting": np.where(resists, twisting, 0.0),
     }
+
+
+def note_gravity(network):
+    """Return a network with the gravity of the scene's integrator noted, if it is not zero."""
+    for engine in O.engines:
+        gravity = np.array(getattr(engine, "gravity", (0, 0, 0)), float)
+        if gravity.any():
+            return with_gravity(network, gravity)
+    return network
 
 
 def _uses_moment_law_always():

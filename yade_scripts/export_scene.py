@@ -35,7 +35,7 @@ from modal.formats.hdf5 import named
 from modal.formats.provenance import Provenance, versions
 from modal.packing.network import write_network
 from modal.tools.errors import InputError
-from yade_scripts.export import network_of_scene
+from yade_scripts.export import network_of_scene, note_gravity
 from yade_scripts.scene import exit_at_refusal, find_contacts, finish
 
 
@@ -54,7 +54,7 @@ def export_scene(path):
 def _write_scene(path):
     """Write the network of the present scene and print what is in it."""
     with named(path):
-        network = network_of_scene()
+        network = note_gravity(network_of_scene())
     made = Provenance("yade_scripts/export_scene.py", versions=versions(yade=config.version))
     write_network(path, replace(network, provenance=made.attributes()))
     pulling = int((network.force_normal < 0).sum())

@@ -1,16 +1,18 @@
-"""The elastic stiffness tensor, V_P and V_S along any direction."""
+"""The elastic stiffness tensor, V_P and V_S along any direction; or V_P and V_S by depth."""
 
 import math
 from contextlib import suppress
 
-from modal.cli.options import Group, Option, Options, Result, chosen_for, flag
+from modal.cli.options import Group, NewFile, Option, Options, Result, chosen_for, flag
 from modal.cli.reading import packing_of, springs
 from modal.elasticity.cross_anisotropy import cross_anisotropy
+from modal.elasticity.depth import velocities_by_depth
 from modal.elasticity.moduli import TOLERANCE, elastic_moduli, read_moduli, write_moduli
 from modal.elasticity.plane_waves import isotropic_mean, unit_vector
 from modal.elasticity.steady import SOLVERS
 from modal.packing.network import Network
 from modal.packing.noted_laws import noted_material
+from modal.packing.state import write_profile
 from modal.theory.effective_medium import IsotropicModuli, assembly_of, walton
 from modal.theory.saturation import named_fluid, saturate
 from modal.tools.display import quantity
@@ -18,12 +20,14 @@ from modal.tools.errors import InputError, UnavailableError
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 DIRECTION_HELP = "of waves, besides x, y and z; may be repeated"
+LAYERS_HELP = "in place of moduli: velocities and stress by depth, of layers along z, *.csv"
 SOLVER_HELP = "what solves (default: the likely faster)"
 EXAMPLE = "moduli mine.network.h5 --direction 1 1 0"
 OPTIONS = (
     *springs(".moduli.h5"),
     Option("--direction", ("X", "Y", "Z"), DIRECTION_HELP, [], more={"action": "append"}),
     Option("--tolerance", "T", "relative error", TOLERANCE),
+    Option("--layers", "FILE", LAYERS_HELP, kind=NewFile, endings=(".csv",)),
     Group("advanced", [Option("--solver", "", SOLVER_HELP, kind=SOLVERS)]),
     flag("--non-affine", "write how each sphere moves beyond the strain, too"),
 )
@@ -39,6 +43,8 @@ def run(options: Options) -> Result:
         name = " ".join(f"{x:g}" for x in vector)
         directions[name] = tuple(vector)
     network = packing_of(options, added_mass=False)
+    if options.layers:
+        return _layers_of(network, options)
     moduli = elastic_moduli(network, **chosen_for(elastic_moduli, options))
     options.remarks.extend(map(str, moduli.remarks()))
     if options.output:
@@ -82,6 +88,18 @@ def run(options: Options) -> Result:
     if options.fluid:
         result["saturated"] = _saturated(network, measured, options)
     return result
+
+
+def _layers_of(network: Network, options: Options) -> Result:
+    """Write the velocities by depth as a table, and return them."""
+    for name in ("output", "fluid", "non_affine"):
+        if getattr(options, name):
+            option = "-o" if name == "output" else f"--{name.replace('_', '-')}"
+            raise InputError("layers_alone", f"--layers with {option}", remedy="leave one out")
+    by_depth = velocities_by_depth(network)
+    write_profile(options.layers, by_depth.layers, by_depth.columns())
+    columns = {name: column.tolist() for name, column in by_depth.columns().items()}
+    return {"z_m": by_depth.z.tolist(), **columns}
 
 
 def _compare(measured: IsotropicModuli, expected: IsotropicModuli) -> Result:

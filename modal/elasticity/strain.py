@@ -62,6 +62,7 @@ def has_walls(system: LinearSystem) -> bool:
             "no_walls",
             "no strain zz can be put on this packing",
             "it is not periodic along z and does not touch two walls there",
+            "`python -m modal moduli --layers FILE.csv` measures velocities by depth; "
             "`python -m modal wave` sends a wave from its wall, or with --plane Z from inside",
         )
     if system.pre_stress != "none":

@@ -27,6 +27,7 @@ from modal.exchange.text import open_bytes, quote, refuse
 from modal.formats.whole_file import refuse_absent
 from modal.packing.network import Network
 from modal.packing.plausibility import plausibility
+from modal.packing.weight import with_gravity
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
 
@@ -55,6 +56,16 @@ class Option:
     text: str
     metavar: str | tuple[str, ...] = "FILE"
     kind: type = str
+
+
+COMMON_OPTIONS = {
+    "gravity": Option(
+        "acceleration by gravity, m/s^2, as 0 0 -9.81, if the file does not tell it",
+        ("GX", "GY", "GZ"),
+        float,
+    )
+}
+"""Options that files of all programs have."""
 
 
 def all_programs() -> Iterator[ModuleType]:
@@ -120,7 +131,7 @@ def all_options() -> dict[str, Option]:
     options: dict[str, Option] = {}
     for program in all_programs():
         options = dict(program.OPTIONS) | options
-    return options
+    return options | COMMON_OPTIONS
 
 
 def import_packing(path: str | Path, **options: object) -> ImportResult:
@@ -131,11 +142,12 @@ def import_packing(path: str | Path, **options: object) -> ImportResult:
     """
     refuse_absent(path)
     typed = {name: value for name, value in options.items() if value is not None}
+    gravity = typed.pop("gravity", None)
     path = Path(path)
     program = find_program(path)
     for name in typed:
         if name not in program.OPTIONS:
-            known = ", ".join(program.OPTIONS) or "none"
+            known = ", ".join([*program.OPTIONS, *COMMON_OPTIONS])
             refuse(
                 path,
                 "unknown_option",
@@ -143,6 +155,8 @@ def import_packing(path: str | Path, **options: object) -> ImportResult:
                 remedy=f"leave it out (options: {known})",
             )
     result: ImportResult = program.read(path, **typed)
+    if gravity is not None:
+        result.network = with_gravity(result.network, gravity)
     return result
 
 

@@ -22,7 +22,7 @@ from modal.packing.occupied import occupied_part
 from modal.packing.precision import MAX_OVERLAP_ERROR_OF_MODES, is_scanned, overlap_error
 from modal.packing.state import unevenness
 from modal.packing.summary import crystalline_shares
-from modal.packing.weight import gravity_of, unbalanced_forces
+from modal.packing.weight import gravity_of, noted_gravity, unbalanced_forces
 from modal.tools.arrays import Bools, Floats
 from modal.tools.display import quantity
 
@@ -398,11 +398,14 @@ def _examine_balance(network: Network) -> Findings:
         numbers["gravity_m_per_s2"] = gravity.tolist()
         size = float(norm(gravity))
         direction = ", ".join(f"{component / size:.2f}" for component in gravity)
+        source = "net forces are weights"
+        if noted_gravity(network) is not None:
+            source = "under its weight, as noted"
         remarks.append(
             Remark(
                 "gravity",
                 True,
-                f"net forces are weights: gravity {quantity(size, 'm/s^2')} along ({direction}); "
+                f"{source}: gravity {quantity(size, 'm/s^2')} along ({direction}); "
                 "stress, stiffness and velocities grow with depth",
                 size,
             )

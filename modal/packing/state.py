@@ -8,6 +8,7 @@ exactly.
 """
 
 import io
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -215,8 +216,8 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     solid_below = np.zeros(count + 1)
     solid_below[-1] = sphere_volume(radius).sum()
     for edge in _inner_edges(network, count):
-        height = np.clip(edges[edge] - _images(z, network) + radius, 0, 2 * radius)
-        solid_below[edge] = (np.pi * height**2 * (radius - height / 3)).sum()
+        share = share_below(edges[edge] - _images(z, network), radius)
+        solid_below[edge] = (sphere_volume(radius) * share).sum()
     layer = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, count - 1)
     particles = np.bincount(layer, minlength=count)
     ends = np.bincount(layer, contacts_per_particle(network), count)
@@ -233,6 +234,19 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
         particles=particles,
         bulk=bulk,
     )
+
+
+def share_below(clearance: Floats, radius: Floats) -> Floats:
+    """Return the share of each sphere's volume below a plane `clearance` above its centre.
+
+    It is that of a spherical cap; both arguments are (..., n), m.
+
+    >>> share_below(np.array([-2.0, 0.0, 0.5, 1.0]), np.ones(4))
+    array([0.     , 0.5    , 0.84375, 1.     ])
+    """
+    height = np.clip(1 + clearance / radius, 0, 2)
+    share: Floats = height**2 * (3 - height) / 4
+    return share
 
 
 def _inner_edges(network: Network, count: int) -> range:
@@ -270,8 +284,13 @@ def _virials_of_layers(network: Network, edges: Floats) -> Floats:
     return np.diff(below, axis=0)
 
 
-def write_profile(path: str | Path, layers: Profile) -> None:
-    """Write the layers as a table, *.csv: the middle of each, then the columns of `Profile`."""
+def write_profile(
+    path: str | Path, layers: Profile, further: Mapping[str, Floats] | None = None
+) -> None:
+    """Write the layers as a table, *.csv: the middle of each, then the columns of `Profile`.
+
+    `further` columns (k,) by their names with units follow.
+    """
     columns: dict[str, Array] = {"z_m": (layers.edges[1:] + layers.edges[:-1]) / 2}
     if layers.stress is not None:
         for axis, stress in zip("xyz", layers.stress.T, strict=True):
@@ -280,6 +299,7 @@ def write_profile(path: str | Path, layers: Profile) -> None:
     columns["coordination_number"] = layers.coordination
     columns["particles"] = layers.particles
     columns["bulk"] = layers.bulk
+    columns |= further or {}
     text = io.StringIO()
     table = np.column_stack(list(columns.values()))
     np.savetxt(text, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")

@@ -1,16 +1,23 @@
-"""Recognise gravity in the net forces of contacts: parallel, and in proportion to the masses.
+"""Know the gravity of a packing: noted by whoever made it, or recognised in the contact forces.
 
 In a packing at rest in a box under gravity the net force of its contacts on each sphere carries its
-weight. Direction and size of gravity follow from these forces, and so does the part of them that
-is not balanced.
+weight: net forces are parallel, and in proportion to the masses. Direction and size of gravity
+follow from these forces, and so does the part of them that is not balanced. A noted gravity
+(`NOTE` in the group `study`) is taken as it is, and what it does not balance shows.
 """
+
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from modal.packing.network import Network
 from modal.packing.state import contacts_per_particle, net_forces, sizes_of_loads
 from modal.tools.arrays import Floats
+from modal.tools.errors import InputError
 
+NOTE = "gravity"
+"""Name of the note that holds the acceleration by gravity, three numbers, m/s^2."""
 MAX_UNEXPLAINED_SHARE = 0.1
 """Largest part of the net forces, root mean square, that the weight may leave unexplained. Net
 forces of spheres in motion point in all directions: a weight explains a tenth of those of 100
@@ -22,17 +29,45 @@ MIN_WEIGHT_IN_MEAN_FORCES = 1e-6
 """Least weight, divided by the mean contact force, that is not round-off of the forces."""
 
 
-def gravity_of(network: Network) -> Floats | None:
-    """Return the acceleration (3,), m/s^2, that explains the net forces as weight, or None.
+def with_gravity(network: Network, acceleration: Sequence[float]) -> Network:
+    """Return a network in which the acceleration by gravity (3,), m/s^2, is noted.
 
-    This is a least-squares fit over the spheres with contacts. UnavailableError if contact forces
-    are absent.
+    InputError unless it is three finite numbers.
+
+    >>> import modal
+    >>> noted_gravity(with_gravity(modal.fcc(cells=(1, 1, 2)), (0, 0, -9.81)))
+    array([ 0.  ,  0.  , -9.81])
     """
-    return network.cached("gravity", lambda: _gravity_of(network))
+    components = np.asarray(acceleration, float)
+    if components.shape != (3,) or not np.isfinite(components).all():
+        raise InputError(
+            "gravity", "gravity", remedy="give three components in m/s^2, as 0 0 -9.81"
+        )
+    return replace(network, study=network.study | {NOTE: components})
 
 
-def _gravity_of(network: Network) -> Floats | None:
-    """Fit the acceleration as `gravity_of` does, without the cache."""
+def noted_gravity(network: Network) -> Floats | None:
+    """Return the noted acceleration (3,), m/s^2; None if there is none, or if it is no vector."""
+    note = np.asarray(network.study.get(NOTE, ()))
+    if note.shape != (3,) or note.dtype.kind not in "iuf" or not np.isfinite(note).all():
+        return None
+    return note.astype(float)
+
+
+def gravity_of(network: Network) -> Floats | None:
+    """Return the acceleration (3,), m/s^2, that is noted or explains the net forces, or None.
+
+    It is fitted to the spheres with contacts by least squares if it is not noted. UnavailableError
+    if it is not, and contact forces are absent.
+    """
+    noted = noted_gravity(network)
+    if noted is not None:
+        return noted if noted.any() else None
+    return network.cached("gravity", lambda: _fit_gravity(network))
+
+
+def _fit_gravity(network: Network) -> Floats | None:
+    """Return the acceleration (3,), m/s^2, that explains the net forces as weight, or None."""
     has_contacts = contacts_per_particle(network) > 0
     force = net_forces(network)[has_contacts, :3]
     mass = _free_masses(network)[has_contacts]
@@ -56,7 +91,7 @@ def _free_masses(network: Network) -> Floats:
 def unbalanced_forces(network: Network) -> Floats:
     """Return the net force and torque of each sphere (n,) divided by the mean normal force.
 
-    A recognised weight is taken off; a sphere without contacts counts as balanced.
+    The weight is taken off; a sphere without contacts counts as balanced.
     UnavailableError if contact forces are absent.
     """
     load = net_forces(network)

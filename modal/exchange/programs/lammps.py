@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.exchange import dump, lammps, liggghts
+from modal.exchange.gravity import find_gravity
 from modal.exchange.groups import COLUMNS
 from modal.exchange.held import IN_PLANE, HeldMotions, find_held_motions
 from modal.exchange.import_result import ImportResult, build_network
@@ -26,6 +27,7 @@ from modal.exchange.particles_and_contacts import Packing, PairLaw
 from modal.exchange.registry import Option, read_beginning
 from modal.exchange.text import Words, read_lines, refuse
 from modal.packing.rigid_bodies import Bodies
+from modal.packing.weight import with_gravity
 from modal.tools.arrays import Bools
 
 NAME = "LAMMPS or LIGGGHTS"
@@ -112,7 +114,10 @@ def read(
             touching = touching.with_walls(*at_walls)
     rigid_bodies = read_bodies(bodies, units) if bodies else None
     result = build_network(packing, touching, _join_laws(pair_law, walls), rigid_bodies)
-    result.remarks += script.remarks
+    gravity, remarks = find_gravity(script.runs, frame.head.step, units)
+    if gravity is not None:
+        result.network = with_gravity(result.network, gravity)
+    result.remarks += script.remarks + remarks
     return result
 
 

@@ -28,6 +28,7 @@ from modal.exchange.programs import lammps
 from modal.exchange.registry import read_beginning
 from modal.exchange.text import Rows, Words, count_significant_digits, read_lines, refuse
 from modal.packing.contact_law import sphere_volume
+from modal.packing.weight import with_gravity
 from modal.tools.arrays import Bools, Floats, Ints
 
 NAME = "MercuryDPM"
@@ -144,9 +145,22 @@ def read(path: Path, scales: Sequence[float] | None = None) -> ImportResult:
         return law
 
     result = build_network(packing, contacts, find_law)
+    gravity = _read_gravity(file)
+    if gravity is not None:
+        result.network = with_gravity(result.network, gravity)
     if any(law.twisting_arc or law.twisting_share for law in laws.values()):
         result.remarks.append(TORSION_REMARK)
     return result
+
+
+def _read_gravity(file: Restart) -> Floats | None:
+    """Return the acceleration by gravity (3,), m/s^2; None if it is zero or absent."""
+    for line in file.sections[""]:
+        if "gravity" in line:
+            units = file.units
+            gravity = np.array(line.numbers_after("gravity", 3)) * units.length / units.time**2
+            return gravity if gravity.any() else None
+    return None
 
 
 def _species_lines(file: Restart) -> list[Words]:
