@@ -46,6 +46,7 @@ PUBLIC_NAMES = {
     "random_packing",
     "read",
     "stiffness_matrix",
+    "velocities_by_depth",
     "write",
 }
 """Public functions and classes, each with an example."""
