@@ -23,7 +23,6 @@ def path(network, tmp_path_factory) -> str:
     return str(path)
 
 
-@pytest.mark.two_ways
 @pytest.mark.parametrize(
     ("options", "arguments"),
     [
@@ -50,7 +49,6 @@ FREQUENCIES = ["1e4", "50000", "1.2e5"]
 """Frequencies, Hz, as a user writes them."""
 
 
-@pytest.mark.two_ways
 def test_counts(network, path, printed):
     output = printed("count", path, "--at", *FREQUENCIES)["count_below"]
     counts = modal.count_modes(network, [float(word) for word in FREQUENCIES])
@@ -58,14 +56,12 @@ def test_counts(network, path, printed):
     assert counts.dtype.kind == "i"
 
 
-@pytest.mark.two_ways
 def test_count_at_one_frequency_is_an_integer(network):
     count = modal.count_modes(network, 5e4)
     assert isinstance(count, int)
     assert count == modal.count_modes(network, [5e4])[0]
 
 
-@pytest.mark.two_ways
 def test_density_of_states(network, path, printed):
     output = printed("density", path, "--resolution", "1e4", "--at", *FREQUENCIES)
     states = modal.density_of_states(network, resolution=1e4)

@@ -22,8 +22,6 @@ from modal.solvers.factor import available, direct_solvers
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 from modal.tools.errors import InputError
 
-pytestmark = pytest.mark.two_ways
-
 
 def unstable(cells: tuple[int, int, int]) -> Network:
     """Return a crystal with a free sphere and with some springs of negative stiffness.
@@ -76,6 +74,7 @@ def test_unstable_modes_are_counted_and_left_out_of_lists_at_any_size(cells, sol
             modal.density_of_states(network, tolerance=tolerance)
 
 
+@pytest.mark.two_ways
 @pytest.mark.parametrize("end", ["high", "low", "both"])
 @pytest.mark.parametrize("width", [1, 60])
 def test_an_interval_that_ends_on_a_mode_ends_its_search_and_is_complete(end, width):
@@ -99,6 +98,7 @@ def test_an_interval_that_ends_on_a_mode_ends_its_search_and_is_complete(end, wi
         assert compare(len(modes.frequency), inside.sum())
 
 
+@pytest.mark.two_ways
 @pytest.mark.parametrize("solver", direct_solvers())
 @pytest.mark.parametrize(
     "network", [diluted(0.1, 3, 3), diluted(0.1, 3, 7), columns_side_by_side(60), sliding(100)]
@@ -121,6 +121,7 @@ def test_a_count_on_a_mode_is_refused(network, solver):
         assert modal.count_modes(network, beside, solver=solver) == k + 1
 
 
+@pytest.mark.two_ways
 @pytest.mark.parametrize("solver", direct_solvers())
 @pytest.mark.parametrize("which", [2, 4])
 def test_a_singular_block_on_the_way_does_not_spoil_the_count(solver, which):
@@ -139,6 +140,7 @@ def test_a_singular_block_on_the_way_does_not_spoil_the_count(solver, which):
     assert count_below(system, frequency_of(square)) == int((exact < square).sum())
 
 
+@pytest.mark.two_ways
 @pytest.mark.parametrize("factor", [0.3, 3.3])
 @pytest.mark.parametrize("cells", [(2, 2, 6), (3, 3, 6)])
 def test_the_threshold_of_zero_is_one(factor, cells):
@@ -198,6 +200,7 @@ def test_all_modes_follow_the_time_that_is_given():
     assert "0.01" in refused.value.remedy
 
 
+@pytest.mark.two_ways
 @pytest.mark.parametrize("layers", [4, 20])
 def test_without_contacts_every_motion_is_free(layers, tmp_path, printed):
     """Ask a packing without contacts, below and above the size of dense solvers."""

@@ -18,8 +18,6 @@ from modal.solvers.factor import Cost
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 
-pytestmark = pytest.mark.two_ways
-
 EPS = np.finfo(float).eps
 
 

@@ -19,8 +19,6 @@ from modal.packing.network import Network, write_network
 from modal.system.assembly import mass_diagonal, stiffness_matrix
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 
-pytestmark = pytest.mark.two_ways
-
 PACKINGS = {
     "friction": lambda: packings.sheared(),
     "mixture": lambda: packings.polydisperse(),
@@ -61,7 +59,7 @@ def exact_to(frequency: np.ndarray, name: str) -> np.ndarray:
     return 1e-8 + system.size * np.finfo(float).eps * system.row_sum_bound / square
 
 
-@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize("whole", [True, pytest.param(False, marks=pytest.mark.two_ways)])
 @pytest.mark.parametrize("pre_stress", ["normal", "full"])
 @pytest.mark.parametrize("name", PACKINGS)
 def test_modes_under_pre_stress_are_those_of_dense_matrices(name, pre_stress, whole):
@@ -88,6 +86,7 @@ def test_modes_under_pre_stress_are_those_of_dense_matrices(name, pre_stress, wh
             assert (modes.floppy_modes, modes.unstable_modes) == (zero, unstable)
 
 
+@pytest.mark.two_ways
 @pytest.mark.parametrize("name", PACKINGS)
 def test_counts_and_densities_under_pre_stress(name):
     """Count unstable modes below 0 Hz, and refuse a density of states with such modes."""
@@ -109,6 +108,7 @@ def test_counts_and_densities_under_pre_stress(name):
         assert abs(count[0, 6] - exact) < 4 * error[0, 6] + 5
 
 
+@pytest.mark.two_ways
 def test_the_column_buckles_under_its_own_force():
     """Compare with two spheres without tangential springs, by hand: N / length against kt."""
     column = gallery.column(2)

@@ -11,7 +11,6 @@ from modal.packing import crystal as gallery
 from modal.solvers import lanczos, spectrum
 from modal.solvers.factor import factorise
 
-pytestmark = pytest.mark.two_ways
 QUESTIONS = {
     "counts": lambda network: modal.count_modes(network, [3e4, 6e4]),
     "modes": lambda network: modal.eigenmodes(network, lowest=5).frequency,

@@ -22,8 +22,6 @@ from modal.packing.network import Network
 from modal.solvers.factor import Cost, available, direct_solvers
 from modal.system.linear_system import Limits, LinearSystem, frequency_of
 
-pytestmark = pytest.mark.two_ways
-
 
 def zero_modes(system: LinearSystem) -> int:
     """Return the rank deficiency of the dense matrix.
@@ -47,6 +45,7 @@ WITH_ROTATIONS = [(*case, False) for case in product((0.3, 0.6, 0.85), (1, 2, 3)
 WITHOUT_ROTATIONS = [(0.8, 2, True), (0.9, 2, True)]
 
 
+@pytest.mark.two_ways
 @pytest.mark.parametrize(
     ("share", "seed", "translations_only"), [*WITH_ROTATIONS, *WITHOUT_ROTATIONS]
 )
@@ -108,6 +107,7 @@ def test_each_kind_is_named():
     assert {name: n for name, n in kinds.items() if n} == {"free_particles": 18, "hinged": 3}
 
 
+@pytest.mark.two_ways
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("periodic", ["x and y", "x", "none"])
 def test_cluster_without_walls_moves_as_a_whole(periodic, share):
@@ -216,6 +216,7 @@ def test_every_answer_has_the_same_number_of_zero_modes_in_any_order(case):
             assert modes.frequency == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.two_ways
 @pytest.mark.parametrize("case", CASES)
 def test_basis_with_collective_modes_is_exact_and_orthonormal(case, monkeypatch):
     """Check the basis with collective modes.
@@ -281,6 +282,7 @@ def test_one_count_at_its_end_tells_a_list_what_lies_at_zero(monkeypatch, make):
         assert "at least" not in modal.describe(network)
 
 
+@pytest.mark.two_ways
 def test_a_long_chain_without_side_contacts():
     """Compare a chain with a hand-made matrix of its axial springs.
 
@@ -324,6 +326,7 @@ def test_long_lists_that_start_at_zero(monkeypatch, way):
     assert modes.certified and modes.floppy_modes == zero
 
 
+@pytest.mark.two_ways
 @pytest.mark.parametrize("solver", direct_solvers())
 def test_counts_just_above_zero_are_those_of_the_zero_modes(solver):
     """Count at frequencies whose omega^2 is below the round-off of a factorisation."""

@@ -19,8 +19,6 @@ from modal.solvers.lanczos import (
 )
 from modal.solvers.low_end import LOG_TWICE_LIFT_AT_ZERO, LowEnd
 
-pytestmark = pytest.mark.two_ways
-
 EPS = np.finfo(float).eps
 
 

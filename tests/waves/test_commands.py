@@ -51,7 +51,6 @@ SAME = [
 ]
 
 
-@pytest.mark.two_ways
 @pytest.mark.parametrize(("packing", "words", "settings"), SAME)
 def test_file_and_numbers_are_those_of_the_function(
     packing, words, settings, tmp_path, printed, one_line, monkeypatch
