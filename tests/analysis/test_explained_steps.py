@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from packings import slender
+from packings import slim
 
 import analysis
 import modal
@@ -24,7 +24,7 @@ from modal.waves.response import frequency_response, write_response
 @pytest.fixture(scope="module")
 def packing(tmp_path_factory):
     """Return a random packing with files of all its modes and of its spectra, as a case has."""
-    network = slender()
+    network = slim()
     modes = modal.eigenmodes(network, all=True)
     highest = float(modes.frequency[-1])
     structure = structure_factor(network, np.arange(1, 13), 0.02 * highest, 0.5 * highest)
@@ -84,7 +84,7 @@ def test_chi_z_has_a_number_for_each_mode_of_its_list(packing):
 
 
 def test_list_of_few_modes_ends_early():
-    value = analysis.measure(slender(), quantities="chi_z")["chi_z"]
+    value = analysis.measure(slim(), quantities="chi_z")["chi_z"]
     (step,) = value.steps
     assert step.outcome == "ends_early"
     assert step.numbers["modes"] == len(value.value) < step.numbers["all_modes"]
@@ -123,12 +123,6 @@ def test_velocity_of_standing_waves_is_that_of_its_fit(packing):
     assert numbers["frequencies"] >= numbers["needed"]
 
 
-def test_velocity_of_columns_has_their_scatter_as_error(packing):
-    velocity = measure(packing, "v_p_first_peaks_columns")
-    numbers = numbers_of(velocity)
-    assert (numbers["velocity"], numbers["scatter"]) == (velocity.value, velocity.error)
-
-
 def test_largest_excess_is_unknown_if_it_is_at_the_lowest_frequency(packing):
     """The lowest frequency that can be read is 2.5 widths of a line."""
     at_a_tenth = measure(packing, "excess_at_a_tenth")
@@ -164,7 +158,7 @@ def test_band_edge_of_a_record_is_that_of_its_fit(crystal):
 
 
 def test_digits_of_a_packing_are_the_last_step():
-    network = slender()
+    network = slim()
     rounded = replace(network, study={**network.study, OVERLAP_ERROR: 0.05})
     value = analysis.measure(rounded, quantities="coordination")["coordination"]
     numbers = numbers_of(value)
