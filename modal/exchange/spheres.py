@@ -18,10 +18,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.exchange import dump, lammps, liggghts
+from modal.exchange.contact_lines import ContactLines, contacts_of_lines
 from modal.exchange.import_result import ImportResult, build_network
 from modal.exchange.input_script import Script
 from modal.exchange.law import SI, ProgramLaw, Units
-from modal.exchange.particles_and_contacts import WALLS, Cell, Packing, PairLaw, SphereColumns
+from modal.exchange.particles_and_contacts import (
+    WALLS,
+    Cell,
+    Contacts,
+    Packing,
+    PairLaw,
+    SphereColumns,
+)
 from modal.exchange.registry import Option
 from modal.exchange.text import Rows, are_rounded_to_single_precision, refuse
 from modal.formats.hdf5 import named
@@ -54,6 +62,11 @@ OPTIONS = {
         float,
     ),
     "periodic": Option("axes of --cell with a period: xyz, xy, z ...", "AXES"),
+    "tilt": Option(
+        "of --cell: how far its period along y leans along x, that along z along x, and y, m",
+        ("XY", "XZ", "YZ"),
+        float,
+    ),
     "scales": Option("the file's units of length, mass and time in SI", ("M", "KG", "S"), float),
 }
 """Options of files that hold spheres alone."""
@@ -69,6 +82,7 @@ class SphereOptions(NamedTuple):
     density: float | None = None
     cell: Sequence[float] | None = None
     periodic: str | None = None
+    tilt: Sequence[float] | None = None
     scales: Sequence[float] | None = None
 
     @property
@@ -154,7 +168,11 @@ def read_typed_laws(pair: str, wall: str | None, units: Units) -> TypedLaws:
 
 
 def import_spheres(
-    path: str | Path, spheres: Spheres, options: SphereOptions, rows: Rows | None = None
+    path: str | Path,
+    spheres: Spheres,
+    options: SphereOptions,
+    rows: Rows | None = None,
+    contact_lines: ContactLines | None = None,
 ) -> ImportResult:
     """Return the packing of spheres alone.
 
@@ -168,12 +186,17 @@ def import_spheres(
         What was given beside the file.
     rows : Rows, optional
         Its rows, for messages with a line.
+    contact_lines : ContactLines, optional
+        Its contacts; if they have stiffnesses, no law is needed. Contacts with walls follow from
+        the positions and the law.
 
     Raises
     ------
     InputError
         If a law is missing, or if no packing can have these spheres.
     """
+    if options.pair is None and contact_lines is not None and contact_lines.have_stiffnesses:
+        return _import_with_stiffnesses(path, spheres, options, contact_lines)
     if options.pair is None:
         refuse(
             path,
@@ -189,7 +212,32 @@ def import_spheres(
         wall_line = _wall_line(spheres.cell, units)
     laws = read_typed_laws(options.pair, wall_line, units)
     remarks = list(laws.remarks)
-    cell = _choose_cell(spheres, options, laws.walls, units)
+    packing = _packing_of(path, spheres, options, laws.walls, remarks, rows)
+    if options.stress is None:
+        contacts = None
+        if contact_lines is not None:
+            contacts = _contacts_of(contact_lines, packing, units, remarks)
+            # The typed law takes the place of stiffnesses.
+            contacts = _with_walls(replace(contacts, columns={}), packing)
+        result = build_network(packing, contacts, laws.between)
+    else:
+        scan = Scan(options.tolerance or 0.0, options.stress, _force_law(laws, packing))
+        result = _build_scanned_network(packing, scan, laws)
+    result.remarks += remarks
+    return result
+
+
+def _packing_of(
+    path: str | Path,
+    spheres: Spheres,
+    options: SphereOptions,
+    walls: dump.Walls,
+    remarks: list[str],
+    rows: Rows | None = None,
+) -> Packing:
+    """Return spheres with their cell, masses, numbers and types; `remarks` are added to."""
+    units = options.units
+    cell = _choose_cell(spheres, options, walls, units)
     if options.scales is None:
         _refuse_large_radii(path, spheres.radius)
     mass = _choose_masses(spheres, options, units, remarks)
@@ -198,14 +246,54 @@ def import_spheres(
     kind = np.full(count, dump.ONLY_TYPE) if spheres.kind is None else spheres.kind
     columns = SphereColumns(number, spheres.position, spheres.radius, mass, kind)
     named_rows = rows or Rows(Path(path), (), (), 0)
-    packing = Packing.from_columns(named_rows, cell, units, columns, spheres.digits)
-    if options.stress is None:
-        result = build_network(packing, None, laws.between)
-    else:
-        scan = Scan(options.tolerance or 0.0, options.stress, _force_law(laws, packing))
-        result = _build_scanned_network(packing, scan, laws)
+    return Packing.from_columns(named_rows, cell, units, columns, spheres.digits)
+
+
+def _import_with_stiffnesses(
+    path: str | Path, spheres: Spheres, options: SphereOptions, contact_lines: ContactLines
+) -> ImportResult:
+    """Return the packing of spheres whose contacts have stiffnesses, so that no law is needed."""
+    for name in ("wall", "stress", "tolerance"):
+        if getattr(options, name) is not None:
+            refuse(
+                contact_lines.path,
+                "no_law",
+                f"--{name} without a law",
+                "the stiffnesses of the file are those of contacts between spheres alone",
+                "give --pair, too",
+            )
+    remarks: list[str] = []
+    packing = _packing_of(path, spheres, options, {}, remarks)
+    contacts = _contacts_of(contact_lines, packing, options.units, remarks)
+    result = build_network(packing, contacts, None)
     result.remarks += remarks
     return result
+
+
+def _contacts_of(
+    contact_lines: ContactLines, packing: Packing, units: Units, remarks: list[str]
+) -> Contacts:
+    """Return the contacts of lines; `remarks` tell how many lines are left out."""
+    contacts, left_out = contacts_of_lines(contact_lines, packing, units)
+    if left_out:
+        remarks.append(
+            f"{left_out} contacts end where no sphere is and are left out: those with walls follow "
+            "from --wall, those through periods from --cell and --periodic"
+        )
+    return contacts
+
+
+def _with_walls(contacts: Contacts, packing: Packing) -> Contacts:
+    """Return contacts followed by those with walls, whose forces follow from the law."""
+    touching = packing.touching()
+    at_wall = touching.j < 0
+    count = int(at_wall.sum())
+    if not count:
+        return contacts
+    if contacts.force is None:
+        contacts = replace(contacts, force=np.full(len(contacts.i), np.nan))
+    unknown = np.full(count, np.nan)
+    return contacts.with_walls(touching.i[at_wall], touching.j[at_wall], unknown, None)
 
 
 def _refuse_incomplete_scan(options: SphereOptions) -> None:
@@ -251,7 +339,8 @@ def _choose_cell(spheres: Spheres, options: SphereOptions, walls: dump.Walls, un
             raise InputError("unknown_axis", problem, remedy="give axes, as xyz, xy or z")
         bounds = np.reshape(options.cell, (3, 2))
         periodic = np.array([axis in axes for axis in "xyz"])
-        cell = Cell(bounds[:, 0], bounds[:, 1], periodic)
+        tilt = np.zeros(3) if options.tilt is None else np.array(options.tilt, float)
+        cell = Cell(bounds[:, 0], bounds[:, 1], periodic, tilt=tilt)
     elif options.periodic is not None and cell is None:
         remedy = "give its bounds, too (--cell XLO XHI YLO YHI ZLO ZHI)"
         raise InputError("no_cell", "--periodic without a cell", remedy=remedy)

@@ -2,6 +2,7 @@
 
 LIGGGHTS, YADE (VTKRecorder and VTKExporter), MFiX, Lethe, JaxDEM and this project's `export` write
 them. Points carry the radius or the diameter under many names. Such a file has no law and no cell.
+A second file may have the contacts as lines with forces or stiffnesses as data.
 """
 
 import re
@@ -11,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from modal.exchange.contact_lines import ContactLines, known_fields
 from modal.exchange.import_result import ImportResult
+from modal.exchange.registry import Option
 from modal.exchange.sphere_table import read_heading
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
 from modal.exchange.spheres import SphereOptions, Spheres, import_spheres
@@ -20,7 +23,10 @@ from modal.formats.tables import load_optional
 from modal.tools.arrays import Array, Floats
 
 NAME = "VTK (*.vtp, *.vtu, *.vtk)"
-OPTIONS = SPHERE_OPTIONS
+OPTIONS = {
+    "contacts": Option("of the spheres: a VTK file with lines from centre to centre"),
+    **SPHERE_OPTIONS,
+}
 XML_READERS = {
     "PolyData": "vtkXMLPolyDataReader",
     "UnstructuredGrid": "vtkXMLUnstructuredGridReader",
@@ -38,8 +44,16 @@ def sniff(path: Path, head: bytes) -> bool:
     return head.startswith(b"# vtk DataFile") or b"<VTKFile" in head[:500]
 
 
-def read(path: Path, scales: Sequence[float] | None = None, **sphere_options: Any) -> ImportResult:
-    """Return the packing of a file; the options are those of `SphereOptions`."""
+def read(
+    path: Path,
+    scales: Sequence[float] | None = None,
+    contacts: str | Path | None = None,
+    **sphere_options: Any,
+) -> ImportResult:
+    """Return the packing of a file; the options are those of `SphereOptions`.
+
+    `contacts` is a file with lines between the centres.
+    """
     options = SphereOptions(scales=scales, **sphere_options)
     position, fields = read_points(path)
     columns: dict[str, Floats] = {}
@@ -63,7 +77,40 @@ def read(path: Path, scales: Sequence[float] | None = None, **sphere_options: An
         density=columns.get("density"),
         digits=_count_digits(numbers),
     )
-    return import_spheres(path, spheres, options)
+    contact_lines = None if contacts is None else read_contact_lines(Path(contacts))
+    return import_spheres(path, spheres, options, contact_lines=contact_lines)
+
+
+def read_contact_lines(path: Path) -> ContactLines:
+    """Return the lines of a file, each from centre to centre, with their data.
+
+    Raises InputError if lines are absent or have more than two points, or if there is not one
+    number of each datum for each line.
+    """
+    data = _read_with_library(path)
+    lines = getattr(data, "GetLines", lambda: None)()
+    if lines is None and hasattr(data, "GetCells"):
+        lines = data.GetCells()
+    if lines is None or lines.GetNumberOfCells() == 0:
+        remedy = "give the file of the contacts (YADE: intr)"
+        refuse(path, "no_contacts", "no lines in it", remedy=remedy)
+    support = load_optional("vtkmodules.util.numpy_support", "VTK files")
+    points = support.vtk_to_numpy(data.GetPoints().GetData()).astype(float)
+    ends = support.vtk_to_numpy(lines.GetConnectivityArray())
+    count = lines.GetNumberOfCells()
+    if len(ends) != 2 * count:
+        refuse(path, "no_contacts", "lines of more than two points", remedy="give contacts alone")
+    fields = known_fields(_fields_of(data.GetCellData()))
+    for name, values in fields.items():
+        if len(values) != count:
+            refuse(
+                path,
+                "other_length",
+                f"{len(values)} numbers of {name} for {count} lines",
+                "the VTKRecorder of YADE leaves lines through periods out",
+                "write contacts by VTKExporter, or the network by yade_scripts/export_scene.py",
+            )
+    return ContactLines(path, points[ends.reshape(count, 2)], fields)
 
 
 def read_points(path: Path) -> tuple[Floats, dict[str, Array]]:
@@ -76,13 +123,18 @@ def read_points(path: Path) -> tuple[Floats, dict[str, Array]]:
     if data is None or not hasattr(data, "GetPoints") or data.GetNumberOfPoints() == 0:
         refuse(path, "no_spheres", "no points in it", remedy="give the file of the spheres")
     points: Floats = support.vtk_to_numpy(data.GetPoints().GetData()).astype(float)
+    return points, _fields_of(data.GetPointData())
+
+
+def _fields_of(attributes: Any) -> dict[str, Array]:
+    """Return the arrays of points or cells by name."""
+    support = load_optional("vtkmodules.util.numpy_support", "VTK files")
     fields = {}
-    attributes = data.GetPointData()
     for index in range(attributes.GetNumberOfArrays()):
         array = attributes.GetArray(index)
         if array is not None:
             fields[array.GetName()] = support.vtk_to_numpy(array)
-    return points, fields
+    return fields
 
 
 def _read_with_library(path: Path) -> Any:
