@@ -49,7 +49,10 @@ delay short waves by half."""
 MIN_WAVELENGTH_IN_D = 8.0
 """Wavelength, in mean diameters, below which grains disperse and scatter a wave."""
 S_OVER_P_VELOCITY = 0.5
-"""V_S / V_P for the length of the record where the moduli are not known."""
+"""V_S / V_P where the moduli are not known."""
+DEFAULT_WAVELENGTHS_IN_D = (25.0, 12.0, 8.0, 6.0)
+"""Wavelengths of the bursts by default, in mean diameters: from those that grains hardly disperse
+to the shortest that dense packings pass."""
 MAX_REFLECTION_DELAY_IN_PERIODS = 1.0
 """Delay of a wave by way of a side or an end, in periods, below which it overlaps the first one."""
 
@@ -129,7 +132,7 @@ class TransducerTest:
 def transducers(
     network: Network,
     at: tuple[float, float],
-    frequencies_hz: Sequence[float],
+    frequencies_hz: Sequence[float] | None = None,
     *,
     radius: float | None = None,
     direction: Direction = "x",
@@ -146,8 +149,8 @@ def transducers(
         The packing.
     at : pair of float
         Heights z of source and receiver, m.
-    frequencies_hz : sequence of float
-        Frequencies of the bursts, Hz.
+    frequencies_hz : sequence of float, optional
+        Frequencies of the bursts, Hz; by default those of waves of 25, 12, 8 and 6 diameters.
     radius : float, optional
         Radius of the discs, m; by default a quarter of the packing's smaller width.
     direction : str, default "x"
@@ -174,9 +177,8 @@ def transducers(
     >>> [row.rule for row in test.rows][:2]
     ['first_arrival', 'zero_crossing']
     """
-    hertz_values = np.atleast_1d(frequencies(frequencies_hz))
-    if not len(hertz_values) or not (hertz_values > 0).all():
-        raise InputError("frequency", "a burst of 0 Hz", remedy="give positive frequencies, in Hz")
+    if frequencies_hz is not None:
+        frequencies_hz = _positive(frequencies_hz)
     if radius is None:
         radius = RADIUS_IN_WIDTHS * float(_widths(network).min())
     discs = [Disc((*_middle(network), z), radius, direction) for z in at]
@@ -191,11 +193,13 @@ def transducers(
     distance = float(np.linalg.norm(towards))
     v_p, v_s = modulus_velocities(network, direction)
     velocity = v_p if direction == "z" else v_s
-    bursts = [
-        SineBurst(PULSE_AMPLITUDE_IN_D * mean_diameter(network), frequency, cycles)
-        for frequency in hertz_values.tolist()
-    ]
-    duration, interval = _record(network, distance, velocity, bursts)
+    diameter = mean_diameter(network)
+    known_velocity = velocity if velocity > 0 else S_OVER_P_VELOCITY * p_velocity(network)
+    if frequencies_hz is None:
+        frequencies_hz = [known_velocity / (each * diameter) for each in DEFAULT_WAVELENGTHS_IN_D]
+    amplitude = PULSE_AMPLITUDE_IN_D * diameter
+    bursts = [SineBurst(amplitude, each, cycles) for each in frequencies_hz]
+    duration, interval = _record(distance / known_velocity, bursts)
     waves = propagate_motions(
         network, duration, bursts, interval=interval, source=source, receivers=[receiver]
     )
@@ -241,13 +245,19 @@ def _middle(network: Network) -> tuple[float, float]:
     return float(middle[0]), float(middle[1])
 
 
-def _record(
-    network: Network, distance: float, velocity: float, bursts: Sequence[SineBurst]
-) -> tuple[float, float]:
-    """Return the duration of the records, s, and the time between two samples, s."""
-    if not velocity > 0:
-        velocity = S_OVER_P_VELOCITY * p_velocity(network)
-    passage = distance / velocity
+def _positive(frequencies_hz: Sequence[float]) -> list[float]:
+    """Return the frequencies of bursts, Hz; raise InputError if one is not positive."""
+    hertz_values = np.atleast_1d(frequencies(frequencies_hz))
+    if not len(hertz_values) or not (hertz_values > 0).all():
+        raise InputError("frequency", "a burst of 0 Hz", remedy="give positive frequencies, in Hz")
+    return list(map(float, hertz_values))
+
+
+def _record(passage: float, bursts: Sequence[SineBurst]) -> tuple[float, float]:
+    """Return the duration of the records, s, and the time between two samples, s.
+
+    `passage` is the time, s, that the longest waves take from disc to disc.
+    """
     longest_burst = max(float(burst.corners[-1]) for burst in bursts)
     highest = max(burst.frequency for burst in bursts)
     interval = min(1 / (SAMPLES_PER_PERIOD * highest), passage / MIN_SAMPLES_IN_PASSAGE)

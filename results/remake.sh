@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Make every table and figure of docs/isostaticity.md, attenuation.md and results.md that comes from
-# committed files again, in place; `git diff --stat results` then says what differs. Two minutes.
+# Make every table and figure of docs/isostaticity.md, attenuation.md, transducers.md and results.md
+# that comes from committed files again, in place; `git diff --stat results` then says what differs.
+# Two minutes.
 #   results/remake.sh            from a clone, after ./setup.sh --extra analysis
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -8,6 +9,7 @@ export MPLBACKEND=agg
 for name in isostaticity soft_modes plane_waves width; do
     .venv/bin/python "examples/$name.py" "results/$name" > /dev/null
 done
+.venv/bin/python examples/stress_dependence.py results/transducers > /dev/null
 .venv/bin/python examples/isostaticity_doubts.py results/isostaticity/doubts > /dev/null
 made=$(mktemp -d)
 trap 'rm -rf "$made"' EXIT

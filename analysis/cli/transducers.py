@@ -13,10 +13,11 @@ from modal.waves.signals import DIRECTIONS
 
 EXAMPLE = "transducers mine.network.h5 --at 0.01 0.06 --frequency 5e3 1e4 2e4 -o traces.png"
 RADIUS_HELP = f"of both discs, m (default: {RADIUS_IN_WIDTHS:g} of the smaller width)"
+FREQUENCY_HELP = "of the sine bursts (default: those of waves of 25, 12, 8 and 6 diameters)"
 OPTIONS = [
     Option("file", "FILE", "*.network.h5, or *.sample.h5", kind=str),
     Option("--at", ("Z1", "Z2"), "heights of source and receiver, m", more=REQUIRED),
-    Option("--frequency", "HZ ...", "of the sine bursts", more=REQUIRED),
+    Option("--frequency", "HZ ...", FREQUENCY_HELP),
     Option("--radius", "R", RADIUS_HELP),
     Option("--direction", "", "of the motion: x or y for V_S, z for V_P", "x", DIRECTIONS),
     Option("--cycles", "N", "periods of a burst", 1, int),

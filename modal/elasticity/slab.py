@@ -10,7 +10,7 @@ diameters, so that single layers at its edge hardly matter, even in a crystal.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -190,6 +190,13 @@ def static_velocity(network: Network) -> StaticVelocity:
     return StaticVelocity(velocity, modulus, velocity * unevenness / 2)
 
 
+def _sticking_to_walls(network: Network) -> Network:
+    """Return the packing with walls that resist sliding as they resist pressing."""
+    stiffness = network.stiffness_tangential
+    sticking = np.where(network.with_wall, network.stiffness_normal, stiffness)
+    return replace(network, stiffness_tangential=sticking)
+
+
 def _bulk_of(network: Network) -> Bulk:
     """Return the bulk of a packing; raise UnavailableError if it is too short to have one."""
     bulk = Bulk.of(network)
@@ -208,10 +215,12 @@ def strained_velocities(network: Network, axes: Sequence[int]) -> list[StaticVel
     The axes are 2 for P-waves, 0 and 1 for S-waves. All spheres start from a uniform strain, zz or
     a shear with z, and relax; what is left to find is local, so that some tens of products with K
     give the velocities to `STRAINED_ERROR`, where a push from the wall takes hundreds. Stress and
-    strain are those of the bulk, as in `stiffness_of`. UnavailableError if the packing is too short
-    or a strain meets no resistance.
+    strain are those of the bulk, as in `stiffness_of`. Spheres stick to the walls: walls without
+    friction would let the whole packing slide back out of a shear. UnavailableError if the packing
+    is too short or a strain meets no resistance.
     """
     bulk = _bulk_of(network)
+    network = _sticking_to_walls(network)
     system = LinearSystem.of(network)
     gradient = np.zeros((len(axes), 3, 3))
     gradient[np.arange(len(axes)), axes, 2] = 1

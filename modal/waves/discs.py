@@ -106,7 +106,8 @@ class Disc(Source):
     def spheres(self, network: Network) -> Ints:
         """Return the indices of the spheres of the disc, in ascending order.
 
-        Raises UnavailableError if there are none.
+        Raises InputError if the disc is below or above the packing, UnavailableError if no spheres
+        are in it.
         """
         away = self._from_centre(network)
         is_near = abs(away[:, 2]) <= HALF_THICKNESS_IN_RADII * network.radius
@@ -166,6 +167,12 @@ class Disc(Source):
         if not network.cell_periodic[2]:
             radius = float(network.radius.mean())
             bottom, top = network.wall_position
-            if bottom - radius <= z <= top + radius:
-                z = float(np.clip(z, bottom + radius, top - radius))
+            if not bottom - radius <= z <= top + radius:
+                raise InputError(
+                    "disc_outside_cell",
+                    f"{self.name} lies outside the packing",
+                    f"it reaches from {bottom:g} to {top:g} m",
+                    "give a height in between",
+                )
+            z = float(np.clip(z, bottom + radius, top - radius))
         return np.array([x, y, z])

@@ -1,6 +1,7 @@
 """The bench of two transducers: the crystal against its theory by all rules, and the command."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,6 +84,14 @@ def test_velocities_of_the_moduli(crystal):
             assert v_s == pytest.approx(shear, rel=5e-3)
 
 
+def test_velocities_do_not_depend_on_the_walls(crystal):
+    """Walls without friction, between which a shear as a whole meets no resistance."""
+    stiffness = np.where(crystal.with_wall, 0.0, crystal.stiffness_tangential)
+    slippery = replace(crystal, stiffness_tangential=stiffness)
+    _, v_s = modulus_velocities(slippery, "x")
+    assert v_s == pytest.approx(ShearLattice.of_crystal(FccLattice(1e5)).velocity, rel=5e-3)
+
+
 def test_command(tmp_path, monkeypatch, capsys, printed, one_line):
     monkeypatch.chdir(tmp_path)
     network = modal.fcc(cells=(3, 3, 40))
@@ -111,5 +120,16 @@ def test_command(tmp_path, monkeypatch, capsys, printed, one_line):
 def test_refusals(crystal):
     with refusal("frequency"):
         analysis.transducers(crystal, (0.01, 0.05), [])
-    with refusal("no_spheres_in_disc"):
+    with refusal("disc_outside_cell"):
         analysis.transducers(crystal, (0.01, 5.0), [1e4])
+
+
+def test_frequencies_by_default():
+    """Waves of 25, 12, 8 and 6 diameters, with the velocity of the moduli in the direction."""
+    crystal = modal.fcc(cells=(1, 1, 60))
+    heights = (0.3 * crystal.length, 0.6 * crystal.length)
+    for direction, name in (("x", "v_s"), ("z", "v_p")):
+        test = analysis.transducers(crystal, heights, radius=1.0, direction=direction)
+        wavelengths = [getattr(test, name) / pair.frequency for pair in test.pairs]
+        diameters = 2 * crystal.radius[0] * np.array([25, 12, 8, 6])
+        assert wavelengths == pytest.approx(diameters, rel=1e-12)

@@ -35,7 +35,7 @@ def test_which_spheres(crystal):
     for share in np.linspace(0, 1, 14):
         disc = Disc((0, 0, share * crystal.length), 10 * width)
         assert len(disc.spheres(crystal)) == per_layer
-    with refusal("no_spheres_in_disc"):
+    with refusal("disc_outside_cell"):
         Disc((0, 0, 2 * crystal.length), width).spheres(crystal)
 
 
