@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from _committed import PEAK_SLOPE, RESULTS, mean_with_error, write, write_page
+from _committed import PEAK_SLOPE, RESULTS, mean_with_error, results, write, write_page
 from _isostaticity import KEYS, NAMES, line, seeds, study
 from scipy import stats
 
@@ -103,6 +103,38 @@ for row, name in enumerate(NAMES):
     for stress, value in zero_by_stress(name).items():
         curvature.loc[row, f"z_c_at_{stress:g}_kpa"] = value
 print(curvature.set_index("quantity").T.to_string(float_format="%.4g"))
+
+# %%
+# **From packing to packing.** The relative standard deviation of the samples of a case, pooled over
+# the cases with three or more, and the largest of a case.
+
+MIN_SAMPLES = 3
+"""Least number of samples of a case whose scatter counts."""
+SCATTERING = {"v_p": "V_P"} | {KEYS[name]: name for name in NAMES}
+
+
+def pool_scatter(key):
+    """Return a row: pooled and largest relative standard deviation of a quantity in a case."""
+    measured = pd.DataFrame(
+        [
+            {"case": stem.split("_seed")[0], "value": numbers.get(key)}
+            for stem, numbers, _ in results("isostaticity/samples/*.json")
+        ]
+    )
+    groups = measured.dropna().astype({"value": float}).groupby("case")["value"]
+    counts = groups.count()
+    relative = (groups.std() / groups.mean())[counts >= MIN_SAMPLES]
+    degrees = counts[counts >= MIN_SAMPLES] - 1
+    return {
+        "quantity": SCATTERING[key],
+        "cases": len(relative),
+        "pooled": np.sqrt(np.sum(degrees * relative**2) / np.sum(degrees)),
+        "largest": relative.max(),
+    }
+
+
+scatter_of_samples = pd.DataFrame([pool_scatter(key) for key in SCATTERING])
+print(scatter_of_samples.to_string(index=False, float_format="%.3g"))
 
 # %%
 # **The unit.** The highest frequency is no neutral unit: it belongs to a few spheres with stiff
@@ -309,6 +341,7 @@ if __name__ == "__main__" and len(sys.argv) == 2:
     folder = Path(sys.argv[1])
     tables = {
         "curvature": curvature,
+        "samples": scatter_of_samples,
         "units": units,
         "isostatic_number": cases,
         "caveats": spared_fits,

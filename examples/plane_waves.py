@@ -117,6 +117,34 @@ def compute_collapse_error(wave, column):
     return np.sqrt(np.mean(np.concatenate(differences) ** 2))
 
 
+def compute_powers(wave):
+    """Return a table: between which frequencies, divided by f*, a wave's width grows as what power.
+
+    It has the neighbouring waves of each cell up to the first that is beyond the limit, and the
+    error of the power from those of both widths.
+    """
+    tables = []
+    for cell, of_cell in plane[plane["wave"] == wave].groupby("cell"):
+        beyond = np.maximum.accumulate(of_cell["share"].to_numpy() > LIMIT)
+        count = np.sum(~beyond) + 1
+        chosen = of_cell.iloc[:count]
+        if beyond[0] or len(chosen) < 2:
+            continue
+        distance = np.diff(np.log(chosen["f"]))
+        relative_error = (chosen["error"] / chosen["share"]).to_numpy()
+        table = {
+            "cell": cell,
+            "z": chosen["z"].iloc[0],
+            "wave": wave,
+            "from_f_star": chosen["x"].to_numpy()[:-1],
+            "to_f_star": chosen["x"].to_numpy()[1:],
+            "power": 1 + np.diff(np.log(chosen["share"])) / distance,
+            "error": np.hypot(relative_error[:-1], relative_error[1:]) / distance,
+        }
+        tables.append(pd.DataFrame(table))
+    return pd.concat(tables)
+
+
 rows = []
 ratios = []
 for friction, lines_of_friction in plane.groupby("friction"):
@@ -139,7 +167,8 @@ scatter = [
     for wave in "PS"
 ]
 scatter = pd.DataFrame(scatter)
-for table in (rows, ratios, scatter):  # the last: ln(width / f) between cells of different z
+powers = pd.concat([compute_powers(wave) for wave in "PS"])
+for table in (rows, ratios, powers, scatter):  # the last: ln(width / f) of cells of different z
     print(table.to_string(index=False, float_format="%.3g"))
 for low, high in SPANS:
     inside = ratios[ratios["f_over_f_star"].between(low, high)]
@@ -189,6 +218,7 @@ def describe_mean_ratio(group):
 
 if __name__ == "__main__" and len(sys.argv) == 2:
     tables = {"limits": rows, "two_ways": ratios, "collapse": scatter, "lines": lines}
+    tables["powers"] = powers
     write(sys.argv[1], {"plane_waves": figure}, tables, float_format="%.4g", na_rep="nan")
     page = {"z": "{z:.2f}", "friction": "{friction:g}", "f*, kHz": "{f_star_khz:.1f}"}
     for wave in "PS":
