@@ -32,6 +32,8 @@ CONTROL_GROUPS = {
 }
 """For both versions of control groups: the files of the limits and of the use, and the line of
 memory.stat with the use for files that need not stay in memory."""
+NO_LIMIT = 2**62
+"""Bytes from which on version 1 means that there is no limit; it has no word for that."""
 
 
 def memory_at_hand() -> float:
@@ -103,7 +105,8 @@ def _of_control_groups() -> Iterator[float]:
         for limit in limits:
             with suppress(OSError, ValueError):  # ValueError: "max", no limit
                 room = int((folder / limit).read_text())
-                yield room - int((folder / used).read_text()) + _statistic(folder, files)
+                if room < NO_LIMIT:
+                    yield room - int((folder / used).read_text()) + _statistic(folder, files)
 
 
 def _statistic(folder: Path, name: str) -> int:
