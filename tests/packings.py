@@ -19,6 +19,12 @@ YOUNG, POISSON = 60e9, 0.2
 
 
 def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Network:
+    """Return a copy of the packing of `_make_polydisperse`, which is made once."""
+    return replace(_make_polydisperse(periodic_z, seed, n))
+
+
+@cache
+def _make_polydisperse(periodic_z: bool, seed: int, n: int) -> Network:
     """Return spheres of radii 1:3, of glass and steel, pushed apart to overlaps of some percent.
 
     Hertz and Mindlin with R* = R_i R_j / (R_i + R_j); the contact point divides the branch as the

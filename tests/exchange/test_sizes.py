@@ -48,8 +48,8 @@ def packed(path: Path, parts: list[bytes], times: int) -> Path:
     with gzip.open(path, "wb", compresslevel=1) as file:
         for part in parts[:-1]:
             file.write(part)
-        for _ in range(times):
-            file.write(parts[-1])
+        for first in range(0, times, 1000):
+            file.write(parts[-1] * min(1000, times - first))
     return path
 
 
