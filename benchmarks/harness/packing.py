@@ -134,20 +134,8 @@ def bytes_of(product: ContactOperator | csr_matrix) -> float:
 
     The loop over contacts also reads its result, a sparse matrix does not.
     """
-    is_operator = isinstance(product, ContactOperator)
-    if is_operator and product._matrix is None:
-        contacts = product._contacts
-        arrays = [
-            contacts.rows,
-            contacts.ends,
-            contacts.slabs,
-            contacts.pieces,
-            contacts.fresh,
-            contacts.lateral,
-            contacts.aside,
-            product._scale,
-        ]
-        return sum(array.nbytes for array in arrays if array is not None) + 24.0 * product.shape[0]
-    matrix = product._matrix if is_operator else product
-    arrays = (matrix.data, matrix.indices, matrix.indptr)
-    return sum(array.nbytes for array in arrays) + 16.0 * matrix.shape[0]
+    if isinstance(product, ContactOperator):
+        per_row = 24.0 if product.has_loops else 16.0
+        return product.nbytes + per_row * product.shape[0]
+    arrays = (product.data, product.indices, product.indptr)
+    return sum(array.nbytes for array in arrays) + 16.0 * product.shape[0]

@@ -7,7 +7,6 @@ of a contact are then still in the cache from the contacts before. The cores sha
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,8 +28,7 @@ MAX_ROUND_OFF_ACROSS = 16 * np.finfo(float).eps
 round-off."""
 
 
-@dataclass(frozen=True)
-class OrderedContacts:
+class OrderedContacts(NamedTuple):
     """The m contacts of n spheres in the order of the loops; lengths in m, stiffnesses in N/m.
 
     Attributes
@@ -119,7 +117,7 @@ class OrderedContacts:
         is_sphere = self.ends >= 0
         ends = self.ends.copy()
         ends[is_sphere] = number[self.ends[is_sphere]]
-        return replace(self, ends=ends, fresh=in_order), self.fresh
+        return self._replace(ends=ends, fresh=in_order), self.fresh
 
 
 def _split_levers(lever: Floats, normal: Floats) -> tuple[Floats, Floats]:

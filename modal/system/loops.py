@@ -3,10 +3,17 @@
 Each contact gathers the motion of its two bodies, stretches its springs and scatters the forces.
 The multiples of both vectors that a recurrence adds are computed for each sphere just before its
 first contact: every vector goes through memory once.
+
+What travels together is a named tuple. `single`, `sums` and the arrays that may be None are
+arguments of their own in the functions that ask whether they are: numba leaves out the code that
+depends on an argument that is None, but not that which depends on a field.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
+from modal.tools.arrays import Floats, Ints
 from modal.tools.loops import (
     compiled,
     compiled_part,
@@ -18,6 +25,44 @@ from modal.tools.loops import (
     plus,
     prange,
 )
+
+
+class Vectors(NamedTuple):
+    """The vectors (n, 6, k) of a product: `x`, which is multiplied, and `y`, which is changed."""
+
+    x: Floats
+    y: Floats
+
+
+class Factors(NamedTuple):
+    """The factors of y = alpha K x + beta x + gamma y."""
+
+    alpha: float
+    beta: float
+    gamma: float
+
+
+class Division(NamedTuple):
+    """How a product is divided: True for one column, else None, and the threads of the slabs."""
+
+    single: bool | None
+    threads: int
+
+
+class Springs(NamedTuple):
+    """Rows and ends of contacts, as in `OrderedContacts`, and the `scale` (n, 2) of spheres."""
+
+    rows: Floats
+    ends: Ints
+    scale: Floats
+
+
+class Mixture(NamedTuple):
+    """The factors of y = beta x + gamma y, and the spheres in the order of their first contact."""
+
+    beta: float
+    gamma: float
+    fresh: Ints
 
 
 @inlined
@@ -42,11 +87,13 @@ def _add(y, i, first, v, factor, a):
     y[i, first + 2, v] += factor * a[2]
 
 
-def _springs(first, last, x, y, single, alpha, rows, ends, lateral, aside, rolling, scale):
+def _add_springs(first, last, vectors, single, alpha, springs, lateral, aside, rolling):
     """Add alpha S K S x to y for the contacts from `first` to before `last`.
 
-    K are the springs, S the diagonal matrix of `scale`.
+    K are the springs, S the diagonal matrix of their `scale`.
     """
+    x, y = vectors
+    rows, ends, scale = springs
     width = x.shape[2] if single is None else 1
     for c in range(first, last):
         i = ends[c, 0]
@@ -93,12 +140,14 @@ def _springs(first, last, x, y, single, alpha, rows, ends, lateral, aside, rolli
                 _add(y, j, 3, v, rj, moment)
 
 
-def _springs_of_block(first, last, x, y, columns, alpha, rows, ends, scale):
-    """Do what `_springs` does for springs alone and several columns, in vectorised loops.
+def _add_springs_of_block(first, last, vectors, columns, alpha, springs):
+    """Do what `_add_springs` does for springs alone and several columns, in vectorised loops.
 
     The compiler vectorises a loop if no array is both read and written in it, and if all distances
     in an array are known.
     """
+    x, y = vectors
+    rows, ends, scale = springs
     count = len(columns)
     part = 3 * count
     size = 6 * count
@@ -141,8 +190,10 @@ def _springs_of_block(first, last, x, y, columns, alpha, rows, ends, scale):
                 load_j[part + k] -= arm_j * force[part + k]
 
 
-def _mix(first, last, x, y, single, beta, gamma, fresh, sums, slab):
+def _mix(first, last, vectors, single, mixture, sums, slab):
     """Set y = beta x + gamma y for some of the `fresh` spheres, and add to the sums of a slab."""
+    x, y = vectors
+    beta, gamma, fresh = mixture
     width = x.shape[2] if single is None else 1
     for index in range(first, last):
         i = fresh[index]
@@ -168,19 +219,20 @@ def _at_rest(first, last, x, fresh):
     return True
 
 
-def _combine_by_slabs(
-    x, y, single, columns, alpha, beta, gamma, rows, ends, slabs, pieces, fresh, lateral, aside,
-    rolling, scale, sums, threads,
-):  # fmt: skip
+def _combine_by_slabs(contacts, scale, vectors, factors, columns, sums, division):
     """Set y = alpha S K S x + beta x + gamma y for x and y of shape (n, 6, k).
 
-    `single` is not None if k is 1. `columns` is a tuple of k numbers if contacts are springs alone
-    and k is to be known to the compiler. S is diagonal: `scale` (n, 2) holds its value for the
-    translations of a particle and that for its rotations. The arrays of contacts are those of
-    `OrderedContacts`. If `sums` (s + 1, 2, 6, k) is not None, the row of each slab receives, by
+    The named tuples are `OrderedContacts`, `Vectors`, `Factors` and `Division`. S is diagonal:
+    `scale` (n, 2) holds its value for the translations of a particle and that for its rotations.
+    `columns` is a tuple of k numbers if contacts are springs alone and k is to be known to the
+    compiler, else None. If `sums` (s + 1, 2, 6, k) is not None, the row of each slab receives, by
     component and column, the sums of y y and of y x over its fresh spheres, with y before the call.
-    `threads` share the slabs.
     """
+    # A loop over threads takes no named tuples: they are unpacked outside, and made again inside.
+    x, y = vectors
+    alpha, beta, gamma = factors
+    single, threads = division
+    rows, ends, slabs, pieces, fresh, lateral, aside, rolling = contacts
     mixing = beta != 0 or gamma != 1 or sums is not None
     count = len(slabs) - 1
     for odd in range(2):
@@ -192,30 +244,32 @@ def _combine_by_slabs(
                 near = slabs[max(slab - 1, 0)]
                 far = slabs[min(slab + 2, count)]
                 still = _at_rest(pieces[near, 1], pieces[far, 1], x, fresh)
+                pair = Vectors(x, y)
+                springs = Springs(rows, ends, scale)
+                mixture = Mixture(beta, gamma, fresh)
                 for piece in range(slabs[slab], slabs[slab + 1]):
                     first = pieces[piece, 0]
                     last = pieces[piece + 1, 0]
                     if mixing:
                         first_fresh = pieces[piece, 1]
                         last_fresh = pieces[piece + 1, 1]
-                        _mix(first_fresh, last_fresh, x, y, single, beta, gamma, fresh, sums, slab)
+                        _mix(first_fresh, last_fresh, pair, single, mixture, sums, slab)
                     if still:
                         continue
                     if columns is not None:
-                        _springs_of_block(first, last, x, y, columns, alpha, rows, ends, scale)
+                        _add_springs_of_block(first, last, pair, columns, alpha, springs)
                         continue
-                    _springs(
-                        first, last, x, y, single, alpha, rows, ends, lateral, aside, rolling, scale
-                    )
+                    _add_springs(first, last, pair, single, alpha, springs, lateral, aside, rolling)
     if mixing:
-        _mix(pieces[-1, 1], len(fresh), x, y, single, beta, gamma, fresh, sums, count)
+        mixture_of_all = Mixture(beta, gamma, fresh)
+        _mix(pieces[-1, 1], len(fresh), Vectors(x, y), single, mixture_of_all, sums, count)
 
 
 if numba is not None:
     _FINGERPRINT = fingerprint()
-    _springs = compiled_part(_springs, _FINGERPRINT, fastmath=True)
-    _springs_of_block = compiled_part(_springs_of_block, _FINGERPRINT, fastmath=True)
+    _add_springs = compiled_part(_add_springs, _FINGERPRINT, fastmath=True)
+    _add_springs_of_block = compiled_part(_add_springs_of_block, _FINGERPRINT, fastmath=True)
     # Without fastmath, which would not clear the NaN for a `gamma` of 0, or take a NaN for rest.
     _mix = compiled_part(_mix, _FINGERPRINT)
     _at_rest = compiled_part(_at_rest, _FINGERPRINT)
-    combine_by_slabs = compiled(_combine_by_slabs, 0, _FINGERPRINT, fastmath=True)
+    combine_by_slabs = compiled(_combine_by_slabs, 1, _FINGERPRINT, fastmath=True)

@@ -111,6 +111,20 @@ class ContactOperator(LinearOperator):
         other._matrix = ((self._matrix + self._matrix.T) / 2).tocsr()
         return other
 
+    @property
+    def has_loops(self) -> bool:
+        """Whether products go through the contacts by compiled loops, not by a matrix."""
+        return self._matrix is None
+
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes of the arrays that a product reads beside the motions."""
+        if self._matrix is not None:
+            arrays = [self._matrix.data, self._matrix.indices, self._matrix.indptr]
+        else:
+            arrays = [*self._contacts, self._scale]
+        return sum(array.nbytes for array in arrays if array is not None)
+
     def inward(self, u: Array) -> Array:
         """Return motions (dof n,) or (dof n, k) of the particles in the operator's numbering."""
         if self.order is None:
@@ -188,10 +202,9 @@ class ContactOperator(LinearOperator):
         self, u: Floats, out: Floats, factors: tuple[float, float, float], sums: Floats | None
     ) -> None:
         """Do what `combine` does by the compiled loops; arrays are real and in C order."""
-        from modal.system.loops import combine_by_slabs
+        from modal.system.loops import Division, Factors, Vectors, combine_by_slabs
         from modal.tools.loops import threads_for
 
-        alpha, beta, gamma = factors
         width = u.size // self.shape[0]
         shape = (-1, self.dof, width)
         contacts = self._contacts
@@ -204,24 +217,13 @@ class ContactOperator(LinearOperator):
         if sums is not None:
             slab_sums = np.zeros((len(contacts.slabs), 2, self.dof, width))
         combine_by_slabs(
-            u.reshape(shape),
-            out.reshape(shape),
-            single,
-            columns,
-            float(alpha),
-            float(beta),
-            float(gamma),
-            contacts.rows,
-            contacts.ends,
-            contacts.slabs,
-            contacts.pieces,
-            contacts.fresh,
-            contacts.lateral,
-            contacts.aside,
-            contacts.rolling,
+            contacts,
             self._scale,
+            Vectors(u.reshape(shape), out.reshape(shape)),
+            Factors(*map(float, factors)),
+            columns,
             slab_sums,
-            threads_for(len(self._scale)),
+            Division(single, threads_for(len(self._scale))),
         )
         if sums is not None and slab_sums is not None:
             sums[:] = slab_sums.sum(axis=0).reshape(sums.shape)

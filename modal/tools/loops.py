@@ -140,10 +140,12 @@ def compiled(
 
     def loop(*args: Any) -> Any:
         spheres = len(args[spheres_argument])
+        # numba finds the type of a plain tuple in a third of the time that a named one takes.
+        plain = [tuple(each) if isinstance(each, tuple) else each for each in args]
         if spheres < slabs.ENOUGH or _PARENT_HAD_THREADS:
-            return few(*args)
+            return few(*plain)
         threads_for(spheres)
-        return many(*args)
+        return many(*plain)
 
     return loop
 
