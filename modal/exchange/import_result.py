@@ -39,6 +39,8 @@ TYPE_BASE = 2**32
 MAX_OVERLAP_FACTOR = 10.0
 """Largest factor between the mean overlap of the forces and that of the positions. Beyond it the
 two are in different units."""
+RELATIVE_ROUND_OFF = 1e-14
+"""Overlap, divided by the distance of two centres that touch, that is round-off."""
 SMALLEST_NUMBER = 1e-300
 """Number that replaces a divisor of zero."""
 
@@ -275,7 +277,9 @@ def _select_contacts(listed: Contacts, packing: Packing, overlap: Floats) -> Boo
         packing.name,
     )
     if not listed.columns:
-        selected &= overlap > 0 if listed.force is None else listed.force != 0
+        # Spheres that were placed so as to just touch overlap by round-off.
+        round_off = RELATIVE_ROUND_OFF * reach
+        selected &= overlap > round_off if listed.force is None else listed.force != 0
     listed.refuse(
         selected & (overlap < -MAX_GAP_IN_SUMS_OF_RADII * reach),
         "apart",

@@ -22,6 +22,17 @@ SPECIES_NAME = "LinearViscoelasticSlidingFriction"
 """Name of the law of all old species in new files."""
 
 
+def is_old(head: bytes) -> bool:
+    """Tell whether a file that begins with `head` has numbers without names.
+
+    Version 1.0, which came after version 3, begins with the old word but has names.
+
+    >>> is_old(b"restart_version 3\nxmin 0 xmax 1"), is_old(b"restart_version 1.0 name a\nxMin 0")
+    (True, False)
+    """
+    return head.startswith(BEGINNING) and b"xMin" not in head
+
+
 def new_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield the number and the text of each line, as a new file has it."""
     section = ""

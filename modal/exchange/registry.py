@@ -14,6 +14,7 @@ is such a module:
 
 import importlib
 import pkgutil
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
@@ -113,12 +114,21 @@ def find_program(path: Path) -> ModuleType:
     if kind:
         refuse(path, kind.code, kind.description, remedy=kind.remedy)
     first_line = head.decode("utf-8", "replace").split("\n", 1)[0]
+    if re.fullmatch(r"[-+.,;\deE\s]*\d[-+.,;\deE\s]*", first_line):
+        refuse(
+            path,
+            "unnamed_columns",
+            f"begins with {quote(first_line)}, numbers without names",
+            "which of them are centres and radii is not said",
+            "write a first line with the names of the columns, as `x y z radius`",
+            line=1,
+        )
     refuse(
         path,
         "unknown_file",
         f"begins with {quote(first_line)}, which no program known here writes",
         remedy="give a network, a sample, a text dump of LAMMPS or LIGGGHTS, a restart file of "
-        "MercuryDPM, *.csv, VTK or extended XYZ",
+        "MercuryDPM, *.csv, VTK, extended XYZ or *.mdpa of Kratos",
         line=1,
     )
 

@@ -47,7 +47,7 @@ NAMES: Mapping[str, Sequence[str]] = {
         "position2",
     ),
     "radius": ("r", "radius", "rad", "radii", "particleradius"),
-    "diameter": ("d", "diameter", "dia", "diam", "particlediameter"),
+    "diameter": ("d", "diameter", "diameters", "dia", "diam", "particlediameter"),
     "mass": ("mass", "particlemass"),
     "density": ("density", "rho"),
     "id": ("id", "particleid", "number", "label"),

@@ -35,6 +35,27 @@ def test_mercury_gives_the_frequencies_of_its_chains(cubic):
     np.testing.assert_allclose(frequency[-125:], np.repeat(exact, 25), rtol=1e-8)
 
 
+def test_version_1_0_is_read_as_the_next_ones(cubic, tmp_path):
+    """It begins as old files do, has normals of walls, and no contact points."""
+    text = cubic.spheres.read_text()
+    text = re.sub(r"^MercuryDPM 1.0 name (\w+).*", r"restart_version 1.0 name \1", text)
+    text = re.sub(r" contactPoint \S+ \S+ \S+", "", text)
+    normals = iter(["-1 0 0", "1 0 0", "0 -1 0", "0 1 0", "0 0 -1", "0 0 1"])
+
+    def with_normal(match):
+        return f"orientation 0 0 0 0 {match[1]} normal {next(normals)}"
+
+    wall = re.compile(r"orientation \S+ \S+ \S+ \S+ (.*torque 0 0 0)$", re.MULTILINE)
+    text = wall.sub(with_normal, text, count=6)
+    path = tmp_path / "old.restart"
+    path.write_text(text)
+    old = import_packing(path).network
+    new = import_packing(cubic.spheres).network
+    assert old.n_contacts == new.n_contacts == 125
+    np.testing.assert_array_equal(old.force_normal, new.force_normal)
+    np.testing.assert_array_equal(old.study["gravity"], [0, 0, -1])
+
+
 SPECIES = {(0, 0): (6e10, 2e10, 0.5), (1, 1): (2e11, 8e10, 0.4), (0, 1): (9.2e10, 3.1e10, 0.6)}
 """Effective elastic modulus and shear modulus, Pa, and friction between two species."""
 WALL_SPECIES = 1

@@ -79,9 +79,68 @@ def test_data_files_without_spheres_are_refused(tmp_path, periodic):
     path = data_file(tmp_path / "x.data", periodic, style="atomic")
     with refusal("no_spheres", "atomic"):
         import_packing(path, pair=LAW)
-    data_file(path, periodic)
-    path.write_text(path.read_text().replace("zlo zhi\n", "zlo zhi\n0.0001 0 0 xy xz yz\n"))
-    with refusal("triclinic_cell"):
+
+
+def test_tilted_data_files_of_lammps(tmp_path, periodic):
+    """A period along y that leans by a whole period along x describes the same packing."""
+    path = data_file(tmp_path / "x.data", periodic)
+    side = periodic.cell_size[0]
+    tilted = path.read_text().replace("zlo zhi\n", f"zlo zhi\n{side:.17g} 0 0 xy xz yz\n")
+    path.write_text(tilted)
+    network = import_packing(path, pair=LAW).network
+    assert network.cell_vectors[1, 0] == side
+    own = np.sort(network.stiffness_normal)
+    np.testing.assert_allclose(own, np.sort(periodic.stiffness_normal), rtol=1e-9)
+
+
+def mdpa_file(path, network, element="SphericParticle3D"):
+    """Write spheres as a model part of Kratos, with comments and a part of the model."""
+    count = network.n_particles
+    nodes = ""
+    elements = ""
+    radii = ""
+    for k in range(count):
+        place = " ".join(f"{x:.17g}" for x in network.position[k])
+        nodes += f"{k + 1} {place}\n"
+        elements += f"{k + 1} 0 {k + 1}\n"
+        radii += f"  {k + 1} 0 {network.radius[k]:.17g}\n"
+    path.write_text(
+        "Begin ModelPartData\n//  VARIABLE_NAME value\nEnd ModelPartData\n\n"
+        f"Begin Properties 0\nEnd Properties\n\nBegin Nodes\n{nodes}End Nodes\n\n"
+        f"Begin Elements {element}// GUI group identifier: Body\n{elements}End Elements\n\n"
+        f"Begin NodalData RADIUS // GUI group identifier: Body\n{radii}End NodalData\n\n"
+        "Begin SubModelPart Parts\nBegin SubModelPartNodes\n1\nEnd SubModelPartNodes\n"
+        "End SubModelPart\n"
+    )
+    return path
+
+
+def test_model_part_of_kratos(tmp_path, periodic):
+    side = periodic.cell_size
+    options = {"pair": LAW, "cell": (0, side[0], 0, side[1], 0, side[2]), "periodic": "xyz"}
+    path = mdpa_file(tmp_path / "xDEM.mdpa", periodic)
+    compare(import_packing(path, **options).network, periodic)
+    with refusal("no_law"):
+        import_packing(path)
+    with refusal("no_spheres", "RigidFace3D3N"):
+        import_packing(mdpa_file(path, periodic, "RigidFace3D3N"), **options)
+    path.write_text(path.read_text().replace("NodalData RADIUS", "NodalData OTHER"))
+    with refusal("no_spheres"):
+        import_packing(path, **options)
+
+
+def test_numbers_without_names_are_refused(tmp_path):
+    path = tmp_path / "pack.spheres"
+    path.write_text("0.1 0.2 0.3 0.05\n0.2 0.2 0.3 0.05\n")
+    with refusal("unnamed_columns", "x y z radius"):
+        import_packing(path, pair=LAW)
+
+
+def test_spheres_that_just_touch_have_no_contact(tmp_path):
+    """Their overlap is round-off; 0.7 + 0.1 and 0.8 differ by a bit."""
+    path = tmp_path / "row.csv"
+    path.write_text("x,y,z,r\n0.5,0,0,0.05\n0.6,0,0,0.05\n0.7,0,0,0.05\n0.8,0,0,0.05\n")
+    with refusal("no_contacts"):
         import_packing(path, pair=LAW)
 
 

@@ -46,6 +46,7 @@ def read(path: Path, scales: Sequence[float] | None = None, **sphere_options: An
         units = _units_of(first_line, path, remarks)
     count = 0
     bounds = np.full((3, 2), np.nan)
+    tilt = np.zeros(3)
     for number, line in lines:
         text, _, comment = line.partition("#")
         words = text.split()
@@ -54,27 +55,28 @@ def read(path: Path, scales: Sequence[float] | None = None, **sphere_options: An
         for axis, names in enumerate(BOUNDS):
             if words[2:] == [*names]:
                 bounds[axis] = [float(word) for word in words[:2]]
-        if words[3:] == ["xy", "xz", "yz"] and any(float(word) for word in words[:3]):
-            problem = "the cell is triclinic (its periods are at angles)"
-            refuse(path, "triclinic_cell", problem, remedy="give a rectangular one", line=number)
+        if words[3:] == ["xy", "xz", "yz"]:
+            tilt = units.length * np.array([float(word) for word in words[:3]])
         if words == ["Atoms"]:
+            title_line = number
             break
     else:
         refuse(path, "no_spheres", "no section Atoms", remedy=GIVE_DATA)
     style = comment.strip()
     if style and style != STYLE:
         problem = f"atoms of style {style} have no radius"
-        refuse(path, "no_spheres", problem, remedy=GIVE_DATA, line=number)
+        refuse(path, "no_spheres", problem, remedy=GIVE_DATA, line=title_line)
     next(lines, None)  # an empty line
     texts = take_rows(path, lines, count)
     width = len(texts[0].split()) if texts else 0
     if width not in (COLUMNS_WITHOUT_FLAGS, len(COLUMNS)) or np.isnan(bounds).any():
         problem = f"rows of {width} numbers, which are no spheres in a box"
-        refuse(path, "no_spheres", problem, remedy=GIVE_DATA, line=number + 2)
-    rows = Rows(path, COLUMNS[:width], texts, number + 2)
+        refuse(path, "no_spheres", problem, remedy=GIVE_DATA, line=title_line + 2)
+    rows = Rows(path, COLUMNS[:width], texts, title_line + 2)
     table = rows.read(*COLUMNS[:COLUMNS_WITHOUT_FLAGS])
     periodic = _choose_periods(options, remarks)
-    cell = Cell(units.length * bounds[:, 0], units.length * bounds[:, 1], periodic)
+    low, high = units.length * bounds.T
+    cell = Cell(low, high, periodic, tilt=tilt)
     spheres = Spheres(
         position=table[:, 4:7],
         radius=table[:, 2] / 2,

@@ -37,7 +37,7 @@ SPHERES = ("BaseParticle", "SphericalParticle", "ThermalParticle")
 """First words of lines of spheres."""
 SECTIONS = ("Species", "Walls", "Boundaries", "Particles", "Interactions")
 """First words of the lines that begin a section."""
-COUNTED = {"Walls": "id", "Particles": "radius", "Interactions": "contactPoint"}
+COUNTED = {"Walls": "id", "Particles": "radius", "Interactions": "force"}
 """Sections that state their number of lines, and a word that each of these lines contains."""
 WRITE_WHOLE = "write the restart file whole"
 NORMAL = ("LinearViscoelastic", "HertzianViscoelastic")
@@ -142,6 +142,9 @@ def read(path: Path, scales: Sequence[float] | None = None) -> ImportResult:
         if law is None:
             problem = f"no species for {first} with {second}"
             refuse(path, "no_law", problem, remedy=WRITE_WHOLE)
+        if not law.normal > 0:
+            problem = f"species {first} with {second} have no stiffness, and touch"
+            refuse(path, "no_stiffness", problem, remedy="give them one, and write the file again")
         return law
 
     result = build_network(packing, contacts, find_law)
@@ -199,7 +202,7 @@ def read_restart(path: Path, units: Units) -> Restart:
     announced: dict[str, float] = {}
     file = Restart(path, units, {name: [] for name in ("", *SECTIONS)}, {})
     lines = read_lines(path)
-    if read_beginning(path).startswith(old_mercury.BEGINNING):
+    if old_mercury.is_old(read_beginning(path)):
         lines = old_mercury.new_lines(path)
     for number, text in lines:
         line = Words(text.split(), f"{path}, line {number}", WRITE_WHOLE)
@@ -280,8 +283,6 @@ def _read_law(line: Words, units: Units) -> tuple[tuple[int, int], ProgramLaw]:
         normal = 4 / 3 * line.optional_number_after("effectiveElasticModulus", "elasticModulus")
     else:
         normal = line.optional_number_after("stiffness")
-    if not normal > 0:
-        line.refuse("no_stiffness", f"{line.remaining[0]} has no stiffness")
     friction = line.optional_number_after("slidingFrictionCoefficient")
     if is_mindlin:
         # Ft = 2/3 (8 G a) s, with the displacement s kept, and a of the present overlap.
@@ -339,15 +340,19 @@ def _resists(line: Words, motion: Literal["rolling", "torsion"]) -> bool:
 def _read_wall(line: Words, units: Units) -> Wall:
     """Return the wall that a line describes; raise InputError for a wall without a direction."""
     normal = np.array([1.0, 0.0, 0.0])
-    if "orientation" in line:
+    is_plane = line.remaining[0] == "InfiniteWall"
+    if is_plane and "normal" in line:
+        # Files of version 1.0 have an orientation, too, which is zero.
+        normal = np.array(line.numbers_after("normal", 3))
+    elif "orientation" in line:
         a, b, c, d = line.numbers_after("orientation", 4)
         # The x axis turned by the quaternion (a, b, c, d).
         turned = [a * a + b * b - c * c - d * d, 2 * (b * c + a * d), 2 * (b * d - a * c)]
         normal = np.array(turned)
-    elif line.remaining[0] == "InfiniteWall":
-        normal = np.array(line.numbers_after("normal", 3))
     if not normal.any():
-        line.refuse("no_direction", "a wall without a direction")
+        if is_plane:
+            line.refuse("no_direction", "a wall without a direction")
+        normal = np.array([1.0, 0.0, 0.0])
     normal /= np.linalg.norm(normal)
     position = np.array(line.numbers_after("position", 3))
     place = units.length * float(normal @ position)
