@@ -12,13 +12,14 @@ this table from the committed samples, place by place, and leaves out what the t
 
 import sys
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from _committed import RESULTS
+from _committed import RESULTS, write, write_page
 
 import modal
-from analysis.bench import modulus_velocities
-from analysis.estimators.arrival_rules import RULES, RecordPair, travel_time
+from analysis.bench import MAX_REFLECTION_DELAY_IN_PERIODS, modulus_velocities
+from analysis.estimators.arrival_rules import MIN_WAVELENGTHS, RULES, RecordPair, travel_time
 from modal.motions import SineBurst
 from modal.packing.network import Network
 from modal.sources import Disc
@@ -36,7 +37,7 @@ SAMPLES = {
     "case29": (0.4, 1e4),
     "case32": (0.4, 1e7),
 }
-PLACES = (20, 62, 104)  # D, of the source above the lower wall; the packings are 147 D long
+PLACES = (20, 62, 104)  # D, of the source above the lower wall; the packings are 143 D long
 MARGIN = 10  # D, of the packing below the source and above the last receiver
 DISTANCES = (6, 12, 18, 24)  # D, from the source to each receiver
 RECEIVER_PAIRS = ((0, 2), (0, 3))  # numbers of receivers that are compared with each other
@@ -44,6 +45,8 @@ RADII = (1.5, 3, np.inf)  # D, of the discs; the last is a plane of all spheres 
 D_OVER_WAVELENGTH = (0.04, 0.08, 0.12, 0.16)  # with the velocity by the moduli
 DIRECTIONS = ("x", "z")
 PASSAGES = 1.5  # length of a record, in passages to the last receiver, besides the burst
+
+WIDTHS = {0.0: 14.1, 0.4: 14.7}  # D, by friction, of the packings, which are periodic sideways
 
 # %%
 # **The test.** A disc of spheres moves by one period of a sine, discs above it receive. In a long
@@ -146,3 +149,88 @@ def gather():
 
 if __name__ == "__main__" and len(sys.argv) == 3:
     gather()
+
+# %%
+# **What decides.** Waves by way of the sides, or from the images of a disc across the periods of
+# the cell, make a detour: in wavelengths it is their delay in periods, and below a period
+# `transducers` has a caveat. A plane has no sides, and no near field.
+
+bias = pd.read_csv(TABLE)
+bias = bias[bias["from"] == "source"]
+distance = bias["distance_over_d"]
+bias["wavelengths"] = distance * bias["d_over_wavelength"]
+detour = np.hypot(distance, bias["friction"].map(WIDTHS)) - distance
+bias["side_delay"] = detour * bias["d_over_wavelength"]
+is_plane = np.isinf(bias["radius_over_d"])
+is_late = bias["side_delay"] >= MAX_REFLECTION_DELAY_IN_PERIODS
+GROUPS = {
+    "planes": is_plane,
+    "discs, sides a period later": is_late & ~is_plane,
+    "discs, sides earlier": ~is_late & ~is_plane,
+}
+WAVES = {"x": "S", "z": "P"}
+
+
+def spread(rows, rule):
+    """Return the median of a bias and the limits of its middle 80 %, in per cent."""
+    low, middle, high = np.nanpercentile(100 * rows[rule], (10, 50, 90))
+    return f"{middle:+.1f} ({low:+.0f} to {high:+.0f})"
+
+
+errors = []
+for group, chosen in GROUPS.items():
+    for friction in sorted(bias["friction"].unique()):
+        for direction, wave in WAVES.items():
+            is_row = chosen & (bias["friction"] == friction) & (bias["direction"] == direction)
+            rows = bias[is_row]
+            row = {"transducers": group, "friction": friction, "wave": wave, "readings": len(rows)}
+            errors.append(row | {rule: spread(rows, rule) for rule in RULES})
+errors = pd.DataFrame(errors)
+print(errors.to_string(index=False))
+
+# %%
+# **The figure**: the bias without friction, medians over stresses and places. Left and middle: over
+# the distance in wavelengths, of planes and of discs, open if the sides come within a period.
+# Right: over the delay of the sides.
+
+MARKS = dict(zip(RULES, "vso^D", strict=True))
+COLORS = dict.fromkeys(RULES, "k") | {"first_arrival": "0.6"}
+figure, axes = plt.subplots(2, 3, figsize=(7.2, 4.6), sharey=True, layout="constrained")
+dense = bias[bias["friction"] == 0]
+for line, (direction, wave) in zip(axes, WAVES.items(), strict=True):
+    of_wave = dense[dense["direction"] == direction]
+    plane = of_wave[np.isinf(of_wave["radius_over_d"])]
+    discs = of_wave[~np.isinf(of_wave["radius_over_d"])]
+    panels = ((plane, "wavelengths"), (discs, "wavelengths"), (discs, "side_delay"))
+    for ax, (rows, abscissa) in zip(line, panels, strict=True):
+        groups = rows.groupby([rows["distance_over_d"].round(), "d_over_wavelength"])
+        medians = groups[[*RULES, "wavelengths", "side_delay"]].median()
+        is_open = medians["side_delay"] < MAX_REFLECTION_DELAY_IN_PERIODS
+        if rows is plane:
+            is_open[:] = False
+        for rule, mark in MARKS.items():
+            color = COLORS[rule]
+            for shown, face in ((medians[~is_open], color), (medians[is_open], "w")):
+                look = {"color": color, "mfc": face, "mew": 0.6, "ms": 3.5, "ls": ""}
+                ax.plot(shown[abscissa], 100 * shown[rule], mark, **look)
+        ax.axhline(0, color="k", lw=0.5, ls=":")
+    line[0].set_ylabel(f"bias of V_{wave}, %")
+    line[1].axvline(MIN_WAVELENGTHS, color="k", lw=0.5, ls="--")
+    line[2].axvline(MAX_REFLECTION_DELAY_IN_PERIODS, color="k", lw=0.5, ls="--")
+for rule, mark in MARKS.items():
+    label = rule.replace("_", " ")
+    axes[0, 0].plot([], [], mark, color=COLORS[rule], ms=3.5, label=label)
+axes[0, 0].legend(frameon=False, fontsize=6, loc="lower right")
+axes[0, 0].set(title="planes", ylim=(-65, 45))
+axes[0, 1].set_title("discs")
+axes[0, 2].set_title("discs")
+for ax in axes[1, :2]:
+    ax.set_xlabel("distance / wavelength")
+axes[1, 2].set_xlabel("delay of the sides, periods")
+plt.show()
+
+if __name__ == "__main__" and len(sys.argv) >= 2:
+    write(sys.argv[1], {"bias": figure}, {})
+    columns = {name: "{" + name + "}" for name in ("transducers", "friction", "wave", "readings")}
+    columns |= {rule.replace("_", " "): "{" + rule + "}" for rule in RULES}
+    write_page(f"{sys.argv[1]}/bias.md", errors, columns)

@@ -9,6 +9,7 @@ export MPLBACKEND=agg
 for name in isostaticity soft_modes plane_waves width; do
     .venv/bin/python "examples/$name.py" "results/$name" > /dev/null
 done
+.venv/bin/python examples/transducers.py results/transducers > /dev/null
 .venv/bin/python examples/stress_dependence.py results/transducers > /dev/null
 .venv/bin/python examples/isostaticity_doubts.py results/isostaticity/doubts > /dev/null
 made=$(mktemp -d)
