@@ -10,6 +10,7 @@ from oracles import stepped
 
 from analysis.estimators.coherent import coherent_wave, longest_waves
 from analysis.estimators.damped_transform import (
+    _phases,
     chain_dispersion,
     mode_cosine,
     mode_dispersion,
@@ -35,6 +36,16 @@ def noisy_draws(passages, noise, draws=10):
     clean = exact_crystal.record(passages)
     random = np.random.default_rng(1)
     return [noisy(clean, noise, random) for _ in range(draws)]
+
+
+@pytest.mark.parametrize("count", [16, 160, 161])
+def test_phases_of_spaced_frequencies_are_their_exponentials(count):
+    """Compare products of two phases with the exponential, to the rounding of its argument."""
+    omega = np.linspace(2e3, 1e5, count)
+    time = np.linspace(0, 1e-2, 300)
+    argument = np.outer(omega, time)
+    rounding = 2 * np.finfo(float).eps * argument.max()
+    assert _phases(omega, time) == pytest.approx(np.exp(-1j * argument), rel=0, abs=rounding)
 
 
 def two_arrivals(share):
