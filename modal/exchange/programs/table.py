@@ -29,8 +29,13 @@ from modal.exchange.particles_and_contacts import (
     find_ends,
 )
 from modal.exchange.programs import lammps
-from modal.exchange.sphere_table import has_spheres, read_sphere_table, separator_of
-from modal.exchange.spheres import SphereOptions, import_spheres
+from modal.exchange.sphere_table import (
+    SphereTable,
+    has_spheres,
+    read_sphere_table,
+    separator_of,
+)
+from modal.exchange.spheres import SphereOptions, Spheres, import_spheres
 from modal.exchange.text import Rows, Words, quote, read_lines, refuse, take_rows
 from modal.formats.hdf5 import named
 from modal.packing.checks import check_force_ratio
@@ -121,9 +126,7 @@ def read(
 
 def _read_spheres_alone(path: Path, options: SphereOptions) -> ImportResult:
     """Return the packing of a table of spheres, whose contacts follow from a typed law."""
-    rows, key_lines = _read_rows(path, SPHERES)
-    table = read_sphere_table(rows)
-    _refuse_long_rows(rows)
+    rows, table, key_lines = _read_sphere_rows(path)
     units = options.units
     if table.unit is not None:
         if options.scales is not None:
@@ -135,6 +138,19 @@ def _read_spheres_alone(path: Path, options: SphereOptions) -> ImportResult:
     if key_lines:
         cell = _read_cell(path, key_lines, units)
     return import_spheres(path, replace(table.spheres, cell=cell), options, rows)
+
+
+def _read_sphere_rows(path: Path) -> tuple[Rows, SphereTable, KeyLines]:
+    """Return the rows of a table of spheres alone, its numbers, and the lines for the cell."""
+    rows, key_lines = _read_rows(path, SPHERES)
+    table = read_sphere_table(rows)
+    _refuse_long_rows(rows)
+    return rows, table, key_lines
+
+
+def read_numbers(path: Path) -> Spheres:
+    """Return the spheres of a table in its units, without a cell."""
+    return _read_sphere_rows(path)[1].spheres
 
 
 def _read_table(
