@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +101,7 @@ def _of_process() -> Iterator[float]:
 
 def _of_control_groups() -> Iterator[float]:
     """Yield the memory, bytes, that each control group around the process leaves."""
-    for kind, folder in _control_groups():
+    for kind, folder in _control_groups(PROC):
         limits, used, files = CONTROL_GROUPS[kind]
         for limit in limits:
             with suppress(OSError, ValueError):  # ValueError: "max", no limit
@@ -118,14 +119,17 @@ def _statistic(folder: Path, name: str) -> int:
     return 0
 
 
-def _control_groups() -> Iterator[tuple[str, Path]]:
-    """Yield version and folder of this process's memory control groups, the innermost first.
+@cache
+def _control_groups(proc: Path) -> list[tuple[str, Path]]:
+    """Return version and folder of this process's memory control groups, the innermost first.
 
-    In a container, a mount may show a group that lies within other groups as the root.
+    In a container, a mount may show a group that lies within other groups as the root. They are
+    looked up once: a process stays in its groups.
     """
-    paths = dict(_own_groups())
+    paths = dict(_own_groups(proc))
+    groups = []
     with suppress(OSError):
-        for line in (PROC / "self/mountinfo").read_text().splitlines():
+        for line in (proc / "self/mountinfo").read_text().splitlines():
             before, _, after = line.partition(" - ")
             kind = after.split()[0]
             if kind not in paths or (kind == "cgroup" and "memory" not in _options(after)):
@@ -134,13 +138,14 @@ def _control_groups() -> Iterator[tuple[str, Path]]:
             path = Path(paths[kind])
             below = path.relative_to(root) if path.is_relative_to(root) else Path()
             for inner in (below, *below.parents):
-                yield kind, mount / inner
+                groups.append((kind, mount / inner))
+    return groups
 
 
-def _own_groups() -> Iterator[tuple[str, str]]:
+def _own_groups(proc: Path) -> Iterator[tuple[str, str]]:
     """Yield the version and the path of the control groups that this process is in."""
     with suppress(OSError):
-        for line in (PROC / "self/cgroup").read_text().splitlines():
+        for line in (proc / "self/cgroup").read_text().splitlines():
             _, controllers, path = line.split(":", 2)
             if not controllers:
                 yield "cgroup2", path
