@@ -9,7 +9,7 @@ import re
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -101,7 +101,7 @@ def _of_process() -> Iterator[float]:
 
 def _of_control_groups() -> Iterator[float]:
     """Yield the memory, bytes, that each control group around the process leaves."""
-    for kind, folder in _control_groups(PROC):
+    for kind, folder in _control_groups():
         limits, used, files = CONTROL_GROUPS[kind]
         for limit in limits:
             with suppress(OSError, ValueError):  # ValueError: "max", no limit
@@ -119,38 +119,44 @@ def _statistic(folder: Path, name: str) -> int:
     return 0
 
 
-@cache
-def _control_groups(proc: Path) -> list[tuple[str, Path]]:
-    """Return version and folder of this process's memory control groups, the innermost first.
+def _control_groups() -> list[tuple[str, Path]]:
+    """Return version and folder of this process's memory control groups, the innermost first."""
+    with suppress(OSError):
+        groups = (PROC / "self/cgroup").read_text()
+        return _mounted_groups(groups, (PROC / "self/mountinfo").read_text())
+    return []
 
-    In a container, a mount may show a group that lies within other groups as the root. They are
-    looked up once: a process stays in its groups.
+
+@lru_cache(maxsize=1)
+def _mounted_groups(groups: str, mounts: str) -> list[tuple[str, Path]]:
+    """Return version and folder of memory control groups from the texts that Linux gives of them.
+
+    In a container, a mount may show a group that lies within other groups as the root. There are
+    many estimates of memory, so that the texts, which hardly ever change, are read once.
     """
-    paths = dict(_own_groups(proc))
-    groups = []
-    with suppress(OSError):
-        for line in (proc / "self/mountinfo").read_text().splitlines():
-            before, _, after = line.partition(" - ")
-            kind = after.split()[0]
-            if kind not in paths or (kind == "cgroup" and "memory" not in _options(after)):
-                continue
-            root, mount = (Path(_plain(word)) for word in before.split()[3:5])
-            path = Path(paths[kind])
-            below = path.relative_to(root) if path.is_relative_to(root) else Path()
-            for inner in (below, *below.parents):
-                groups.append((kind, mount / inner))
-    return groups
+    paths = dict(_own_groups(groups))
+    folders = []
+    for line in mounts.splitlines():
+        before, _, after = line.partition(" - ")
+        kind = after.split()[0]
+        if kind not in paths or (kind == "cgroup" and "memory" not in _options(after)):
+            continue
+        root, mount = (Path(_plain(word)) for word in before.split()[3:5])
+        path = Path(paths[kind])
+        below = path.relative_to(root) if path.is_relative_to(root) else Path()
+        for inner in (below, *below.parents):
+            folders.append((kind, mount / inner))
+    return folders
 
 
-def _own_groups(proc: Path) -> Iterator[tuple[str, str]]:
+def _own_groups(groups: str) -> Iterator[tuple[str, str]]:
     """Yield the version and the path of the control groups that this process is in."""
-    with suppress(OSError):
-        for line in (proc / "self/cgroup").read_text().splitlines():
-            _, controllers, path = line.split(":", 2)
-            if not controllers:
-                yield "cgroup2", path
-            elif "memory" in controllers.split(","):
-                yield "cgroup", path
+    for line in groups.splitlines():
+        _, controllers, path = line.split(":", 2)
+        if not controllers:
+            yield "cgroup2", path
+        elif "memory" in controllers.split(","):
+            yield "cgroup", path
 
 
 def _options(after: str) -> list[str]:
