@@ -20,6 +20,9 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
+from typing import cast
+
+from numpy.typing import ArrayLike
 
 from modal.exchange import programs
 from modal.exchange.foreign import foreign_file
@@ -166,7 +169,7 @@ def import_packing(path: str | Path, **options: object) -> ImportResult:
             )
     result: ImportResult = program.read(path, **typed)
     if gravity is not None:
-        result.network = with_gravity(result.network, gravity)
+        result.network = with_gravity(result.network, cast(ArrayLike, gravity))
     return result
 
 

@@ -6,10 +6,10 @@ follow from these forces, and so does the part of them that is not balanced. A n
 (`NOTE` in the group `study`) is taken as it is, and what it does not balance shows.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from modal.packing.network import Network
 from modal.packing.state import contacts_per_particle, net_forces, sizes_of_loads
@@ -29,7 +29,7 @@ MIN_WEIGHT_IN_MEAN_FORCES = 1e-6
 """Least weight, divided by the mean contact force, that is not round-off of the forces."""
 
 
-def with_gravity(network: Network, acceleration: Sequence[float]) -> Network:
+def with_gravity(network: Network, acceleration: ArrayLike) -> Network:
     """Return a network in which the acceleration by gravity (3,), m/s^2, is noted.
 
     InputError unless it is three finite numbers.
