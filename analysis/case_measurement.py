@@ -9,7 +9,7 @@ import numpy as np
 from analysis.case_columns import RECORD_COPIES, SHOWN_GAIN_ORDERS
 from analysis.case_result import CaseResult
 from analysis.packing_data import PackingData, cached_on_packing
-from analysis.quantities import QUANTITIES, gain, records, spectrum
+from analysis.quantities import QUANTITIES, gain, polarisation, records, spectrum
 from analysis.quantities.records import LOW_PASS, PERCENT
 from analysis.quantities.scattering import whole_ridge
 from analysis.quantities.velocity import longest
@@ -31,7 +31,7 @@ def measure_result(packing: PackingData) -> CaseResult:
         result.values[name] = result.values[source.format(record=result.record)]
     result.texts["gain_height"] = gain.height(packing)
     above = records.HIGH * spectrum.f_max(packing)
-    result.texts["chi_z_high"] = spectrum.largest_chi(packing, above, np.inf)[1]
+    result.texts["chi_z_high"] = polarisation.largest_chi(packing, above, np.inf)[1]
     _add_curves(packing, result)
     for kind in MAY_LACK:
         needed = not packing.crystal or kind not in ("density", "structure")

@@ -35,7 +35,9 @@ def add_columns(result: CaseResult, values: Mapping[str, Any]) -> None:
         else:
             name, unit, factor = _split_column(column)
         in_si = {key: _divided(number, factor) for key, number in numbers.items()}
-        result.values[name] = replace(estimate(**in_si), unit=unit)
+        result.values[name] = replace(
+            estimate(in_si["value"], in_si["error"], in_si.get("common", 0.0)), unit=unit
+        )
 
 
 def _split_column(column: str) -> tuple[str, str, float]:

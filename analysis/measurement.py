@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
@@ -109,6 +109,15 @@ class Measurement(dict[str, Value]):
 
     def __repr__(self) -> str:
         return f"<Measurement of {', '.join(self)}>"
+
+
+class MeasureOptions(TypedDict, total=False):
+    """Keyword arguments of `measure`."""
+
+    quantities: str | Sequence[str] | None
+    source: Motion | None
+    keep: str | Path | None
+    amplitudes: Sequence[float]
 
 
 @checked
@@ -248,7 +257,9 @@ class MeasuredFiles(NamedTuple):
         return by_file
 
 
-def measure_files(paths: Sequence[str], say: Callable[[str], object], **how: Any) -> MeasuredFiles:
+def measure_files(
+    paths: Sequence[str], say: Callable[[str], object], **options: Unpack[MeasureOptions]
+) -> MeasuredFiles:
     """Measure each packing among the files, and their mean if there are several.
 
     Files with recorded waves replace the linear waves of their packing. Files with the density of
@@ -261,7 +272,7 @@ def measure_files(paths: Sequence[str], say: Callable[[str], object], **how: Any
         Packings and recorded waves.
     say : callable
         Called with each note that a reader should know.
-    **how
+    **options
         Keyword arguments of `measure`.
 
     Raises
@@ -278,7 +289,7 @@ def measure_files(paths: Sequence[str], say: Callable[[str], object], **how: Any
         records = [path for path in waves if owner[path] is case]
         path = next((text for text in paths if Path(text) == case.packing_path), "")
         try:
-            measured[path] = measure(case, *records, **how)
+            measured[path] = measure(case, *records, **options)
         except InputError as error:
             if len(cases) == 1:
                 raise

@@ -1,6 +1,7 @@
 """Draw the traces of a bench test with two transducers, and the picks of each rule."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from analysis.estimators.arrival_rules import RULES, RecordPair, travel_time
 from analysis.figures.looks import OUTSIDE
 from analysis.figures.picture import BLUE, ORANGE, Panel, Picture
 
-RULE_LINES = {
+RULE_LINES: dict[str, dict[str, Any]] = {
     "first_arrival": {"color": "0.4", "ls": ":"},
     "zero_crossing": {"color": BLUE, "ls": "--"},
     "peak_to_peak": {"color": BLUE, "ls": "-."},

@@ -1,13 +1,12 @@
 """Draw figures 7, 9 and 10: natural frequencies, what the modes move, and their shapes."""
 
-from typing import Any
-
 import numpy as np
 
-from analysis.figures.picture import BLUE, ORANGE, Panel, Picture
+from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, Style
 from analysis.packing_data import PackingData
+from analysis.quantities.polarisation import chi_lists
 from analysis.quantities.records import HIGH, LOW
-from analysis.quantities.spectrum import chi_lists, density, f_max, standing, z_shapes
+from analysis.quantities.spectrum import density, f_max, standing, z_shapes
 from analysis.quantities.velocity import longest
 from modal.packing.rattlers import firmly_held
 from modal.tools.arrays import Floats
@@ -45,11 +44,11 @@ def natural_frequencies(m: PackingData) -> Picture:
         _draw_spectrum(left, right, modes.frequency, m.label, {"color": "k", "lw": 0.9})
         if translations is not None:
             text = f"{m.label}, translations only"
-            style = {"color": "0.55", "ls": ":"}
-            _draw_spectrum(left, right, translations.frequency, text, style)
+            dotted: Style = {"color": "0.55", "ls": ":"}
+            _draw_spectrum(left, right, translations.frequency, text, dotted)
     elif m.case.has("density"):
         frequency, per_hertz, below = density(m)
-        style = {"color": BLUE, "ls": "--"}
+        style: Style = {"color": BLUE, "ls": "--"}
         if m.mu_comp > 0.2:
             style = {"color": ORANGE, "ls": "-."}
         # Modes of zero frequency, of rattlers and floppy parts, are below the first of these.
@@ -69,9 +68,7 @@ def natural_frequencies(m: PackingData) -> Picture:
     return Picture([left, right], columns=2, shape=(10, 4))
 
 
-def _draw_spectrum(
-    left: Panel, right: Panel, frequency: Floats, label: str, style: dict[str, Any]
-) -> None:
+def _draw_spectrum(left: Panel, right: Panel, frequency: Floats, label: str, style: Style) -> None:
     """Draw the cumulative share of frequencies (n,), Hz, and their histogram."""
     ordered = np.sort(frequency) / 1e3
     shown = np.unique(np.linspace(0, len(ordered) - 1, POINTS_PER_CURVE).astype(int))
@@ -102,8 +99,8 @@ def chi_z(m: PackingData) -> Panel:
     bearers = standing(m)
     resonances = bearers.frequency if bearers else modes.resonance_frequency
     if resonances is not None and len(resonances):
-        style = {"marker": "|", "ls": "none", "ms": 6, "color": "k"}
-        panel.line(resonances / 1e3, np.full(len(resonances), 1.07), "P resonances", **style)
+        tick_style: Style = {"marker": "|", "ls": "none", "ms": 6, "color": "k"}
+        panel.line(resonances / 1e3, np.full(len(resonances), 1.07), "P resonances", **tick_style)
     for name, ends, ls in (("chi_z_low", (0, LOW), "--"), ("chi_z_high", (HIGH, 0.1), ":")):
         if name in m.stated:
             level = m.stated[name][0]

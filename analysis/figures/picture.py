@@ -10,11 +10,11 @@ that the picture shows, and a second drawing gives the same picture.
 import csv
 import io
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import repeat
 from pathlib import Path
-from typing import Any, Literal, get_args, get_type_hints
+from typing import Any, Literal, TypedDict, Unpack, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -78,6 +78,31 @@ class Series:
             self.z = _rounded(self.z)
 
 
+LINE_WIDTH_ON_MAP = 1.5
+"""Points."""
+
+
+class Style(TypedDict, total=False):
+    """Words of Matplotlib's style that a series may have (`analysis.figures.looks`)."""
+
+    color: str
+    mec: str
+    mfc: str
+    lw: float
+    ms: float
+    mew: float
+    capsize: float
+    diameter: float
+    vmin: float
+    vmax: float
+    zorder: float
+    alpha: float
+    clim: Sequence[float]
+    cmap: str
+    ls: str | tuple[float, tuple[float, float]]
+    marker: str
+
+
 @dataclass
 class Panel:
     """Axes of a figure: labels with units, limits and scales, and the series drawn in them."""
@@ -102,35 +127,36 @@ class Panel:
         y: ArrayLike,
         z: ArrayLike | None = None,
         label: str = "",
-        **style: Any,
+        **style: Unpack[Style],
     ) -> None:
         """Append a series."""
         third = None
         if z is not None:
             third = np.asarray(z)
-        self.series.append(Series(kind, np.asarray(x), np.asarray(y), third, label, style))
+        self.series.append(Series(kind, np.asarray(x), np.asarray(y), third, label, dict(style)))
 
-    def line(self, x: ArrayLike, y: ArrayLike, label: str = "", **style: Any) -> None:
+    def line(self, x: ArrayLike, y: ArrayLike, label: str = "", **style: Unpack[Style]) -> None:
         """Append a curve; give `marker` and `ls="none"` for points."""
         self.add("line", x, y, None, label, **style)
 
     def line_on_map(
-        self, x: ArrayLike, y: ArrayLike, label: str = "", lw: float = 1.5, **style: Any
+        self, x: ArrayLike, y: ArrayLike, label: str = "", **style: Unpack[Style]
     ) -> None:
         """Append a curve with a white one beneath, which stands out from any shade of a map."""
-        self.line(x, y, color="w", lw=lw + 2)
-        self.line(x, y, label, lw=lw, **style)
+        style.setdefault("lw", LINE_WIDTH_ON_MAP)
+        self.line(x, y, color="w", lw=style["lw"] + 2)
+        self.line(x, y, label, **style)
 
-    def hline(self, y: float, label: str = "", **style: Any) -> None:
+    def hline(self, y: float, label: str = "", **style: Unpack[Style]) -> None:
         """Append a line across the panel at y."""
         self.add("hline", [0], [y], None, label, **style)
 
-    def vlines(self, x: ArrayLike, label: str = "", **style: Any) -> None:
+    def vlines(self, x: ArrayLike, label: str = "", **style: Unpack[Style]) -> None:
         """Append upright lines at x (n,)."""
         self.add("vline", x, np.zeros(np.shape(x)), None, label, **style)
 
     def band(
-        self, x: ArrayLike, low: ArrayLike, high: ArrayLike, label: str = "", **style: Any
+        self, x: ArrayLike, low: ArrayLike, high: ArrayLike, label: str = "", **style: Unpack[Style]
     ) -> None:
         """Append the band between low and high, arrays (n,) or numbers, over x (n,)."""
         lower = np.broadcast_to(low, np.shape(x))

@@ -1,12 +1,13 @@
 """Draw figures 11, 14 and 15: velocities and dispersion."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from analysis.estimators import damped_transform as disp
 from analysis.estimators.wavenumber import frequency_wavenumber
-from analysis.figures.picture import BLUE, ORANGE, Panel
+from analysis.figures.picture import BLUE, ORANGE, Panel, Style
 from analysis.figures.waves import producer_name
 from analysis.packing_data import PackingData
 from analysis.quantities.passband import Producer, band_edge, edges, scale, wavelength_at
@@ -65,7 +66,7 @@ def velocity_frequency(m: PackingData) -> Panel:
 def _draw_mode_velocities(panel: Panel, frequency: Floats, kappa: Floats) -> None:
     """Draw the velocities of modes with frequencies (n,), Hz, and wave numbers (n,), 1/m."""
     thin = slice(None, None, max(1, len(frequency) // MAX_MODE_POINTS))
-    style = {"ls": "none", "mfc": "none", "color": BLUE, "ms": 5}
+    style: dict[str, Any] = {"ls": "none", "mfc": "none", "color": BLUE, "ms": 5}
     omega = 2 * np.pi * frequency
     for velocity, label, marker in (
         (omega / kappa, "phase, modes (Eq. 4)", "o"),
@@ -105,7 +106,7 @@ def dispersion(m: PackingData) -> Panel:
         if m.crystal:
             thin = slice(None, None, max(1, len(frequency) // MAX_RESONANCE_POINTS))
             label = "resonances"
-        style = {"marker": "o", "ls": "none", "mfc": "w", "color": BLUE, "ms": 4}
+        style: Style = {"marker": "o", "ls": "none", "mfc": "w", "color": BLUE, "ms": 4}
         panel.line(kappa_of_resonances[thin], frequency[thin] / 1e3, label, **style)
     return panel
 
@@ -149,7 +150,7 @@ def _draw_dispersion_of_crystal(
 ) -> None:
     """Draw theory and the damped transform of the record at wave numbers (k,), rad/m."""
     theory = eq_9(kappa, m.lattice.stiffness, m.lattice.mass, m.lattice.distance)
-    panel.line_on_map(kappa, theory / RAD_PER_S_PER_KHZ, "theory (Eq. 9)", 1.0, color="k")
+    panel.line_on_map(kappa, theory / RAD_PER_S_PER_KHZ, "theory (Eq. 9)", lw=1.0, color="k")
     kappa = kappa[:RIDGE_WAVENUMBERS]
     ridge = disp.chain_dispersion(record).omega(kappa)
     label = f"{producer_name(record.producer)}, damped transform"
@@ -161,14 +162,14 @@ def _draw_dispersion_of_random(panel: Panel, m: PackingData, kappa: Floats) -> N
     wave = coherent(m, "linear")
     shown = wave.frequency <= _end_of_ridge(m)
     label = "coherent linear wave of the layers"
-    style = {"color": ORANGE, "ls": "--"}
-    panel.line_on_map(wave.wavenumber[shown], wave.frequency[shown] / 1e3, label, 2, **style)
+    style: Style = {"lw": 2, "color": ORANGE, "ls": "--"}
+    panel.line_on_map(wave.wavenumber[shown], wave.frequency[shown] / 1e3, label, **style)
     slope = kappa * longest(m, "linear").value / RAD_PER_S_PER_KHZ
     panel.line(kappa, slope, "long waves", color="k", ls=":", lw=0.9)
     producer: Producer = "yade" if m.yade else "linear"
     edge = edges(m, producer)[0].value
     kappa_of_edge = 2 * np.pi / wavelength_at(m, edge, producer)
-    look = {"marker": "D", "ls": "none", "color": ORANGE, "ms": 6, "mfc": "w"}
+    look: Style = {"marker": "D", "ls": "none", "color": ORANGE, "ms": 6, "mfc": "w"}
     panel.line([kappa_of_edge], [edge / 1e3], "$f_{low-pass}$ 2 %, one chain", **look)
 
 

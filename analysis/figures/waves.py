@@ -1,13 +1,13 @@
 """Draw figures 1 to 5, 12 and 13: packing and source, signals and their spectra."""
 
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 
 from analysis.estimators.layer_lattice import exact_twin
 from analysis.estimators.low_pass import threshold_curves
 from analysis.estimators.source_motion import cut
-from analysis.figures.picture import BLUE, ORANGE, Panel, Picture
+from analysis.figures.picture import BLUE, ORANGE, Panel, Picture, Style
 from analysis.packing_data import PackingData
 from analysis.quantities.passband import edges, passband
 from analysis.quantities.velocity import longest
@@ -65,8 +65,8 @@ def samples(m: PackingData) -> Picture:
     high = float(contacts[chosen].max())
     if low == high:
         low -= 1  # a range of colours has two ends
-    style: dict[str, Any] = {"cmap": "viridis", "clim": (low, high)}
-    panel.add("spheres", 1e3 * z, 1e3 * x, contacts[chosen], diameter=1e3 * d, **style)
+    style: Style = {"diameter": 1e3 * d, "cmap": "viridis", "clim": (low, high)}
+    panel.add("spheres", 1e3 * z, 1e3 * x, contacts[chosen], **style)
     return Picture([panel], shape=(11, 2.0))
 
 
@@ -76,7 +76,7 @@ def source(m: PackingData) -> Picture:
     right = Panel("frequency (kHz)", "amplitude over its maximum", xlim=(0, 500))
     pulse = Pulse(m.motion.amplitude, m.motion.frequency)
     label = f"{pulse.frequency / 1e3:g} kHz"
-    style = {"ls": PULSE_LINES.get(pulse.frequency, ":"), "color": "k"}
+    style: Style = {"ls": PULSE_LINES.get(pulse.frequency, ":"), "color": "k"}
     time = np.linspace(0, 2e-5, 401)
     frequency = np.linspace(0, 5e5, 501)
     pulse_time = np.linspace(0, 1 / pulse.frequency, 2001)
@@ -121,7 +121,7 @@ def _signal(m: PackingData, distance: float) -> Panel:
     # The legend stands above the wave.
     panel.ylim = (min(-0.4, 1.15 * float(u.min())), 1.5 * float(u.max()))
     _curve(panel, record, index, end, producer_name(record.producer), color="0.6", lw=2.2)
-    style = {"color": "k", "ls": "--", "lw": 0.9}
+    style: Style = {"color": "k", "ls": "--", "lw": 0.9}
     if m.crystal:
         _curve(panel, exact_twin(record, m.lattice), index, end, "exact lattice", **style)
     elif record is not m.linear:
@@ -130,7 +130,9 @@ def _signal(m: PackingData, distance: float) -> Panel:
     return panel
 
 
-def _curve(panel: Panel, record: Signals, index: int, end: float, label: str, **style: Any) -> None:
+def _curve(
+    panel: Panel, record: Signals, index: int, end: float, label: str, **style: Unpack[Style]
+) -> None:
     """Draw the displacement of the chain's particle `index` up to the time `end`, s."""
     record = cut(record, end)
     shown = _thin(len(record.time) // 2)
@@ -229,7 +231,7 @@ def spectrum_distance(m: PackingData) -> Panel:
     ):
         middle, median = _slab_medians(distance, curve, m.network.length)
         label = f"{percent} threshold, medians"
-        panel.line_on_map(1e3 * middle, median / 1e3, label, 1.2, color=ORANGE, ls=ls)
+        panel.line_on_map(1e3 * middle, median / 1e3, label, lw=1.2, color=ORANGE, ls=ls)
         _draw_edge(panel, edge, percent, stretch, ls)
     if "f_low_pass_2_khz" in m.stated:
         stated = m.stated["f_low_pass_2_khz"][0]

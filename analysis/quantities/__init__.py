@@ -9,6 +9,6 @@ from analysis.quantities.registry import QUANTITIES as QUANTITIES
 from analysis.quantities.registry import QUICK as QUICK
 
 # In the order in which results are shown.
-WAVES = "velocity", "passband", "scattering", "spectrum", "soft_modes", "gain"
+WAVES = "velocity", "passband", "scattering", "spectrum", "polarisation", "soft_modes", "gain"
 for _room in *WAVES, "elasticity", "packing", "records", "amplitude":
     import_module(f"analysis.quantities.{_room}")

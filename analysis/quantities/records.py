@@ -12,10 +12,11 @@ from typing import Literal, NamedTuple, TypeVar
 import numpy as np
 
 from analysis.case import AbsentError
+from analysis.estimators.excess import Excess
 from analysis.estimators.low_pass import Reference, Whose
 from analysis.explanation import Step
 from analysis.packing_data import PackingData
-from analysis.quantities import gain, passband, scattering, spectrum, velocity
+from analysis.quantities import gain, passband, polarisation, scattering, spectrum, velocity
 from analysis.quantities.passband import Producer
 from analysis.quantities.registry import on_request
 from analysis.spectra_cache import SpectrumKind
@@ -205,11 +206,11 @@ def chi_z_high_all(packing: PackingData) -> Value:
 @case_quantity("1", "mean chi_z there")
 def chi_z_high_mean(packing: PackingData) -> Value:
     """Measure the mean chi_z of the chain among high modes."""
-    return spectrum.mean_chi(packing, HIGH * spectrum.f_max(packing), np.inf)
+    return polarisation.mean_chi(packing, HIGH * spectrum.f_max(packing), np.inf)
 
 
 case_quantity("Hz", "highest frequency of a mode with chi_z above 0.9", "chi_z_pure")(
-    spectrum.last_pure
+    polarisation.last_pure
 )
 
 
@@ -333,10 +334,10 @@ def _resonance(packing: PackingData, order: int) -> Value:
 def _largest_chi(packing: PackingData, low: float, high: float, chain: bool = True) -> Value:
     """Measure the largest chi_z of modes between two shares of the highest frequency."""
     highest = spectrum.f_max(packing)
-    return spectrum.measure_largest_chi(packing, low * highest, high * highest, chain)
+    return polarisation.measure_largest_chi(packing, low * highest, high * highest, chain)
 
 
-def _excess(packing: PackingData) -> spectrum.Excess:
+def _excess(packing: PackingData) -> Excess:
     """Return the excess of a density of states in a file; AbsentError without the file."""
     packing.case.needed("density")
     return spectrum.excess(packing)

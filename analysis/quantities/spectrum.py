@@ -1,17 +1,16 @@
 """Measure natural frequencies: the highest, standing waves among the lowest, their density."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from analysis.case import AbsentError
 from analysis.caveats import Caveat
 from analysis.estimators import resonances as resonant
 from analysis.estimators.damped_transform import Dispersion, mode_dispersion
+from analysis.estimators.excess import Excess, excess_of
 from analysis.explanation import Step, limit_step
 from analysis.packing_data import PackingData, cached_on_packing
 from analysis.quantities.registry import on_request, quantity
-from analysis.quantities.velocity import LOW_ORDER, longest
+from analysis.quantities.velocity import LOW_ORDER
 from analysis.spectra_cache import as_read, compute_spectrum, kept_file
 from analysis.value import Value, estimate, hertz, unknown
 from modal.modes.collective import every_floppy
@@ -28,18 +27,6 @@ DEFAULT_LOWEST_MODES = 40
 """Modes that are computed if no file has any."""
 MIN_MODES_BELOW_PEAK = 30
 """Modes below a peak of D(f) / f^2. Among fewer modes each single one makes a peak."""
-MIN_STEPS_OF_DENSITY = 10
-"""Number of frequency steps next to zero in which a density of states shows modes of zero
-frequency: 2.5 widths of the line of a single mode, as a width has four frequencies
-(`modal.modes.density`)."""
-COMPARED_SHARE_OF_HIGHEST = 0.1
-"""Share of the highest frequency at which the densities of states of packings are compared."""
-SAME_FREQUENCY = 1e-6
-"""Largest relative difference of two frequencies in two lists that count as those of one mode."""
-MIN_CHI_OF_P_WAVE = 0.9
-"""Least chi_z of a mode that counts as a P-wave, from Otsubo et al. (2017)."""
-MAX_BRANCH_SHARE_OF_HIGHEST = 0.15
-"""Share of the highest frequency up to which the modes of a narrow cell are listed."""
 
 
 @cached_on_packing
@@ -248,155 +235,6 @@ def natural_frequency(frequency: float, *lists: ModeSet | None) -> Value:
 
 
 @cached_on_packing
-def chi_lists(packing: PackingData) -> list[tuple[Floats, Floats, Floats]]:
-    """Return frequency (k,), Hz, chi_z of all particles and of the chain (k,), for each list.
-
-    Each list is complete in its interval. If two overlap, the second one begins where the first
-    ends.
-    """
-    candidates = [packing.case.read(kind) for kind in ("modes", "band.modes")]
-    lists = [modes for modes in candidates if modes and len(modes.frequency)]
-    columns: list[tuple[Floats, Floats, Floats]] = []
-    end = -np.inf
-    for modes in sorted(lists, key=lambda each: float(each.frequency[0])):
-        new = modes.frequency > end * (1 + SAME_FREQUENCY)
-        if new.any():
-            columns.append((modes.frequency[new], modes.chi_z[new], modes.chi_z_chain[new]))
-            end = float(modes.frequency[-1])
-    return columns
-
-
-def chi_between(
-    packing: PackingData, low: float, high: float, chain: bool
-) -> tuple[Floats, Floats]:
-    """Return the natural frequencies (k,) between two, Hz, and their chi_z (k,); empty without any.
-
-    chi_z is that of the chain, as in Otsubo et al. (2017), or that of all particles.
-    """
-    lists = chi_lists(packing)
-    if not lists:
-        return np.empty(0), np.empty(0)
-    frequency, of_all, of_chain = (np.concatenate(column) for column in zip(*lists, strict=True))
-    inside = (frequency > low) & (frequency < high)
-    if chain:
-        return frequency[inside], of_chain[inside]
-    return frequency[inside], of_all[inside]
-
-
-def largest_chi(
-    packing: PackingData, low: float, high: float, chain: bool = True
-) -> tuple[float, str]:
-    """Return the largest chi_z between two frequencies, Hz, and a text that describes the modes."""
-    frequency, chi = chi_between(packing, low, high, chain)
-    if not len(frequency):
-        return np.nan, ""
-    first = frequency.min() / 1e3
-    last = frequency.max() / 1e3
-    return float(chi.max()), f"{len(frequency)} modes, {first:.2f}-{last:.2f} kHz"
-
-
-def mean_chi(packing: PackingData, low: float, high: float) -> Value:
-    """Measure the mean chi_z of the chain between two frequencies, Hz; 1/3 for random directions.
-
-    The error is the standard error of independent modes.
-    """
-    frequency, chi = chi_between(packing, low, high, chain=True)
-    if len(chi) < 2:
-        raise AbsentError
-    error = float(chi.std(ddof=1) / len(chi) ** 0.5)
-    return estimate(float(chi.mean()), error, steps=(_step_between(frequency),))
-
-
-def _step_between(frequency: Floats) -> Step:
-    """Return the modes (k,) between two frequencies, Hz, as a step."""
-    numbers = {
-        "modes": len(frequency),
-        "lowest": frequency.min(initial=np.inf),
-        "highest": frequency.max(initial=-np.inf),
-    }
-    outcome = "read" if len(frequency) else "none_left"
-    return Step("window", outcome, numbers)
-
-
-def measure_largest_chi(packing: PackingData, low: float, high: float, chain: bool = True) -> Value:
-    """Measure the largest chi_z of the modes between two frequencies, Hz."""
-    largest, _ = largest_chi(packing, low, high, chain)
-    frequency, _ = chi_between(packing, low, high, chain)
-    return estimate(largest, steps=(_step_between(frequency),))
-
-
-def last_pure(packing: PackingData) -> Value:
-    """Measure the highest frequency, Hz, of a mode whose chain has chi_z above 0.9.
-
-    Each resonance has one such mode, so that the distance between two of them is the error.
-    It is not known if the list of modes ends less than two of these distances above the last one.
-    """
-    frequency, chi = chi_between(packing, 0, np.inf, chain=True)
-    last = max(frequency[chi > MIN_CHI_OF_P_WAVE], default=np.inf)
-    distance = 0.5 * longest(packing, "linear").value / packing.network.length
-    list_end = max(frequency, default=0)
-    numbers = {
-        "last_pure": last,
-        "resonance_distance": distance,
-        "list_end": list_end,
-        "least_list_end": last + 2 * distance,
-    }
-    step = limit_step(numbers, "list_end", "least_list_end", least=True)
-    if step.outcome != "kept":
-        return unknown("Hz", Caveat("absent"), steps=(step,))
-    return estimate(last, distance, steps=(step,))
-
-
-class Excess(NamedTuple):
-    """The ratio D f_max^3 / f^2 at a tenth of the highest frequency, and its largest value.
-
-    D is the density of states as a share of all modes. `peak_frequency`, Hz, is that of the largest
-    value; both are NaN if it is at the lowest known frequency.
-    """
-
-    at_a_tenth: float
-    peak: float
-    peak_frequency: float
-
-
-def excess_of(frequency: Floats, density: Floats, modes: float, highest: float) -> Excess:
-    """Compare a density of states with that of plane waves.
-
-    A solid that has plane waves only has D proportional to f^2 (Debye), and the ratio is 3. A
-    packing near its loss of rigidity has further modes at low frequency: the ratio has a maximum,
-    which is higher and at a lower frequency if spheres have fewer contacts.
-
-    Parameters
-    ----------
-    frequency : ndarray (n,), Hz
-        Evenly spaced.
-    density : ndarray (n,)
-        Modes per Hz.
-    modes : float
-        Number of all modes.
-    highest : float, Hz
-        Highest frequency.
-
-    Examples
-    --------
-    >>> f = np.linspace(0, 1e5, 1001)
-    >>> float(round(excess_of(f, 3 * f**2 / 1e5**3 * 600, 600, 1e5).at_a_tenth, 12))
-    3.0
-    """
-    lowest = MIN_STEPS_OF_DENSITY * (frequency[1] - frequency[0])
-    inside = (frequency > lowest) & (frequency < highest)
-    f = frequency[inside] / highest
-    ratio = density[inside] / modes * highest / f**2
-    at_a_tenth = np.nan
-    if len(f) > 1:
-        at_a_tenth = float(np.interp(COMPARED_SHARE_OF_HIGHEST, f, ratio, np.nan, np.nan))
-    if not len(f) or np.argmax(ratio) == 0:
-        return Excess(at_a_tenth, np.nan, np.nan)
-    peak = int(np.argmax(ratio))
-    return Excess(at_a_tenth, ratio[peak], f[peak] * highest)
-
-
-@cached_on_packing
 def excess(packing: PackingData) -> Excess:
     """Compare the density of states of a packing with that of plane waves."""
     frequency, per_hertz, _ = density(packing)
@@ -481,30 +319,3 @@ def _step_of_standing(waves: resonant.Standing) -> Step:
         "limit": resonant.MIN_SHARE,
     }
     return limit_step(numbers, "share", "limit", least=True)
-
-
-@on_request("1", definition="share of a mode's motion that is along z, over frequency (Eq. 2)")
-def chi_z(packing: PackingData) -> Value:
-    """Measure chi_z (Eq. 2) of all spheres, for each of the lowest modes."""
-    modes, _, caveats = lowest_modes(packing)
-    all_caveats = (*packing.of_one_sample, *caveats)
-    steps = (step_of_modes(packing, modes),)
-    return Value(modes.chi_z, "1", {}, all_caveats, modes.frequency, steps=steps)
-
-
-@on_request("1", definition="chi_z of every mode up to 1.5 V_P / W, W the cell's width")
-def chi_z_of_branches(packing: PackingData) -> Value:
-    """Measure chi_z of all spheres, for the modes at which further branches begin in a narrow cell.
-
-    In a cell that is W wide further waves begin at V_S / W and V_P / W.
-    """
-    width = packing.width * packing.diameter
-    limit = 1.5 * float(packing.moduli.velocities((0, 0, 1))[0]) / width
-    top = min(limit, MAX_BRANCH_SHARE_OF_HIGHEST * highest(packing).frequency[-1])
-    modes = eigenmodes(taken_as_exact(packing.network), below=top, shapes=False)
-    caveats = packing.of_one_sample
-    if modes.missing:
-        caveats += (Caveat("missing_modes", {"missing": modes.missing}),)
-    velocity_step = Step("fit", "converged", {"residual": packing.moduli.error})
-    steps = (velocity_step, step_of_modes(packing, modes))
-    return Value(modes.chi_z, "1", {}, caveats, modes.frequency, steps=steps)

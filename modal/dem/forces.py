@@ -53,6 +53,8 @@ LAW_FUNCTIONS = ("normal_force", "elastic_energy", "stiffness_normal", "stiffnes
 ADHESION_FUNCTIONS = ("friction_force", "rupture_distance")
 """The functions of a contact model that the loop calls if the model has them."""
 TOTALS = len(Totals._fields)
+NO_STEP = (None,) * len(ShearStep._fields)
+"""Fields of a `ShearStep` of contacts without history."""
 # The loop is compiled with those of its contact model in place of these.
 Law = HertzMindlin
 LAW_NUMBERS = len(HertzMindlin._fields)
@@ -101,11 +103,10 @@ def forces_by_loop(
     """
     if numba is None:
         return forces_by_arrays(slabs, geometry, laws, step, load, stiffness)
-    # A loop for threads takes no named or nested tuples.
     law_numbers = (*laws[0], *laws[1])
-    step_fields = (None,) * len(ShearStep._fields) if step is None else tuple(step)
+    step_or_none = NO_STEP if step is None else step
     loop = _compile_loop(type(laws[0]))
-    return Totals(*loop(slabs, *geometry, law_numbers, *step_fields, load, stiffness).tolist())
+    return Totals(*loop(slabs, load, stiffness, geometry, law_numbers, step_or_none).tolist())
 
 
 @cache
@@ -130,15 +131,15 @@ def _compile_loop(law: type[ContactLaw]) -> Loop:
     return compiled(_add_forces_by_slabs, 1, sources, replaced)
 
 
-def _add_forces_by_slabs(
-    slabs, position, ends, shift, cell, walls, radius, laws, velocity, time_step, change, friction,
-    normal, shear, work, load, stiffness,
-):  # fmt: skip
+def _add_forces_by_slabs(slabs, load, stiffness, geometry, laws, step):
     """Fill `load` and `stiffness`, slab after slab, and return the sums of `Totals` as an array.
 
-    The arguments are those of `forces_by_loop`, with the tuples written out. No two even slabs
-    share a sphere, nor do two odd ones.
+    The arguments are those of `forces_by_loop`; `laws` are the numbers of both contact laws. No two
+    even slabs share a sphere, nor do two odd ones.
     """
+    # A loop over threads takes no named tuples: they are unpacked outside, and made again inside.
+    position, ends, shift, cell, walls, radius = geometry
+    velocity, time_step, change, friction, normal, shear, work = step
     load[:] = 0
     stiffness[:] = 0
     count = len(slabs) - 1
@@ -147,12 +148,12 @@ def _add_forces_by_slabs(
     for odd in range(2):
         for half in prange((count + 1 - odd) // 2):
             k = 2 * half + odd
-            geometry = Geometry(position, ends, shift, cell, walls, radius)
+            places = Geometry(position, ends, shift, cell, walls, radius)
             motion = _Motion(velocity, time_step, change, friction)
+            sums = _Sums(load, stiffness, totals[k])
             _add_forces_of_slab(
-                slabs[k], slabs[k + 1], geometry, laws, motion, normal, shear, work, load,
-                stiffness, totals[k], rows,
-            )  # fmt: skip
+                slabs[k], slabs[k + 1], rows, places, laws, motion, sums, normal, shear, work
+            )
     return totals.sum(axis=0)
 
 
@@ -163,6 +164,14 @@ class _Motion(NamedTuple):
     time_step: float | None
     change: Floats | None
     friction: float | None
+
+
+class _Sums(NamedTuple):
+    """What a loop adds to: the load and stiffness of each sphere, and the totals of a slab."""
+
+    load: Floats
+    stiffness: Floats
+    totals: Floats
 
 
 @inlined
@@ -232,17 +241,18 @@ def _list_candidates(first, last, geometry, normal, rows):
 
 
 def _add_forces_of_slab(
-    first, last, geometry, laws, motion, normal, shear, work, load, stiffness, totals, rows
+    first, last, rows, geometry, laws, motion, sums, normal, shear, work
 ):  # fmt: skip
-    """Add the forces of contacts `first` to `last` - 1 to `load`, and write their `totals`.
+    """Add the forces of contacts `first` to `last` - 1 to a load, and write their totals.
 
     `laws` are the numbers of both contact laws, `rows` (m,) is memory for the contacts of the slab.
     The arrays of the history are single arguments, because numba leaves out the code that depends
-    on an argument that is None.
+    on an argument that is None, but not that which depends on a field.
     """
     # Arrays are taken from the tuples once: in the loop each access would count references.
     position, ends, shift, cell, walls, radius = geometry
     velocity, time_step, change, friction = motion
+    load, stiffness, totals = sums
     pair_law = Law(*laws[:LAW_NUMBERS])
     wall_law = Law(*laws[LAW_NUMBERS:])
     with_stiffness = len(stiffness) > 0

@@ -5,6 +5,8 @@ Pairs are found by a grid of cells, compiled by numba where it is installed, els
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from modal.packing.neighbours import periodic_pairs
@@ -126,14 +128,30 @@ def _list_runs(cell, count, first, periodic_z, runs):
     return n_runs
 
 
-def _list_pairs_of_part(
-    begin, end, points, cell, order, first, count, lengths, reach, periodic_z, ends, shift
-):  # fmt: skip
+class Grid(NamedTuple):
+    """Points (n, 3), m, sorted by their cells (n,), with the sphere of each in `order` (n,).
+
+    first: the first point of each cell. cells: their numbers along each axis. lengths: the size of
+    the box, m. reach: the largest distance of a pair, m. periodic_z: whether the box has a period
+    along z.
+    """
+
+    points: Floats
+    cell: Ints
+    order: Ints
+    first: Ints
+    cells: Ints
+    lengths: Floats
+    reach: float
+    periodic_z: bool
+
+
+def _list_pairs_of_part(begin, end, grid, ends, shift):
     """Write pairs of points `begin` to `end` - 1 into `ends` and `shift`; return their number.
 
-    If `ends` has no rows, return an upper bound of the number instead. The points (n, 3), m, are
-    sorted by their cells (n,); `order` (n,) is the sphere of each.
+    If `ends` has no rows, return an upper bound of the number instead.
     """
+    points, cell, order, first, count, lengths, reach, periodic_z = grid
     runs = np.empty((MAX_RUNS, 5), np.int64)
     n_runs = 0
     runs_of_cell = -1
@@ -186,23 +204,27 @@ def _pairs_by_cells(position, lengths, reach, periodic_z):
             along = int(position[i, axis] / lengths[axis] * count[axis])
             cell[i] = cell[i] * count[axis] + min(max(along, 0), count[axis] - 1)
     order, first = _sort_by_key(cell, count.prod())
-    grid = position[order], cell[order], order, first, count, lengths, reach, periodic_z
+    points = position[order]
+    cell_of_point = cell[order]
     bounds = np.arange(SLABS + 1) * n // SLABS
     max_pairs = np.zeros(SLABS + 1, np.int64)
     n_pairs = np.zeros(SLABS, np.int64)
     no_ends = np.empty((0, 2), np.int32)
     no_shift = np.empty((0, 3), np.int8)
     for part in prange(SLABS):
+        # A loop over threads takes no named tuple: it makes its own.
+        grid = Grid(points, cell_of_point, order, first, count, lengths, reach, periodic_z)
         max_pairs[part + 1] = _list_pairs_of_part(
-            bounds[part], bounds[part + 1], *grid, no_ends, no_shift
+            bounds[part], bounds[part + 1], grid, no_ends, no_shift
         )
     room = max_pairs.cumsum()
     ends = np.empty((room[-1], 2), np.int32)
     shift = np.empty((room[-1], 3), np.int8)
     for part in prange(SLABS):
         rows = slice(room[part], room[part + 1])
+        grid = Grid(points, cell_of_point, order, first, count, lengths, reach, periodic_z)
         n_pairs[part] = _list_pairs_of_part(
-            bounds[part], bounds[part + 1], *grid, ends[rows], shift[rows]
+            bounds[part], bounds[part + 1], grid, ends[rows], shift[rows]
         )
     total = 0
     for part in range(SLABS):

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -70,6 +70,19 @@ OPTIONS = {
     "scales": Option("the file's units of length, mass and time in SI", ("M", "KG", "S"), float),
 }
 """Options of files that hold spheres alone."""
+
+
+class SphereKeywords(TypedDict, total=False):
+    """Keyword arguments of readers of spheres alone, beside the scales."""
+
+    pair: str | None
+    wall: str | None
+    stress: float | None
+    tolerance: float | None
+    density: float | None
+    cell: Sequence[float] | None
+    periodic: str | None
+    tilt: Sequence[float] | None
 
 
 class SphereOptions(NamedTuple):

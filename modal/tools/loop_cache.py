@@ -27,7 +27,9 @@ except ImportError:  # not on Windows
 Loop = Callable[..., Any]
 
 
-def compile_cached(function: Loop, **options: Any) -> Loop:
+def compile_cached(
+    function: Loop, *, fastmath: bool | set[str] = False, parallel: bool = False
+) -> Loop:
     """Compile a function with numba, which keeps the result in files if a folder allows it.
 
     numba finds the result by the path of the source file, here without links: where the project is
@@ -35,15 +37,16 @@ def compile_cached(function: Loop, **options: Any) -> Loop:
     """
     folder = cache_folder()
     if folder is None:
-        return numba.njit(**options)(function)
+        return numba.njit(fastmath=fastmath, parallel=parallel)(function)
     path = os.path.realpath(function.__code__.co_filename)
     function.__code__ = function.__code__.replace(co_filename=path)
     configured = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(folder)  # numba reads it while it decorates
     try:
-        loop: Loop = numba.njit(cache=True, **options)(function)
+        compiler = numba.njit(cache=True, fastmath=fastmath, parallel=parallel)
+        loop: Loop = compiler(function)
     except RuntimeError:  # numba has found no place for this function, as in a zip archive
-        return numba.njit(**options)(function)
+        return numba.njit(fastmath=fastmath, parallel=parallel)(function)
     finally:
         numba.config.CACHE_DIR = configured
     files = getattr(getattr(loop, "_cache", None), "_cache_file", None)

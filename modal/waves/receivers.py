@@ -1,7 +1,7 @@
 """Record a motion: of a chain of spheres, as means over layers and discs, and of all spheres."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Required, TypedDict, Unpack
 
 import numpy as np
 import scipy.sparse as sp
@@ -10,12 +10,24 @@ from modal.packing.chain import wall_to_wall_chain
 from modal.packing.ends import has_two_ends
 from modal.packing.layers import Layers
 from modal.packing.network import Network
-from modal.tools.arrays import Array, Floats
+from modal.tools.arrays import Array, Floats, Ints
 from modal.tools.errors import InputError
 from modal.waves.discs import Disc
+from modal.waves.energy_balance import EnergyBalance
 from modal.waves.motions import Motion
 from modal.waves.signals import COMPONENT, Direction, Signals
 from modal.waves.sources import Source, direction_of
+
+
+class SignalSettings(TypedDict, total=False):
+    """Fields of `Signals` that the program that computes a wave knows, not its receivers."""
+
+    producer: Required[str]
+    time_step: Required[float]
+    run_time: Required[float]
+    balance: EnergyBalance | None
+    slip_ends: Ints | None
+    slip_energy: Floats | None
 
 
 class Receivers:
@@ -107,11 +119,11 @@ class Receivers:
         motion: Motion,
         source: Source,
         stresses: Sequence[str],
-        **settings: Any,
+        **settings: Unpack[SignalSettings],
     ) -> Signals:
         """Return the signals of a record (nt, count) as in `columns`, at times (nt,), s.
 
-        `settings` are the further fields of `Signals`: producer, time step and so on.
+        `settings` are further fields of `Signals`.
         """
         return Signals(
             time=time,

@@ -22,7 +22,7 @@ from analysis.estimators.resonances import standing_modes
 from analysis.frame import frame_of, numbers
 from analysis.packing_data import PackingData
 from analysis.packing_state import why_unsettled
-from analysis.quantities import QUANTITIES, passband, spectrum, velocity
+from analysis.quantities import QUANTITIES, passband, polarisation, velocity
 from analysis.table import number
 from modal.modes.eigenmodes import modes_of
 from modal.modes.mode_set import ModeSet
@@ -226,14 +226,14 @@ def test_modes_are_pure_up_to_a_frequency(two_producers):
     """Expect one pure mode a resonance, V_P / 2 L apart: the chain's chi_z is half of these."""
     network = two_producers[1].network
     packing = with_list(network, mode_list([1e3, 2e3, 4e4, 9e5], [1.9, 1.84, 1.7, 0.6]))
-    last = spectrum.last_pure(packing)
+    last = polarisation.last_pure(packing)
     resonance_distance = two_producers[1].lattice.velocity / 2 / network.length
     assert (last.value, last.error) == pytest.approx((2e3, resonance_distance), rel=0.01)
 
 
 def test_list_must_pass_the_last_pure_mode(two_producers):
     packing = with_list(two_producers[1].network, mode_list([1e3, 9e5], [1.9, 1.9]))
-    value = spectrum.last_pure(packing)
+    value = polarisation.last_pure(packing)
     assert not value.known
     (step,) = value.steps
     assert step.outcome == "fallen_short"
@@ -266,33 +266,33 @@ def two_lists():
 
 
 def test_modes_that_two_lists_share_count_once(two_lists):
-    largest = spectrum.largest_chi(two_lists, 0, 1e4, chain=False)
+    largest = polarisation.largest_chi(two_lists, 0, 1e4, chain=False)
     assert largest == (pytest.approx(0.475), "3 modes, 1.00-9.50 kHz")
 
 
 def test_shared_modes_count_once_if_the_short_list_begins_first():
     packing = with_two_lists(np.array([1e3 * (1 - 2e-10), 2e3, 9.5e3]))
-    assert spectrum.largest_chi(packing, 0, np.inf)[1] == "5 modes, 1.00-19.00 kHz"
-    assert [len(frequencies) for frequencies, _, _ in spectrum.chi_lists(packing)] == [3, 2]
+    assert polarisation.largest_chi(packing, 0, np.inf)[1] == "5 modes, 1.00-19.00 kHz"
+    assert [len(frequencies) for frequencies, _, _ in polarisation.chi_lists(packing)] == [3, 2]
 
 
 def test_chi_of_the_chain_is_the_default(two_lists):
-    assert spectrum.largest_chi(two_lists, 0, 1e4)[0] == pytest.approx(0.475 / 2)
+    assert polarisation.largest_chi(two_lists, 0, 1e4)[0] == pytest.approx(0.475 / 2)
 
 
 def test_range_of_modes_begins_at_its_lower_end(two_lists):
-    assert spectrum.largest_chi(two_lists, 1.5e4, np.inf)[1] == "2 modes, 16.00-19.00 kHz"
+    assert polarisation.largest_chi(two_lists, 1.5e4, np.inf)[1] == "2 modes, 16.00-19.00 kHz"
 
 
 def test_mean_chi_has_a_standard_error(two_lists):
     """Expect the mean of 0.4 and 0.475, and half their difference."""
-    mean = spectrum.mean_chi(two_lists, 1.5e4, np.inf)
+    mean = polarisation.mean_chi(two_lists, 1.5e4, np.inf)
     assert (mean.value, mean.error) == pytest.approx((0.4375, 0.0375))
 
 
 def test_mean_of_one_mode_is_absent(two_lists):
     with pytest.raises(AbsentError):
-        spectrum.mean_chi(two_lists, 1.7e4, np.inf)
+        polarisation.mean_chi(two_lists, 1.7e4, np.inf)
 
 
 def test_run_that_is_the_linear_wave_does_not_differ_from_it(tmp_path):

@@ -7,13 +7,13 @@ other files of Kratos; type the law. Clusters, and inlets without elements, are 
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 
 from modal.exchange.import_result import ImportResult
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
-from modal.exchange.spheres import SphereOptions, Spheres, import_spheres
+from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
 from modal.exchange.text import Words, count_significant_digits, read_lines, refuse
 from modal.tools.arrays import Floats
 
@@ -30,7 +30,9 @@ def sniff(path: Path, head: bytes) -> bool:
     return head.lstrip().startswith(FIRST_WORDS)
 
 
-def read(path: Path, scales: Sequence[float] | None = None, **sphere_options: Any) -> ImportResult:
+def read(
+    path: Path, scales: Sequence[float] | None = None, **sphere_options: Unpack[SphereKeywords]
+) -> ImportResult:
     """Return the packing of a file; the options are those of `SphereOptions`.
 
     Raises InputError if elements are no spheres, or lack a centre or a radius.

@@ -5,7 +5,7 @@ A data file has neither law nor walls, and does not say which axes are periodic.
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from modal.exchange.import_result import ImportResult
 from modal.exchange.law import SI, Units
 from modal.exchange.particles_and_contacts import Cell
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
-from modal.exchange.spheres import SphereOptions, Spheres, import_spheres
+from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
 from modal.exchange.text import Rows, read_lines, refuse, take_rows
 from modal.tools.arrays import Bools
 
@@ -35,7 +35,9 @@ def sniff(path: Path, head: bytes) -> bool:
     return has_atoms and any(words[2:] == ["xlo", "xhi"] for words in lines)
 
 
-def read(path: Path, scales: Sequence[float] | None = None, **sphere_options: Any) -> ImportResult:
+def read(
+    path: Path, scales: Sequence[float] | None = None, **sphere_options: Unpack[SphereKeywords]
+) -> ImportResult:
     """Return the packing of a data file; the options are those of `SphereOptions`."""
     options = SphereOptions(scales=scales, **sphere_options)
     lines = read_lines(path)

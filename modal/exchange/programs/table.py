@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from modal.exchange.sphere_table import (
     read_sphere_table,
     separator_of,
 )
-from modal.exchange.spheres import SphereOptions, Spheres, import_spheres
+from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
 from modal.exchange.text import Rows, Words, quote, read_lines, refuse, take_rows
 from modal.formats.hdf5 import named
 from modal.packing.checks import check_force_ratio
@@ -90,7 +90,7 @@ def read(
     path: Path,
     contacts: str | Path | None = None,
     scales: Sequence[float] | None = None,
-    **sphere_options: Any,
+    **sphere_options: Unpack[SphereKeywords],
 ) -> ImportResult:
     """Return a packing of two tables, or of spheres alone.
 

@@ -8,7 +8,7 @@ A second file may have the contacts as lines with forces or stiffnesses as data.
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from modal.exchange.import_result import ImportResult
 from modal.exchange.registry import Option
 from modal.exchange.sphere_table import read_heading
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
-from modal.exchange.spheres import SphereOptions, Spheres, import_spheres
+from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
 from modal.exchange.text import are_rounded_to_single_precision, count_written_digits, refuse
 from modal.formats.tables import load_optional
 from modal.tools.arrays import Array, Floats
@@ -48,7 +48,7 @@ def read(
     path: Path,
     scales: Sequence[float] | None = None,
     contacts: str | Path | None = None,
-    **sphere_options: Any,
+    **sphere_options: Unpack[SphereKeywords],
 ) -> ImportResult:
     """Return the packing of a file; the options are those of `SphereOptions`.
 

@@ -8,7 +8,7 @@ import re
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from modal.exchange.import_result import ImportResult
 from modal.exchange.particles_and_contacts import Cell
 from modal.exchange.sphere_table import NAMES, read_heading
 from modal.exchange.spheres import OPTIONS as SPHERE_OPTIONS
-from modal.exchange.spheres import SphereOptions, Spheres, import_spheres
+from modal.exchange.spheres import SphereKeywords, SphereOptions, Spheres, import_spheres
 from modal.exchange.text import Rows, read_lines, refuse, take_rows
 
 NAME = "extended XYZ"
@@ -32,7 +32,9 @@ def sniff(path: Path, head: bytes) -> bool:
     return re.match(rb"\s*\d+\s*\n[^\n]*Properties=\S+:\w:\d", head) is not None
 
 
-def read(path: Path, scales: Sequence[float] | None = None, **sphere_options: Any) -> ImportResult:
+def read(
+    path: Path, scales: Sequence[float] | None = None, **sphere_options: Unpack[SphereKeywords]
+) -> ImportResult:
     """Return the packing of a file with one frame; the options are those of `SphereOptions`."""
     options = SphereOptions(scales=scales, **sphere_options)
     lines = read_lines(path)
