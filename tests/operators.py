@@ -4,18 +4,21 @@ import numpy as np
 
 
 class Known:
-    """The operator A = Q diag(square) Q^T, by default with Q = 1; it counts its products."""
+    """An operator A = Q diag(square) Q^T, by default with Q = 1, which counts its products."""
 
     pre_stress = "none"
 
     def __init__(self, square, vector: np.ndarray | None = None) -> None:
-        self.square, self.vector = np.asarray(square, float), vector
-        self.shape = 2 * (len(self.square),)
+        self.square = np.asarray(square, float)
+        self.vector = vector
+        self.shape = (len(self.square), len(self.square))
         self.products = 0
 
     def inward(self, u: np.ndarray) -> np.ndarray:
         """Return a vector in the numbering of the operator, which runs backwards unless Q = 1."""
-        return u if self.vector is None else u[::-1]
+        if self.vector is None:
+            return u
+        return u[::-1]
 
     outward = inward
 
@@ -29,7 +32,10 @@ class Known:
     def combine(self, u, out, alpha, beta=0.0, gamma=0.0, *, sums=None) -> np.ndarray:
         """Set out = alpha A u + beta u + gamma out, in the numbering of the operator."""
         product = self.outward(self.apply(self.inward(u)))
-        out[:] = alpha * product + beta * u + (gamma * out if gamma else 0.0)
+        result = alpha * product + beta * u
+        if gamma:
+            result = result + gamma * out
+        out[:] = result
         return out
 
 

@@ -20,7 +20,8 @@ def dense_squares(system: LinearSystem) -> np.ndarray:
 def wall_pattern(network: Network, wall: int, pre_stress: str = "none", axis: int = 2):
     """Return push on the particles (6n,), pull on the wall (6n,) and holding force, N/m."""
     coupling = put_on(network, terms_of(pre_stress), WallMoves(wall, axis))
-    push, pull = (each.toarray()[:, 0] for each in (coupling.push, coupling.pull))
+    push = coupling.push.toarray()[:, 0]
+    pull = coupling.pull.toarray()[:, 0]
     return push, pull, float(coupling.held[0, 0])
 
 
@@ -30,19 +31,19 @@ def contact_matrices(network: Network, pre_stress: str | tuple[str, ...] = "none
     Rows and columns of a wall are zero.
     """
     terms = terms_of(pre_stress) if isinstance(pre_stress, str) else pre_stress
-    tangent, pair = contact_tangent(network, terms), network.particle_j >= 0
-    whole = np.block([[block(tangent, a, b) for b in (0, 1)] for a in (0, 1)])
-    whole[~pair, 6:] = 0
-    whole[~pair, :, 6:] = 0
-    return whole
+    tangent = contact_tangent(network, terms)
+    matrices = np.block([[block(tangent, a, b) for b in (0, 1)] for a in (0, 1)])
+    matrices[network.with_wall, 6:] = 0
+    matrices[network.with_wall, :, 6:] = 0
+    return matrices
 
 
 def stepped(
     network: Network, duration: float, step: float, *, every: int = 1, **settings
 ) -> Signals:
     """Return the signals of a wave by leapfrog, recorded at each `every`-th `step`, s."""
-    how = {"interval": every * step, "time_step": step, **settings}
-    return propagate(network, duration, **how).signals
+    settings = {"interval": every * step, "time_step": step, **settings}
+    return propagate(network, duration, **settings).signals
 
 
 def slow_stiffness(network: Network) -> np.ndarray:
@@ -51,26 +52,34 @@ def slow_stiffness(network: Network) -> np.ndarray:
     Each degree of freedom is displaced by one unit in turn; the springs' forces and the torques
     they exert with their levers are summed in plain vector algebra. Walls are a body that rests.
     """
-    n, normal = network.n_particles, network.normal
-    i, j = network.particle_i, np.where(network.with_wall, n, network.particle_j)
+    n = network.n_particles
+    normal = network.normal
+    i = network.particle_i
+    j = np.where(network.with_wall, n, network.particle_j)
 
-    def split(vector: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
-        part = (vector * normal).sum(axis=1)[:, None] * normal
-        return along[:, None] * part + across[:, None] * (vector - part)
+    def spring_force(slip: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
+        """Return forces (m, 3) from slips (m, 3) and stiffnesses (m,) along and across normals."""
+        normal_slip = (slip * normal).sum(axis=1)[:, None] * normal
+        return along[:, None] * normal_slip + across[:, None] * (slip - normal_slip)
 
     K = np.zeros((6 * n, 6 * n))
     for column in range(6 * n):
-        motion, load = np.zeros((2, n + 1, 2, 3))
+        motion = np.zeros((n + 1, 2, 3))
         motion.flat[column] = 1.0
-        u, turn = motion[:, 0], motion[:, 1]
-        slip = u[j] + np.cross(turn[j], network.lever_j) - u[i] - np.cross(turn[i], network.lever_i)
-        force = split(slip, network.stiffness_normal, network.stiffness_tangential)
+        u = motion[:, 0]
+        turn = motion[:, 1]
+        at_i = u[i] + np.cross(turn[i], network.lever_i)
+        at_j = u[j] + np.cross(turn[j], network.lever_j)
+        force = spring_force(at_j - at_i, network.stiffness_normal, network.stiffness_tangential)
+        torque = np.zeros_like(force)
+        if network.stiffness_rolling is not None:
+            torque = spring_force(
+                turn[j] - turn[i], network.stiffness_twisting, network.stiffness_rolling
+            )
+        load = np.zeros((n + 1, 2, 3))
         for end, lever, sign in ((i, network.lever_i, -1), (j, network.lever_j, 1)):
             np.add.at(load[:, 0], end, sign * force)
-            np.add.at(load[:, 1], end, sign * np.cross(lever, force))
-            if network.stiffness_rolling is not None:
-                rolling, twisting = network.stiffness_rolling, network.stiffness_twisting
-                np.add.at(load[:, 1], end, sign * split(turn[j] - turn[i], twisting, rolling))
+            np.add.at(load[:, 1], end, sign * (np.cross(lever, force) + torque))
         K[:, column] = load[:n].ravel()
     return K
 
@@ -79,7 +88,8 @@ def kinematics(network: Network) -> np.ndarray:
     """Return the matrices (m, 3, 12) from (u_i, theta_i, u_j, theta_j) to the slip."""
     B = np.zeros((network.n_contacts, 3, 12))
     for axis, unit in enumerate(np.eye(3)):
-        B[:, axis, axis], B[:, axis, 6 + axis] = -1, 1
+        B[:, axis, axis] = -1
+        B[:, axis, 6 + axis] = 1
         B[:, :, 3 + axis] = -np.cross(unit, network.lever_i)
         B[:, :, 9 + axis] = np.cross(unit, network.lever_j)
     B[network.with_wall, :, 6:] = 0

@@ -15,7 +15,50 @@ from modal.packing.sample import Sample, read_sample
 from modal.preparation.random_packing import pack
 from modal.system.linear_system import LinearSystem
 
-YOUNG, POISSON = 60e9, 0.2
+YOUNG = 60e9
+POISSON = 0.2
+
+
+def _pushed_apart(position, radius, side, periodic, steps=400) -> np.ndarray:
+    """Return positions (n, 3) of spheres moved apart until they overlap by some percent at most.
+
+    Each step moves both spheres of a pair along the line of centres; between walls, spheres stay
+    inside.
+    """
+    first, second = np.triu_indices(len(radius), 1)
+    for _ in range(steps):
+        branch = position[second] - position[first]
+        branch[:, periodic] -= side * np.round(branch[:, periodic] / side)
+        distance = np.linalg.norm(branch, axis=1)
+        overlap = np.maximum(radius[first] + radius[second] - distance - 1e-5, 0)
+        push = 0.4 * (overlap / distance)[:, None] * branch
+        np.add.at(position, first, -push)
+        np.add.at(position, second, push)
+        if not periodic[2]:
+            position[:, 2] = np.clip(position[:, 2], 0.97 * radius, side - 0.97 * radius)
+    position[:, periodic] %= side
+    return position
+
+
+def _touching_pairs(position, radius, side, periodic) -> tuple[np.ndarray, ...]:
+    """Return both spheres (m,), cell shifts (m, 3) and branch vectors (m, 3) of contacts."""
+    first, second = np.triu_indices(len(radius), 1)
+    branch = position[second] - position[first]
+    shift = np.zeros((len(first), 3), int)
+    shift[:, periodic] = -np.round(branch[:, periodic] / side)
+    branch = branch + shift * side
+    touching = np.linalg.norm(branch, axis=1) < radius[first] + radius[second]
+    return first[touching], second[touching], shift[touching], branch[touching]
+
+
+def _touching_wall(position, radius, wall, height) -> tuple[np.ndarray, ...]:
+    """Return the same of the spheres that touch a horizontal wall; its number is the second."""
+    gap = abs(height - position[:, 2])
+    spheres = np.flatnonzero(gap < radius)
+    n_contacts = len(spheres)
+    branch = np.zeros((n_contacts, 3))
+    branch[:, 2] = height - position[spheres, 2]
+    return spheres, np.full(n_contacts, wall), np.zeros((n_contacts, 3), int), branch
 
 
 def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Network:
@@ -27,53 +70,37 @@ def polydisperse(periodic_z: bool = False, seed: int = 1, n: int = 60) -> Networ
 def _make_polydisperse(periodic_z: bool, seed: int, n: int) -> Network:
     """Return spheres of radii 1:3, of glass and steel, pushed apart to overlaps of some percent.
 
-    Hertz and Mindlin with R* = R_i R_j / (R_i + R_j); the contact point divides the branch as the
-    radii do, and one contact in five slides. Not in balance. Between walls, or periodic in all
-    directions.
+    Contacts obey Hertz and Mindlin with R* = R_i R_j / (R_i + R_j); the contact point divides the
+    branch as the radii do, and one contact in five slides. The packing is not in balance. It is
+    between walls, or periodic in all directions.
     """
     random = np.random.default_rng(seed)
     radius = random.uniform(0.5e-3, 1.5e-3, n)
     side = np.cbrt((4 / 3 * np.pi * radius**3).sum() / 0.60)
-    position = random.random((n, 3)) * side
-    wrapped = np.array([True, True, periodic_z])
-    first, second = np.triu_indices(n, 1)
-    for _ in range(400):
-        branch = position[second] - position[first]
-        branch[:, wrapped] -= side * np.round(branch[:, wrapped] / side)
-        distance = np.linalg.norm(branch, axis=1)
-        deep = np.maximum(radius[first] + radius[second] - distance - 1e-5, 0)
-        push = 0.4 * (deep / distance)[:, None] * branch
-        np.add.at(position, first, -push)
-        np.add.at(position, second, push)
-        if not periodic_z:
-            position[:, 2] = np.clip(position[:, 2], 0.97 * radius, side - 0.97 * radius)
-    position[:, wrapped] %= side
-    shift = np.zeros((len(first), 3), int)
-    raw = position[second] - position[first]
-    shift[:, wrapped] = -np.round(raw[:, wrapped] / side)
-    distance = np.linalg.norm(raw + shift * side, axis=1)
-    near = distance < radius[first] + radius[second]
-    ends = [(first[near], second[near], shift[near], (raw + shift * side)[near])]
+    periodic = np.array([True, True, periodic_z])
+    position = _pushed_apart(random.random((n, 3)) * side, radius, side, periodic)
+    ends = [_touching_pairs(position, radius, side, periodic)]
     if not periodic_z:
-        for wall, z, sign in ((SOURCE_WALL, 0.0, -1), (RECEIVER_WALL, side, 1)):
-            at = np.flatnonzero(sign * (z - position[:, 2]) < radius)
-            branch = np.column_stack([0 * at, 0 * at, z - position[at, 2]])
-            ends.append((at, np.full(len(at), wall), np.zeros((len(at), 3), int), branch))
+        ends.append(_touching_wall(position, radius, SOURCE_WALL, 0.0))
+        ends.append(_touching_wall(position, radius, RECEIVER_WALL, side))
     i, j, shift, branch = (np.concatenate(column) for column in zip(*ends, strict=True))
+
     pair = j >= 0
     distance = np.linalg.norm(branch, axis=1)
     normal = branch / distance[:, None]
-    other = np.where(pair, radius[j], 0.0)
-    overlap = radius[i] + other - distance
-    reduced = np.where(pair, radius[i] * other / (radius[i] + other), radius[i])
-    stiff = YOUNG / (1 - POISSON**2) * np.sqrt(reduced * overlap)
-    force = 2 / 3 * stiff * overlap
-    across = np.cross(normal, random.standard_normal(normal.shape))
-    share = np.linalg.norm(across, axis=1)
-    limit = np.quantile(share, 0.8)
-    across *= np.minimum(1, limit / share)[:, None]
+    radius_j = np.where(pair, radius[j], 0.0)
+    overlap = radius[i] + radius_j - distance
+    effective_radius = np.where(pair, radius[i] * radius_j / (radius[i] + radius_j), radius[i])
+    stiffness = YOUNG / (1 - POISSON**2) * np.sqrt(effective_radius * overlap)
+    force = 2 / 3 * stiffness * overlap
+
+    shear = np.cross(normal, random.standard_normal(normal.shape))
+    mobilised = np.linalg.norm(shear, axis=1)
+    limit = np.quantile(mobilised, 0.8)
+    shear *= np.minimum(1, limit / mobilised)[:, None]
     mass = random.choice([2230.0, 7850.0], n) * 4 / 3 * np.pi * radius**3
-    at_i = np.where(pair, radius[i] * distance / (radius[i] + other), distance)
+    arm_i = np.where(pair, radius[i] * distance / (radius[i] + radius_j), distance)
+    arm_j = np.where(pair, arm_i - distance, 0.0)
     return Network(
         position=position,
         radius=radius,
@@ -82,32 +109,32 @@ def _make_polydisperse(periodic_z: bool, seed: int, n: int) -> Network:
         particle_i=i,
         particle_j=j,
         normal=normal,
-        lever_i=at_i[:, None] * normal,
-        lever_j=np.where(pair, at_i - distance, 0.0)[:, None] * normal,
-        stiffness_normal=stiff,
-        stiffness_tangential=2 * (1 - POISSON) / (2 - POISSON) * stiff,
+        lever_i=arm_i[:, None] * normal,
+        lever_j=arm_j[:, None] * normal,
+        stiffness_normal=stiffness,
+        stiffness_tangential=2 * (1 - POISSON) / (2 - POISSON) * stiffness,
         cell_size=np.full(3, side),
-        cell_periodic=wrapped,
+        cell_periodic=periodic,
         wall_position=np.array([0.0, side]),
         force_normal=force,
-        force_tangential=0.1 * force[:, None] * across,
+        force_tangential=0.1 * force[:, None] * shear,
         overlap=overlap,
-        sliding=share >= limit,
+        sliding=mobilised >= limit,
         cell_shift=shift,
     )
 
 
 def random_sample(spheres, stress, seed=1, aspect=2.5, tolerance=1e-4, **mixture) -> Sample:
     """Return a packing without friction at a stress, Pa; `mixture` as in `pack`."""
-    given = {"aspect": aspect, "residual": tolerance, **mixture}
+    settings = {"aspect": aspect, "residual": tolerance, **mixture}
     with TemporaryDirectory() as folder:
-        ((_, path),) = pack(Path(folder), lambda _: None, spheres, [stress], 0.0, seed, **given)
+        ((_, path),) = pack(Path(folder), lambda _: None, spheres, [stress], 0.0, seed, **settings)
         return replace(read_sample(path), study={}, provenance={})
 
 
 @cache
 def frictionless() -> Network:
-    """Return 150 spheres without friction at 100 kPa, some of them rattlers; made once."""
+    """Return 150 spheres without friction at 100 kPa, some of them rattlers."""
     return random_sample(150, 1e5, seed=3).network()
 
 
@@ -140,27 +167,27 @@ def sheared_crystal() -> Network:
 def random_springs(seed: int, particles: int = 12, contacts: int = 60) -> Network:
     """Return springs of no packing: any levers, repeated pairs, spheres touching themselves."""
     rng = np.random.default_rng(seed)
-    n, m = particles, contacts
-    i, j = rng.integers(0, n, m), rng.integers(-2, n, m)
-    normal = rng.standard_normal((m, 3))
-    wall = j < 0
+    particle_i = rng.integers(0, particles, contacts)
+    particle_j = rng.integers(-2, particles, contacts)
+    with_wall = (particle_j < 0)[:, None]
+    normal = rng.standard_normal((contacts, 3))
     return gallery.column(2).unchecked(
-        position=rng.random((n, 3)),
-        radius=rng.uniform(0.5, 2, n),
-        mass=rng.uniform(0.5, 2, n),
-        inertia=rng.uniform(0.1, 0.4, n),
-        particle_i=i,
-        particle_j=j,
+        position=rng.random((particles, 3)),
+        radius=rng.uniform(0.5, 2, particles),
+        mass=rng.uniform(0.5, 2, particles),
+        inertia=rng.uniform(0.1, 0.4, particles),
+        particle_i=particle_i,
+        particle_j=particle_j,
         normal=normal / np.linalg.norm(normal, axis=1)[:, None],
-        lever_i=rng.standard_normal((m, 3)),
-        lever_j=np.where(wall[:, None], 0, rng.standard_normal((m, 3))),
-        stiffness_normal=rng.uniform(0, 3, m),
-        stiffness_tangential=rng.uniform(0, 3, m),
-        force_normal=rng.uniform(0, 0.1, m),
-        force_tangential=0.1 * rng.standard_normal((m, 3)),
-        overlap=rng.uniform(0, 0.1, m),
-        sliding=np.zeros(m, bool),
-        cell_shift=np.where(wall[:, None], 0, [[1, 0, 0]]),
+        lever_i=rng.standard_normal((contacts, 3)),
+        lever_j=np.where(with_wall, 0, rng.standard_normal((contacts, 3))),
+        stiffness_normal=rng.uniform(0, 3, contacts),
+        stiffness_tangential=rng.uniform(0, 3, contacts),
+        force_normal=rng.uniform(0, 0.1, contacts),
+        force_tangential=0.1 * rng.standard_normal((contacts, 3)),
+        overlap=rng.uniform(0, 0.1, contacts),
+        sliding=np.zeros(contacts, bool),
+        cell_shift=np.where(with_wall, 0, [[1, 0, 0]]),
         cell_size=np.ones(3),
         cell_periodic=np.array([True, True, False]),
         wall_position=np.array([0.0, 1.0]),
@@ -175,8 +202,8 @@ def sliding(times: float, cells: tuple[int, int, int] = (3, 3, 14)) -> Network:
     crystal = gallery.fcc(cells=cells)
     # Its omega^2 is the sum of the walls' springs over its mass.
     square = times * LinearSystem.of(crystal).zero_threshold
-    held = square * crystal.mass.sum() / crystal.with_wall.sum()
-    tangential = np.where(crystal.with_wall, held, crystal.stiffness_tangential)
+    wall_stiffness = square * crystal.mass.sum() / crystal.with_wall.sum()
+    tangential = np.where(crystal.with_wall, wall_stiffness, crystal.stiffness_tangential)
     return replace(crystal, stiffness_tangential=tangential)
 
 
@@ -194,19 +221,25 @@ def deep() -> Network:
 
 
 def cohesive() -> Network:
-    """Return a column with a contact that pulls across a gap of 2 % of the radius."""
+    """Return a column with a contact that pulls across a gap of 2 % of the radius.
+
+    The spheres from the fourth on, and the upper wall, are lifted by the gap and the old overlap.
+    """
     network = gallery.column(5)
-    z = network.position[:, 2].copy()
-    gap = 0.02 * network.radius[0]
-    z[3:] += gap + network.overlap[3]
-    lever = network.lever_i.copy()
-    lever[3] = [0, 0, network.radius[0] + gap / 2]
-    force, overlap = network.force_normal.copy(), network.overlap.copy()
-    force[3], overlap[3] = -force[3], -gap
+    radius = network.radius[0]
+    gap = 0.02 * radius
     lift = gap + network.overlap[3]
+    position = network.position.copy()
+    position[3:, 2] += lift
+    lever = network.lever_i.copy()
+    lever[3] = [0, 0, radius + gap / 2]
+    force = network.force_normal.copy()
+    force[3] = -force[3]
+    overlap = network.overlap.copy()
+    overlap[3] = -gap
     return replace(
         network,
-        position=np.column_stack([network.position[:, :2], z]),
+        position=position,
         lever_i=lever,
         lever_j=np.where(network.with_wall[:, None], 0.0, -lever),
         force_normal=force,
@@ -223,10 +256,12 @@ def diluted(share: float, seed: int, layers: int = 6) -> Network:
 
 def columns_side_by_side(copies: int, high: int = 2) -> Network:
     """Return uncoupled columns of `high` spheres: every frequency occurs `copies` times."""
-    single = gallery.column(high)
-    names = (*PER_CONTACT, "position", "radius", "mass", "inertia")
-    many = {name: np.concatenate([getattr(single, name)] * copies) for name in names}
-    first = np.repeat(np.arange(copies) * high, single.n_contacts)
+    column = gallery.column(high)
+    columns = {}
+    for name in (*PER_CONTACT, "position", "radius", "mass", "inertia"):
+        columns[name] = np.concatenate([getattr(column, name)] * copies)
+    first_sphere = np.repeat(np.arange(copies) * high, column.n_contacts)
     for end in ENDS:
-        many[end] = np.where(many[end] >= 0, many[end] + first, many[end])
-    return replace(single, **many)
+        # Numbers of walls are negative and stay.
+        columns[end] = np.where(columns[end] >= 0, columns[end] + first_sphere, columns[end])
+    return replace(column, **columns)

@@ -10,7 +10,7 @@ from modal.tools.errors import InputError
 
 @contextmanager
 def refusal(code: str | None, name: str = "") -> Iterator[pytest.ExceptionInfo[InputError]]:
-    """Expect an InputError with this code, in one line which has the `name` or number.
+    """Find an InputError with this code, in one line which has the `name` or number.
 
     `None` stands for any code.
     """

@@ -1,10 +1,11 @@
 """S-waves of the crystal along [001]: layers that slide and turn, in closed form.
 
-A transverse wave along z moves each layer of the FCC as a whole: u along x, and a turn theta about
-y. With d the distance of neighbours and S = d (theta + theta') / 2, the energy between two layers,
-for each sphere, is ((kn + 3 kt) du^2 - 4 sqrt(2) kt du S + 3 kt S^2) / 2, du the slide of the upper
-one; the neighbours inside a layer add kt d^2 theta^2 / 2. Two coupled branches follow, as in O.
-Mouraille's thesis (Twente, 2009); the modes between walls are those of a banded matrix.
+A transverse wave along z moves each layer of the FCC as a whole: by u along x and by an angle theta
+about y. Let d be the distance of neighbours, du the slide of the upper of two layers against the
+lower one, and S = d (theta + theta') / 2. The energy between two layers, for each sphere, is
+((kn + 3 kt) du^2 - 4 sqrt(2) kt du S + 3 kt S^2) / 2; neighbours inside a layer add
+kt d^2 theta^2 / 2. Two coupled branches follow, as in O. Mouraille's thesis (Twente, 2009). The
+modes between walls are those of a banded matrix.
 """
 
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ def driven_by_pulse(time: np.ndarray, omega: np.ndarray, frequency: float) -> np
     drive = 2 * np.pi * frequency
 
     def endless(time: np.ndarray) -> np.ndarray:
+        """Return the response to 1 - cos from t = 0 on."""
         t = np.maximum(time, 0.0)[:, None]
         static = 2 * (np.sin(omega * t / 2) / omega) ** 2
         beat = t * np.sinc((omega - drive) * t / (2 * np.pi))
@@ -47,44 +49,57 @@ class ShearLattice:
     @classmethod
     def of_crystal(cls, crystal: FccLattice, layers: int = 200) -> "ShearLattice":
         """Return the lattice of a crystal between flat walls of its own material."""
-        material, radius = crystal.material, crystal.radius
-        normal = 2 * material.effective_young * np.sqrt(radius * crystal.wall_overlap)
-        wall = float(normal * crystal.kt / crystal.kn)
-        return cls(crystal, layers, wall, radius - crystal.wall_overlap / 2)
+        root = np.sqrt(crystal.radius * crystal.wall_overlap)
+        normal = 2 * crystal.material.effective_young * root
+        tangential = float(normal * crystal.kt / crystal.kn)
+        lever = crystal.radius - crystal.wall_overlap / 2
+        return cls(crystal, layers, tangential, lever)
 
     @property
     def velocity(self) -> float:
-        """Long-wave velocity, m/s: V^2 = (kn + kt) l^2 / m; turning takes two thirds off 3 kt."""
+        """Return the long-wave velocity, m/s: V^2 = (kn + kt) l^2 / m.
+
+        Turning layers reduce the 3 kt of sliding layers to kt.
+        """
         crystal = self.crystal
         return crystal.layer_distance * float(np.sqrt((crystal.kn + crystal.kt) / crystal.mass))
 
     def branches(self, kappa: np.ndarray) -> np.ndarray:
         """Return both branches (2, nk), rad/s, at wave numbers (nk,), rad/m."""
         crystal = self.crystal
+        kn = crystal.kn
+        kt = crystal.kt
         half = np.asarray(kappa, float) * crystal.layer_distance / 2
-        kn, kt, d = crystal.kn, crystal.kt, crystal.spacing
+        sine = np.sin(half)
+        cosine = np.cos(half)
         inertia = 0.4 * crystal.mass * crystal.radius**2
-        sine, cosine = np.sin(half), np.cos(half)
+        # omega^2 of sliding alone and of turning alone, and the square of their coupling.
         slide = 4 * (kn + 3 * kt) * sine**2 / crystal.mass
-        turn = kt * d**2 * (3 * cosine**2 + 1) / inertia
-        couple = 32 * (kt * d * sine * cosine) ** 2 / (crystal.mass * inertia)
-        root = np.sqrt((slide - turn) ** 2 / 4 + couple)
+        turn = kt * crystal.spacing**2 * (3 * cosine**2 + 1) / inertia
+        coupling = 32 * (kt * crystal.spacing * sine * cosine) ** 2 / (crystal.mass * inertia)
         mean = (slide + turn) / 2
-        return np.sqrt(np.maximum(np.array([mean - root, mean + root]), 0))
+        root = np.sqrt((slide - turn) ** 2 / 4 + coupling)
+        square = np.array([mean - root, mean + root])
+        return np.sqrt(np.maximum(square, 0))
 
     def eigenmodes(self) -> tuple[np.ndarray, np.ndarray]:
         """Return angular frequencies (2n,), rad/s, and mass-scaled unit shapes (2n, 2n).
 
         Rows are u and theta of each layer in turn.
         """
-        crystal, n = self.crystal, self.layers
-        kn, kt, d = crystal.kn, crystal.kt, crystal.spacing
-        # Slide and mean turn of a pair in terms of u, theta, u', theta'.
+        kn = self.crystal.kn
+        kt = self.crystal.kt
+        d = self.crystal.spacing
+        n = self.layers
+        # Slide and mean turn of a pair of layers in terms of u, theta, u', theta'.
         rows = np.array([[-1, 0, 1, 0], [0, d / 2, 0, d / 2]])
-        spring = np.array([[kn + 3 * kt, -2 * np.sqrt(2) * kt], [-2 * np.sqrt(2) * kt, 3 * kt]])
-        pair, K = rows.T @ spring @ rows, np.zeros((2 * n, 2 * n))
+        coupling = -2 * np.sqrt(2) * kt
+        spring = np.array([[kn + 3 * kt, coupling], [coupling, 3 * kt]])
+        pair = rows.T @ spring @ rows
+        K = np.zeros((2 * n, 2 * n))
         for layer in range(n - 1):
-            K[2 * layer : 2 * layer + 4, 2 * layer : 2 * layer + 4] += pair
+            ends = slice(2 * layer, 2 * layer + 4)
+            K[ends, ends] += pair
         turns = np.arange(1, 2 * n, 2)
         K[turns, turns] += kt * d**2
         for end, lever in ((slice(0, 2), self.lever), (slice(2 * n - 2, 2 * n), -self.lever)):
@@ -95,8 +110,10 @@ class ShearLattice:
         return np.sqrt(np.maximum(square, 0)), shape
 
     def _scale(self) -> np.ndarray:
+        """Return the inverse roots (2n,) of mass and moment of inertia of each layer in turn."""
         mass = self.crystal.mass
-        return np.tile(1 / np.sqrt([mass, 0.4 * mass * self.crystal.radius**2]), self.layers)
+        inertia = 0.4 * mass * self.crystal.radius**2
+        return np.tile(1 / np.sqrt([mass, inertia]), self.layers)
 
     def displacement(self, time: np.ndarray, amplitude: float, frequency: float) -> np.ndarray:
         """Return the exact u of each layer (nt, n), m, when the source wall moves by the pulse."""

@@ -25,7 +25,7 @@ FOREIGN = {
 
 
 def texts_of(path: Path) -> Iterator[str]:
-    """The string constants of a module without its docstrings; what is filled in stands as {}."""
+    """Return the string constants of a module without its docstrings; {} stands for values."""
     every_node = list(ast.walk(ast.parse(path.read_text())))
     statements = {id(node.value) for node in every_node if isinstance(node, ast.Expr)}
     nodes = [node for node in every_node if id(node) not in statements]
@@ -71,7 +71,7 @@ CALL = r"(python -m |)\b(modal|analysis|granular-modes) ([a-z]+)\b([^`;]*)"
 
 
 def test_commands_in_texts_exist_with_their_options():
-    """In backticks or not, a command of ours is named as it is typed."""
+    """Look up each command of ours that is named as it is typed, in backticks or not."""
     seen = 0
     for path, text in all_texts():
         for how, program, name, rest in re.findall(CALL, text):
@@ -88,7 +88,7 @@ def test_commands_in_texts_exist_with_their_options():
 
 @pytest.mark.parametrize("package", ["modal", "analysis"])
 def test_options_in_texts_exist(package):
-    """Of some command of ours, or of another program's that is named above."""
+    """Look up each option in some command of ours, or of another program named above."""
     known = set(FOREIGN)
     for each, names in COMMANDS_OF.items():
         known = known.union(*(options_of(each, name) for name in names))

@@ -50,7 +50,7 @@ OTHERS = {"yade_scripts", "benchmarks", "tests", "yade"}
 
 
 def imports(path: Path) -> set[str]:
-    """Dotted names of the modules that a file imports, inside functions too."""
+    """Return the dotted names of the modules that a file imports, inside functions too."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
@@ -63,7 +63,10 @@ def imports(path: Path) -> set[str]:
 
 @pytest.mark.parametrize("package", ORDER)
 def test_arrows_run_one_way(package):
-    """Estimators know signals, no case; modal nothing of analysis, neither of them a script."""
+    """Find no import upward.
+
+    Estimators know signals, no case; modal nothing of analysis, neither of them a script.
+    """
     order = ["__init__", *ORDER[package]]
     for path in (ROOT / package).rglob("*.py"):
         room = path.relative_to(ROOT / package).parts[0].removesuffix(".py")
@@ -76,7 +79,7 @@ def test_arrows_run_one_way(package):
 
 
 def modules_of(room: str) -> str:
-    """The modules of a subpackage of modal, as `import` takes them."""
+    """Return the modules of a subpackage of modal, as `import` takes them."""
     paths = sorted((ROOT / "modal" / room).glob("[!_]*.py"))
     return ", ".join(f"modal.{room}.{path.stem}" for path in paths)
 
@@ -97,7 +100,7 @@ INFO = "from modal.__main__ import main; assert main(['info', 'small.network.h5'
     ids=["modal", "info", "packing", "formats"],
 )
 def test_nothing_heavy_is_loaded(code, heavy, tmp_path):
-    """In a process of its own; `import modal` takes some milliseconds."""
+    """Import modal in a process of its own, which takes some milliseconds."""
     write_network(tmp_path / "small.network.h5", fcc(cells=(2, 2, 20)))
     timed = (
         f"import sys, time; start = time.perf_counter(); {code}\nprint(time.perf_counter() - start)"
@@ -187,7 +190,7 @@ FOREIGN_MESSAGES = {"modal/formats/hdf5.py"}
 
 @pytest.mark.parametrize("package", ["modal", "analysis", "workflow", "yade_scripts"])
 def test_no_branch_depends_on_the_message_of_an_error(package):
-    """Sentences are for people, who may improve them; programs have codes."""
+    """Find no sentence in a condition: people may improve sentences; programs have codes."""
     for path in (ROOT / package).rglob("*.py"):
         if str(path.relative_to(ROOT)) not in FOREIGN_MESSAGES:
             assert not branches_on_messages(ast.parse(path.read_text())), path
@@ -198,7 +201,7 @@ TESTS = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "tests").rglob("t
 
 @pytest.mark.parametrize("name", TESTS)
 def test_no_test_depends_on_a_sentence(name):
-    """Codes, names and numbers tell errors apart."""
+    """Find codes, names and numbers alone where tests compare errors."""
     tree = ast.parse((ROOT / name).read_text())
     lines = sentences_of_raises(tree) + sentences_of_one_line(tree)
     assert not lines

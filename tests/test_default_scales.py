@@ -36,7 +36,7 @@ OF_ROUND_OFF = (
 
 
 def scaled(network: Network, length: float, stiffness: float) -> Network:
-    """The same packing `length` times as large, of the same density, its springs softer."""
+    """Return a packing `length` times as large, of the same density, with softer springs."""
     force = stiffness * length
     return replace(
         network,
@@ -54,7 +54,7 @@ def scaled(network: Network, length: float, stiffness: float) -> Network:
 
 
 def factor_of(name: str, length: float, stiffness: float) -> float:
-    """By what a number of this name grows, as the end of the name says its unit."""
+    """Return by what a number of this name grows: the end of the name is its unit."""
     frequency = np.sqrt(stiffness / length**3)
     factors = {
         "_kg_per_m3": 1.0,
@@ -104,7 +104,7 @@ def test_defaults_scale_with_the_packing(command, tmp_path, printed, monkeypatch
 
 
 def test_density_of_a_soft_packing_shows_its_modes():
-    """Springs a millionth as stiff: a thousandth of all frequencies, whose quartiles are not 0."""
+    """Make springs a millionth as stiff: frequencies are a thousandth, and quartiles not 0."""
     network = modal.fcc(stress=1e5, cells=(2, 2, 10))
     soft = scaled(network, 1.0, 1e-6)
     states = modal.density_of_states(soft)
@@ -117,7 +117,7 @@ def test_density_of_a_soft_packing_shows_its_modes():
 
 
 def test_usual_numbers_of_the_study(printed, tmp_path):
-    """In the crystal of the paper near to what it sends: 2.5 nm, 100 kHz, each microsecond."""
+    """Find defaults near the paper's in its crystal: 2.5 nm, 100 kHz, each microsecond."""
     path = tmp_path / "a.network.h5"
     write_network(path, modal.fcc(cells=(1, 1, 60)))
     printed("wave", path, "-o", tmp_path / "a.signals.h5")
@@ -132,7 +132,10 @@ def test_usual_numbers_of_the_study(printed, tmp_path):
 
 
 def test_wave_arrives_within_the_default_record(tmp_path, printed):
-    """From wall to wall of a random packing, P and S: nothing at first, then most of it."""
+    """Send P- and S-waves from wall to wall of a random packing.
+
+    There is nothing at first, and most of the wave at the end.
+    """
     path = tmp_path / "a.network.h5"
     write_network(path, packings.slender())
     for direction in ("z", "x"):
@@ -143,7 +146,7 @@ def test_wave_arrives_within_the_default_record(tmp_path, printed):
 
 
 def test_pulse_is_small_beside_the_overlaps():
-    """Under little stress too, where 1e-6 of a diameter is half of an overlap."""
+    """Compare under little stress, too, where 1e-6 of a diameter is half of an overlap."""
     network = modal.fcc(stress=10.0, cells=(1, 1, 8))
     signals = modal.propagate(network, 1e-4).signals
     assert 0 < signals.amplitude < 0.02 * network.overlap.mean()

@@ -85,7 +85,7 @@ def test_picture_of_a_response_has_the_gain(results):
 
 
 def test_picture_of_the_lattice_ends_at_the_low_pass_frequency(results):
-    """The last line is Eq. 9, whose end at the zone's edge is f_low-pass, Eq. 10."""
+    """Find Eq. 9 as the last line, whose end at the zone's edge is f_low-pass, Eq. 10."""
     lattice = results["lattice"]
     end = lattice.plot().lines[-1].get_ydata()[-1]
     assert end * 1e3 == pytest.approx(lattice.low_pass_frequency, rel=1e-12)

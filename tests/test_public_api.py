@@ -147,7 +147,7 @@ def test_path_in_place_of_a_network_is_refused(function):
 
 
 def test_names_are_loaded_from_the_modules_that_type_checkers_see():
-    """The imports for type checkers and those at run time are written separately."""
+    """Compare imports for type checkers and at run time, which are written separately."""
     (checked_block,) = (
         node for node in ast.parse(Path(modal.__file__).read_text()).body
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"

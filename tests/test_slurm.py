@@ -32,7 +32,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def start(tmp_path_factory, yade) -> Iterator[Path]:
-    """A copy of the project with this very Python in place of .venv, and a Slurm."""
+    """Return a copy of the project with this very Python in place of .venv, and start Slurm."""
     if not importlib.util.find_spec("snakemake_executor_plugin_slurm"):
         pytest.skip("Slurm: its plugin of Snakemake is not installed: pip install '.[slurm]'")
     if not shutil.which("slurmctld") or os.geteuid():
@@ -45,7 +45,7 @@ def start(tmp_path_factory, yade) -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def local(start) -> Path:
-    """The study without Slurm."""
+    """Return the study, run without Slurm."""
     folder = copy_of(start, "local")
     assert ended(run(folder)) == 0
     return folder
@@ -53,7 +53,7 @@ def local(start) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(start, local) -> Path:
-    """The study by Slurm, complete; each disturbance takes something away from it."""
+    """Return the complete study, run by Slurm; each test takes something away from it."""
     folder = copy_of(start, "whole")
     assert ended(run(folder, "--slurm")) == 0
     same(local, folder)
@@ -78,14 +78,14 @@ def ended(process: subprocess.Popen) -> int:
 
 
 def kill(process: subprocess.Popen) -> None:
-    """The driver, and Snakemake with it; jobs of Slurm go on."""
+    """Kill the driver and Snakemake; jobs of Slurm go on."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()
 
 
 def same(local: Path, folder: Path) -> None:
-    """Equal products; walks note how long they took, and how far they had come."""
+    """Compare products, but for notes of walks on their time and their steps."""
     assert_equal_products(local / FOLDER, folder / FOLDER)
 
 
@@ -98,14 +98,14 @@ def without(folder: Path, *names: str) -> dict[Path, float]:
 
 
 def mended(local: Path, folder: Path, before: dict[Path, float]) -> None:
-    """After the next run what was taken away is there, the same; nothing else was made twice."""
+    """Check that the next run makes what was removed, the same as before, and nothing else."""
     assert ended(run(folder, "--slurm")) == 0
     same(local, folder)
     assert {path: path.stat().st_mtime for path in before} == before
 
 
 def job(rule: str, folder: Path) -> str:
-    """The number of this study's running job of a rule, once there is one."""
+    """Return the number of this study's running job of a rule, once there is one."""
     for _ in range(PATIENCE):
         command = ["squeue", "--me", "--noheader", "--states=running", "--format=%i|%Z|%k"]
         for line in subprocess.run(command, capture_output=True, text=True).stdout.splitlines():
@@ -125,12 +125,12 @@ def jobs(folder: Path, rule: str = "") -> list[str]:
 
 
 def test_every_job_is_one_of_slurms(whole):
-    """Ten jobs; that their products are those of a run without Slurm `whole` has seen."""
+    """Count ten jobs; `whole` has compared their products with a run without Slurm."""
     assert jobs(whole) == 10 * ["COMPLETED"]
 
 
 def test_failing_job(local, whole):
-    """An unstable time step fails twice; the other case is made; the next run mends it."""
+    """Fail twice by an unstable time step: the other case is made, and the next run mends this."""
     before = without(whole, "case06.signals.h5")
     assert ended(run(whole, "--slurm", WAVE_FRACTION="1.5")) == 2
     assert not (whole / FOLDER / "case06.signals.h5").exists()
@@ -140,7 +140,7 @@ def test_failing_job(local, whole):
 
 
 def test_cancelled_job(local, whole):
-    """A walk that is cancelled starts once more, or goes on in the next run."""
+    """Cancel a walk: it starts once more, or goes on in the next run."""
     case = [f"case10.{kind}.h5" for kind in ("sample", "network", "highest.modes", "signals")]
     before = without(whole, "states/mu0.01", "walks/compression_mu0.01", *case)
     study = run(whole, "--slurm")
@@ -150,7 +150,7 @@ def test_cancelled_job(local, whole):
 
 
 def test_time_limit(local, whole):
-    """A job that is stopped until its limit is over: it is tried again, with twice the time."""
+    """Stop a job until its time limit is over: Slurm tries again with twice the time."""
     kinds = "network", "highest.modes", "signals"  # the last two follow from the first
     before = without(whole, *(f"case06.{kind}.h5" for kind in kinds))
     study = run(whole, "--slurm")
@@ -164,7 +164,7 @@ def test_time_limit(local, whole):
 
 
 def test_killed_driver(local, whole):
-    """Its jobs go on; the next run waits for them and makes the rest."""
+    """Kill the driver: its jobs go on; the next run waits for them and makes the rest."""
     case = [f"case10.{kind}.h5" for kind in ("network", "signals")]
     before, networks = without(whole, *case), jobs(whole, "network")
     study = run(whole, "--slurm")
@@ -176,7 +176,7 @@ def test_killed_driver(local, whole):
 
 
 def test_controller_that_restarts(local, whole):
-    """Away for twenty seconds in the middle of a job: the run waits and ends, or the next one does.
+    """Stop the controller for twenty seconds during a job: this run or the next one completes.
 
     Where the controller does not answer the plugin asks the accounting, which is off here, and
     forgets its jobs. Jobs take a minute: a run that is not over after ten has lost them.

@@ -37,7 +37,7 @@ def test_known():
 
 
 def test_skips_and_hidden_packages(tmp_path):
-    """In a run of its own where the tests must be complete."""
+    """Run tests in a process of their own, where they must be complete."""
     shutil.copy(CONFTEST, tmp_path)
     shutil.copytree(CONFTEST.parent / "hidden", tmp_path / "hidden")
     (tmp_path / "test_inner.py").write_text(TESTS)
@@ -60,7 +60,7 @@ def test_skips_and_hidden_packages(tmp_path):
     ("first", "second", "status"), [(0, 0, 0), (1, 0, 1), (0, 1, 1), (1, 3, 3), (4, 1, 4)]
 )
 def test_both_passes_run_and_the_worse_status_counts(first, second, status, tmp_path):
-    """In place of Python stands what notes how it is called and ends with a status."""
+    """Replace Python by a script that notes how it is called and ends with a status."""
     shutil.copy(ROOT / "run_tests.sh", tmp_path)
     python = tmp_path / ".venv/bin/python"
     python.parent.mkdir(parents=True)

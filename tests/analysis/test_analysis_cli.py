@@ -34,13 +34,13 @@ def test_band_edge_of_the_record_is_that_of_theory(comparison):
 
 
 def test_velocity_of_the_linear_wave_is_that_of_theory(comparison):
-    """The bias of the damped transform is below 1e-5."""
+    """Compare within the bias of the damped transform, which is below 1e-5."""
     velocity = comparison["V_P, long waves"]
     assert float(velocity["linear"]) == pytest.approx(float(velocity["theory"]), rel=1e-5)
 
 
 def test_pre_stress_has_its_own_row(comparison):
-    """Expect a difference from theory of at most N / (kn D) = 2/3 overlap / D."""
+    """Find a difference from theory of at most N / (kn D) = 2/3 overlap / D."""
     row = comparison["V_P, long waves, with pre-stress"]
     crystal = fcc(cells=(1, 1, 4))
     overlap = crystal.overlap.max() / (2 * crystal.radius[0])

@@ -107,7 +107,7 @@ def test_damped_transform_is_nearly_unbiased(chain, passages, step, frequency, t
 
 @pytest.mark.parametrize("noise", [1e-3, 1e-2, 5e-2, 1e-1])
 def test_noise_scatters_in_proportion_but_does_not_bias(noise):
-    """Expect the mean within three standard errors of the truth; a scatter of 1 % at 5 % noise."""
+    """Find the mean within three standard errors of the truth; a scatter of 1 % at 5 % noise."""
     dispersions = [chain_dispersion(record) for record in noisy_draws(1.0, noise)]
     for name in ("velocity", "low_pass_frequency"):
         values = np.array([getattr(dispersion, name) for dispersion in dispersions])
@@ -130,7 +130,7 @@ def test_second_arrival_that_is_twice_as_high_is_taken_for_the_first():
 
 
 def test_damped_transform_sees_the_dispersion_of_the_time_step():
-    """Expect an edge that the leapfrog raises by asin(x) / x, x = half the edge times the step."""
+    """Find an edge that the leapfrog raises by asin(x) / x, x = half the edge times the step."""
     step = 4e-7
     signals = stepped(NETWORK, PASSAGE_OF_LAYERS, step, motion=Pulse())
     x = np.pi * CHAIN.low_pass_frequency * step
@@ -188,7 +188,7 @@ def test_velocity_by_times_is_invariant(record, wall, tolerance, rule):
 
 @pytest.mark.parametrize("points", [60, 120])
 def test_error_of_the_coherent_wave_is_that_of_noisy_records(points):
-    """The scatter of n draws is known to 1 / sqrt(2 n - 2): three times that; bias 0.1 m/s.
+    """Compare the scatter of n draws, known to 1 / sqrt(2 n - 2): three times that; bias 0.1 m/s.
 
     The stated error, which does not depend on the number of points, is some 1.2 times too large.
     """
@@ -217,7 +217,7 @@ def plane_wave(direction):
 
 @DIRECTIONS
 def test_spectrum_of_a_plane_wave_peaks_at_its_frequency_and_wavenumber(direction):
-    """Expect waves towards higher z at positive wave numbers."""
+    """Find waves towards higher z at positive wave numbers."""
     frequency, wavenumber, spectrum = frequency_wavenumber(plane_wave(direction), TIME, POSITION)
     row, column = np.unravel_index(abs(spectrum).argmax(), spectrum.shape)
     assert frequency[row] == pytest.approx(FREQUENCY)

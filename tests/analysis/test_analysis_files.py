@@ -81,7 +81,7 @@ def test_crystal_that_is_no_case_is_named_by_its_stress_and_file(result_of_cryst
 
 @pytest.mark.parametrize("name", ["v_p_long_waves_yade_m_per_s", "v_p_modes_fitted_m_per_s"])
 def test_velocity_of_a_crystal_that_is_no_case_is_that_of_its_stress(name, result_of_crystal):
-    """The bias of the damped transform is below 1e-5, that of the modes 1e-6."""
+    """Compare within the bias of the damped transform, 1e-5, and of the modes, 1e-6."""
     assert result_of_crystal.value(name) == pytest.approx(LATTICE.velocity, rel=1e-3)
 
 
@@ -143,7 +143,7 @@ def test_sample_and_a_network_that_is_not_its_own_are_two_packings(sample, folde
 
 
 def test_stress_that_is_not_stated_is_the_one_that_contacts_bear(folder):
-    """The packing was made at 100 kPa, which its file does not say."""
+    """Measure the stress of a packing made at 100 kPa, which its file does not say."""
     (case,) = cases_in(folder, "heap.h5")
     packing = PackingData.of(case)
     assert "stress" not in packing.network.study
@@ -267,7 +267,7 @@ PICTURE = Picture([Panel("x", "y", "", series=[])])
     ],
 )
 def test_output_stays_as_it_was_if_the_last_step_fails(write, tmp_path, monkeypatch):
-    """Fail at the renaming."""
+    """Make the renaming fail."""
 
     def fail(*paths):
         raise OSError("no space left")

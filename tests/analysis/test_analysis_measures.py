@@ -60,7 +60,7 @@ def test_standing_waves_of_a_crystal_have_the_frequencies_of_the_exact_lattice(
 
 
 def test_standing_waves_of_a_crystal_are_almost_its_modes(standing):
-    """Expect a missing share that grows as (r / layers)^2, 6 % at r = 5 of 40 layers.
+    """Find a missing share that grows as (r / layers)^2, 6 % at r = 5 of 40 layers.
 
     The wall springs are not rigid, so the modes are sines of a length that is about a layer longer.
     """
@@ -80,7 +80,7 @@ def test_exact_power_law_has_no_error():
 
 
 def test_error_of_an_exponent_is_the_scatter_of_noisy_draws():
-    """Expect the variance of 400 exponents, known to 15 %, as the mean of their squared errors."""
+    """Find the variance of 400 exponents, known to 15 %, as the mean of their squared errors."""
     noise = np.exp(0.05 * np.random.default_rng(2).standard_normal((400, 4)))
     laws = [power_law(DECADES, 3 * DECADES**0.4 * draw) for draw in noise]
     errors = np.array([law.error for law in laws])
@@ -97,7 +97,7 @@ def test_affine_velocity_of_a_crystal_is_that_of_its_lattice(crystal):
 
 
 def test_velocity_of_columns_is_read_from_the_linear_wave_without_a_run(crystal):
-    """Expect the bias of first peaks, 1.3 %; a single column has no scatter."""
+    """Find the bias of first peaks, 1.3 %; a single column has no scatter."""
     mean, scatter = velocity.columns(crystal, "linear")
     assert mean == pytest.approx(crystal.lattice.velocity, rel=0.015)
     assert np.isnan(scatter)
@@ -201,7 +201,7 @@ def test_record_and_linear_wave_have_velocities_of_their_own(two_producers):
 
 
 def test_exponent_is_that_of_one_producer(frame):
-    """Expect Hertz's exponent of the linear waves, without the single YADE record.
+    """Find Hertz's exponent of the linear waves, without the single YADE record.
 
     For a crystal it is 1/6 and what the overlap does to the distances, 2e-3 (Eq. 6).
     """
@@ -223,7 +223,7 @@ def with_list(network, modes):
 
 
 def test_modes_are_pure_up_to_a_frequency(two_producers):
-    """Expect one pure mode a resonance, V_P / 2 L apart: the chain's chi_z is half of these."""
+    """Find one pure mode a resonance, V_P / 2 L apart: the chain's chi_z is half of these."""
     network = two_producers[1].network
     packing = with_list(network, mode_list([1e3, 2e3, 4e4, 9e5], [1.9, 1.84, 1.7, 0.6]))
     last = polarisation.last_pure(packing)
@@ -285,7 +285,7 @@ def test_range_of_modes_begins_at_its_lower_end(two_lists):
 
 
 def test_mean_chi_has_a_standard_error(two_lists):
-    """Expect the mean of 0.4 and 0.475, and half their difference."""
+    """Find the mean of 0.4 and 0.475, and half their difference."""
     mean = polarisation.mean_chi(two_lists, 1.5e4, np.inf)
     assert (mean.value, mean.error) == pytest.approx((0.4375, 0.0375))
 
@@ -335,7 +335,7 @@ def test_state_off_its_stress_is_unsettled(sample):
 
 
 def test_crystal_is_settled_without_its_lateral_stress():
-    """Walls, not sides, have the stated stress: 4.5 % less between the layers of 20."""
+    """Measure the stated stress at walls alone: laterally, between 20 layers, it is 4.5 % less."""
     packing = PackingData(fcc(cells=(2, 2, 20)))
     assert packing.unsettled == ""
     assert "settled" not in packing.label
@@ -343,6 +343,6 @@ def test_crystal_is_settled_without_its_lateral_stress():
 
 @pytest.mark.parametrize("name, marked", [("mu0.4_1kPa", True), ("mu0_1kPa", False)])
 def test_state_of_this_repository_is_marked_if_it_has_not_settled(name, marked):
-    """The 1 kPa state of friction 0.4 is compared with the paper's 3.84; it has not settled."""
+    """Mark the 1 kPa state of friction 0.4, which is compared with the paper's 3.84."""
     path = ROOT / "results" / "samples" / f"{name}.sample.h5"
     assert bool(why_unsettled(read_sample(path).network(), 1e3)) == marked

@@ -111,7 +111,7 @@ def test_affine_stiffness_is_the_energy_of_a_stretch(packing):
 
 @pytest.mark.parametrize("layers", [30, 60])
 def test_affine_velocity_of_a_crystal_counts_its_ends(layers):
-    """Expect sqrt(1 - 1/n) of the velocity in the bulk: n layers weigh as n, stretch as n - 1."""
+    """Find sqrt(1 - 1/n) of the velocity in the bulk: n layers weigh as n, stretch as n - 1."""
     bulk_velocity = affine_velocity(fcc(cells=(2, 2, layers))) / np.sqrt(1 - 1 / layers)
     assert bulk_velocity == pytest.approx(CHAIN.velocity, rel=1e-9)
 
@@ -196,7 +196,7 @@ def test_standing_waves_move_spheres_along_z_alone(packing):
 
 @pytest.mark.parametrize("passages", [0.8, 1.0, 1.3])
 def test_coherent_wave_of_the_exact_chain(passages):
-    """Expect phase velocity to 0.1 %, group velocity to 1 % up to 0.8 of the band edge."""
+    """Find phase velocity to 0.1 %, group velocity to 1 % up to 0.8 of the band edge."""
     wave = coherent_wave(record(passages, 2e-7), LENGTH)
     is_inside = wave.frequency < 0.8 * CHAIN.low_pass_frequency
     is_inside[0] = False  # at zero frequency there is no phase

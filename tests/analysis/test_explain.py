@@ -74,7 +74,7 @@ def without_wave(packing):
 
 
 def coherent_wave(attenuation, ended_by="range"):
-    """A coherent wave at 1, 2, 3 ... Hz with this attenuation in units of the level."""
+    """Return a coherent wave at 1, 2, 3 ... Hz with this attenuation in units of the level."""
     attenuation = LEVEL * np.array(attenuation)
     frequency = np.arange(1.0, len(attenuation) + 1)
     return Coherent(frequency, frequency, attenuation, 1.0, ended_by)
@@ -102,9 +102,9 @@ def test_crossings_are_interpolated():
 
 
 def test_why_the_low_pass_frequency_is_not_known(packing):
-    """A pulse of 5 kHz sends little above: each window says where its wave ends, and by which rule.
+    """Explain for each window of a pulse of 5 kHz where its wave ends, and by which rule.
 
-    The source's share at the end is a number, so that a weak source is told from a lost wave.
+    The source's share at the end is a number, which distinguishes a weak source from a lost wave.
     """
     source = Pulse(frequency=5e3)
     value = analysis.measure(packing, quantities="low_pass_unbiased", source=source)
@@ -122,7 +122,7 @@ def test_why_the_low_pass_frequency_is_not_known(packing):
 
 
 def test_how_the_error_of_v_p_comes_about(packing):
-    """Three parts: of the fit, of the window, and of the short packing; their root is the error."""
+    """Add the squares of three parts: of the fit, of the window, and of the short packing."""
     value = analysis.measure(packing, quantities="v_p")["v_p"]
     explanation = value.explain().as_json()
     parts = {part["name"]: part["value"] for part in explanation["parts"]}
@@ -139,7 +139,7 @@ def test_how_the_error_of_v_p_comes_about(packing):
 
 
 def test_every_name_of_an_explanation_has_a_meaning(values):
-    """The text is made of the tables: no part, outcome or number is without its words."""
+    """Find words in the tables for every part, outcome and number."""
     for value in values.values():
         assert value.parts.keys() <= ERROR_PARTS.keys()
         for step in value.steps:
@@ -194,7 +194,7 @@ def test_limit_compares_two_numbers(number, least, outcome):
 
 
 def test_frequencies_of_the_attenuation_are_those_of_the_last_window(values):
-    """The last window says how many frequencies are left, and between which frequencies."""
+    """Read from the last window how many frequencies remain, and between which."""
     attenuation = values["attenuation"]
     numbers = attenuation.steps[-1].numbers
     assert numbers["frequencies"] == len(attenuation.value)
@@ -202,7 +202,7 @@ def test_frequencies_of_the_attenuation_are_those_of_the_last_window(values):
 
 
 def test_quality_has_the_steps_of_its_attenuation(values):
-    """The last limit is that of the attenuation in its errors."""
+    """Find the last limit, that of the attenuation in its errors."""
     attenuation = values["attenuation"]
     *steps, limit = values["quality"].steps
     assert tuple(steps) == attenuation.steps
@@ -236,7 +236,7 @@ def test_unknown_velocity_says_which_windows_had_too_few_frequencies(without_wav
 
 @pytest.mark.parametrize("name", ["low_pass", "ioffe_regel"])
 def test_quantity_without_a_velocity_has_the_steps_of_the_velocity(without_wave, name):
-    """The refusal carries the windows in which the wave was lost."""
+    """Find the windows in which the wave was lost in the refusal."""
     value = without_wave[name]
     assert not value.known
     assert value.codes == ["no_coherent_wave"]
@@ -277,7 +277,7 @@ def test_a_step_without_a_meaning_is_a_mistake(outcome, numbers):
 
 
 def test_the_command_line_explains(packing, tmp_path, printed, capsys):
-    """As text, and with `--json` as names and numbers; a value that is not known ends with 3."""
+    """Print text, and with `--json` names and numbers; end with 3 if the value is not known."""
     path = str(tmp_path / "short.network.h5")
     write_network(path, packing)
     shown = printed("measure", path, "--explain", "v_p", main=main)

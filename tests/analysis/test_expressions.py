@@ -42,7 +42,7 @@ FRAME = pd.DataFrame(
     ],
 )
 def test_sums_and_comparisons_are_those_of_python(text):
-    """The same text as Python itself computes it."""
+    """Compare with what Python itself computes from the same text."""
     assert evaluate(text, NAMES) == pytest.approx(eval(text, dict(NAMES)), rel=1e-15)
 
 
@@ -176,7 +176,7 @@ def test_a_sentence_calls_its_few_functions_alone():
 
 
 def test_a_trend_is_extrapolated_to_other_cases():
-    """A straight line is met exactly, an exponential by the line of its logarithm."""
+    """Extrapolate a straight line exactly, an exponential by the line of its logarithm."""
     x = [0.1, 0.2, 0.3, 0.6] * 2
     frame = pd.DataFrame({"there": True, "x": x, "stress": [1e5] * 4 + [1e6] * 4})
     frame["fitted"] = frame["x"] < 0.5

@@ -22,7 +22,7 @@ def measure_gain(network, keep=None):
 
 
 def test_networks_of_the_same_spheres_have_spectra_of_their_own(crystal, tmp_path):
-    """With one half of its contacts four times as stiff it has another response, kept or not."""
+    """Make half of the contacts four times as stiff: the response differs, stored or not."""
     in_upper_half = crystal.position[crystal.particle_i, 2] > crystal.length / 2
     factor = np.where(in_upper_half, 4, 1)
     uneven = stiffer(crystal, factor, factor)
@@ -36,7 +36,7 @@ def test_networks_of_the_same_spheres_have_spectra_of_their_own(crystal, tmp_pat
 
 @pytest.fixture(params=["no folder", "full disk"])
 def unwritable(request, crystal, tmp_path):
-    """A folder whose name is that of a file, or one that has no room for the spectrum."""
+    """Return a folder that takes no file: its name is that of a file, or its disk is full."""
     if request.param == "no folder":
         (tmp_path / "file").write_text("")
         return tmp_path / "file" / "folder"
@@ -48,7 +48,7 @@ def unwritable(request, crystal, tmp_path):
 
 
 def test_a_folder_that_takes_no_file_costs_no_number(crystal, unwritable):
-    """The number is measured; one more caveat says that it could not be kept."""
+    """Measure the number; add a caveat that it could not be stored."""
     fresh = measure_gain(crystal)
     value = measure_gain(crystal, unwritable)
     np.testing.assert_allclose(value.value, fresh.value, rtol=1e-9)
@@ -56,7 +56,7 @@ def test_a_folder_that_takes_no_file_costs_no_number(crystal, unwritable):
 
 
 def test_every_quantity_of_a_spectrum_says_that_it_is_not_kept(crystal, unwritable):
-    """Not only the one that is measured first; those of other spectra do not."""
+    """Add the caveat to all quantities of the spectrum, and to those of no other."""
     names = ["gain", "gain_maximum", "gain_resolution", "void_ratio"]
     values = analysis.measure(crystal, quantities=names, keep=unwritable)
     with_caveat = [name for name, value in values.items() if "not_kept" in value.codes]
@@ -64,7 +64,7 @@ def test_every_quantity_of_a_spectrum_says_that_it_is_not_kept(crystal, unwritab
 
 
 def test_a_density_that_is_not_kept_is_that_of_all_motions(crystal):
-    """Its integral is the count of modes, of which a sphere has six."""
+    """Compare its integral with the number of modes, six a sphere."""
     grid, density, count = as_read("density", density_of_states(crystal))
     assert count[-1] == pytest.approx(6 * crystal.n_particles, rel=1e-6)
     integral = np.trapezoid(density, grid) + count[0]

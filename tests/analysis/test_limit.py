@@ -59,7 +59,7 @@ def distances():
     ("errors", "low", "high"), [(1, 0.15, 0.35 + 0.024), (2, 0, 0.086 + 0.013)]
 )
 def test_distance_from_the_limit_is_that_of_independent_draws(errors, low, high, distances):
-    """Expect as many beyond one and two errors as of a normal distribution.
+    """Find as many beyond one and two errors as of a normal distribution.
 
     Errors from eight seeds make it somewhat more, Student's t of 7 degrees of freedom, 35 and 8.6 %
     for 32 and 4.6: the bounds. An enlargement where chi^2 exceeds 1 makes it less. Of 4,000 draws
@@ -75,7 +75,7 @@ def line_through_scatter(error):
 
 
 def test_scatter_about_the_line_beyond_the_errors_enlarges_them():
-    """Expect the error of the scatter, whatever error is stated: equal weights drop out."""
+    """Find the error of the scatter, whatever error is stated: equal weights drop out."""
     assert line_through_scatter(0.1).chi > 1
     expected = line_through_scatter(0.2).at(0.0)[1]
     assert line_through_scatter(0.1).at(0.0)[1] == pytest.approx(expected)
@@ -131,7 +131,7 @@ def test_coordination_counts_a_pair_twice_and_a_wall_once(sample, numbers_of_sam
 
 
 def test_spread_of_forces_is_that_of_hertz_by_overlaps_of_pairs(sample, numbers_of_sample):
-    """Expect forces that go with the overlap to 3/2; those of walls are left out."""
+    """Find forces that go with the overlap to 3/2; those of walls are left out."""
     contacts = sample.contacts()
     force = contacts.overlap[contacts.particle_j >= 0] ** 1.5
     expected = (force**2).mean() / force.mean() ** 2

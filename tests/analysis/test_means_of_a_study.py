@@ -27,7 +27,7 @@ def make_row(name: str, velocity: tuple[float, float, float]) -> CaseResult:
 
 @pytest.fixture
 def cases(tmp_path):
-    """The cases as a study reads them: each result is written and read."""
+    """Return the cases as a study reads them: each result is written and read."""
     rows = []
     for name, velocity in VELOCITIES.items():
         write_result(tmp_path / f"{name}.json", make_row(name, velocity))
@@ -37,7 +37,7 @@ def cases(tmp_path):
 
 @pytest.fixture
 def mean_of_measure():
-    """Mean and error of V_P by `measure`."""
+    """Return mean and error of V_P by `measure`."""
     measurements = [Measurement({"v_p": estimate(*velocity)}) for velocity in VELOCITIES.values()]
     mean = mean_of(measurements)["v_p"]
     return float(mean.value), mean.error
@@ -48,7 +48,7 @@ def test_the_mean_is_that_of_measure(cases, mean_of_measure):
 
 
 def test_the_common_error_does_not_average_out(mean_of_measure):
-    """The error is more than the scatter, 4 of 455 m/s: each packing is known to 70 m/s."""
+    """Keep an error larger than the scatter of 4 m/s: each V_P, 455 m/s, is known to 70 m/s."""
     variances = [error**2 - common**2 for _, error, common in VELOCITIES.values()]
     independent = np.sqrt(sum(variances)) / len(VELOCITIES)
     assert mean_of_measure[1] == pytest.approx(np.hypot(MAX_COMMON_ERROR, independent))
@@ -60,7 +60,7 @@ def test_the_mean_of_an_expression_has_the_error_in_its_unit(cases, mean_of_meas
 
 
 def test_a_common_error_cancels_in_a_ratio(cases):
-    """Only the independent errors remain, as relative errors of both velocities.
+    """Keep only the independent errors, as relative errors of both velocities.
 
     5 %: the change of a ratio with its denominator is not quite linear.
     """
@@ -88,7 +88,7 @@ def test_bars_of_a_figure_have_that_error(cases, mean_of_measure):
 
 
 def test_a_table_of_limits_has_the_error_of_the_mean(cases):
-    """The column behind group and quantity has the mean of the two cases at x = 1."""
+    """Average two cases at x = 1 in the column behind group and quantity."""
     spec = {"limit": {"x": "x", "own": 1.0, "by": ["mu_comp"]}, "columns": {"V": "v_p"}}
     _, (line,) = tabulate_limits(spec, cases.assign(x=[1.0, 1.0, 2.0]))
     assert line[2] == number(*mean_with_error(cases[:2], "v_p"))

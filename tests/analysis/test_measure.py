@@ -89,7 +89,7 @@ def test_crystal_is_crystalline(measured_crystal):
 
 
 def test_crystal_does_not_attenuate_waves(crystal, measured_crystal):
-    """Zero within the error at nine of ten frequencies; in the lower half within 1 % in all."""
+    """Find zero within the error at nine of ten frequencies; in the lower half always to 1 %."""
     alpha = measured_crystal["attenuation"]
     assert (abs(alpha.value) < 4 * alpha.error).mean() > 0.9
     lower_half = alpha.value[: len(alpha.at) // 2]
@@ -104,7 +104,7 @@ def test_velocities_of_waves_and_of_a_static_push_agree():
 
 @pytest.mark.parametrize(("length", "mass", "time"), [(5, 125, 1), (1, 1, 0.1), (1e-3, 7, 40)])
 def test_other_units_and_materials_give_the_same_dimensionless_answers(length, mass, time):
-    """No setting has a unit of its own; iterations end within 1e-6 of a value."""
+    """Change units and materials: no setting has a unit; iterations end within 1e-6 of a value."""
     names = [*QUICK, "attenuation"]
     scaled = analysis.measure(in_units(long_packing(), length, mass, time), quantities=names)
     units = {"m/s": length / time, "Hz": 1 / time, "1": 1.0, "1/m": 1 / length}
@@ -168,7 +168,7 @@ def test_forces_out_of_balance_are_unsettled():
 
 
 def test_springs_that_change_along_z_are_uneven():
-    """Springs are 4 times as stiff in the upper half, so waves are twice as fast there."""
+    """Make springs of the upper half 4 times as stiff, so waves are twice as fast there."""
     crystal = modal.fcc(cells=(1, 1, 60))
     is_upper = crystal.position[crystal.particle_i, 2] > crystal.length / 2
     factor = np.where(is_upper, 4, 1)
@@ -178,7 +178,7 @@ def test_springs_that_change_along_z_are_uneven():
 
 
 def test_wave_that_nothing_resists_has_no_velocity():
-    """A column between its own images along x and y is stiff along z alone."""
+    """Measure a column between its own images along x and y, which is stiff along z alone."""
     column = modal.fcc(cells=(1, 1, 6))
     slipping = replace(column, stiffness_tangential=0 * column.stiffness_tangential)
     value = analysis.measure(slipping, quantities=["v_s_moduli"])["v_s_moduli"]
@@ -236,7 +236,7 @@ def test_number_without_unit_is_in_the_registered_unit(result):
 
 @pytest.mark.slow
 def test_error_of_the_unbiased_low_pass_is_the_scatter_of_seeds():
-    """Expect of five seeds a scatter over the true one of 0.23 to 1.93 by chi^2, 99 % of draws.
+    """Find of five seeds a scatter over the true one of 0.23 to 1.93 by chi^2, 99 % of draws.
 
     Packings without an answer, which say so, are no draws. Forces are balanced to 1 %, which takes
     a fifth of the time and leaves disorder, the cause of the scatter, as it is.

@@ -16,7 +16,7 @@ from modal.packing.network import write_network
 
 
 def test_cell_without_walls_has_velocities_by_its_moduli(printed):
-    """Without walls some of the quick quantities, requested by name, are missing: status 3."""
+    """Measure by moduli; some quick quantities that are named need walls: status 3."""
     packing = "examples/packings/triaxial.network.h5"
     values = printed("measure", packing, "--quick", main=main, status=3)
     assert values["v_p"]["value"] > 0
@@ -50,7 +50,7 @@ def test_quick_quantities_of_a_file_are_printed(tmp_path, printed):
 
 
 def test_mean_over_files_has_its_standard_error(paths, printed):
-    """Expect the larger of the scatter's standard error and that of the single errors.
+    """Find the larger of the scatter's standard error and that of the single errors.
 
     The error by a short length is the same for both packings, and no mean makes it less.
     """
@@ -92,7 +92,7 @@ def test_output_file_has_what_is_printed(paths, tmp_path, printed):
 
 
 def test_mean_of_short_packings_keeps_the_error_of_their_length():
-    """More samples lessen the fit's error, but not what a short length does to each of them."""
+    """Average the fit's error away, but not what a short length does to each sample."""
     measurement = analysis.measure(slender(), quantities="v_p")
     velocity = measurement["v_p"]
     mean = mean_of([measurement, measurement])["v_p"]

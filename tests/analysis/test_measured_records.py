@@ -63,7 +63,10 @@ def test_any_motion_of_the_wall_gives_the_same_answers(make_motion, expected):
 
 
 def test_default_motion_is_a_pulse_of_a_third_of_v_by_d(expected):
-    """A value has differed by 3e-9 (low_pass_unbiased) for an unknown reason; 1e-7 is allowed."""
+    """Compare within 1e-7.
+
+    A value, low_pass_unbiased, has once differed by 3e-9 for an unknown reason.
+    """
     values = measure_with(make_pulse)
     for name in RULES:
         assert values[name].value == pytest.approx(expected[name].value, rel=1e-7), name
@@ -133,13 +136,13 @@ def exact_record(request) -> Signals:
     ],
 )
 def test_quantity_is_exact_on_exact_signals(name, exact, bias, exact_record):
-    """Expect the stated error, the known bias of the rule, and 1e-4 by quadrature at most."""
+    """Find the stated error, the known bias of the rule, and 1e-4 by quadrature at most."""
     value = analysis.measure(CRYSTAL, exact_record, quantities=name)[name]
     assert abs(value.value - exact) < 3 * value.error + (bias + 1e-4) * exact
 
 
 def test_exact_signals_do_not_fade(exact_record):
-    """Expect an attenuation of a hundredth over the whole length at most."""
+    """Find an attenuation of a hundredth over the whole length at most."""
     alpha = analysis.measure(CRYSTAL, exact_record, quantities="attenuation")["attenuation"]
     assert np.median(abs(alpha.value)) * CRYSTAL.length < 0.01
 
@@ -200,7 +203,7 @@ def test_attenuation_is_that_of_the_signals_at_every_frequency(fading_wave, of_f
 
 
 def test_quality_is_that_of_the_signals(fading_wave, of_fading_wave):
-    """Expect Q = pi f / (V alpha) wherever it is known."""
+    """Find Q = pi f / (V alpha) wherever it is known."""
     quality = of_fading_wave["quality"]
     is_known = np.isfinite(quality.value)
     frequency = np.array(quality.at)[is_known]
@@ -211,7 +214,7 @@ def test_quality_is_that_of_the_signals(fading_wave, of_fading_wave):
 
 
 def test_line_width_of_a_pulse_is_that_of_its_attenuation(of_fading_wave):
-    """Expect alpha V / pi with the V of the signals, not that of the contacts."""
+    """Find alpha V / pi with the V of the signals, not that of the contacts."""
     line = of_fading_wave["scattering_of_pulse"]
     width = of_fading_wave["attenuation"].value * VELOCITY / np.pi
     # The effect of the window is in the error of the fit.

@@ -16,14 +16,14 @@ from modal.tools.errors import InputError, UnavailableError
 
 
 def unbounded(network):
-    """A cluster without walls and periods."""
+    """Return a cluster without walls and periods."""
     inside = ~network.with_wall & ~network.cell_shift.any(axis=1)
     nowhere = {"cell_periodic": np.zeros(3, bool), "wall_position": np.zeros(2)}
     return replace(network.with_contacts(inside), **nowhere)
 
 
 def small():
-    """60 spheres of unequal sizes between walls."""
+    """Return 60 spheres of unequal sizes between walls."""
     return polydisperse()
 
 

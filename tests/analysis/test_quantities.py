@@ -65,7 +65,7 @@ BULK_MODULUS, SHEAR_MODULUS = isotropic_mean(CRYSTAL.stiffness)
 def test_moduli_of_a_crystal_are_those_of_the_closed_form(
     name, expected, tolerance, periodic_crystal
 ):
-    """Spheres overlap by 4e-4 of the diameter: the lattice is that much closer in each length."""
+    """Compare within the overlap, 4e-4 of the diameter, by which each length is shorter."""
     assert periodic_crystal[name].value == pytest.approx(expected, rel=tolerance)
 
 
@@ -83,7 +83,7 @@ def column_at_amplitudes():
     ("name", "order"), [("even_part", 1), ("second_harmonic", 1), ("odd_part", 2)]
 )
 def test_order_of_a_change_with_the_amplitude(name, order, column_at_amplitudes):
-    """Expect a series in amplitude over overlap, whose next terms are below 5 % here."""
+    """Find a series in amplitude over overlap, whose next terms are below 5 % here."""
     low, high = column_at_amplitudes[name].value
     assert np.log2(high / low) == pytest.approx(order, abs=0.05)
     assert 0 < high < 0.1
@@ -162,7 +162,7 @@ def lines_of_crystal(cubic_crystal):
 
 @pytest.mark.parametrize("name", SCATTERING)
 def test_crystal_does_not_scatter(name, cubic_crystal, lines_of_crystal):
-    """Expect lines whose width is below the resolution, with an error of half of it."""
+    """Find lines whose width is below the resolution, with an error of half of it."""
     line = PackingData(cubic_crystal).line
     width = lines_of_crystal[name]
     assert (width.value < np.hypot(0.3 * line, 3 * width.error)).all()

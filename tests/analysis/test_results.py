@@ -26,7 +26,7 @@ FREQUENCY = Value(
 
 @pytest.fixture
 def row():
-    """A case with an exact number, a frequency, and a number that is not known."""
+    """Return a case with an exact number, a frequency, and a number that is not known."""
     row = CaseResult(6, "case06", "random", False, 1e5, 0.1, "linear", "")
     row.values["void_ratio"] = Value(0.544, "1")
     row.values["f_max"] = FREQUENCY
@@ -36,13 +36,13 @@ def row():
 
 @pytest.fixture
 def written(row, tmp_path):
-    """The file of that case."""
+    """Return the file of that case."""
     write_result(tmp_path / "case06.json", row)
     return tmp_path / "case06.json"
 
 
 def test_a_result_has_the_values_of_measure(row, written):
-    """Unit, parts of the error, caveats and plateau are in the file, all of them in SI units."""
+    """Read unit, parts of the error, caveats and plateau from the file, all in SI units."""
     values = json.loads(written.read_text())["values"]
     assert values == {name: value.as_json() for name, value in row.values.items()}
 
@@ -56,7 +56,7 @@ def test_values_are_read_as_they_were_written(written):
 
 
 def test_columns_have_the_units_of_the_tables(written):
-    """An exact number has no error in a table; what is not known is NaN."""
+    """Give an exact number no error in a table, and NaN for what is not known."""
     columns = read_result(written).columns
     assert columns["f_max_khz"] == (189.3, 0.5, 0.4)
     assert columns["void_ratio"].value == 0.544
@@ -71,7 +71,7 @@ def test_columns_of_a_study_by_quantities_are_in_si_units(row):
 
 
 def test_a_result_by_column_keeps_all_digits():
-    """Values come into SI units, and back into columns with the very digits of the file."""
+    """Convert values to SI units and back to columns with all digits of the file."""
     cells = json.loads(COMMITTED.read_text())["values"]
     row = read_result(COMMITTED)
     columns = row.columns
@@ -94,7 +94,7 @@ def test_a_result_by_column_is_written_with_units(tmp_path):
 
 
 def test_columns_of_the_record_are_those_of_its_quantities():
-    """Both tables of copies name the same columns."""
+    """Compare the columns of both tables of copies."""
     units = {"v": "m/s", "f": "Hz", "l": "1"}
     row = read_result(COMMITTED)
     copies = [name for name in row.values if "_of_record" in name]
@@ -124,7 +124,7 @@ def test_a_damaged_value_is_refused(written, wrong):
 
 @pytest.mark.parametrize("first", [[], [500.0, 600.0]])
 def test_the_first_resonance_is_one_frequency(tmp_path, first):
-    """Figures divide the gain's frequencies by it."""
+    """Return one number, by which figures divide the gain's frequencies."""
     contents = json.loads((ROOT / "results/study/cases/case02.json").read_text())
     contents["curves"]["first"] = [first]
     path = tmp_path / "case02.json"

@@ -46,10 +46,10 @@ def exact_frequency(share: float, kappa: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("passages", [1.0, 1.95])
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_each_lattice_gives_its_own_wavelengths(share, passages):
-    """With springs to second neighbours of C / 2 the band ends at cos kappa l = -1/2: 3 l, not 2 l.
+    """Find the band edge of springs C / 2 to second neighbours at cos kappa l = -1/2: 3 l, not 2 l.
 
-    A window of T resolves 1/T, 3 to 6 kHz of 140; a peak is found to some thirtieth of that, about
-    0.1 kHz, which is 0.5 % of the lowest frequency asked for. At the edge the resolution of the
+    A window of T resolves 1/T, 3 to 6 kHz of 140; a peak is located to some thirtieth of that,
+    about 0.1 kHz, which is 0.5 % of the lowest frequency here. At the edge the resolution of the
     chain decides, 1 / 100 of the wave number.
     """
     edge = np.arccos(-0.5 if share else -1.0) / CHAIN.distance
@@ -62,7 +62,7 @@ def test_each_lattice_gives_its_own_wavelengths(share, passages):
 
 
 def test_other_distance_gives_other_ratio_to_the_diameter():
-    """Spheres in a straight row are a diameter apart: 2 D, with nothing of the FCC in it."""
+    """Measure a straight row of spheres, a diameter apart: the edge is 2 D, not that of the FCC."""
     row = LayerLattice(mass=1e-6, stiffness=3e6, wall_stiffness=1e6, distance=1e-3, layers=120)
     time = np.arange(0, 120 * row.distance / row.velocity, 1e-7)
     measured = ridge(lattice_signals(row, time, Pulse(frequency=3e5)))
@@ -83,7 +83,7 @@ def test_noise_that_hides_the_edge_gives_no_wavelength(noise, edge_wavelength):
 
 
 def test_measured_case_has_no_wavelength_above_its_edge():
-    """The linear wave of an FCC column has sqrt 2 D at its edge, and no wavelength above."""
+    """Measure an FCC column, with sqrt 2 D at its edge, and no wavelength above."""
     crystal = PackingData(fcc(cells=(1, 1, 200)))
     assert edge_wavelength(crystal, "linear") == pytest.approx(np.sqrt(2), rel=1e-2)
     edge = crystal.lattice.low_pass_frequency

@@ -47,7 +47,7 @@ NO_SCALE = "residual", "stress_error"
 
 
 def measured(network):
-    """All quantities but those over amplitudes."""
+    """Return all quantities except those that depend on the amplitude."""
     packing = PackingData(replace(network, study={}))
     names = [name for name in QUANTITIES if name not in (*AMPLITUDE, *NO_SCALE)]
     return {name: QUANTITIES[name].measured(packing) for name in names}
@@ -63,7 +63,7 @@ def as_it_is(kind):
     "kind", ["random", "crystal", pytest.param("periodic", marks=pytest.mark.slow)]
 )
 def test_every_quantity_scales_with_the_units_of_length_mass_and_time(kind, units):
-    """As many are known, and values and errors are the same to round-off."""
+    """Compare which are known, and values and errors to round-off."""
     first = as_it_is(kind)
     second = measured(in_units(PACKINGS[kind](), *units))
     assert sum(value.known for value in first.values()) > 25
@@ -77,7 +77,7 @@ def test_every_quantity_scales_with_the_units_of_length_mass_and_time(kind, unit
 
 
 def test_waves_of_finite_amplitude_scale_with_the_spheres():
-    """Spheres of 2.5 nm, pushed by as large a part of their overlap, do what those of 2.5 mm do."""
+    """Push spheres of 2.5 nm by the same share of their overlap as spheres of 2.5 mm."""
     column = gallery.column(12)
     small = in_units(column, 1e-6, 1e-18, 1e-6)
     push = 0.01 * column.overlap[1]
@@ -105,7 +105,7 @@ def test_a_linear_wave_does_not_depend_on_the_size_of_its_pulse(amplitude):
 
 @pytest.mark.parametrize("highest", [1e-3, 1e5, 1e11])
 def test_the_limit_of_long_waves_is_that_of_the_dispersion(highest):
-    """kappa = omega / V (1 + b f^2) has the slowness 1 / V at zero, whatever the frequencies."""
+    """Extrapolate the slowness of kappa = omega / V (1 + b f^2) to 1 / V at zero."""
     frequency = np.linspace(highest / 120, highest, 120)
     velocity = 500.0
     slowness = (1 + 0.2 * (frequency / highest) ** 2) / velocity

@@ -29,10 +29,10 @@ def test_width_of_a_known_power(power):
 
 
 def test_lines_of_known_width_give_it_back():
-    """Lines are Gaussian of width w, full at half height; the resolution is subtracted.
+    """Measure Gaussian lines of known full width at half height; the resolution is subtracted.
 
-    The squares of the widths of two folded Gaussians add; on a grid of a tenth of the width the
-    sum is found within a per cent.
+    The squares of the widths of two folded Gaussians add; on a grid of a tenth of the width the sum
+    is found within a per cent.
     """
     f = np.arange(100, 3e4, 50.0)
     resolution = 1e3
@@ -50,7 +50,7 @@ def test_lines_of_known_width_give_it_back():
 
 
 def test_fitted_wave_numbers_of_walls_that_give_way():
-    """Sines of a column that is 1 % longer, at uneven places: kappa to 1e-4, not Eq. 4's."""
+    """Fit sines of a column that is 1 % longer, at uneven heights: kappa to 1e-4, not Eq. 4's."""
     rng = np.random.default_rng(3)
     length = 0.36
     depth = np.sort(rng.uniform(0, length, 800))
@@ -60,7 +60,10 @@ def test_fitted_wave_numbers_of_walls_that_give_way():
 
 
 def test_long_wave_velocity_takes_the_bend_off():
-    """omega = 2 V / l sin(kappa l / 2): V up to the fourth order of kappa l, 0.16 at r = 10."""
+    """Correct omega = 2 V / l sin(kappa l / 2) for its bend.
+
+    The result is V up to the fourth order of kappa l, which is 0.16 at r = 10.
+    """
     length = 0.36
     spacing = 1.8e-3
     speed = 540.0
@@ -71,9 +74,10 @@ def test_long_wave_velocity_takes_the_bend_off():
 
 
 def test_maxima_of_a_rod_lie_half_way():
-    """Receiver over source stress of a rod between rigid walls: 1 / |cos q L|, complex q.
+    """Find the maxima of 1 / |cos q L| with a complex q.
 
-    Its maxima are the modes of the column whose source end is free: (r - 1/2) f_1.
+    This is the stress at the receiver of a rod between rigid walls, divided by that at the source.
+    The maxima are the modes of a column whose source end is free: (r - 1/2) f_1.
     """
     first = 750.0
     f = np.arange(20, 1e4, 20.0)
@@ -84,10 +88,10 @@ def test_maxima_of_a_rod_lie_half_way():
 
 
 def test_maxima_of_the_crystals_gain_are_modes_of_a_free_source():
-    """The stress at the source vanishes where the column with a free source end swings by itself.
+    """Compare with a column whose source end is free: its modes have no stress at the source.
 
-    Exactly so without a window; that of 0.38 f_1 moves the maxima by its square over the orders'
-    curvature, a thousandth of f_1 (the grid of the gain is 0.1 f_1).
+    The window of 0.38 f_1 moves the maxima by its square times the curvature over the orders, a
+    thousandth of f_1; the grid of the gain is 0.1 f_1.
     """
     crystal = PackingData(fcc(cells=(1, 1, 100)))
     # In symmetric modes of a crystal twice as long the bond in the middle bears nothing.

@@ -95,7 +95,7 @@ def test_first_peaks_of_s_waves_lag_behind_the_front(producer, packing):
 
 
 def test_gain_of_s_waves_is_largest_at_a_quarter_of_a_wave(packing):
-    """As with P-waves the source end is free there."""
+    """Find the maximum where the source end is free, as with P-waves."""
     passage_frequency = LATTICE.velocity / packing.network.length
     response = frequency_response(
         packing.network,

@@ -160,7 +160,7 @@ def test_target_of_a_missing_case_has_no_value(targets):
 
 
 def test_second_sample_of_a_case_gives_it_an_error(table):
-    """The folder seed_2 holds case 6 alone: two samples of it, and one of each crystal."""
+    """Read case 6 from the folder seed_2, too: it has two samples, each crystal one."""
     assert [table[case]["packings"] for case in ("2", "3", "6")] == ["1", "1", "2"]
     first, second = (void_ratio(slender(seed)) for seed in (3, 4))
     # The standard deviation of two values is their difference divided by sqrt(2).

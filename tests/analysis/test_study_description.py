@@ -171,7 +171,7 @@ def test_the_ends_of_a_range_may_be_set(name, value, tmp_path):
 
 
 def test_what_a_study_does_not_say_is_as_in_the_paper(tmp_path):
-    """Crystals of 4 x 4 x 200 and random packings of 35,201 spheres (stated.csv)."""
+    """Find crystals of 4 x 4 x 200 and packings of 35,201 spheres, as in stated.csv."""
     path = tmp_path / "sweep.yaml"
     path.write_text(SWEEP)
     settings = Study(path).settings
@@ -190,7 +190,7 @@ def test_a_study_may_have_as_many_cases_as_the_limit(tmp_path, monkeypatch):
 
 
 def test_a_quantity_called_as_a_setting_is_what_was_measured(tmp_path):
-    """Where a study asks for both it is refused: a selection could mean either."""
+    """Refuse a study that has both: a selection could mean either."""
     path = tmp_path / "sweep.yaml"
     path.write_text(SWEEP.replace("stress: 1e5", "stress: 1e5\n    particles: 1"))
     study = Study(path)
@@ -206,7 +206,7 @@ def test_a_quantity_called_as_a_setting_is_what_was_measured(tmp_path):
 
 
 def test_references_that_grow_without_end_are_refused(tmp_path):
-    """Nine lines that stand for a thousand million numbers."""
+    """Refuse nine lines that stand for a thousand million numbers."""
     lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
     lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 9)]
     (tmp_path / "bomb.yaml").write_text("\n".join(lines))
@@ -289,7 +289,7 @@ ENTRY = {
     ],
 )
 def test_an_entry_of_a_part_that_means_none_is_one_line(part, old, new, tmp_path, one_line):
-    """And nothing is written but in the folder asked for."""
+    """Refuse it in one line, and write only into the requested folder."""
     study = tmp_path / "own"
     study.mkdir()
     (study / "sweep.yaml").write_text(SWEEP)
@@ -305,7 +305,7 @@ def test_an_entry_of_a_part_that_means_none_is_one_line(part, old, new, tmp_path
 
 
 def results(folder, path):
-    """Results of a study's cases, as they are measured."""
+    """Return results of a study's cases, as they are measured."""
     folder.mkdir()
     for name, row in Study(path).cases.iterrows():
         write_result(folder / f"{name}.json", _of_sweep(name, row))
@@ -366,7 +366,7 @@ def test_a_page_of_a_study_is_no_program(text, tmp_path):
 
 
 def test_all_that_a_page_shows_is_escaped(tmp_path):
-    """Titles, captions, heads of columns and targets with marks of HTML."""
+    """Show titles, captions, heads of columns and targets that contain HTML."""
     mark = r"""<script>alert(1)</script>\"'"""
     (tmp_path / "sweep.yaml").write_text(SWEEP.replace("name: sweep", f'title: "{mark}"'))
     texts = {

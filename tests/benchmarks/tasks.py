@@ -6,15 +6,15 @@ import numpy as np
 
 
 def hundred_megabytes():
-    """Task for `measured`: memory that is written to, given back at the end."""
+    """Write to memory of this size and give it back: a task for `measured`."""
     return lambda: int(np.ones(100_000_000 // 8).sum())
 
 
 def nothing_to_do():
-    """Task for `measured`."""
+    """Return at once: a task for `measured`."""
     return lambda: None
 
 
 def waiting():
-    """Task for `measured`."""
+    """Wait: a task for `measured`."""
     return lambda: time.sleep(0.5)

@@ -24,13 +24,13 @@ def test_another_default_would_be_noticed(monkeypatch):
 
 
 def rows(method: str = "", **columns) -> list[dict]:
-    """Rows of one method, from its columns."""
+    """Return the rows of one method, from its columns."""
     of = zip(*columns.values(), strict=True)
     return [dict(zip(columns, row, strict=True)) | {"method": method} for row in of]
 
 
 def steps(floor: float) -> list[dict]:
-    """Rows of the crystal: V_P is off by `floor`, the time step adds its share."""
+    """Return rows of the crystal: V_P is off by `floor`, to which the time step adds its share."""
     tried = (0.8, 0.4, 0.2, 0.1, 0.05)
     shares = {"dispersion_linear": [0.04 * step**2 for step in tried]}
     how = {"time_step_over_limit": tried, "error_velocity": [floor] * 5}

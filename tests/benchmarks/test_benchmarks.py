@@ -28,7 +28,7 @@ from tests.benchmarks import tasks
 
 @pytest.fixture(scope="module")
 def packing():
-    """A random packing of 60 spheres with floppy modes, and its whole spectrum."""
+    """Return a random packing of 60 spheres with floppy modes, and its whole spectrum."""
     network = random_sample(60, 1e5, seed=3, aspect=2.5).network()
     system = LinearSystem.of(network)
     assert by_structure(system).total > 0
@@ -47,7 +47,7 @@ def test_a_task_is_measured_in_its_own_process(job):
 
 
 def test_memory_of_a_command_is_its_own(tmp_path):
-    """Not that of the process that starts it, which holds 300 MB here."""
+    """Leave out the memory of the process that starts it, which has 300 MB here."""
     held = np.ones(300_000_000 // 8)
     spent = run_command([sys.executable, "-S", "-c", "print(1)"], tmp_path, tmp_path / "log")
     assert spent.peak_mb < 100 < held.nbytes / 1e6
@@ -64,7 +64,7 @@ def test_a_command_or_task_that_fails_says_why(job):
 
 
 def test_several_threads_are_timed_by_the_clock(job):
-    """A program that waits has spent no processor time; on several threads the wait counts."""
+    """Count the time of waiting on several threads, though it takes no processor time."""
     wait = [sys.executable, "-S", "-c", "import time; time.sleep(0.5)"]
     for one, two in (
         (run_command(wait, job.folder, job.folder / "log", threads=k) for k in (1, 2)),
@@ -87,7 +87,7 @@ def test_a_job_that_fails_costs_one_line_and_no_other_job(tmp_path, monkeypatch,
 
 
 def test_energy_of_the_springs_gives_the_frequencies(packing):
-    """Against the matrix's own spectrum, to what round-off in K leaves of its lowest modes."""
+    """Compare with the matrix's spectrum, within the round-off of K in its lowest modes."""
     network, exact, floppy = packing
     found = by_energy(LinearSystem.of(network), floppy.total, 10)
     wanted = exact[floppy.total :][:10]
@@ -96,7 +96,7 @@ def test_energy_of_the_springs_gives_the_frequencies(packing):
 
 
 def test_lower_part_keeps_its_stiffness(packing):
-    """K is the block of K of the whole without the contacts that were cut, but for its top."""
+    """Compare with the block of K without the contacts that were cut, except at the top."""
     whole = packing[0]
     part = resized(whole, 25)
     kept = (whole.particle_i < 25) & (whole.particle_j < 25)
@@ -138,7 +138,7 @@ def test_density_errors_split_into_kernel_and_vectors(packing):
 
 @pytest.mark.parametrize("curve", scaling.ACTIONS)
 def test_what_is_measured_still_works(packing, curve):
-    """A task that fails is an empty row of the table, which nobody may notice."""
+    """Run each task: one that fails is an empty row of the table, which nobody may notice."""
     found = scaling.ACTIONS[curve](packing[0])
     assert re.match(r"[1-9]\d* (nonzeros|products|modes)", found)
 
@@ -146,7 +146,7 @@ def test_what_is_measured_still_works(packing, curve):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMED)
 def test_every_job_writes_its_tables_and_figures(name, tmp_path, yade):
-    """No column without a number; complete where YADE is, LAMMPS may be missing."""
+    """Find a number in each column; complete where YADE is, LAMMPS may be missing."""
     assert main(["--quick", name, "-o", str(tmp_path)]) == 0
     page = (tmp_path / f"{name}.md").read_text()
     shown = re.findall(r"\((\w+\.png)\)", page)

@@ -132,7 +132,7 @@ def test_two_spheres_that_touch_nothing_have_twelve_motions(pre_stress):
 
 
 def test_forces_on_one_sphere_between_walls_by_arrays():
-    """Expect equal forces of both walls from the computation that serves without numba."""
+    """Find equal forces of both walls from the computation that serves without numba."""
     packing = make_sample("both")
     network = packing.network()
     load = np.zeros((1, 6))

@@ -153,7 +153,7 @@ def test_macos_tells_its_whole_memory_alone(monkeypatch, tmp_path):
 
 
 def test_windows_tells_no_memory(monkeypatch, tmp_path):
-    """Windows has neither /proc nor the modules that ask for limits."""
+    """Hide /proc and the modules that ask for limits, which Windows lacks."""
     monkeypatch.setattr(memory, "PROC", tmp_path)
     monkeypatch.setattr(memory, "resource", None)
     monkeypatch.delattr(os, "sysconf", raising=False)

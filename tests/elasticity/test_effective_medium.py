@@ -70,7 +70,10 @@ def test_makse_has_the_same_bulk_modulus_over_pressure():
 
 
 def test_digby_lies_between_smooth_and_bonded_spheres():
-    """Without bonds Walton's smooth spheres; without pressure the circle is the bond's."""
+    """Compare with Walton's smooth spheres without bonds.
+
+    Without pressure the radius of the contact is that of the bond.
+    """
     smooth = walton(RANDOM, rough=False)
     assert digby(RANDOM, bond_radius=0.0) == pytest.approx(smooth, rel=1e-12)
     bond = 0.02 * RADIUS
@@ -89,7 +92,7 @@ def test_digby_lies_between_smooth_and_bonded_spheres():
 
 
 def test_affine_moduli_are_those_of_a_network_with_equal_contacts(crystal):
-    """The isotropic mean does not depend on directions: compare with the crystal's tensor.
+    """Compare with the crystal's tensor: the isotropic mean does not depend on directions.
 
     Spheres overlap by 1e-4 of a radius, by which branches are shorter than 2 R.
     """
@@ -158,7 +161,7 @@ def test_permeability_and_biot_frequency_of_equal_spheres(crystal):
 
 
 def test_added_mass_of_water_lowers_motions_of_centres_by_its_factor(tmp_path, printed, one_line):
-    """Expect sqrt(2230 / 2730) = .904 for translations, and as much for long waves."""
+    """Find sqrt(2230 / 2730) = .904 for translations, and as much for long waves."""
     dry = modal.fcc(cells=(1, 1, 10))
     wet = with_added_mass(dry, "water")
     factor = np.sqrt(2230 / 2730)

@@ -126,7 +126,7 @@ def test_single_modes_are_refused_and_all_else_is_not(tmp_path, capsys):
 
 @pytest.mark.parametrize(("bulk", "shear"), [(1.1, 1.0), (1.0, 1.1), (1.0, 0.9), (0.9, 1.05)])
 def test_the_error_is_twice_the_larger_change_of_the_two_moduli(tmp_path, bulk, shear):
-    """Each perturbed packing changes the moduli by as much, to both sides."""
+    """Perturb packings to both sides: each changes the moduli by the same amount."""
     network = imported(tmp_path, 6)
     moduli = SimpleNamespace(bulk_modulus=2e8, shear_modulus=1e8)
     changed = SimpleNamespace(bulk_modulus=2e8 * bulk, shear_modulus=1e8 * shear)
@@ -135,7 +135,7 @@ def test_the_error_is_twice_the_larger_change_of_the_two_moduli(tmp_path, bulk, 
 
 
 def test_a_velocity_is_off_by_half_as_much_as_its_modulus(tmp_path):
-    """V is the root of M / density."""
+    """Divide the relative error by two, as V is the root of M / density."""
     network = imported(tmp_path, 6)
     modulus = relative_error_by_digits(network, "bulk_modulus", "Pa")
     assert relative_error_by_digits(network, "v_p", "m/s") == pytest.approx(modulus / 2)
@@ -149,9 +149,9 @@ def test_digits_that_suffice_change_nothing(tmp_path):
 
 
 def test_contacts_without_a_force_keep_their_springs(tmp_path):
-    """No law says how the tangential spring of a contact without a force follows from its overlap.
+    """Keep the tangential spring of a contact without a force: no law relates it to the overlap.
 
-    Nor does one of a contact without a normal spring.
+    Keep that of a contact without a normal spring, too.
     """
     network = imported(tmp_path, 6)
     force = network.force_normal.copy()

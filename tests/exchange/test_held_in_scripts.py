@@ -190,14 +190,14 @@ def test_spheres_that_move_freely_are_taken(tmp_path, script):
 
 
 def test_another_job_begins_without_the_fixes_of_the_one_before(tmp_path):
-    """The first job freezes the ends and is killed; the log of the second one follows."""
+    """Freeze the ends in a job that is killed; the log of a second job follows."""
     head = "LAMMPS (22 Jul 2025)\n"
     script = f"{ENDS}{SPHERE}\nfix f ends freeze\nrun 9\n{TABLE}{head}{SPHERE}\n{RUN}"
     assert held_by(tmp_path, script) == "- - -"
 
 
 def test_frequencies_of_a_held_column(tmp_path):
-    """One sphere between two held ones, with two springs kn, and two kt at arms of a radius.
+    """Compare a sphere between two held ones, with two springs kn, and two kt at arms of a radius.
 
     m u'' = -2 kn u along z, and across m u'' = -2 kt u, (2/5) m R^2 theta'' = -2 kt R^2 theta: the
     slips at the two contact points, u + R theta and u - R theta, do not couple them.
@@ -223,7 +223,7 @@ def test_a_plane_needs_spheres_that_are_kept_in_it(tmp_path):
 
 
 def test_pairs_of_held_spheres_may_be_excluded(tmp_path):
-    """Programs leave out the contacts inside a wall of spheres; others are needed."""
+    """Accept excluded contacts inside a wall of spheres; refuse others, which are needed."""
     exclude = "neigh_modify exclude group {} {}\n"
     freeze = f"{ENDS}{SPHERE}\nfix f ends freeze\n"
     assert held_by(tmp_path, f"{freeze}{exclude.format('ends', 'ends')}{RUN}") == ALL

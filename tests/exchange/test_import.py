@@ -131,7 +131,7 @@ def test_a_triclinic_box_without_tilt_is_the_rectangular_one(given):
 
 @pytest.mark.parametrize("columns", ["x y z", "xs ys zs"])
 def test_a_triclinic_box_of_the_same_periods_is_the_same_packing(given, columns):
-    """The periods a, a + b and c - b repeat the packing as a, b and c do."""
+    """Describe the same packing by the periods a, a + b and c - b instead of a, b and c."""
     files = given("lammps")
     expected = files.network(contacts=None)
     side = float(expected.cell_size[0])

@@ -123,7 +123,7 @@ PARTS = {
 
 @pytest.mark.parametrize("lines", PARTS.values(), ids=PARTS)
 def test_a_dump_of_a_part_of_the_spheres_is_refused(tmp_path, lines):
-    """While spheres are inserted fewer of them may be dumped, but not fewer than were printed."""
+    """Accept fewer spheres than at the end, while they are inserted, but not fewer than printed."""
     with pytest.raises(InputError) as refused:
         network_of(tmp_path, LAMMPS + lines, 100)
     assert refused.value.code == "part_of_atoms"
@@ -131,7 +131,7 @@ def test_a_dump_of_a_part_of_the_spheres_is_refused(tmp_path, lines):
 
 @pytest.mark.parametrize(("other_x", "code"), [(4.123, ""), (4.2, "repeated_step")])
 def test_a_step_that_stands_twice_is_one_state(tmp_path, other_x, code):
-    """A job that goes on appends its first step again; another job appends other spheres."""
+    """Append the first step again, as a job that goes on does; refuse it with other spheres."""
     first = column(tmp_path, step=7).read_text()
     dump = column(tmp_path, step=7, x=other_x)
     dump.write_text(first + dump.read_text())

@@ -343,7 +343,7 @@ DOMAIN = "xMin 0.7 xMax 0.8 yMin 0 yMax 5 zMin 0 zMax 1.2"
 
 
 def test_fixed_particles_are_held(cubic):
-    """A chain of five spheres whose second is fixed: one below it, three above, by themselves."""
+    """Fix the second of five spheres in a chain: one below and three above move by themselves."""
     free = cubic.network()
     lowest = np.argmin(free.position.sum(axis=1))
     over = np.argsort(abs(free.position - free.position[lowest] - [0, 0, 1]).sum(axis=1))[0]
@@ -387,7 +387,7 @@ CONTROL = (
 
 
 def test_controlled_periods_are_periods_of_the_domain(tmp_path):
-    """Each sphere of a cubic lattice has six neighbours, none of them through a wall."""
+    """Count six neighbours of each sphere of a cubic lattice, none of them through a wall."""
     path = tmp_path / "a.restart"
     path.write_text(cubic_lattice(CONTROL.format("0")))
     network = import_packing(path).network

@@ -165,7 +165,7 @@ documents of 2013."""
 
 
 def test_old_restart_of_mercury(tmp_path):
-    """Two masses and three springs in a row: omega^2 = k/m and 3 k/m along z."""
+    """Compare two masses and three springs in a row: omega^2 = k/m and 3 k/m along z."""
     path = tmp_path / "column.restart"
     path.write_text(OLD_RESTART)
     network = modal.read(path)
@@ -183,7 +183,7 @@ def test_old_restart_of_mercury(tmp_path):
 
 
 def test_mixed_species_of_old_restarts(tmp_path):
-    """The law between two species stands in the line that ends in (mixed)."""
+    """Read the law between two species from the line that ends in (mixed)."""
     text = OLD_RESTART.replace("Species 1", "Species 2")
     own = "k 20000 disp 0 kt 5000 dispt 0 mu 0.5 rho 1.9098593 dim_particle 3\n"
     other = own.replace("20000", "30000")
@@ -253,7 +253,7 @@ def test_vtk_without_the_library_is_named(tmp_path, monkeypatch):
 
 
 def test_other_packages_add_readers(tmp_path, monkeypatch):
-    """A distribution with an entry point, as pip would have installed it."""
+    """Add a distribution with an entry point, as pip would have installed it."""
     (tmp_path / "my_reader.py").write_text(
         "from modal import fcc\n"
         "from modal.exchange.import_result import ImportResult\n"

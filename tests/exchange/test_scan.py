@@ -38,7 +38,7 @@ def scanned(truth):
 
 
 def test_simple_cubic_crystal_under_pressure_has_the_exact_stiffness():
-    """Each of its three contacts a sphere carries p D^2, whatever the distance of the spheres."""
+    """Put p D^2 on each of three contacts a sphere, whatever the distance of the spheres."""
     count, diameter = 4, 2e-3
     grid = np.stack(np.meshgrid(*[np.arange(count)] * 3, indexing="ij"), -1).reshape(-1, 3)
     network = modal.from_spheres(
@@ -58,7 +58,7 @@ def test_simple_cubic_crystal_under_pressure_has_the_exact_stiffness():
 
 
 def test_mean_force_is_that_of_the_packing(truth):
-    """Love's formula, with the forces and branch vectors of a packing whose forces are known."""
+    """Compare Love's formula with the forces and branch vectors of a packing with known forces."""
     pairs = truth.branch
     length = np.linalg.norm(pairs, axis=1)
     weighted = (truth.force_normal * length).sum() / length.sum()
@@ -88,7 +88,7 @@ def test_error_contains_what_tolerances_move(scanned):
 
 
 def test_all_alternatives_bear_the_stress(scanned):
-    """The sum of forces times branches, from the stiffnesses alone: f = (k / c)^3 / R*."""
+    """Sum forces times branches, from the stiffnesses alone: f = (k / c)^3 / R*."""
     scan = Scan.of(scanned.study)
     for other in alternatives(scanned):
         radius_i = other.radius[other.particle_i]

@@ -43,7 +43,7 @@ def cell_lines(network, scale=1.0):
 
 
 def test_arrays_have_the_contacts_and_stiffnesses_of_the_law(walled, periodic):
-    """The packings' own stiffnesses are computed by other code, from the same law."""
+    """Compare with the packings' own stiffnesses, which other code computed by the same law."""
     for network in (walled, periodic):
         walls = None if network.cell_periodic[2] else network.wall_position
         found = modal.from_spheres(
@@ -53,7 +53,7 @@ def test_arrays_have_the_contacts_and_stiffnesses_of_the_law(walled, periodic):
 
 
 def test_lever_arms_of_lammps_differ_by_words_alone(periodic):
-    """`granular` may be left out, a wall that is None is absent."""
+    """Leave out `granular`, and walls that are None."""
     options = {"cell": periodic.cell_size, "walls": (None, np.nan)}
     first = modal.from_spheres(periodic.position, periodic.radius, law=LAW, **options)
     second = modal.from_spheres(
@@ -83,7 +83,7 @@ def test_headers_and_units(tmp_path, walled, header, scale, size):
 
 
 def test_frequencies_scale_as_the_root_of_the_modulus(periodic):
-    """E sqrt enters K as a factor, so that each frequency grows as sqrt(E)."""
+    """Multiply E: K has it as a factor, so each frequency grows as sqrt(E)."""
     laws = (LAW, LAW.replace("6e10", "2.4e11"))
     frequencies = []
     for law in laws:

@@ -66,7 +66,7 @@ def test_eigenvalues_of_the_written_matrices(network, exported, ending):
 
 
 def test_held_spheres_leave_the_matrices(network):
-    """Rows of motions that spheres cannot make are left out, as from a matrix by hand."""
+    """Leave out rows of motions that spheres cannot make, as in a matrix by hand."""
     fixed = np.zeros((network.n_particles, 6), bool)
     fixed[3] = True
     fixed[5, 2] = True

@@ -213,7 +213,7 @@ def test_a_file_that_is_open_elsewhere_is_not_called_damaged(file):
 @pytest.mark.parametrize(("numbers", "code"), [([1, 1, 0], ""), ([84, 84, 70], "not_yes_or_no"),
                                                ([1, 2, 0], "not_yes_or_no")])  # fmt: skip
 def test_yes_and_no_are_one_and_zero(tmp_path, numbers, code):
-    """The letters T and F are numbers in a file of bytes, and neither of them is zero."""
+    """Refuse the letters T and F: in a file of bytes they are numbers, and neither is zero."""
     path = tmp_path / "a.network.h5"
     write_network(path, CRYSTAL)
     with h5py.File(path, "a") as file:
@@ -228,7 +228,7 @@ def test_yes_and_no_are_one_and_zero(tmp_path, numbers, code):
 
 
 def test_one_chunk_as_large_as_its_dataset_is_read(file, monkeypatch):
-    """However little is taken without a look at how much the file can hold."""
+    """Read it although it is larger than what is read without a check of the file's size."""
     monkeypatch.setattr("modal.formats.storage.UNCHECKED_BYTES", 0)
     with h5py.File(file, "r+", libver="latest") as raw:
         _new(raw, data=CRYSTAL.stiffness_tangential, chunks=(SIZE,))

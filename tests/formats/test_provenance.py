@@ -212,7 +212,7 @@ def test_relaxed_sample_is_another_packing_than_its_state(tmp_path, capsys):
 
 
 def test_versions_are_those_of_what_is_loaded(monkeypatch):
-    """Inside YADE scipy may be installed and yet not used."""
+    """Leave out scipy where it is installed but not used, as inside YADE."""
     assert f"scipy {metadata.version('scipy')}" in versions(yade="2023").split(", ")
     monkeypatch.delitem(sys.modules, "scipy")
     names = [text.split()[0] for text in versions(yade="2023").split(", ")]

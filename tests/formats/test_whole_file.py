@@ -56,7 +56,7 @@ def run_with_file_limit(words: list[str], limit: int) -> tuple[int, str]:
     ],
 )
 def test_full_disk_is_one_line_and_leaves_the_old_file(command, name, limit, tmp_path):
-    """The HDF5 library alone ends with a segmentation fault here."""
+    """Write to a full disk, where the HDF5 library alone ends with a segmentation fault."""
     if name == "a.vtu":
         pytest.importorskip("meshio")
     source = tmp_path / "a.network.h5"
@@ -312,7 +312,7 @@ def link_of_another_user(tmp_path) -> Path:
 
 
 def test_link_of_another_user_is_not_followed(link_of_another_user, tmp_path):
-    """Linux does the same in /tmp."""
+    """Refuse the link; Linux does the same in /tmp."""
     with refusal("foreign_link"):
         write_network(link_of_another_user, CRYSTAL)
     assert (tmp_path / "victim").read_text() == "precious"

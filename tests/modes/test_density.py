@@ -263,7 +263,7 @@ def test_what_is_no_frequency_is_refused_by_the_command(packing, wrong, tmp_path
 def test_a_frequency_beyond_the_modes_is_remarked_on(
     command, options, frequency, is_beyond, packing, tmp_path, capsys
 ):
-    """Expect a remark for a frequency beyond all modes, as if it were given in kHz.
+    """Find a remark for a frequency beyond all modes, as if it were given in kHz.
 
     The count is right all the same.
     """

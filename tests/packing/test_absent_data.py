@@ -46,7 +46,7 @@ def test_round_trip_keeps_what_is_absent(present, tmp_path):
 
 
 def test_springs_alone_need_none_of_it(tmp_path, printed):
-    """Expect the numbers of the whole network, to the bit."""
+    """Find the numbers of the whole network, to the bit."""
     whole = gallery.fcc(cells=(2, 2, 8))
     commands = (
         ("modes", "--lowest", "5"),
@@ -164,7 +164,7 @@ def test_networks_without_a_cross_section_or_a_length(tmp_path, printed, one_lin
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_no_shear_forces_and_zero_shear_forces_slide_alike(friction):
-    """Without friction every contact is at its limit, as nothing resists the smallest shear."""
+    """Set the friction to zero: every contact is at its limit, as nothing resists shear."""
     made = gallery.fcc(cells=(3, 3, 6))
     plain = Sample(made.position, made.cell_size[:2], made.wall_position, friction)
     contacts = len(plain.contacts().overlap)

@@ -102,7 +102,7 @@ def test_dmt_is_hertz_under_its_load_and_the_attraction():
 
 
 def test_crystal_under_an_attraction_is_stiffer_by_the_cube_root_of_both_loads():
-    """Expect kn times ((N + F) / N)^(1/3), 1.32291 for F = 0.3 N at 100 kPa.
+    """Find kn times ((N + F) / N)^(1/3), 1.32291 for F = 0.3 N at 100 kPa.
 
     N = p d^2 / (2 sqrt 2), whose spacing d is shorter than 2 R by 1e-4.
     """

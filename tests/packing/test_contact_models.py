@@ -163,7 +163,7 @@ def exponents(model, stresses):
 
 
 def test_exponent_of_moduli_over_stress_is_that_of_the_law():
-    """Expect the exponent (a - 1) / a for a force proportional to d^a.
+    """Find the exponent (a - 1) / a for a force proportional to d^a.
 
     The moduli of a crystal are proportional to its stiffness, except that its spacing shrinks by
     d / (2 R), 1e-4 for smooth spheres at 100 kPa. The exponent of rough spheres is 1.589 / 2.589

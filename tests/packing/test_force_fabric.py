@@ -21,8 +21,10 @@ def directions(number):
 
 
 def test_tensors_and_identity_of_contacts_with_known_anisotropy():
-    """Thin out even directions by E(n), and put on forces of known tensors; the rest is of second
-    order, a few times .1^2."""
+    """Thin out even directions by E(n), and put on forces of known tensors.
+
+    The rest is of second order, a few times 0.1^2.
+    """
     normal = directions(200_000)
     along = np.einsum("ci,ij,cj->c", normal, AXIAL, normal)
     a_c, a_n, a_t = 0.1, 0.12, 0.06
@@ -47,7 +49,10 @@ def test_tensors_and_identity_of_contacts_with_known_anisotropy():
 
 
 def test_identity_gives_the_stress_of_a_packing():
-    """Without friction and under equal stresses both sides are small; walls order few contacts."""
+    """Compare without friction and under equal stresses, where both sides are small.
+
+    Walls order few contacts.
+    """
     packing = modal.random_packing(300, seed=1, aspect=1.0, periodic=True)
     fabric = force_fabric(packing)
     stress = stress_tensor(packing)

@@ -98,7 +98,7 @@ SHAPES = ("layer", "wall of grains", "block", "cylinder", "heap")
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_void_ratio_is_that_of_the_packing_it_was_cut_from(shape):
-    """Expect it within two of its errors, which are a few per cent."""
+    """Find it within two of its errors, which are a few per cent."""
     network = cell()
     inside, axes = shapes(network)[shape]
     piece = opened(network, inside, axes)
@@ -133,7 +133,7 @@ def test_layers_end_at_the_surface():
 
 
 def test_stress_is_over_the_volume_of_the_grains():
-    """Expect the pressure of the packing in a piece of it, which is lower only in its skin."""
+    """Find the pressure of the packing in a piece of it, which is lower only in its skin."""
     network = cell()
     piece = opened(network, network.position[:, 2] < 0.7 * network.length, [2])
     lateral = np.array(summary(piece)["stress_pa"])[:2]
@@ -236,7 +236,7 @@ def test_measure_gives_the_void_ratio_an_error():
 
 
 def test_a_packing_without_a_height_fills_no_part_of_its_cell():
-    """Free sides along x and y, and no walls: their places are one."""
+    """Put spheres at one height, with free sides along x and y, and without walls."""
     network = opened(cell(), np.ones(1500, bool), (0, 1))
     assert occupied_part(network) is not None
     no_walls = np.zeros(2)
@@ -245,7 +245,7 @@ def test_a_packing_without_a_height_fills_no_part_of_its_cell():
 
 
 def test_a_packing_that_floats_ends_as_far_from_its_middle_above_as_below():
-    """Its ends are moved to where it would be equally dense, both by as much."""
+    """Move both ends, by as much, to where the packing would be equally dense."""
     network = opened(cell(), cell().position[:, 2] < 0.7 * cell().length, (2,))
     occupied = occupied_part(network)
     assert occupied.free_names == ["-z", "+z"]
@@ -255,7 +255,7 @@ def test_a_packing_that_floats_ends_as_far_from_its_middle_above_as_below():
 
 
 def test_each_free_end_adds_its_roughness_to_the_error_of_a_small_packing():
-    """Of a packing without a core, half a diameter at each end that is free: two ends, twice."""
+    """Add half a diameter at each of two free ends of a packing without a core."""
     network = opened(cell(), cell().position[:, 2] < 3 * cell().radius[0], (2,))
     floating = occupied_part(network)
     assert floating.cubes == 0 and floating.free_names == ["-z", "+z"]
@@ -265,7 +265,10 @@ def test_each_free_end_adds_its_roughness_to_the_error_of_a_small_packing():
 
 
 def test_the_error_of_a_void_ratio_follows_from_the_scatter_of_many_cubes():
-    """The standard error of their mean, by e = 1 / fraction - 1; a tenth is assumed of a few."""
+    """Compare with the standard error of the mean over cubes, by e = 1 / fraction - 1.
+
+    With a few cubes a tenth is assumed.
+    """
     network = opened(cell(), cell().position[:, 2] < 0.7 * cell().length, (2,))
     fractions = core_solid_fractions(network)
     assert len(fractions) >= 8

@@ -11,7 +11,7 @@ from modal.preparation.sizes import draw_radii
 
 
 def test_diameters_of_a_log_normal_mixture_are_those_of_its_moments():
-    """By mass the median of ln d is higher by three variances, and the spread is the same."""
+    """Weigh by mass: the median of ln d is higher by three variances, its spread is the same."""
     spread = 0.25
     radii = draw_radii(20_000, ("lognormal", spread), seed=1)
     diameter = 2 * radii

@@ -24,7 +24,7 @@ def packing():
 
 
 def test_without_friction_every_contact_is_mobilised(packing):
-    """Spheres that no friction holds have n_m = z / 2; at z = 6 this is isostatic: 4 + 2 = 6."""
+    """Count n_m = z / 2 without friction; at z = 6 this is isostatic: 4 + 2 = 6."""
     told = summary(packing)
     mobilised = told["mobilised_contacts_per_particle"]
     with_wall = packing.with_wall.sum()
@@ -37,7 +37,7 @@ def test_without_friction_every_contact_is_mobilised(packing):
 
 
 def test_relax_keeps_contacts_at_their_limit_on_request():
-    """At the friction of its compression a packing has contacts that slid as long as it moved."""
+    """Relax at the friction of the compression, at whose limit some contacts still are."""
     sample = replace(read_sample(FRICTION), friction=0.4)
     rested, state = relax(sample, mobilised=True)
     assert state.at_rest

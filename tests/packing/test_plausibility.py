@@ -71,7 +71,7 @@ def test_densities_have_a_range():
 @pytest.mark.parametrize("factor", [0.9, 1.1])
 @pytest.mark.parametrize(("share", "law"), [(0.045, "Hertz"), (0.055, "unknown")])
 def test_a_law_is_that_of_nine_contacts_in_ten(share, law, factor):
-    """One in twenty may lie above it, and one in twenty below."""
+    """Allow one contact in twenty above the law, and one in twenty below."""
     crystal = gallery.fcc(cells=(3, 3, 10))
     stiffness = crystal.stiffness_normal.copy()
     stiffness[: round(share * len(stiffness))] *= factor
@@ -94,7 +94,7 @@ def test_contacts_that_are_left_out_are_counted():
 
 @pytest.mark.parametrize("radius", [1e-3, 3.1e-4, 7e-6])
 def test_round_off_of_spheres_that_just_touch_is_no_fault(radius):
-    """Their overlaps are round-off as well; a millionth of a radius is not."""
+    """Accept overlaps that are round-off, but not ones of a millionth of a radius."""
     column = gallery.column(10, 1e-30, radius)
     stiff = replace(column, stiffness_normal=np.full(11, 1e6), overlap=None)
     below = changed(stiff, position=lambda x: x - 1, wall_position=lambda z: z - 1)
@@ -204,7 +204,7 @@ NETWORKS = {
     ],
 )
 def test_every_command_passes_the_remarks_on(command, name, tmp_path, capsys):
-    """Expect each remark on a line of standard error, after the file's name, and no others."""
+    """Find each remark on a line of standard error, after the file's name, and no others."""
     network = NETWORKS[name]()
     path = tmp_path / "some.network.h5"
     write_network(path, network)
@@ -219,7 +219,7 @@ def test_every_command_passes_the_remarks_on(command, name, tmp_path, capsys):
 
 @pytest.mark.parametrize("factor", [1e-3, 1e-6, 100.0])
 def test_masses_in_other_units_are_remarked_on_wherever_numbers_are_told(factor):
-    """Expect a caveat and a line of the description for a network in memory, too."""
+    """Find a caveat and a line of the description for a network in memory, too."""
     sound = gallery.fcc(cells=(2, 2, 12))
     other = replace(sound, mass=factor * sound.mass, inertia=factor * sound.inertia, study={})
     reported = []

@@ -175,7 +175,7 @@ def test_wall_layers_are_told_from_the_bulk():
 
 
 def test_info_reads_the_compact_form(tmp_path, printed):
-    """Expect equal numbers, to the last digit, from a sample and from its network."""
+    """Find equal numbers, to the last digit, from a sample and from its network."""
     sample = replace(read_sample(SHEARED), study={"mu_wave": 0.3})
     write_sample(tmp_path / "x.sample.h5", sample)
     write_network(tmp_path / "x.network.h5", sample.network())
@@ -189,7 +189,7 @@ def test_info_reads_the_compact_form(tmp_path, printed):
 
 
 def test_layers_of_a_cell_without_walls_know_no_end():
-    """Expect equal stresses in all layers, and layers that move with a packing round the cell.
+    """Find equal stresses in all layers, and layers that move with a packing round the cell.
 
     Net forces in YADE's packing are 1e-6 of the contact forces.
     """

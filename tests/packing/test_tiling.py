@@ -22,12 +22,12 @@ from modal.tools.errors import InputError
 
 @pytest.fixture(scope="module")
 def sample() -> Sample:
-    """150 spheres with friction at 100 kPa, with their shear forces."""
+    """Return 150 spheres with friction at 100 kPa, with their shear forces."""
     return read_sample(SHEARED)
 
 
 def test_repeated_sample_has_the_repeated_network(sample):
-    """Contacts, stiffnesses and forces of the copies found anew are those of the small one's.
+    """Compare contacts, stiffnesses and forces of the copies with those of the small packing.
 
     Positions up to 3 cells away are rounded at eps times that, overlaps of 1e-3 R to 1e-11.
     """
@@ -49,9 +49,9 @@ def test_repeated_sample_has_the_repeated_network(sample):
 
 @pytest.mark.parametrize("kind", ["sample", "network"])
 def test_tile_makes_equal_parts(kind, tmp_path, printed, capsys):
-    """Twice along y, then thrice along x; overlaps differ by round-off, 1e-11.
+    """Repeat twice along y, then thrice along x; overlaps differ by round-off, 1e-11.
 
-    Waves in them are those of the small one: `tests/waves/test_one_part.py`.
+    Waves in them are those of the small packing: `tests/waves/test_one_part.py`.
     """
     paths = [SHEARED, tmp_path / f"b.{kind}.h5", tmp_path / f"c.{kind}.h5"]
     for path, out, times in zip(paths, paths[1:], ("1 2", "3 1"), strict=False):

@@ -111,7 +111,7 @@ def test_radii_of_two_bytes_are_taken_for_the_numbers_that_they_are():
 
 @pytest.mark.parametrize("lock", ["whole", "view", "unlocked again", "flagged base"])
 def test_an_array_that_somebody_else_can_write_to_is_copied(lock):
-    """Expect a copy however it is flagged: an earlier view, or its owner, may write to it."""
+    """Find a copy however it is flagged: an earlier view, or its owner, may write to it."""
     mass = np.full(CRYSTAL.n_particles, CRYSTAL.mass[0])
     early = mass[:]
     argument = mass
@@ -131,7 +131,7 @@ def test_an_array_that_somebody_else_can_write_to_is_copied(lock):
 
 
 def test_columns_of_a_network_are_shared_with_those_made_from_it():
-    """Expect no copy, as they cannot be written to."""
+    """Find no copy, as they cannot be written to."""
     other = replace(CRYSTAL, study={})
     assert np.shares_memory(other.position, CRYSTAL.position)
     assert np.shares_memory(CRYSTAL.some(slice(3, 9)).normal, CRYSTAL.normal)

@@ -66,8 +66,11 @@ def factor_of(system, shift=1e-7):
 
 @needs_pyamg
 def test_solutions_equal_those_of_a_direct_factor(system):
-    """Motions without energy included. The relative error in energy is 1e-11; the eigenvalues lie
-    between 1e-7 and 1 of the largest, by the root of whose ratio, 3e3, the error may be larger."""
+    """Compare motions, also those without energy.
+
+    The relative error in energy is 1e-11. Eigenvalues lie between 1e-7 and 1 of the largest; the
+    error of a motion may be larger by the root of their ratio, 3e3.
+    """
     factor, matrix = factor_of(system)
     load = np.random.default_rng(1).standard_normal((system.size, 3))
     solution = factor.solve(load)
@@ -83,7 +86,7 @@ def test_solutions_equal_those_of_a_direct_factor(system):
 
 @needs_pyamg
 def test_a_cycle_is_linear_symmetric_and_positive(system):
-    """Which conjugate gradients rely on; columns do not notice each other."""
+    """Check what conjugate gradients rely on; columns do not notice each other."""
     factor, _ = factor_of(system)
     basis = soft_motions(system).free
     load = np.random.default_rng(2).standard_normal((system.size, 11))
@@ -100,7 +103,7 @@ def test_a_cycle_is_linear_symmetric_and_positive(system):
 
 @needs_pyamg
 def test_eliminated_bodies_do_not_touch_and_have_few_contacts():
-    """With one level, the factor of what remains, elimination is exact: one cycle solves."""
+    """Solve in one cycle with one level: with the factor of what remains elimination is exact."""
     from modal.solvers import elimination
 
     system = LinearSystem.of(diluted(0.4, 1, 12))
@@ -120,8 +123,10 @@ def test_eliminated_bodies_do_not_touch_and_have_few_contacts():
 
 @needs_pyamg
 def test_steps_do_not_grow_with_the_packing(monkeypatch):
-    """Eight times the spheres, of a crystal with random stiffnesses, take hardly more steps;
-    without coarser matrices the number would double with the length."""
+    """Solve for a crystal with random stiffnesses and for one of eight times the spheres.
+
+    Without coarser matrices the number of steps would double with the length.
+    """
     products = []
     solve = multigrid.conjugate_gradients
 
@@ -140,8 +145,11 @@ def test_steps_do_not_grow_with_the_packing(monkeypatch):
 
 @needs_pyamg
 def test_lowest_modes_equal_those_of_whole_matrices():
-    """Counted or not: the same frequencies to 1e-9; a list without a count says what speaks for
-    it, and what moments expect is within four standard errors and the width of their kernel."""
+    """Compare frequencies to 1e-9, whether the modes are counted or not.
+
+    A list without a count says what supports it. The number that moments expect is within four
+    standard errors and the width of their kernel.
+    """
     network = disordered((3, 3, 12))
     exact = modal.eigenmodes(network, all=True)
     elastic = exact.frequency[exact.frequency > 1e-3 * exact.frequency[-1]]
@@ -163,7 +171,7 @@ def test_lowest_modes_equal_those_of_whole_matrices():
 
 @needs_pyamg
 def test_moduli_equal_those_of_another_solver():
-    """Of a packing with rattlers and walls."""
+    """Compare for a packing with rattlers and walls."""
     by_multigrid = modal.elastic_moduli(sheared(), solver="multigrid", tolerance=1e-9)
     by_blocks = modal.elastic_moduli(sheared(), solver="gradients", tolerance=1e-9)
     scale = abs(by_blocks.stiffness).max()
@@ -197,7 +205,7 @@ def test_it_counts_no_modes_and_solves_below_them_alone():
 
 
 def test_without_pyamg_all_goes_as_before(monkeypatch):
-    """The lowest modes by a factor and counted; one who asks for multigrid is told."""
+    """Compute and count the lowest modes by a factor; refuse a request for multigrid."""
 
     def load():
         raise ImportError("pyamg")

@@ -91,7 +91,7 @@ def test_bound_of_a_packing_is_above_the_real_parts(make, pre_stress):
     ],
 )
 def test_growth_is_told_from_round_off_at_every_order(square, orders):
-    """Expect growth if a mode lies outside of the interval, at every order.
+    """Find growth if a mode lies outside of the interval, at every order.
 
     cosh(2 k sqrt(d)) is 1 + 2 k^2 d for a mode a share d outside. Round-off of the recurrence grows
     as k^2, too, so that the same shares are noticed at every order, above and below the interval.

@@ -97,7 +97,7 @@ def of_plane(network: Network, height: float, direction: str, pre_stress: str):
 
 
 def plate(network, source):
-    """Shape (n,): 1 for the spheres of a disc that moves, which make no other motion."""
+    """Return (n,): 1 for the spheres of a disc that moves, which make no other motion."""
     moving = np.zeros(network.n_particles)
     if isinstance(source, Disc) and not source.pushes:
         moving[source.spheres(network)] = 1
@@ -105,7 +105,7 @@ def plate(network, source):
 
 
 def of_disc(network: Network, moving: np.ndarray, direction: str, pre_stress: str):
-    """The same of the spheres `moving` (n,) along the direction: all contacts resist, walls too."""
+    """Return the same for the spheres `moving` (n,) along the direction: all contacts resist."""
     e = np.kron(moving, np.eye(6)[COMPONENT[direction]])
     K = stiffness_matrix(network, pre_stress=pre_stress).toarray()
     return -K @ e, -K.T @ e, e @ K @ e

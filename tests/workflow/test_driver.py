@@ -27,7 +27,7 @@ def test_setting_is_refused_before_any_job(settings, code, driver):
 
 @pytest.mark.parametrize("home", ["/proc/none", None], ids=["not writable", "not set"])
 def test_user_without_a_home_gets_one(home, driver, tmp_path, monkeypatch):
-    """Even root can make no folder in /proc; YADE ends where HOME is not set at all."""
+    """Give the user a home: even root can make none in /proc, and YADE ends without HOME."""
     if home is None:
         monkeypatch.delenv("HOME")
     else:

@@ -25,7 +25,7 @@ def on_macos(tmp_path, monkeypatch):
 
 
 def test_other_system_is_refused_in_one_line(on_macos):
-    """macOS has neither Debian's YADE nor the locks that the rules use."""
+    """Refuse macOS, which has neither Debian's YADE nor the locks that the rules use."""
     done = run_cases("--case", "2")
     assert done.returncode == 2
     assert done.stdout == ""

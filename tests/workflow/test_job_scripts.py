@@ -28,7 +28,10 @@ from places import ROOT
     ],
 )
 def test_job_of_yade_fails_with_its_script(version, output, has_product, status, line, tmp_path):
-    """yade-batch itself always returns 0; a product may be there from an earlier run."""
+    """Fail with the script, although yade-batch itself always returns 0.
+
+    A product may be there from an earlier run.
+    """
     programs = {"yade-batch": output, "yade": f"YADE {version}"} if version else {}
     for name, text in programs.items():
         (tmp_path / name).write_text(f"#!/bin/sh\necho '{text}'\n")

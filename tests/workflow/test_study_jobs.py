@@ -134,7 +134,10 @@ def test_wave_takes_twice_as_long_in_a_packing_of_eight_times_the_spheres(jobs):
 
 
 def test_duration_of_a_wave_falls_as_the_velocity_rises_with_the_stress(jobs):
-    """Case 7 has ten times the stress of case 6; the velocity is proportional to stress^(1/6)."""
+    """Compare case 7 with case 6, at a tenth of its stress.
+
+    The velocity is proportional to stress^(1/6).
+    """
     small_jobs = jobs.Jobs(PATHS | {"spheres": 1000})
     ratio = small_jobs.duration("case06") / small_jobs.duration("case07")
     assert ratio == pytest.approx(10 ** (1 / 6), rel=1e-3)
@@ -142,7 +145,10 @@ def test_duration_of_a_wave_falls_as_the_velocity_rises_with_the_stress(jobs):
 
 @pytest.mark.parametrize("case", ["case02", "case03", "case06"])
 def test_commands_make_each_product_that_a_result_is_measured_from(case, jobs):
-    """YADE's jobs make sample and network beside a wave; spectra are kept by `measure`."""
+    """Find all products among those of the commands.
+
+    YADE's jobs make sample and network beside a wave; `measure` keeps spectra.
+    """
     small_jobs = jobs.Jobs(PATHS | {"spheres": 1000})
     commands = "\n".join(small_jobs.product_commands(case))
     made_beside = {"sample", "network", "response", "density", "structure"}

@@ -125,7 +125,7 @@ def test_added_seed_makes_the_page_stale(tiny, study, jobs):
 
 
 def test_limit_of_jobs_a_second_is_removed_from_snakemake(tiny):
-    """With the limit Snakemake looks at all jobs once more for each job that has ended."""
+    """Remove the limit, with which Snakemake looks at all jobs again for each that has ended."""
     assert tiny.reevaluations == 0
 
 

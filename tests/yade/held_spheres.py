@@ -28,7 +28,7 @@ NEWTON = {"damping": 0}
 
 
 def column(count=4, **newton):
-    """Spheres on each other along z, none held, with their contacts."""
+    """Return spheres on each other along z, none held, with their contacts."""
     O.reset()
     O.materials.append(wrapper.FrictMat(young=1e8, poisson=0.3, density=2600, frictionAngle=0.5))
     for k in range(count):
@@ -74,7 +74,7 @@ def half_held_clump():
 
 
 def free_clump_of_a_fixed_sphere():
-    """YADE moves the clump and does not look at its members' own."""
+    """Return a clump that YADE moves, though a member of it is held."""
     O.bodies[0].state.blockedDOFs = "xyzXYZ"
     number = O.bodies.clump([0, 1])
     O.bodies[number].state.blockedDOFs = ""
@@ -112,7 +112,7 @@ def outside_the_mask():
 
 
 def on_a_wall():
-    """A Wall does not move, which is what a network's wall is."""
+    """Return a scene with a Wall that does not move, which is what a network's wall is."""
     O.bodies.append(wall((0, 0, -0.999 * RADIUS), axis=2))
 
 
@@ -124,7 +124,7 @@ SCENES = (
 
 
 def held_in(change):
-    """The held motions of the bodies of a scene, or the code with which it is refused."""
+    """Return the held motions of the bodies of a scene, or the code with which it is refused."""
     column()
     change()
     engines = O.engines

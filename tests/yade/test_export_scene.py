@@ -136,7 +136,7 @@ def test_held_motions_of_scenes(tmp_path, yade):
 
 
 def test_a_column_between_fixed_spheres(tmp_path, yade):
-    """Two masses and three springs kn: omega^2 = k / m and 3 k / m along z."""
+    """Compare two masses and three springs kn: omega^2 = k / m and 3 k / m along z."""
     out = tmp_path / "a.network.h5"
     script(HELD, ROOT, out, "ends", folder=tmp_path)
     network = read_network(out)

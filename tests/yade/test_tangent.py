@@ -71,7 +71,7 @@ def largest_difference(columns, expected):
 
 
 def test_tangent_equals_finite_differences_at_second_order(loaded):
-    """Expect an error that falls with the square of the step, far below the terms of pre-stress."""
+    """Find an error that falls with the square of the step, far below the terms of pre-stress."""
     overlap = np.median(loaded.contacts().overlap)
     expected = tangent(loaded, "full")
     errors = []

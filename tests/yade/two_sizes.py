@@ -31,7 +31,7 @@ TOP = 0.98e-3 + 1.8e-3 + 1.28e-3
 
 
 def plane(z):
-    """Two facets over all spheres."""
+    """Return two facets over all spheres."""
     a, b, c, d = ((x, y, z) for x, y, _ in corners)
     O.bodies.append([facet([a, b, c]), facet([a, c, d])])
 
@@ -73,7 +73,7 @@ O.engines = [
 
 
 def main():
-    """Jostle, export, differentiate."""
+    """Shake, export, and differentiate."""
     chance = random.Random(1)
     spheres = [body.id for body in O.bodies if hasattr(body.shape, "radius")]
     O.dt = 1e-8
