@@ -1,4 +1,4 @@
-"""What texts advise can be typed: commands and options in them are those of the parsers."""
+"""Commands and options that texts name can be typed: they are those of the parsers."""
 
 import ast
 import re
@@ -25,20 +25,19 @@ FOREIGN = {
 
 
 def texts_of(path: Path) -> Iterator[str]:
-    """Return the string constants of a module without its docstrings; {} stands for values."""
-    every_node = list(ast.walk(ast.parse(path.read_text())))
-    statements = {id(node.value) for node in every_node if isinstance(node, ast.Expr)}
-    nodes = [node for node in every_node if id(node) not in statements]
-    parts = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in node.values}
+    """Yield the string constants of a module without its docstrings; {} stands for values."""
+    nodes = list(ast.walk(ast.parse(path.read_text())))
+    skipped = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
     for node in nodes:
         if isinstance(node, ast.JoinedStr):
-            values = (
-                part.value if isinstance(part, ast.Constant) else "{}" for part in node.values
-            )
-            yield "".join(values)
-        elif (
-            isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts
-        ):
+            skipped |= {id(value) for value in node.values}
+    for node in nodes:
+        if id(node) in skipped:
+            continue
+        if isinstance(node, ast.JoinedStr):
+            values = node.values
+            yield "".join(v.value if isinstance(v, ast.Constant) else "{}" for v in values)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.value
 
 
@@ -55,16 +54,17 @@ def all_texts() -> list[tuple[str, str]]:
 
 
 def options_of(package: str, name: str) -> set[str]:
-    """Names of the options of a command, as they are typed."""
+    """Return the names of the options of a command, as they are typed."""
     module = command_of(name) if package == "modal" else import_module(f"analysis.cli.{name}")
-    found, left = {"--json", "-o", "--output", "--help"}, list(module.OPTIONS)
-    while left:
-        option = left.pop()
+    names = {"--json", "-o", "--output", "--help"}
+    options = list(module.OPTIONS)
+    while options:
+        option = options.pop()
         if isinstance(option, Group):
-            left += option.options
+            options += option.options
         else:
-            found.add(option.name)
-    return found
+            names.add(option.name)
+    return names
 
 
 CALL = r"(python -m |)\b(modal|analysis|granular-modes) ([a-z]+)\b([^`;]*)"
@@ -72,27 +72,29 @@ CALL = r"(python -m |)\b(modal|analysis|granular-modes) ([a-z]+)\b([^`;]*)"
 
 def test_commands_in_texts_exist_with_their_options():
     """Look up each command of ours that is named as it is typed, in backticks or not."""
-    seen = 0
+    n_commands = 0
     for path, text in all_texts():
-        for how, program, name, rest in re.findall(CALL, text):
+        for prefix, program, name, rest in re.findall(CALL, text):
             package = program.replace("granular-modes", "modal")
             if name not in COMMANDS_OF[package]:
-                assert not how, f"{path}: {program} {name} is no command"
+                assert not prefix, f"{path}: {program} {name} is no command"
                 continue
-            seen += 1
-            assert how or program == "granular-modes", f"{path}: python -m is missing in {text!r}"
+            n_commands += 1
+            complete = prefix or program == "granular-modes"
+            assert complete, f"{path}: python -m is missing in {text!r}"
             words = set(re.findall(r"(?<!\S)--[a-z][a-z-]*", rest.split(",")[0]))
             assert words <= options_of(package, name), f"{path}: {text!r}"
-    assert seen > 5
+    assert n_commands > 5
 
 
 @pytest.mark.parametrize("package", ["modal", "analysis"])
 def test_options_in_texts_exist(package):
     """Look up each option in some command of ours, or of another program named above."""
-    known = set(FOREIGN)
-    for each, names in COMMANDS_OF.items():
-        known = known.union(*(options_of(each, name) for name in names))
+    options = set(FOREIGN)
+    for program, names in COMMANDS_OF.items():
+        for name in names:
+            options |= options_of(program, name)
     for path, text in all_texts():
         if path.startswith(package):
             for option in re.findall(r"(?<![\w-])--[a-z][a-z-]+", text):
-                assert option in known, f"{path}: {option} in {text!r}"
+                assert option in options, f"{path}: {option} in {text!r}"

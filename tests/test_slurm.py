@@ -47,21 +47,21 @@ def start(tmp_path_factory, yade) -> Iterator[Path]:
 def local(start) -> Path:
     """Return the study, run without Slurm."""
     folder = copy_of(start, "local")
-    assert ended(run(folder)) == 0
+    assert exit_status(run(folder)) == 0
     return folder
 
 
 @pytest.fixture(scope="module")
-def whole(start, local) -> Path:
+def by_slurm(start, local) -> Path:
     """Return the complete study, run by Slurm; each test takes something away from it."""
     folder = copy_of(start, "whole")
-    assert ended(run(folder, "--slurm")) == 0
-    same(local, folder)
+    assert exit_status(run(folder, "--slurm")) == 0
+    assert_same_products(local, folder)
     return folder
 
 
 def run(folder: Path, *options: str, **environment: str) -> subprocess.Popen:
-    """Start the study in a process group of its own; what it says goes to a file beside it."""
+    """Start the study in a process group of its own; its output goes to a file beside it."""
     with open(folder.with_suffix(".out"), "a") as out:
         return subprocess.Popen(
             [*STUDY, *options],
@@ -73,7 +73,8 @@ def run(folder: Path, *options: str, **environment: str) -> subprocess.Popen:
         )
 
 
-def ended(process: subprocess.Popen) -> int:
+def exit_status(process: subprocess.Popen) -> int:
+    """Wait for the end of a study and return its exit status."""
     return process.wait(timeout=PATIENCE)
 
 
@@ -84,108 +85,118 @@ def kill(process: subprocess.Popen) -> None:
     process.wait()
 
 
-def same(local: Path, folder: Path) -> None:
+def assert_same_products(local: Path, folder: Path) -> None:
     """Compare products, but for notes of walks on their time and their steps."""
     assert_equal_products(local / FOLDER, folder / FOLDER)
 
 
 def without(folder: Path, *names: str) -> dict[Path, float]:
-    """Take products away; when the others were made."""
+    """Remove products, and return the times at which the other ones were written."""
     for name in names:
         path = folder / FOLDER / name
-        shutil.rmtree(path) if path.is_dir() else path.unlink()
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
     return {path: path.stat().st_mtime for path in (folder / FOLDER).glob("*.h5")}
 
 
-def mended(local: Path, folder: Path, before: dict[Path, float]) -> None:
+def assert_mended(local: Path, folder: Path, before: dict[Path, float]) -> None:
     """Check that the next run makes what was removed, the same as before, and nothing else."""
-    assert ended(run(folder, "--slurm")) == 0
-    same(local, folder)
+    assert exit_status(run(folder, "--slurm")) == 0
+    assert_same_products(local, folder)
     assert {path: path.stat().st_mtime for path in before} == before
 
 
-def job(rule: str, folder: Path) -> str:
+def running_job(rule: str, folder: Path) -> str:
     """Return the number of this study's running job of a rule, once there is one."""
+    command = ["squeue", "--me", "--noheader", "--states=running", "--format=%i|%Z|%k"]
     for _ in range(PATIENCE):
-        command = ["squeue", "--me", "--noheader", "--states=running", "--format=%i|%Z|%k"]
-        for line in subprocess.run(command, capture_output=True, text=True).stdout.splitlines():
-            number, where, comment = line.split("|", 2)
-            if where == str(folder) and rule in comment:
+        output = subprocess.run(command, capture_output=True, text=True).stdout
+        for row in output.splitlines():
+            number, folder_of_job, comment = row.split("|", 2)
+            if folder_of_job == str(folder) and rule in comment:
                 return number
         time.sleep(0.5)
     raise AssertionError(f"no job of {rule}")
 
 
-def jobs(folder: Path, rule: str = "") -> list[str]:
-    """States of all jobs that this study has had, of a rule."""
+def states_of_jobs(folder: Path, rule: str = "") -> list[str]:
+    """Return the states of all jobs that this study has had, or of those of a rule."""
     command = ["squeue", "--noheader", "--states=all", "--format=%k %T %Z"]
-    lines = subprocess.run(command, capture_output=True, text=True).stdout.splitlines()
-    own = [line.split() for line in lines if line.endswith(f" {folder}")]
-    return [state for comment, state, _ in own if rule in comment]
+    output = subprocess.run(command, capture_output=True, text=True).stdout
+    states = []
+    for row in output.splitlines():
+        if row.endswith(f" {folder}"):
+            comment, state, _ = row.split()
+            if rule in comment:
+                states.append(state)
+    return states
 
 
-def test_every_job_is_one_of_slurms(whole):
-    """Count ten jobs; `whole` has compared their products with a run without Slurm."""
-    assert jobs(whole) == 10 * ["COMPLETED"]
+def test_every_job_is_one_of_slurms(by_slurm):
+    """Count ten jobs; `by_slurm` has compared their products with a run without Slurm."""
+    assert states_of_jobs(by_slurm) == 10 * ["COMPLETED"]
 
 
-def test_failing_job(local, whole):
+def test_failing_job(local, by_slurm):
     """Fail twice by an unstable time step: the other case is made, and the next run mends this."""
-    before = without(whole, "case06.signals.h5")
-    assert ended(run(whole, "--slurm", WAVE_FRACTION="1.5")) == 2
-    assert not (whole / FOLDER / "case06.signals.h5").exists()
-    # The other case's signals were stale with that fraction, and so is what is left of them.
-    before = {path: made for path, made in before.items() if "signals" not in path.name}
-    mended(local, whole, before)
+    before = without(by_slurm, "case06.signals.h5")
+    assert exit_status(run(by_slurm, "--slurm", WAVE_FRACTION="1.5")) == 2
+    assert not (by_slurm / FOLDER / "case06.signals.h5").exists()
+    # The other case's signals were stale with that fraction, and are made again.
+    before = {path: written for path, written in before.items() if "signals" not in path.name}
+    assert_mended(local, by_slurm, before)
 
 
-def test_cancelled_job(local, whole):
+def test_cancelled_job(local, by_slurm):
     """Cancel a walk: it starts once more, or goes on in the next run."""
     case = [f"case10.{kind}.h5" for kind in ("sample", "network", "highest.modes", "signals")]
-    before = without(whole, "states/mu0.01", "walks/compression_mu0.01", *case)
-    study = run(whole, "--slurm")
-    subprocess.run(["scancel", job("states", whole)], check=True)
-    ended(study)
-    mended(local, whole, before)
+    before = without(by_slurm, "states/mu0.01", "walks/compression_mu0.01", *case)
+    study = run(by_slurm, "--slurm")
+    subprocess.run(["scancel", running_job("states", by_slurm)], check=True)
+    exit_status(study)
+    assert_mended(local, by_slurm, before)
 
 
-def test_time_limit(local, whole):
+def test_time_limit(local, by_slurm):
     """Stop a job until its time limit is over: Slurm tries again with twice the time."""
     kinds = "network", "highest.modes", "signals"  # the last two follow from the first
-    before = without(whole, *(f"case06.{kind}.h5" for kind in kinds))
-    study = run(whole, "--slurm")
-    number = job("network", whole)
+    before = without(by_slurm, *(f"case06.{kind}.h5" for kind in kinds))
+    study = run(by_slurm, "--slurm")
+    number = running_job("network", by_slurm)
     subprocess.run(["scontrol", "update", f"JobId={number}", "TimeLimit=1"], check=True)
     subprocess.run(["scancel", "--full", "--signal=STOP", number], check=True)
-    ended(study)
+    exit_status(study)
     state = ["squeue", "--noheader", "--states=all", "--format=%T", "--jobs", number]
     assert subprocess.run(state, capture_output=True, text=True).stdout.strip() == "TIMEOUT"
-    mended(local, whole, before)
+    assert_mended(local, by_slurm, before)
 
 
-def test_killed_driver(local, whole):
+def test_killed_driver(local, by_slurm):
     """Kill the driver: its jobs go on; the next run waits for them and makes the rest."""
     case = [f"case10.{kind}.h5" for kind in ("network", "signals")]
-    before, networks = without(whole, *case), jobs(whole, "network")
-    study = run(whole, "--slurm")
-    job("network", whole)
+    before = without(by_slurm, *case)
+    networks = states_of_jobs(by_slurm, "network")
+    study = run(by_slurm, "--slurm")
+    running_job("network", by_slurm)
     kill(study)
-    mended(local, whole, before)
+    assert_mended(local, by_slurm, before)
     # Snakemake's part of a job touches its product when all is over: count jobs, not times.
-    assert jobs(whole, "network") == [*networks, "COMPLETED"]
+    assert states_of_jobs(by_slurm, "network") == [*networks, "COMPLETED"]
 
 
-def test_controller_that_restarts(local, whole):
+def test_controller_that_restarts(local, by_slurm):
     """Stop the controller for twenty seconds during a job: this run or the next one completes.
 
     Where the controller does not answer the plugin asks the accounting, which is off here, and
     forgets its jobs. Jobs take a minute: a run that is not over after ten has lost them.
     """
-    before = without(whole, "case06.signals.h5", "case10.signals.h5")
-    study = run(whole, "--slurm")
-    job("yade_wave", whole)
+    before = without(by_slurm, "case06.signals.h5", "case10.signals.h5")
+    study = run(by_slurm, "--slurm")
+    running_job("yade_wave", by_slurm)
     subprocess.run([HERE, "restart", "20"], check=True)
     with contextlib.suppress(subprocess.TimeoutExpired):
         assert study.wait(timeout=600) == 0
     kill(study)
-    mended(local, whole, before)
+    assert_mended(local, by_slurm, before)

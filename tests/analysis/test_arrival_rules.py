@@ -16,104 +16,160 @@ DELAY = 1.237e-4
 
 
 def delayed(interval: float, cycles: int = 2, window: str = "hann") -> RecordPair:
-    """A burst of 10 kHz, and the same later by `DELAY` and weaker."""
+    """Return a burst of 10 kHz, and the same burst later by `DELAY` and weaker."""
     burst = SineBurst(1e-9, 1e4, cycles, window)
     time = interval * np.arange(round(6e-4 / interval))
     return RecordPair(time, burst.displacement(time), 0.02 * burst.displacement(time - DELAY), 1e4)
 
 
+INTERVALS = 4e-6 / 2 ** np.arange(3)
+"""Intervals of records, s, each half of the one before."""
+ROUND_OFF = 1e-8 * DELAY
+
+
 @pytest.mark.parametrize("rule", RULES)
-def test_delayed_pulse(rule):
-    """The delay to the error of the sampling, which falls at least as the interval's square."""
-    intervals = 4e-6 / 2 ** np.arange(3)
-    times = [analysis.travel_time(delayed(interval), rule) for interval in intervals]
+def test_time_of_a_delayed_pulse(rule):
+    """Find the delay within the error of the sampling, which is of second order at least."""
+    times = [analysis.travel_time(delayed(interval), rule) for interval in INTERVALS]
     errors = np.array([abs(time.value - DELAY) for time in times])
     assert (errors < 2e-4 * DELAY).all(), errors
     # Halved twice, an error of second order is a sixteenth; one at round-off is as good.
-    assert errors[2] < max(errors[0] / 10, 1e-8 * DELAY)
-    stated = np.array([time.error for time in times])
-    assert (errors <= 3 * stated + 1e-8 * DELAY).all(), (errors, stated)
-    # 1.24 wavelengths
-    assert times[0].codes == ["near_field"] and times[0].unit == "s"
+    assert errors[2] < max(errors[0] / 10, ROUND_OFF)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_stated_error_of_a_delayed_pulse(rule):
+    """Allow three times the stated error."""
+    for interval in INTERVALS:
+        time = analysis.travel_time(delayed(interval), rule)
+        assert abs(time.value - DELAY) <= 3 * time.error + ROUND_OFF
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_delay_of_few_periods_is_in_the_near_field(rule):
+    """Warn at 1.24 periods, which are as many wavelengths."""
+    time = analysis.travel_time(delayed(4e-6), rule)
+    assert time.codes == ["near_field"]
+    assert time.unit == "s"
 
 
 @pytest.mark.parametrize("rule", RULES)
 def test_sense_and_size_do_not_matter(rule):
     pair = delayed(1e-6)
-    turned = RecordPair(pair.time, -pair.source, -40 * pair.receiver, pair.frequency)
-    found = analysis.travel_time(turned, rule)
-    assert found.value == pytest.approx(analysis.travel_time(pair, rule).value, rel=1e-12)
+    inverted = RecordPair(pair.time, -pair.source, -40 * pair.receiver, pair.frequency)
+    expected = analysis.travel_time(pair, rule).value
+    assert analysis.travel_time(inverted, rule).value == pytest.approx(expected, rel=1e-12)
 
 
-def test_what_a_trace_does_not_have():
-    """A pulse that only returns to zero has no passage through it; rest has nothing."""
-    time = 1e-6 * np.arange(400)
-    bump = np.where((time > 0) & (time < 1e-4), np.sin(np.pi * time / 1e-4) ** 2, 0)
-    later = np.roll(bump, 150)
-    assert analysis.travel_time(RecordPair(time, bump, later, 1e4), "zero_crossing").codes == [
-        "no_such_point"
-    ]
-    assert analysis.travel_time(RecordPair(time, bump, later, 1e4), "peak_to_peak").value == (
-        pytest.approx(1.5e-4, rel=1e-6)
-    )
-    for rule in RULES:
-        value = analysis.travel_time(RecordPair(time, bump, 0 * bump, 1e4), rule)
-        assert not value.known and value.codes == ["no_such_point"]
+TIME = 1e-6 * np.arange(400)
+BUMP = np.where((TIME > 0) & (TIME < 1e-4), np.sin(np.pi * TIME / 1e-4) ** 2, 0)
+"""A pulse that returns to zero without passing through it."""
+BUMPS = RecordPair(TIME, BUMP, np.roll(BUMP, 150), 1e4)
+
+
+def test_a_pulse_of_one_sign_has_no_zero_crossing():
+    assert analysis.travel_time(BUMPS, "zero_crossing").codes == ["no_such_point"]
+
+
+def test_a_pulse_of_one_sign_has_a_peak():
+    time = analysis.travel_time(BUMPS, "peak_to_peak")
+    assert time.value == pytest.approx(1.5e-4, rel=1e-6)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_receiver_at_rest_has_no_time(rule):
+    time = analysis.travel_time(RecordPair(TIME, BUMP, 0 * BUMP, 1e4), rule)
+    assert not time.known
+    assert time.codes == ["no_such_point"]
+
+
+def test_an_unknown_rule_is_refused():
     with refusal("unknown_word", "loudest"):
-        analysis.travel_time(RecordPair(time, bump, later, 1e4), "loudest")
-    silent = Signals(
-        time=time, source_displacement=bump, producer="", case="", amplitude=1.0,
-        input_frequency=1e4, time_step=1e-6, run_time=0.0,
-    )  # fmt: skip
+        analysis.travel_time(BUMPS, "loudest")
+
+
+def test_signals_without_receivers_are_refused():
+    signals = Signals(
+        time=TIME,
+        source_displacement=BUMP,
+        producer="",
+        case="",
+        amplitude=1.0,
+        input_frequency=1e4,
+        time_step=1e-6,
+        run_time=0.0,
+    )
     with refusal("no_receivers"):
-        analysis.travel_time(silent, "phase")
+        analysis.travel_time(signals, "phase")
 
 
-def chain_pair(masses: int, frequency: float, top: float = 1e5) -> RecordPair:
-    """A half-infinite chain of masses whose first support moves, and the motion of mass n.
+HIGHEST = 1e5
+"""Highest frequency of the chain, Hz."""
+FREQUENCY = 3e4
+"""Frequency of the burst, Hz."""
+MASSES = 30
+"""Number of masses from source to receiver."""
+
+
+@pytest.fixture(scope="module")
+def chain():
+    """Return the motion of the support of a half-infinite chain of masses, and of a mass n.
 
     The impulse response is h(t) = 2 n J_2n(omega_m t) / t, as its transform is exp(-2 n theta) for
     omega = i omega_m sinh(theta). The sum that stands for the convolution has an error that falls
     faster than any power of the step but for the burst's ends, which begin with the third.
     """
-    omega_m = 2 * np.pi * top
-    burst = SineBurst(1.0, frequency, 4, "hann")
-    finer, interval = 4, 1 / (40 * frequency)
-    step = interval / finer
-    time = step * np.arange(int((6 / frequency + 1.4 * masses / (np.pi * top)) / step))
+    omega_m = 2 * np.pi * HIGHEST
+    burst = SineBurst(1.0, FREQUENCY, 4, "hann")
+    steps_per_interval = 4
+    step = 1 / (40 * FREQUENCY) / steps_per_interval
+    duration = 6 / FREQUENCY + 1.4 * MASSES / (np.pi * HIGHEST)
+    time = step * np.arange(int(duration / step))
     impulse = np.zeros(len(time))
-    impulse[1:] = 2 * masses * jv(2 * masses, omega_m * time[1:]) / time[1:]
-    receiver = step * np.convolve(impulse, burst.displacement(time))[: len(time)]
-    return RecordPair(
-        time[::finer], burst.displacement(time)[::finer], receiver[::finer], frequency
-    )
+    impulse[1:] = 2 * MASSES * jv(2 * MASSES, omega_m * time[1:]) / time[1:]
+    source = burst.displacement(time)
+    receiver = step * np.convolve(impulse, source)[: len(time)]
+    recorded = slice(None, None, steps_per_interval)
+    return RecordPair(time[recorded], source[recorded], receiver[recorded], FREQUENCY)
 
 
-def test_dispersive_chain():
-    """Phase and group times over frequency are those of the lattice, omega = omega_m sin(ka/2)."""
-    masses, frequency, top = 30, 3e4, 1e5
-    pair = chain_pair(masses, frequency, top)
-    delays = phase_delays(pair)
-    omega, omega_m = 2 * np.pi * delays.frequency, 2 * np.pi * top
-    phase = masses * 2 * np.arcsin(omega / omega_m) / omega
-    group = masses * 2 / np.sqrt(omega_m**2 - omega**2)
+def phase_of_chain(omega):
+    """Return the phase, rad, over the chain at omega, from omega = omega_m sin(kappa a / 2)."""
+    return MASSES * 2 * np.arcsin(omega / (2 * np.pi * HIGHEST))
+
+
+def test_phase_times_of_a_dispersive_chain(chain):
+    """Allow a thousandth of a period for the end of the burst that the window cuts."""
+    delays = phase_delays(chain)
+    omega = 2 * np.pi * delays.frequency
     assert len(omega) > 10
-    # What the window cuts of the dispersed burst's tail, in periods.
-    assert delays.phase == pytest.approx(phase, abs=1e-3 / frequency)
-    # The derivative by differences.
-    middle = abs(delays.frequency / frequency - 1) < 0.15
-    assert delays.group[middle] == pytest.approx(group[middle], rel=1e-3)
-    # The phase rule reads the phase velocity at the burst's frequency, not the long waves'.
-    long_wave = masses / (np.pi * top)
-    sent = 2 * np.pi * frequency
-    exact = masses * 2 * np.arcsin(sent / omega_m) / sent
-    found = analysis.travel_time(pair, "phase")
-    assert abs(found.value - exact) <= 2 * found.error + 1e-3 / frequency
-    assert found.value > 1.01 * long_wave
+    exact = phase_of_chain(omega) / omega
+    assert delays.phase == pytest.approx(exact, abs=1e-3 / FREQUENCY)
+
+
+def test_group_times_of_a_dispersive_chain(chain):
+    """Compare near the burst's frequency; a derivative by differences has an error of 1e-3."""
+    delays = phase_delays(chain)
+    near = abs(delays.frequency / FREQUENCY - 1) < 0.15
+    square = HIGHEST**2 - delays.frequency[near] ** 2
+    exact = 2 * MASSES / (2 * np.pi * np.sqrt(square))
+    assert delays.group[near] == pytest.approx(exact, rel=1e-3)
+
+
+def test_phase_rule_gives_the_phase_velocity_of_the_burst(chain):
+    """Compare at the burst's frequency; the time of long waves is 1 % shorter."""
+    omega = 2 * np.pi * FREQUENCY
+    time = analysis.travel_time(chain, "phase")
+    assert abs(time.value - phase_of_chain(omega) / omega) <= 2 * time.error + 1e-3 / FREQUENCY
+    time_of_long_waves = MASSES / (np.pi * HIGHEST)
+    assert time.value > 1.01 * time_of_long_waves
 
 
 def stokes_pair(wavelengths: float, cycles: int = 1) -> tuple[RecordPair, Stokes, float]:
-    """Traces of force and motion at so many S-wavelengths across the force; distance, m."""
+    """Return traces of a point force and of the motion across it, the solid, and the distance, m.
+
+    The distance is so many wavelengths of S-waves.
+    """
     solid = Stokes(cycles=cycles)
     distance = wavelengths * solid.v_s / solid.frequency
     time = np.arange(0, 1.6 * distance / solid.v_s + (cycles + 1) / solid.frequency, 1e-6)
@@ -123,38 +179,54 @@ def stokes_pair(wavelengths: float, cycles: int = 1) -> tuple[RecordPair, Stokes
 
 @pytest.mark.parametrize("rule", ["zero_crossing", "peak_to_peak", "cross_correlation"])
 def test_near_field_fades_with_distance(rule):
-    """Velocities across a point force tend to V_S as the inverse square of the distance.
+    """Approach V_S across a point force as the inverse square of the distance.
 
     The near field is 1 / (k r) of the far one and a quarter of a period ahead, so that it shifts
     a time by about 1 / (omega k r), and a velocity, relatively, by 1 / (k r)^2.
     """
-    bias = []
+    errors = []
     for wavelengths in (1.0, 2.0, 4.0, 8.0, 16.0):
         pair, solid, distance = stokes_pair(wavelengths)
-        found = analysis.travel_time(pair, rule)
-        bias.append(abs(distance / found.value / solid.v_s - 1))
-        assert ("near_field" in found.codes) == (found.value * solid.frequency < 2)
-    assert bias[-1] < 3e-4 and bias[0] > 0.02, bias
-    assert bias[-2] / bias[-1] == pytest.approx(4, rel=0.1)
+        time = analysis.travel_time(pair, rule)
+        errors.append(abs(distance / time.value / solid.v_s - 1))
+        assert ("near_field" in time.codes) == (time.value * solid.frequency < 2)
+    assert errors[0] > 0.02
+    assert errors[-1] < 3e-4
+    # A tenth: terms of higher order.
+    assert errors[-2] / errors[-1] == pytest.approx(4, rel=0.1)
+
+
+def velocity_of_first_arrival(wavelengths):
+    """Return the velocity, m/s, of the first deflection at a distance, and the solid."""
+    pair, solid, distance = stokes_pair(wavelengths)
+    return distance / analysis.travel_time(pair, "first_arrival").value, solid
 
 
 def test_first_arrival_is_that_of_the_near_field():
-    """The first deflection, opposite to the main one, runs ahead at up to V_P; far away V_S."""
-    velocities = []
-    for wavelengths in (0.5, 1.0, 2.0, 8.0, 40.0):
-        pair, solid, distance = stokes_pair(wavelengths)
-        velocities.append(distance / analysis.travel_time(pair, "first_arrival").value)
-    assert solid.v_s < velocities[0] < solid.v_p
-    assert velocities[0] > 1.1 * solid.v_s and velocities[-1] == pytest.approx(solid.v_s, rel=0.01)
+    """Measure within half a wavelength: the first deflection is the near field's, up to V_P."""
+    velocity, solid = velocity_of_first_arrival(0.5)
+    assert 1.1 * solid.v_s < velocity < solid.v_p
+
+
+def test_first_arrival_far_away_is_that_of_the_s_wave():
+    velocity, solid = velocity_of_first_arrival(40.0)
+    assert velocity == pytest.approx(solid.v_s, rel=0.01)
+
+
+def test_picks_of_the_first_arrival_are_in_their_order():
+    pair, _, _ = stokes_pair(40.0)
     source, receiver = picks(pair, "first_arrival")
     assert 0 < source < receiver < pair.time[-1]
 
 
 def test_phase_of_stokes_solution():
-    """Over frequency, near field included, against the closed transfer function."""
+    """Compare with the closed transfer function, near field included.
+
+    The window cuts nothing of a wave that has an end, so only the error of the sampling remains.
+    """
     pair, solid, distance = stokes_pair(1.5, cycles=4)
     delays = phase_delays(pair)
     exact = solid.transverse_phase_delay(delays.frequency, distance)
-    # The window fades nothing of a wave that has an end; what is left is the sampling.
     assert delays.phase == pytest.approx(exact, rel=1e-5)
+    # The near field changes the phase.
     assert abs(exact / (distance / solid.v_s) - 1).max() > 0.01

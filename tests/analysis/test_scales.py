@@ -42,7 +42,7 @@ ROUND_OFF = 1e-7
 OF_POINTS = {"lambda_edge_linear_over_d": 1e-3}
 """At a crystal's band edge a wave turns forward and backward alike: round-off chooses which points
 the edge is fitted to, where these lie off the curve by up to 3e-3 (`ROUGH` of the ridge)."""
-NO_SCALE = "residual", "stress_error"
+NO_SCALE = ("residual", "stress_error")
 """Round-off of a crystal's balance, and the stress that a note names."""
 
 
@@ -54,7 +54,8 @@ def measured(network):
 
 
 @cache
-def as_it_is(kind):
+def measured_in_si(kind):
+    """Return the quantities of a packing in SI units."""
     return measured(PACKINGS[kind]())
 
 
@@ -64,30 +65,32 @@ def as_it_is(kind):
 )
 def test_every_quantity_scales_with_the_units_of_length_mass_and_time(kind, units):
     """Compare which are known, and values and errors to round-off."""
-    first = as_it_is(kind)
-    second = measured(in_units(PACKINGS[kind](), *units))
-    assert sum(value.known for value in first.values()) > 25
-    for name, value in first.items():
+    in_si = measured_in_si(kind)
+    converted = measured(in_units(PACKINGS[kind](), *units))
+    assert sum(value.known for value in in_si.values()) > 25
+    for name, value in in_si.items():
         unit = np.prod(np.power(units, DIMENSIONS.get(value.unit, (0, 0, 0))))
         largest = np.max(np.abs(np.nan_to_num(value.value)), initial=0.0) * unit
         allowed = OF_POINTS.get(name, ROUND_OFF) * largest
-        for one, other in ((value.value, second[name].value), (value.error, second[name].error)):
-            wanted = np.asarray(one) * unit
-            np.testing.assert_allclose(other, wanted, rtol=0, atol=allowed, err_msg=name)
+        for field in ("value", "error"):
+            expected = np.asarray(getattr(value, field)) * unit
+            number = getattr(converted[name], field)
+            np.testing.assert_allclose(number, expected, rtol=0, atol=allowed, err_msg=name)
 
 
 def test_waves_of_finite_amplitude_scale_with_the_spheres():
     """Push spheres of 2.5 nm by the same share of their overlap as spheres of 2.5 mm."""
     column = gallery.column(12)
-    small = in_units(column, 1e-6, 1e-18, 1e-6)
     push = 0.01 * column.overlap[1]
-    parts = []
-    for network, amplitude in ((column, push), (small, 1e-6 * push)):
-        packing = PackingData(
-            network, sample=sample_of_network(network, 0.3), amplitudes=[amplitude]
-        )
-        parts.append([float(QUANTITIES[name].measured(packing).value[0]) for name in AMPLITUDE])
-    assert parts[1] == pytest.approx(parts[0], rel=1e-3, abs=1e-9)
+
+    def quantities(network, amplitude):
+        sample = sample_of_network(network, 0.3)
+        packing = PackingData(network, sample=sample, amplitudes=[amplitude])
+        return [float(QUANTITIES[name].measured(packing).value[0]) for name in AMPLITUDE]
+
+    expected = quantities(column, push)
+    small = quantities(in_units(column, 1e-6, 1e-18, 1e-6), 1e-6 * push)
+    assert small == pytest.approx(expected, rel=1e-3, abs=1e-9)
 
 
 @pytest.mark.parametrize("amplitude", [1e-60, 1e60])
@@ -95,12 +98,12 @@ def test_a_linear_wave_does_not_depend_on_the_size_of_its_pulse(amplitude):
     crystal = modal.fcc(cells=(1, 1, 40))
     names = ["v_p", "low_pass", "attenuation", "v_p_first_peaks"]
     frequency = PackingData(crystal).pulse.frequency
-    own, other = (
-        analysis.measure(crystal, source=Pulse(size, frequency), quantities=names)
-        for size in (1e-9, amplitude)
-    )
+    expected = analysis.measure(crystal, source=Pulse(1e-9, frequency), quantities=names)
+    values = analysis.measure(crystal, source=Pulse(amplitude, frequency), quantities=names)
     for name in names:
-        np.testing.assert_allclose(other[name].value, own[name].value, rtol=1e-6, err_msg=name)
+        np.testing.assert_allclose(
+            values[name].value, expected[name].value, rtol=1e-6, err_msg=name
+        )
 
 
 @pytest.mark.parametrize("highest", [1e-3, 1e5, 1e11])
@@ -110,6 +113,6 @@ def test_the_limit_of_long_waves_is_that_of_the_dispersion(highest):
     velocity = 500.0
     slowness = (1 + 0.2 * (frequency / highest) ** 2) / velocity
     wave = Coherent(frequency, 2 * np.pi * frequency * slowness, 0 * frequency, highest / 10)
-    found, error = longest_waves(wave)
-    assert found == pytest.approx(velocity, rel=1e-12)
+    measured_velocity, error = longest_waves(wave)
+    assert measured_velocity == pytest.approx(velocity, rel=1e-12)
     assert error < 1e-9 * velocity

@@ -41,16 +41,17 @@ def job(tmp_path):
 
 
 def test_a_task_is_measured_in_its_own_process(job):
-    small, large = job.measured(tasks.nothing_to_do), job.measured(tasks.hundred_megabytes)
+    small = job.measured(tasks.nothing_to_do)
+    large = job.measured(tasks.hundred_megabytes)
     assert large.value == 12_500_000
     assert large.peak_mb - small.peak_mb == pytest.approx(100, rel=0.2)
 
 
 def test_memory_of_a_command_is_its_own(tmp_path):
     """Leave out the memory of the process that starts it, which has 300 MB here."""
-    held = np.ones(300_000_000 // 8)
+    memory = np.ones(300_000_000 // 8)
     spent = run_command([sys.executable, "-S", "-c", "print(1)"], tmp_path, tmp_path / "log")
-    assert spent.peak_mb < 100 < held.nbytes / 1e6
+    assert spent.peak_mb < 100 < memory.nbytes / 1e6
     assert (tmp_path / "log").read_text() == "1\n"
 
 
@@ -66,11 +67,11 @@ def test_a_command_or_task_that_fails_says_why(job):
 def test_several_threads_are_timed_by_the_clock(job):
     """Count the time of waiting on several threads, though it takes no processor time."""
     wait = [sys.executable, "-S", "-c", "import time; time.sleep(0.5)"]
-    for one, two in (
-        (run_command(wait, job.folder, job.folder / "log", threads=k) for k in (1, 2)),
-        (job.measured(tasks.waiting, threads=k) for k in (1, 2)),
-    ):
-        assert one.seconds < 0.5 <= two.seconds
+    log = job.folder / "log"
+    assert run_command(wait, job.folder, log, threads=1).seconds < 0.5
+    assert run_command(wait, job.folder, log, threads=2).seconds >= 0.5
+    assert job.measured(tasks.waiting, threads=1).seconds < 0.5
+    assert job.measured(tasks.waiting, threads=2).seconds >= 0.5
 
 
 def test_a_job_that_fails_costs_one_line_and_no_other_job(tmp_path, monkeypatch, capsys):
@@ -89,58 +90,71 @@ def test_a_job_that_fails_costs_one_line_and_no_other_job(tmp_path, monkeypatch,
 def test_energy_of_the_springs_gives_the_frequencies(packing):
     """Compare with the matrix's spectrum, within the round-off of K in its lowest modes."""
     network, exact, floppy = packing
-    found = by_energy(LinearSystem.of(network), floppy.total, 10)
-    wanted = exact[floppy.total :][:10]
-    bound = np.finfo(float).eps * (exact[-1] / wanted[0]) ** 2
-    assert abs(found / wanted - 1).max() < 100 * bound
+    frequency = by_energy(LinearSystem.of(network), floppy.total, 10)
+    expected = exact[floppy.total :][:10]
+    bound = np.finfo(float).eps * (exact[-1] / expected[0]) ** 2
+    assert abs(frequency / expected - 1).max() < 100 * bound
 
 
 def test_lower_part_keeps_its_stiffness(packing):
     """Compare with the block of K without the contacts that were cut, except at the top."""
-    whole = packing[0]
-    part = resized(whole, 25)
-    kept = (whole.particle_i < 25) & (whole.particle_j < 25)
-    wanted = stiffness_matrix(whole.with_contacts(kept))[:150, :150]
-    differs = abs(stiffness_matrix(part) - wanted).toarray() > 1e-12 * abs(wanted).max()
-    top = np.argmax(part.position[:, 2])
-    assert set(np.flatnonzero(differs.any(axis=0)) // 6) == {top}
-    assert part.particle_j.min() == RECEIVER_WALL
-    assert propagate(part, 2e-5).products > 0  # from wall to wall
-    assert resized(whole, 130).n_particles == 120
+    network = packing[0]
+    lower = resized(network, 25)
+    in_lower = (network.particle_i < 25) & (network.particle_j < 25)
+    expected = stiffness_matrix(network.with_contacts(in_lower))[:150, :150]
+    difference = abs(stiffness_matrix(lower) - expected).toarray()
+    changed = (difference > 1e-12 * abs(expected).max()).any(axis=0)
+    top = np.argmax(lower.position[:, 2])
+    assert set(np.flatnonzero(changed) // 6) == {top}
+    assert lower.particle_j.min() == RECEIVER_WALL
+
+
+def test_a_wave_passes_through_the_lower_part(packing):
+    assert propagate(resized(packing[0], 25), 2e-5).products > 0
+
+
+def test_a_packing_is_resized_by_whole_copies(packing):
+    assert resized(packing[0], 130).n_particles == 120
 
 
 def test_dispersion_error_of_the_time_step_has_order_two():
     network = in_yades_order(gallery.fcc(cells=(2, 2, 30)))
     chain = LayerLattice.of_network(network)
-    found = [
-        dem.errors(stepped(network, 6e-5, step, every=round(4e-7 / step)), chain)
-        for step in (2e-7, 1e-7)
-    ]
+
+    def errors(step):
+        record = stepped(network, 6e-5, step, every=round(4e-7 / step))
+        return dem.errors(record, chain)
+
+    coarse = errors(2e-7)
+    fine = errors(1e-7)
     # omega (1 + (omega dt)^2 / 24): the quarter, up to the next order of some per cent.
     for name in ("error_dispersion", "error_f_low_pass"):
-        assert np.log2(found[0][name] / found[1][name]) == pytest.approx(2, abs=0.15), name
+        assert np.log2(coarse[name] / fine[name]) == pytest.approx(2, abs=0.15), name
 
 
 def test_density_errors_split_into_kernel_and_vectors(packing):
     network, exact, floppy = packing
-    found = {}
-    for resolution, tolerance in ((4e4, 0.02), (1e4, 0.02), (1e4, 0.005)):
+
+    def errors(resolution, tolerance):
         states = density_of_states(network, resolution=resolution, tolerance=tolerance)
-        found[resolution, tolerance] = density.errors(exact, floppy.total, states)
-    coarse, fine, many = found.values()
-    assert fine["error_of_kernel"] < 0.5 * coarse["error_of_kernel"]
-    assert many["error_of_kernel"] == pytest.approx(fine["error_of_kernel"])
-    # Sixteen times the vectors: a quarter of their error on average, half at worst.
-    assert many["error_of_vectors"] < 0.5 * fine["error_of_vectors"]
-    for errors in found.values():
+        errors = density.errors(exact, floppy.total, states)
         assert errors["error"] <= errors["error_of_kernel"] + errors["error_of_vectors"]
+        return errors
+
+    coarse = errors(4e4, 0.02)
+    fine = errors(1e4, 0.02)
+    many_vectors = errors(1e4, 0.005)
+    assert fine["error_of_kernel"] < 0.5 * coarse["error_of_kernel"]
+    assert many_vectors["error_of_kernel"] == pytest.approx(fine["error_of_kernel"])
+    # Sixteen times the vectors: a quarter of their error on average, half at worst.
+    assert many_vectors["error_of_vectors"] < 0.5 * fine["error_of_vectors"]
 
 
 @pytest.mark.parametrize("curve", scaling.ACTIONS)
 def test_what_is_measured_still_works(packing, curve):
     """Run each task: one that fails is an empty row of the table, which nobody may notice."""
-    found = scaling.ACTIONS[curve](packing[0])
-    assert re.match(r"[1-9]\d* (nonzeros|products|modes)", found)
+    result = scaling.ACTIONS[curve](packing[0])
+    assert re.match(r"[1-9]\d* (nonzeros|products|modes)", result)
 
 
 @pytest.mark.slow

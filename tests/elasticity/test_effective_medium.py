@@ -137,9 +137,9 @@ def test_gassmann_against_the_form_of_compliances():
     assert grain == pytest.approx(60e9 / 1.8, rel=1e-12)
     dry = IsotropicModuli(2e8, 1e8)
     full = gassmann(dry, 0.38, grain, water)
-    left = full.bulk / (grain - full.bulk)
+    saturated = full.bulk / (grain - full.bulk)
     right = dry.bulk / (grain - dry.bulk) + water / (0.38 * (grain - water))
-    assert left == pytest.approx(right, rel=1e-10)
+    assert saturated == pytest.approx(right, rel=1e-10)
     assert full.shear == dry.shear
     # A fluid as stiff as the grains makes a solid of grains.
     assert gassmann(dry, 0.38, grain, grain).bulk == pytest.approx(grain, rel=1e-9)

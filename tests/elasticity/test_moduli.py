@@ -102,8 +102,8 @@ def least_squares_moduli(network: Network) -> np.ndarray:
     B = B.reshape(3 * m, -1)
     stretch = stretch.reshape(3 * m, 6)
     motion = lstsq(B, -stretch, cond=1e-10)[0]
-    left = stretch + B @ motion
-    return left.T @ left / np.prod(network.cell_size)
+    relative_motion = stretch + B @ motion
+    return relative_motion.T @ relative_motion / np.prod(network.cell_size)
 
 
 def test_random_cell_against_least_squares(cell):

@@ -206,7 +206,9 @@ def test_frequencies_of_a_held_column(tmp_path):
     log = tmp_path / "log.lammps"
     network = import_packing(tmp_path / "x.dump", log=log).network
     modes = modal.eigenmodes(network, all=True)
-    mass, kn, kt = 1.3, 1e5, 8e4
+    mass = 1.3
+    kn = 1e5
+    kt = 8e4
     arm = 0.5 - 1e-5
     turning = 2 * kt * arm**2 / (0.4 * mass * 0.5**2)
     square = [0, 2 * kt / mass, 2 * kt / mass, 2 * kn / mass, turning, turning]
@@ -227,8 +229,8 @@ def test_pairs_of_held_spheres_may_be_excluded(tmp_path):
     exclude = "neigh_modify exclude group {} {}\n"
     freeze = f"{ENDS}{SPHERE}\nfix f ends freeze\n"
     assert held_by(tmp_path, f"{freeze}{exclude.format('ends', 'ends')}{RUN}") == ALL
-    others = exclude.format("ends", "all")
-    assert held_by(tmp_path, f"{freeze}{others}{RUN}") == "excluded_pairs"
+    exclude_others = exclude.format("ends", "all")
+    assert held_by(tmp_path, f"{freeze}{exclude_others}{RUN}") == "excluded_pairs"
 
 
 def rows(*steps: int) -> str:
@@ -275,7 +277,8 @@ def test_the_last_step_of_a_run_is_of_this_run_alone(tmp_path):
 @pytest.mark.parametrize(("step", "both"), [(50, True), (80, False)])
 def test_steps_that_are_counted_again_may_be_of_either_run(tmp_path, first_is_held, step, both):
     """Of two runs, 0 to 100 and again 0 to 60, the ends are frozen in one."""
-    frozen, free = "fix f ends freeze\n", "unfix f\n"
+    frozen = "fix f ends freeze\n"
+    free = "unfix f\n"
     script = f"{ENDS}{SPHERE}\n{frozen}{'' if first_is_held else free}"
     script += "run 100\n" + rows(0, 100) + over(100) + "reset_timestep 0\n"
     script += (free if first_is_held else frozen) + "run 60\n" + rows(0, 60) + over(60)

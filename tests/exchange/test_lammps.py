@@ -176,8 +176,10 @@ def differences(path: Path, spheres: np.ndarray) -> np.ndarray:
     forces = dict(zip(steps, tables, strict=True))
     columns = []
     for k in range(6 * len(spheres)):
-        there, beyond = (forces[steps[0] + 3 * k + way] for way in (1, 2))
-        columns.append((beyond - there) / (2 * MOVED * (1 if k % 6 < 3 else 1e3)))
+        step = steps[0] + 3 * k
+        # Turns are by a thousand times the angle that moves a surface point by `MOVED`.
+        size = MOVED if k % 6 < 3 else 1e3 * MOVED
+        columns.append((forces[step + 2] - forces[step + 1]) / (2 * size))
     return np.column_stack(columns)
 
 
@@ -206,27 +208,28 @@ def test_stress_and_stiffness_are_those_of_lammps(tmp_path, law, periodic_z):
     expected = [row for row in np.array(printed, float) if np.allclose(alone, row, rtol=1e-12)]
     assert expected
 
-    limit = np.array([each.friction for each in result.laws])[result.law] * network.force_normal
+    friction = np.array([law_of_pair.friction for law_of_pair in result.laws])
+    limit = friction[result.law] * network.force_normal
     near = np.linalg.norm(network.force_tangential, axis=1) > 0.9 * limit
     ends = np.concatenate([network.particle_i[near], network.partner[near]])
     rows = [k for k, sphere in enumerate(spheres) if sphere not in ends]
     assert len(rows) >= 3
     columns = np.concatenate([6 * k + np.arange(6) for k in rows])
     expected = differences(tmp_path / "forces", spheres)[:, columns]
-    own = np.concatenate([6 * spheres[k] + np.arange(6) for k in rows])
+    rows_of_k = np.concatenate([6 * spheres[k] + np.arange(6) for k in rows])
 
-    error = misfit(network, expected, own, TANGENTS["law"])
+    error = misfit(network, expected, rows_of_k, TANGENTS["law"])
     assert error < 1e-4
     for name in ("stiffness_rolling", "stiffness_twisting"):
         stiffness = getattr(network, name)
         assert (stiffness is None) == ("rolling" not in LAWS[law][1])
         if stiffness is not None:  # and each of these, which may not be off by a hundredth
-            other = replace(network, **{name: 1.01 * stiffness})
-            assert misfit(other, expected, own, TANGENTS["law"]) > 2 * error, name
+            stiffer = replace(network, **{name: 1.01 * stiffness})
+            assert misfit(stiffer, expected, rows_of_k, TANGENTS["law"]) > 2 * error, name
     # Each term of this law counts: without it the error is larger.
     for term in summary["terms_of_the_law_over_springs"]:
-        others = tuple(other for other in TANGENTS["law"] if other != term)
-        assert misfit(network, expected, own, others) > 2 * error, term
+        remaining = tuple(kind for kind in TANGENTS["law"] if kind != term)
+        assert misfit(network, expected, rows_of_k, remaining) > 2 * error, term
 
 
 BODIES = """compute b all rigid/local r mol mass x y z quatw quati quatj quatk inertiax inertiay &

@@ -57,13 +57,14 @@ def test_stiffness_is_that_of_liggghts(network):
     Overlaps are 1e-7 m and more: their square leaves 1e-6 of the weakest contacts, 1e-8 of all.
     """
     row, column, value = np.loadtxt(ROOT / "tests" / "data" / "liggghts_differences.txt").T
-    row, column = row.astype(int), column.astype(int)
+    row = row.astype(int)
+    column = column.astype(int)
     columns = np.unique(column)
     expected = np.zeros((6 * 125, len(columns)))
     expected[row, np.searchsorted(columns, column)] = value
     assert misfit(network, expected, columns, TANGENTS["law"]) < 1e-7
     for term in ("normal force", "shear force", "growing circle"):
-        other_terms = tuple(other for other in TANGENTS["law"] if other != term)
+        other_terms = tuple(kind for kind in TANGENTS["law"] if kind != term)
         assert misfit(network, expected, columns, other_terms) > 1e-5, term
 
 

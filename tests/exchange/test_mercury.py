@@ -346,23 +346,23 @@ def test_fixed_particles_are_held(cubic):
     """Fix the second of five spheres in a chain: one below and three above move by themselves."""
     free = cubic.network()
     lowest = np.argmin(free.position.sum(axis=1))
-    over = np.argsort(abs(free.position - free.position[lowest] - [0, 0, 1]).sum(axis=1))[0]
+    second = np.argsort(abs(free.position - free.position[lowest] - [0, 0, 1]).sum(axis=1))[0]
     lines = cubic.spheres.read_text().splitlines()
     rows = [k for k, line in enumerate(lines) if "invMass" in line]
     assert len(rows) == free.n_particles
-    row = rows[over]
+    row = rows[second]
     lines[row] = re.sub("invMass [^ ]+", "invMass 0", lines[row])
     lines[row] = re.sub("invInertia [^ ]+", "invInertia 0", lines[row])
     cubic.spheres.write_text("\n".join(lines) + "\n")
     network = cubic.network()
-    assert network.held.tolist() == (np.arange(125) == over).tolist()
+    assert network.held.tolist() == (np.arange(125) == second).tolist()
     np.testing.assert_allclose(network.mass, free.mass, rtol=1e-7)
     k = 75857.5125578386
     m = 1 / 1.00000000895498
     frequency = modal.eigenmodes(network, all=True).frequency
     assert len(frequency) == 6 * 125 - 6
-    three = 2 * np.sqrt(k / m) * np.sin((2 * np.arange(1, 4) - 1) * np.pi / 14)
-    for omega in [np.sqrt(2 * k / m), *three]:
+    chain_omega = 2 * np.sqrt(k / m) * np.sin((2 * np.arange(1, 4) - 1) * np.pi / 14)
+    for omega in [np.sqrt(2 * k / m), *chain_omega]:
         assert abs(2 * np.pi * frequency / omega - 1).min() < 1e-8
 
 

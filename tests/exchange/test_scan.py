@@ -39,7 +39,8 @@ def scanned(truth):
 
 def test_simple_cubic_crystal_under_pressure_has_the_exact_stiffness():
     """Put p D^2 on each of three contacts a sphere, whatever the distance of the spheres."""
-    count, diameter = 4, 2e-3
+    count = 4
+    diameter = 2e-3
     grid = np.stack(np.meshgrid(*[np.arange(count)] * 3, indexing="ij"), -1).reshape(-1, 3)
     network = modal.from_spheres(
         grid * diameter,
@@ -69,43 +70,44 @@ def test_mean_force_is_that_of_the_packing(truth):
 
 def test_truth_lies_within_the_error(truth, scanned):
     exact = modal.elastic_moduli(truth)
-    found = modal.elastic_moduli(scanned)
+    moduli = modal.elastic_moduli(scanned)
     # A velocity is the root of modulus over density.
-    assert abs(found.v_p / exact.v_p - 1) < found.error / 2
-    assert 0.02 < found.error < 0.6
+    assert abs(moduli.v_p / exact.v_p - 1) < moduli.error / 2
+    assert 0.02 < moduli.error < 0.6
 
 
 def test_error_contains_what_tolerances_move(scanned):
     moduli = modal.elastic_moduli(scanned)
-    others = list(alternatives(scanned))
-    contacts = [other.n_contacts for other in others]
-    assert contacts[0] < scanned.n_contacts < contacts[1] and contacts[2] == scanned.n_contacts
-    for other in others:
-        exact = other.unchecked(study={})
-        moved = modal.elastic_moduli(exact)
-        assert abs(moved.bulk_modulus / moduli.bulk_modulus - 1) < moduli.error
-        assert abs(moved.shear_modulus / moduli.shear_modulus - 1) < moduli.error
+    networks = list(alternatives(scanned))
+    contacts = [network.n_contacts for network in networks]
+    assert contacts[0] < scanned.n_contacts < contacts[1]
+    assert contacts[2] == scanned.n_contacts
+    for network in networks:
+        exact = network.unchecked(study={})
+        moduli_of_network = modal.elastic_moduli(exact)
+        assert abs(moduli_of_network.bulk_modulus / moduli.bulk_modulus - 1) < moduli.error
+        assert abs(moduli_of_network.shear_modulus / moduli.shear_modulus - 1) < moduli.error
 
 
 def test_all_alternatives_bear_the_stress(scanned):
     """Sum forces times branches, from the stiffnesses alone: f = (k / c)^3 / R*."""
     scan = Scan.of(scanned.study)
-    for other in alternatives(scanned):
-        radius_i = other.radius[other.particle_i]
-        radius_j = other.radius[other.particle_j]
+    for network in alternatives(scanned):
+        radius_i = network.radius[network.particle_i]
+        radius_j = network.radius[network.particle_j]
         effective_radius = radius_i * radius_j / (radius_i + radius_j)
-        force = (other.stiffness_normal / scan.law.normal) ** 3 / effective_radius
-        length = np.linalg.norm(other.branch, axis=1)
-        stress = (force * length).sum() / np.prod(other.cell_size) / 3
+        force = (network.stiffness_normal / scan.law.normal) ** 3 / effective_radius
+        length = np.linalg.norm(network.branch, axis=1)
+        stress = (force * length).sum() / np.prod(network.cell_size) / 3
         assert stress == pytest.approx(STRESS, rel=1e-9)
 
 
 def test_measured_quantities_have_the_error_and_the_caveat(scanned):
-    found = analysis.measure(scanned, quantities=["bulk_modulus", "coordination", "void_ratio"])
+    values = analysis.measure(scanned, quantities=["bulk_modulus", "coordination", "void_ratio"])
     for name in ("bulk_modulus", "coordination"):
-        assert "scanned" in found[name].codes
-        assert found[name].error > 0.02 * found[name].value
-    assert "scanned" not in found["void_ratio"].codes
+        assert "scanned" in values[name].codes
+        assert values[name].error > 0.02 * values[name].value
+    assert "scanned" not in values["void_ratio"].codes
 
 
 def test_notes_survive_the_file(scanned, tmp_path):

@@ -46,10 +46,10 @@ def test_arrays_have_the_contacts_and_stiffnesses_of_the_law(walled, periodic):
     """Compare with the packings' own stiffnesses, which other code computed by the same law."""
     for network in (walled, periodic):
         walls = None if network.cell_periodic[2] else network.wall_position
-        found = modal.from_spheres(
+        imported = modal.from_spheres(
             network.position, network.radius, cell=network.cell_size, walls=walls, law=LAW
         )
-        program_files.same(found, network, SAME, 1e-9)
+        program_files.same(imported, network, SAME, 1e-9)
 
 
 def test_lever_arms_of_lammps_differ_by_words_alone(periodic):
@@ -76,10 +76,10 @@ def test_lever_arms_of_lammps_differ_by_words_alone(periodic):
 def test_headers_and_units(tmp_path, walled, header, scale, size):
     path = tmp_path / "spheres.txt"
     spheres_table(path, walled, header, scale, size, cell_lines(walled, scale))
-    found = import_packing(path, pair=LAW, density=2230.0).network
-    assert found.n_contacts == walled.n_contacts
-    np.testing.assert_allclose(found.radius, walled.radius, rtol=1e-12)
-    program_files.same(found, walled, "stiffness_normal force_normal", 1e-9)
+    imported = import_packing(path, pair=LAW, density=2230.0).network
+    assert imported.n_contacts == walled.n_contacts
+    np.testing.assert_allclose(imported.radius, walled.radius, rtol=1e-12)
+    program_files.same(imported, walled, "stiffness_normal force_normal", 1e-9)
 
 
 def test_frequencies_scale_as_the_root_of_the_modulus(periodic):
@@ -108,9 +108,9 @@ def test_cell_and_walls_typed_beside_a_table(tmp_path, capsys, walled):
             "periodic": "xy",
         },
     )
-    found = files.imported()
-    assert found["contacts"] == walled.n_contacts
-    assert found["wall_contacts"] == walled.with_wall.sum()
+    summary = files.imported()
+    assert summary["contacts"] == walled.n_contacts
+    assert summary["wall_contacts"] == walled.with_wall.sum()
     # Without any cell no contact passes through a period.
     bare = files.imported(wall=None, cell=None, periodic=None)
     assert bare["contacts"] == (~walled.periods.any(axis=1) & ~walled.with_wall).sum()
@@ -136,7 +136,8 @@ def test_refusals(tmp_path, capsys, walled):
 
 
 def test_arrays_that_are_no_spheres_are_refused(walled):
-    position, radius = walled.position, walled.radius
+    position = walled.position
+    radius = walled.radius
     for code, arguments in {
         "shape": (position[:, :2], radius),
         "not_finite": (position * np.nan, radius),

@@ -21,14 +21,14 @@ COLUMNS = (
 
 @pytest.fixture(scope="module", params=[False, True], ids=["walls", "periodic"])
 def network(request):
-    made = packings.polydisperse(request.param)
+    packing = packings.polydisperse(request.param)
     # Tables do not tell where the contact point lies in the overlap: it is in the middle.
-    middle = made.overlap[:, None] / 2
-    radius_j = np.where(made.with_wall, middle[:, 0], made.radius[made.partner])
+    middle = packing.overlap[:, None] / 2
+    radius_j = np.where(packing.with_wall, middle[:, 0], packing.radius[packing.partner])
     return replace(
-        made,
-        lever_i=(made.radius[made.particle_i][:, None] - middle) * made.normal,
-        lever_j=(middle - radius_j[:, None]) * made.normal,
+        packing,
+        lever_i=(packing.radius[packing.particle_i][:, None] - middle) * packing.normal,
+        lever_j=(middle - radius_j[:, None]) * packing.normal,
     )
 
 
@@ -60,9 +60,9 @@ def test_eigenvalues_of_the_written_matrices(network, exported, ending):
     load = sp.load_npz if ending == "npz" else scipy.io.mmread
     stiffness = load(path).toarray()
     mass = load(path.with_name(f"x.mass.{ending}")).toarray()
-    square = scipy.linalg.eigvalsh(stiffness, mass)
-    found = modal.eigenmodes(network, highest=20).frequency
-    np.testing.assert_allclose(np.sqrt(square[-20:]) / (2 * np.pi), found, rtol=1e-9)
+    square = scipy.linalg.eigvalsh(stiffness, mass)[-20:]
+    expected = modal.eigenmodes(network, highest=20).frequency
+    np.testing.assert_allclose(np.sqrt(square) / (2 * np.pi), expected, rtol=1e-9)
 
 
 def test_held_spheres_leave_the_matrices(network):
@@ -73,9 +73,9 @@ def test_held_spheres_leave_the_matrices(network):
     rows = np.flatnonzero(~fixed.ravel())
     held = replace(network, fixed=fixed)
     for make in (modal.stiffness_matrix, modal.mass_matrix):
-        whole = make(held, held=True).toarray()
-        np.testing.assert_array_equal(whole, make(network).toarray())
-        np.testing.assert_array_equal(make(held).toarray(), whole[np.ix_(rows, rows)])
+        all_rows = make(held, held=True).toarray()
+        np.testing.assert_array_equal(all_rows, make(network).toarray())
+        np.testing.assert_array_equal(make(held).toarray(), all_rows[np.ix_(rows, rows)])
 
 
 def test_mass_scaled_matrix(network):
@@ -88,9 +88,9 @@ def test_mass_scaled_matrix(network):
 def test_matrices_of_translations_are_blocks_of_the_whole(network):
     rows = np.arange(6 * network.n_particles).reshape(-1, 6)[:, :3].ravel()
     for make in (modal.stiffness_matrix, modal.mass_matrix):
-        whole = make(network).toarray()
-        part = make(network, translations_only=True).toarray()
-        np.testing.assert_allclose(part, whole[np.ix_(rows, rows)], rtol=1e-12)
+        matrix = make(network).toarray()
+        translations = make(network, translations_only=True).toarray()
+        np.testing.assert_allclose(translations, matrix[np.ix_(rows, rows)], rtol=1e-12)
 
 
 def test_mass_matrix_of_clumps_has_their_tensors(network):

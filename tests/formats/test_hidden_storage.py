@@ -133,8 +133,8 @@ def file(tmp_path, monkeypatch):
     """Write a network, and another file with suitable numbers beside it."""
     monkeypatch.chdir(tmp_path)
     write_network("a.network.h5", CRYSTAL)
-    with h5py.File("other.h5", "w") as other:
-        other["k"] = CRYSTAL.stiffness_tangential
+    with h5py.File("other.h5", "w") as other_file:
+        other_file["k"] = CRYSTAL.stiffness_tangential
     CRYSTAL.stiffness_tangential.tofile("raw")
     return tmp_path / "a.network.h5"
 

@@ -120,8 +120,8 @@ def test_changed_source_makes_a_product_stale(network, capsys):
     old_digest = sha256(network)
     write_network(network, gallery.fcc(2e5, (1, 1, 12)))
     new_digest = sha256(network)
-    wanted = Provenance(read_provenance(path).command, {"seed": 1}, packing_of(network))
-    (change,) = [each for each in changes(path, wanted) if each.kind == "source"]
+    expected = Provenance(read_provenance(path).command, {"seed": 1}, packing_of(network))
+    (change,) = [each for each in changes(path, expected) if each.kind == "source"]
     assert (change.name, change.old.sha256, change.new.sha256) == (
         "packing",
         old_digest,
@@ -154,8 +154,8 @@ def test_files_of_an_earlier_version(network):
             if path == modes:
                 del file.attrs["network_sha256"]
     assert require_same_packing(modes, packing) != ""
-    wanted = Provenance(settings={"lowest": 4}, sources=packing)
-    assert [change.kind for change in changes(modes, wanted)] == ["no_settings"]
+    expected = Provenance(settings={"lowest": 4}, sources=packing)
+    assert [change.kind for change in changes(modes, expected)] == ["no_settings"]
     assert require_same_packing(wave, packing) == ""
     write_network(network, gallery.fcc(2e5, (1, 1, 12)))
     with pytest.raises(InputError) as refused:

@@ -239,8 +239,8 @@ def test_basis_with_collective_modes_is_exact_and_orthonormal(case, monkeypatch)
 
 def test_more_zero_modes_than_there_are_are_not_made_up(monkeypatch):
     """Let a count be too large by one: the search for the missing mode is refused."""
-    every = by_dense_solver(0.5)[0]
-    monkeypatch.setattr("modal.modes.collective.count_below", lambda _, f: (every + 1) * (f > 0))
+    count = by_dense_solver(0.5)[0]
+    monkeypatch.setattr("modal.modes.collective.count_below", lambda _, f: (count + 1) * (f > 0))
     with refusal("not_converged"):
         counted_floppy(LinearSystem.of(packing(0.5)))
 

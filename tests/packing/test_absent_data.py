@@ -47,7 +47,7 @@ def test_round_trip_keeps_what_is_absent(present, tmp_path):
 
 def test_springs_alone_need_none_of_it(tmp_path, printed):
     """Find the numbers of the whole network, to the bit."""
-    whole = gallery.fcc(cells=(2, 2, 8))
+    complete = gallery.fcc(cells=(2, 2, 8))
     commands = (
         ("modes", "--lowest", "5"),
         ("modes", "--all", "--translations-only"),
@@ -57,7 +57,7 @@ def test_springs_alone_need_none_of_it(tmp_path, printed):
         ("response", "--highest", "3e4"),
     )
     paths = [tmp_path / f"{name}.network.h5" for name in ("whole", "bare")]
-    for path, network in zip(paths, (whole, changes.bare(whole)), strict=True):
+    for path, network in zip(paths, (complete, changes.bare(complete)), strict=True):
         write_network(path, network)
     for command, *options in commands:
         first, second = (answers(printed, command, path, *options) for path in paths)
@@ -65,25 +65,25 @@ def test_springs_alone_need_none_of_it(tmp_path, printed):
 
 
 def test_info_names_what_is_absent_and_leaves_its_numbers_out(tmp_path, printed):
-    whole = gallery.fcc(cells=(2, 2, 12))
+    complete = gallery.fcc(cells=(2, 2, 12))
     path = tmp_path / "x.network.h5"
-    write_network(path, whole)
-    known = answers(printed, "info", path)
+    write_network(path, complete)
+    numbers = answers(printed, "info", path)
     needs_forces = {"stress_pa", "largest_off_diagonal_stress_pa", "stress_deviation_along_z"}
     needs_forces |= {f"{most}net_force_over_contact_force" for most in ("", "largest_")}
     needs_normal_force = {"wall_stress_pa", "pulling_contacts", "law"}
     needs_normal_force |= {"force_over_stiffness_times_overlap"}
     needs_forces |= {"mobilised_contacts_per_particle", "isostatic_coordination_number"}
-    needs_forces = (needs_forces | {"sliding_contacts"}) & known.keys()
-    for kept, lost in (
+    needs_forces = (needs_forces | {"sliding_contacts"}) & numbers.keys()
+    for columns, missing in (
         (("force_normal", "overlap"), needs_forces),
         ((), needs_forces | needs_normal_force),
     ):
-        write_network(path, changes.bare(whole, *kept))
-        found = answers(printed, "info", path)
-        assert found["absent"] == [name for name in changes.OPTIONAL if name not in kept]
-        assert known.keys() - found.keys() == lost
-        assert all(found[name] == known[name] for name in found if name != "absent")
+        write_network(path, changes.bare(complete, *columns))
+        remaining = answers(printed, "info", path)
+        assert remaining["absent"] == [name for name in changes.OPTIONAL if name not in columns]
+        assert numbers.keys() - remaining.keys() == missing
+        assert all(remaining[name] == numbers[name] for name in remaining if name != "absent")
         table = tmp_path / "layers.csv"
         printed("info", path, "--layers", table)
         names = np.genfromtxt(table, delimiter=",", names=True).dtype.names
@@ -136,41 +136,67 @@ def test_static_velocity_needs_no_forces():
     assert static_velocity(changes.bare(crystal)) == static_velocity(crystal)
 
 
-def test_networks_without_a_cross_section_or_a_length(tmp_path, printed, one_line):
-    """Leave stresses and void ratio out, and refuse a wave that records stresses.
+COLUMN = gallery.column(4)
+FLAT = COLUMN.unchecked(wall_position=np.zeros(2))
+"""A column whose walls have one place: they count as none, unless contacts touch them."""
+INCOMPLETE = {
+    "no area": replace(COLUMN, cell_size=np.zeros(3)),
+    "no volume": FLAT.some(~FLAT.with_wall),
+}
 
-    Two walls in one place count as none, unless contacts touch them.
-    """
-    path, column = tmp_path / "x.network.h5", gallery.column(4)
-    flat = column.unchecked(wall_position=np.zeros(2))
-    thin, loose = replace(column, cell_size=np.zeros(3)), flat.some(~flat.with_wall)
-    for network, commands, code in (
-        (thin, ("wave", "response"), "no_area"),
-        (loose, ("wave", f"info --layers {tmp_path}/layers.csv"), "no_volume"),
-        (flat, ("info", "modes", "wave"), "wall_order"),
-    ):
-        write_network(path, network)
-        for command in commands:
-            name, *options = command.split()
-            one_line(main, [name, path, *options], code=code)
-        if network is not flat:
-            found = printed("info", path)
-            assert not {"stress_pa", "wall_stress_pa", "void_ratio"} & found.keys()
-            assert len(printed("modes", path, "--lowest", 3)["frequency_hz"]) == 3
+
+@pytest.mark.parametrize("kind", INCOMPLETE)
+def test_info_and_modes_of_a_network_without_an_area_or_a_length(kind, tmp_path, printed):
+    """Leave stresses and void ratio out."""
+    path = tmp_path / "x.network.h5"
+    write_network(path, INCOMPLETE[kind])
+    numbers = printed("info", path)
+    assert not {"stress_pa", "wall_stress_pa", "void_ratio"} & numbers.keys()
+    assert len(printed("modes", path, "--lowest", 3)["frequency_hz"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("network", "command", "code"),
+    [
+        pytest.param(INCOMPLETE["no area"], "wave", "no_area", id="wave without an area"),
+        pytest.param(INCOMPLETE["no area"], "response", "no_area", id="response without an area"),
+        pytest.param(INCOMPLETE["no volume"], "wave", "no_volume", id="wave without a length"),
+        pytest.param(
+            INCOMPLETE["no volume"],
+            "info --layers layers.csv",
+            "no_volume",
+            id="layers without a length",
+        ),
+        pytest.param(FLAT, "info", "wall_order", id="info of touching walls in one place"),
+        pytest.param(FLAT, "modes", "wall_order", id="modes of touching walls in one place"),
+        pytest.param(FLAT, "wave", "wall_order", id="wave between walls in one place"),
+    ],
+)
+def test_commands_refuse_a_network_without_an_area_or_a_length(
+    network, command, code, tmp_path, monkeypatch, one_line
+):
+    monkeypatch.chdir(tmp_path)
+    write_network("x.network.h5", network)
+    name, *options = command.split()
+    one_line(main, [name, "x.network.h5", *options], code=code)
+
+
+def test_stress_on_walls_needs_an_area():
     with pytest.raises(UnavailableError) as refusal:
-        wall_stress(thin)
+        wall_stress(INCOMPLETE["no area"])
     assert refusal.value.code == "no_area"
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_no_shear_forces_and_zero_shear_forces_slide_alike(friction):
-    """Set the friction to zero: every contact is at its limit, as nothing resists shear."""
-    made = gallery.fcc(cells=(3, 3, 6))
-    plain = Sample(made.position, made.cell_size[:2], made.wall_position, friction)
-    contacts = len(plain.contacts().overlap)
-    first, second = plain.network(), replace(plain, shear=np.zeros((contacts, 2))).network()
-    assert np.array_equal(first.sliding, second.sliding)
-    assert (first.sliding == (friction == 0)).all()
+    """Find all contacts at their limit without friction, as nothing resists the smallest shear."""
+    crystal = gallery.fcc(cells=(3, 3, 6))
+    sample = Sample(crystal.position, crystal.cell_size[:2], crystal.wall_position, friction)
+    n_contacts = len(sample.contacts().overlap)
+    with_zeros = replace(sample, shear=np.zeros((n_contacts, 2)))
+    without_shear = sample.network().sliding
+    assert np.array_equal(with_zeros.network().sliding, without_shear)
+    assert (without_shear == (friction == 0)).all()
 
 
 @pytest.mark.parametrize("note", ["high", np.nan, [0.1, 0.2], -0.3, 0.0])

@@ -192,12 +192,12 @@ def test_contact_acts_across_its_gap_once_it_has_formed(model, by_arrays, monkey
     law = law_of(model)
     gap = float(rupture_distance(law, EFFECTIVE))
     contacts = MovingContacts(touching_pair(model, gap / 2), track_energy=True)
-    apart = np.zeros((4, 6))
+    separation = np.zeros((4, 6))
 
     def force_at(overlap):
         present = 2 * RADIUS - (contacts.position[1, 0] - contacts.position[0, 0])
-        apart[1, 0] = present - overlap
-        contacts.move(apart)
+        separation[1, 0] = present - overlap
+        contacts.move(separation)
         return -contacts.load[0, 0]
 
     for overlap in (0.3 * gap, -0.2 * gap, -0.99 * gap):

@@ -47,9 +47,9 @@ def test_packing_of_a_curve_from_its_file(tmp_path):
     packing = modal.random_packing(80, sizes=[str(path)], aspect=1)
     diameter = 2 * packing.radius
     assert diameter.min() >= 1e-3 and diameter.max() <= 2e-3
-    told = summary(packing)
-    assert told["d10_m"] < told["d50_m"] < told["d90_m"]
-    assert told["d50_m"] == pytest.approx(1.5e-3, rel=0.05)
+    numbers = summary(packing)
+    assert numbers["d10_m"] < numbers["d50_m"] < numbers["d90_m"]
+    assert numbers["d50_m"] == pytest.approx(1.5e-3, rel=0.05)
     assert "d50_m" not in summary(modal.fcc(cells=(1, 1, 4)))
 
 

@@ -25,15 +25,15 @@ def packing():
 
 def test_without_friction_every_contact_is_mobilised(packing):
     """Count n_m = z / 2 without friction; at z = 6 this is isostatic: 4 + 2 = 6."""
-    told = summary(packing)
-    mobilised = told["mobilised_contacts_per_particle"]
+    numbers = summary(packing)
+    mobilised = numbers["mobilised_contacts_per_particle"]
     with_wall = packing.with_wall.sum()
-    bearing = packing.n_particles - told["rattlers"]
-    half = (told["coordination_number_without_rattlers"] + with_wall / bearing) / 2
+    bearing = packing.n_particles - numbers["rattlers"]
+    half = (numbers["coordination_number_without_rattlers"] + with_wall / bearing) / 2
     # Contacts of rattlers with walls are few.
     assert mobilised == pytest.approx(half, rel=0.02)
     assert isostatic_coordination(3.0) == 6
-    assert told["isostatic_coordination_number"] == 4 + 2 / 3 * mobilised
+    assert numbers["isostatic_coordination_number"] == 4 + 2 / 3 * mobilised
 
 
 def test_relax_keeps_contacts_at_their_limit_on_request():
@@ -53,8 +53,10 @@ def test_only_contacts_at_the_limit_of_bearing_spheres_count(packing):
     assert mobilised_per_particle(replace(packing, sliding=sliding)) == 0
     pair = np.flatnonzero(~packing.with_wall)[:7]
     sliding[pair] = True
-    few = replace(packing, sliding=sliding)
-    assert 0 < mobilised_per_particle(few) <= 7 / (packing.n_particles - summary(few)["rattlers"])
-    assert measure(few, quantities=["mobilised"])["mobilised"].value == mobilised_per_particle(few)
+    slid = replace(packing, sliding=sliding)
+    assert 0 < mobilised_per_particle(slid) <= 7 / (packing.n_particles - summary(slid)["rattlers"])
+    assert measure(slid, quantities=["mobilised"])["mobilised"].value == mobilised_per_particle(
+        slid
+    )
     with pytest.raises(UnavailableError):
         mobilised_per_particle(replace(packing, sliding=None))

@@ -51,13 +51,13 @@ def test_the_part_has_the_folded_matrix(network, count: int, pre_stress: str):
 def test_numbering_turned_contacts_and_the_origin_do_not_matter():
     network = repeat(slim(), 3, 2)
     rng = np.random.default_rng(5)
-    other = changes.renumbered(network, rng.permutation(network.n_particles))
-    turned = ~other.with_wall & (rng.random(other.n_contacts) < 0.5)
+    changed = changes.renumbered(network, rng.permutation(network.n_particles))
+    turned = ~changed.with_wall & (rng.random(changed.n_contacts) < 0.5)
     # A fifth of a period aside, in which no sphere keeps its cell, and far out of the cell.
-    position = other.position + network.cell_size * [0.2, 3.7, 0]
-    other = changes.from_other_end(other, turned).unchecked(cell_shift=None)
-    other = replace(other, position=position)
-    assert lateral_repeats(other, pre_stress=True).count == 6
+    position = changed.position + network.cell_size * [0.2, 3.7, 0]
+    changed = changes.from_other_end(changed, turned).unchecked(cell_shift=None)
+    changed = replace(changed, position=position)
+    assert lateral_repeats(changed, pre_stress=True).count == 6
 
 
 @pytest.mark.parametrize(
@@ -87,6 +87,6 @@ def test_forces_count_with_pre_stress_alone():
     network = repeat(slim(), 2, 1)
     force = network.force_normal.copy()
     force[np.argmax(force)] *= 1 + 1e-6
-    other = replace(network, force_normal=force)
-    assert lateral_repeats(other).count == 2
-    assert lateral_repeats(other, pre_stress=True).count == 1
+    changed = replace(network, force_normal=force)
+    assert lateral_repeats(changed).count == 2
+    assert lateral_repeats(changed, pre_stress=True).count == 1

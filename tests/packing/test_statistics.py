@@ -93,8 +93,8 @@ def test_densities_and_coordination_are_counted_sphere_by_sphere():
     """Count in a loop, for radii 1:3 of glass and steel."""
     network = polydisperse()
     solid = sum(4 / 3 * np.pi * r**3 for r in network.radius)
-    whole = network.cell_size.prod()
-    assert state.void_ratio(network) == pytest.approx(whole / solid - 1, rel=1e-12)
+    cell_volume = network.cell_size.prod()
+    assert state.void_ratio(network) == pytest.approx(cell_volume / solid - 1, rel=1e-12)
     touching = np.zeros(network.n_particles)
     for i, j in zip(network.particle_i, network.particle_j, strict=True):
         touching[i] += 1
@@ -103,7 +103,7 @@ def test_densities_and_coordination_are_counted_sphere_by_sphere():
     np.testing.assert_array_equal(state.contacts_per_particle(network), touching)
     layers = state.profile(network)
     assert layers.particles.sum() == network.n_particles
-    volume = whole / len(layers.void_ratio)
+    volume = cell_volume / len(layers.void_ratio)
     assert (volume / (1 + layers.void_ratio)).sum() == pytest.approx(solid, rel=1e-12)
 
 
@@ -112,8 +112,8 @@ def test_layers_add_up_to_the_whole(thickness):
     network = sheared(overlapping(3).network())
     layers = state.profile(network, thickness * 2 * RADIUS)
     count = len(layers.stress)
-    whole = np.diag(state.stress_tensor(network))
-    assert layers.stress.mean(axis=0) == pytest.approx(whole, rel=1e-12)
+    stress = np.diag(state.stress_tensor(network))
+    assert layers.stress.mean(axis=0) == pytest.approx(stress, rel=1e-12)
     solid = 1 / (1 + layers.void_ratio)
     assert 1 / solid.mean() - 1 == pytest.approx(network.study["void_ratio"], abs=1e-12)
     assert layers.particles.sum() == network.n_particles
@@ -204,15 +204,15 @@ def test_layers_of_a_cell_without_walls_know_no_end():
     low = network.wall_position[0]
     position = network.position.copy()
     position[:, 2] += step
-    over = position[:, 2] >= network.wall_position[1]
-    position[over, 2] -= network.cell_size[2]
-    assert over.any()
+    beyond_end = position[:, 2] >= network.wall_position[1]
+    position[beyond_end, 2] -= network.cell_size[2]
+    assert beyond_end.any()
     assert position[:, 2].min() >= low
     shift = network.cell_shift.copy()
-    shift[:, 2] += over[network.partner].astype(int) - over[network.particle_i]
-    moved = state.profile(replace(network, position=position, cell_shift=shift))
-    assert moved.void_ratio == pytest.approx(np.roll(layers.void_ratio, 1), rel=1e-9)
-    assert moved.stress == pytest.approx(np.roll(layers.stress, 1, axis=0), rel=1e-9)
+    shift[:, 2] += beyond_end[network.partner].astype(int) - beyond_end[network.particle_i]
+    shifted = state.profile(replace(network, position=position, cell_shift=shift))
+    assert shifted.void_ratio == pytest.approx(np.roll(layers.void_ratio, 1), rel=1e-9)
+    assert shifted.stress == pytest.approx(np.roll(layers.stress, 1, axis=0), rel=1e-9)
 
 
 @pytest.mark.parametrize(("strength", "lowest", "highest"), [(0.02, 0.99, 1.0), (0.35, 0.0, 0.1)])

@@ -33,38 +33,51 @@ def test_repeated_sample_has_the_repeated_network(sample):
     """
     large = repeat_sample(sample, 3, 2)
     assert (np.diff(large.position[:, 2]) >= 0).all()  # the loops over contacts go along z
-    found, wanted = large.network(), repeat(sample.network(), 3, 2)
-    assert found.n_contacts == wanted.n_contacts == 6 * sample.network().n_contacts
-    falling = ~wanted.with_wall & (wanted.particle_i > wanted.particle_j)
-    wanted = changes.from_other_end(wanted, falling)
-    ours, order = (
-        np.lexsort((*net.cell_shift.T, net.particle_j, net.particle_i)) for net in (found, wanted)
-    )
+    network = large.network()
+    expected = repeat(sample.network(), 3, 2)
+    assert network.n_contacts == expected.n_contacts == 6 * sample.network().n_contacts
+    falling = ~expected.with_wall & (expected.particle_i > expected.particle_j)
+    expected = changes.from_other_end(expected, falling)
+    order = order_of_contacts(network)
+    expected_order = order_of_contacts(expected)
     for name in ("particle_i", "particle_j", "cell_shift"):
-        assert np.array_equal(getattr(found, name)[ours], getattr(wanted, name)[order])
+        column = getattr(expected, name)[expected_order]
+        assert np.array_equal(getattr(network, name)[order], column)
     for name in ("normal", "overlap", "stiffness_normal", "force_tangential"):
-        of = getattr(wanted, name)[order]
-        assert abs(getattr(found, name)[ours] - of).max() < 1e-9 * abs(of).max(), name
+        column = getattr(expected, name)[expected_order]
+        difference = getattr(network, name)[order] - column
+        assert abs(difference).max() < 1e-9 * abs(column).max(), name
+
+
+def order_of_contacts(network):
+    """Return the order of contacts by their first body, second body, and period."""
+    return np.lexsort((*network.cell_shift.T, network.particle_j, network.particle_i))
 
 
 @pytest.mark.parametrize("kind", ["sample", "network"])
-def test_tile_makes_equal_parts(kind, tmp_path, printed, capsys):
+def test_tile_makes_equal_parts(kind, tmp_path, printed):
     """Repeat twice along y, then thrice along x; overlaps differ by round-off, 1e-11.
 
     Waves in them are those of the small packing: `tests/waves/test_one_part.py`.
     """
     paths = [SHEARED, tmp_path / f"b.{kind}.h5", tmp_path / f"c.{kind}.h5"]
     for path, out, times in zip(paths, paths[1:], ("1 2", "3 1"), strict=False):
-        told = printed("tile", path, "--repeat", *times.split(), "-o", out)
-    assert told["spheres"] == 900
-    small, large = (read(path) for path in (paths[0], paths[-1]))
+        summary = printed("tile", path, "--repeat", *times.split(), "-o", out)
+    assert summary["spheres"] == 900
+    small = read(paths[0])
+    large = read(paths[-1])
     assert large.cell_size == pytest.approx(small.cell_size * [3, 2, 1])
-    parts = lateral_repeats(large)
-    assert parts.count == 6 and parts.part.n_contacts == small.n_contacts
-    stiff = (np.sort(net.stiffness_normal) for net in (small, parts.part))
-    assert next(stiff) == pytest.approx(next(stiff), rel=1e-8)
-    # However wide it is then, it repeats a narrow cell.
-    assert main(["tile", str(SHEARED), *["--repeat", "1", "1", "-o"], str(paths[1])]) == 0
+    repeats = lateral_repeats(large)
+    assert repeats.count == 6
+    assert repeats.part.n_contacts == small.n_contacts
+    expected = np.sort(small.stiffness_normal)
+    assert np.sort(repeats.part.stiffness_normal) == pytest.approx(expected, rel=1e-8)
+
+
+def test_tile_remarks_on_a_narrow_cell(tmp_path, capsys):
+    """Remark on the width of the cell that is repeated, however wide the result is."""
+    path = tmp_path / "b.sample.h5"
+    assert main(["tile", str(SHEARED), *["--repeat", "1", "1", "-o"], str(path)]) == 0
     assert "diameters wide" in capsys.readouterr().err
 
 

@@ -20,11 +20,11 @@ UNSIGNED = ("u1", "u2", "u4", "u8", ">u2", ">u8")
 
 def with_indices(network: Network, width: str) -> Network:
     """Return the network with all columns of integers that fit into this width."""
-    whole = {name: getattr(network, name) for name in ("particle_i", "particle_j", "cell_shift")}
+    columns = {name: getattr(network, name) for name in ("particle_i", "particle_j", "cell_shift")}
     info = np.iinfo(width)
     fits = {
         name: data.astype(width)
-        for name, data in whole.items()
+        for name, data in columns.items()
         if info.min <= data.min() and data.max() <= info.max
     }
     assert {"particle_i", "particle_j"} <= fits.keys()
@@ -38,8 +38,8 @@ def test_signed_indices_of_any_width_give_the_same_waves_and_moduli(width):
     first, second = (modal.propagate(network, 3e-5).signals for network in (CRYSTAL, narrow))
     for name in ("source_stress", "receiver_stress"):
         np.testing.assert_array_equal(getattr(second, name), getattr(first, name))
-    few = {"resolution": 5e3, "highest": 5e4}
-    first, second = (modal.frequency_response(network, **few) for network in (CRYSTAL, narrow))
+    settings = {"resolution": 5e3, "highest": 5e4}
+    first, second = (modal.frequency_response(network, **settings) for network in (CRYSTAL, narrow))
     np.testing.assert_array_equal(second.gain, first.gain)
     stiffness = modal.elastic_moduli(narrow).stiffness
     np.testing.assert_array_equal(stiffness, modal.elastic_moduli(CRYSTAL).stiffness)

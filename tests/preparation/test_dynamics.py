@@ -1,4 +1,4 @@
-"""Tests of moving spheres: conservation laws, closed forms of one contact, numpy, YADE."""
+"""Moving spheres: conservation laws, closed forms of one contact, the same steps in YADE."""
 
 import json
 from dataclasses import replace
@@ -9,6 +9,7 @@ from changes import in_flight
 from in_yade import script
 from packings import random_sample
 from places import ROOT
+from refusals import refusal
 from scipy.spatial.transform import Rotation
 
 from modal.dem import contacts as moving_contacts
@@ -21,7 +22,6 @@ from modal.packing.sample import Sample, read_sample, write_sample
 from modal.preparation.durations import time_step
 from modal.preparation.strain_control import INERTIAL_NUMBER, ConstantRate, Servo
 from modal.tools import slabs
-from modal.tools.errors import InputError
 
 EPS = np.finfo(float).eps
 STEP = time_step(3e5)
@@ -31,7 +31,8 @@ def agitated(spheres=120, friction=0.3, speed=0.05, aspect=1.5, **mixture):
     """Return a packing at 100 kPa whose spheres fly by two overlaps in 50 steps, and spin."""
     random = np.random.default_rng(5)
     packed = random_sample(spheres, 1e5, aspect=aspect, tolerance=1e-3, **mixture)
-    velocity, surface_velocity = speed * random.standard_normal((2, spheres, 3))
+    velocity = speed * random.standard_normal((spheres, 3))
+    surface_velocity = speed * random.standard_normal((spheres, 3))
     shear = np.zeros((packed.network().n_contacts, 2))
     packed = replace(packed, friction=friction, shear=shear)
     return in_flight(packed, velocity, surface_velocity / packed.radius)
@@ -39,6 +40,7 @@ def agitated(spheres=120, friction=0.3, speed=0.05, aspect=1.5, **mixture):
 
 @pytest.fixture(scope="module")
 def hot():
+    """Return 120 flying spheres of one size."""
     return agitated()
 
 
@@ -52,55 +54,101 @@ def make_pair(separation, velocity, friction):
     return in_flight(pair, np.array(velocity, float))
 
 
-def test_energy_is_kept_at_second_order(hot):
+def spread_of_energy(sample, steps_per_interval):
+    """Return the spread of the energy over 60 intervals, divided by its mean.
+
+    The kinetic energy at a time is that of the velocities half a step before and after it.
+    """
+    motion = Dynamics(sample)
+    mass = motion.masses[0, 0]
+    energy = []
+    contact_counts = set()
+    for _ in range(60 * steps_per_interval):
+        before = motion.velocity[:, :3].copy()
+        motion.step(STEP / steps_per_interval)
+        kinetic = 0.5 * mass * (before * motion.velocity[:, :3]).sum()
+        energy.append(kinetic + motion.contacts.elastic_energy)
+        contact_counts.add(motion.contacts.touching)
+    # Contacts open and close.
+    assert len(contact_counts) > 5
+    return np.ptp(energy) / np.mean(energy)
+
+
+def test_energy_is_conserved_to_second_order(hot):
     """Halve the step without friction and damping: the spread of the energy falls to a quarter.
 
-    Contacts open and close; Hertz's force has no second derivative there, which the leapfrog
+    Hertz's force has no second derivative where contacts open and close, which the leapfrog
     notices at a higher order than its own error dt^2.
     """
-    spread = []
-    for over in (4, 8):
-        motion = Dynamics(replace(hot, friction=0.0, angular_velocity=None, shear=None))
-        dt, energy, opened = STEP / over, [], set()
-        mass = motion.masses[0, 0]
-        for _ in range(60 * over):
-            before = motion.velocity[:, :3].copy()
-            motion.step(dt)
-            opened.add(motion.contacts.touching)
-            kinetic = 0.5 * mass * (before * motion.velocity[:, :3]).sum()
-            energy.append(kinetic + motion.contacts.elastic_energy)
-        assert len(opened) > 5
-        spread.append(np.ptp(energy) / np.mean(energy))
-    assert spread[0] < 1e-2
-    assert np.log2(spread[0] / spread[1]) == pytest.approx(2, abs=0.4)
+    smooth = replace(hot, friction=0.0, angular_velocity=None, shear=None)
+    spread = spread_of_energy(smooth, 4)
+    assert spread < 1e-2
+    order = np.log2(spread / spread_of_energy(smooth, 8))
+    assert order == pytest.approx(2, abs=0.4)
 
 
-def test_momenta_of_a_free_cluster_are_kept():
-    """Compare both momenta, to round-off, with friction and spin but no wall and no period."""
+CENTRE = 0.03
+"""Coordinate, m, about which the angular momentum is taken."""
+
+
+@pytest.fixture
+def cluster():
+    """Return 27 touching spheres in motion, with friction and spin but no wall and no period."""
     random = np.random.default_rng(2)
-    grid = np.array([(x, y, z) for x in range(3) for y in range(3) for z in range(3)])
-    position = 0.03 + 2 * RADIUS * (0.999 * grid + 0.0004 * random.standard_normal((27, 3)))
-    velocity, turning = 0.03 * random.standard_normal((2, 27, 3))
+    grid = np.indices((3, 3, 3)).reshape(3, -1).T
+    position = CENTRE + 2 * RADIUS * (0.999 * grid + 0.0004 * random.standard_normal((27, 3)))
+    velocity = 0.03 * random.standard_normal((27, 3))
+    surface_velocity = 0.03 * random.standard_normal((27, 3))
     sample = Sample(position, np.full(2, 0.1), np.array([0.0, 0.1]), 0.2)
-    motion = Dynamics(in_flight(sample, velocity, turning / RADIUS))
+    return Dynamics(in_flight(sample, velocity, surface_velocity / RADIUS))
 
-    def momenta():
-        mass, inertia = motion.masses[0]
-        linear = mass * motion.velocity[:, :3]
-        turning = np.cross(motion.contacts.position - 0.03, linear)
-        return linear.sum(axis=0), (turning + inertia * motion.velocity[:, 3:]).sum(axis=0)
 
-    start, sliding = momenta(), 0
+def momenta(motion):
+    """Return linear momentum, kg m/s, and angular momentum about the centre, kg m^2/s."""
+    mass, inertia = motion.masses[0]
+    linear = mass * motion.velocity[:, :3]
+    orbital = np.cross(motion.contacts.position - CENTRE, linear)
+    spin = inertia * motion.velocity[:, 3:]
+    return linear.sum(axis=0), (orbital + spin).sum(axis=0)
+
+
+def test_momenta_of_a_free_cluster_are_conserved(cluster):
+    """Compare both momenta after 300 steps, to round-off."""
+    linear, angular = momenta(cluster)
+    all_linear = cluster.masses[0, 0] * abs(cluster.velocity[:, :3]).sum()
+    n_sliding = 0
     for _ in range(300):
-        motion.step(STEP)
-        sliding += motion.contacts.sliding
-    assert sliding > 100
-    assert motion.contacts.touching != 54
+        cluster.step(STEP)
+        n_sliding += cluster.contacts.sliding
+    # Contacts slide, and some of the 54 have opened.
+    assert n_sliding > 100
+    assert cluster.contacts.touching != 54
     # Each step adds the forces of some 54 contacts, rounded at EPS; they are at most some 100 N.
     rounding = 300 * 54 * EPS * 100 * STEP
-    assert rounding < 1e-6 * motion.masses[0, 0] * abs(velocity).sum()
-    assert abs(momenta()[0] - start[0]).max() < rounding
-    assert abs(momenta()[1] - start[1]).max() < rounding * 6 * RADIUS
+    assert rounding < 1e-6 * all_linear
+    linear_after, angular_after = momenta(cluster)
+    assert abs(linear_after - linear).max() < rounding
+    assert abs(angular_after - angular).max() < rounding * 6 * RADIUS
+
+
+def error_of_rotated_shear_force(axis, steps):
+    """Return the relative error of the shear force of a pair rotated by one radian in steps."""
+    contacts = MovingContacts(make_pair(2 * RADIUS * 0.99, np.zeros((2, 3)), 1.0), np.inf)
+    shear = np.zeros((2, 6))
+    shear[1, :3] = 1e-5 * np.array([1.0, -1.0, 0.3])
+    contacts.move(shear)
+    contacts.move(np.zeros((2, 6)))
+    force = contacts.load[0, :3].copy()
+    rotation = Rotation.from_rotvec(axis / steps)
+    centre = contacts.position.mean(axis=0)
+    for _ in range(steps):
+        rotated = rotation.apply(contacts.position - centre) + centre
+        motion = np.zeros((2, 6))
+        motion[:, :3] = rotated - contacts.position
+        motion[:, 3:] = axis / steps
+        contacts.move(motion)
+    expected = Rotation.from_rotvec(axis).apply(force)
+    return np.linalg.norm(contacts.load[0, :3] - expected) / np.linalg.norm(force)
 
 
 @pytest.mark.parametrize("axis", [(0, 0, 1), (1, -1, 0), (0.3, 0.5, -0.8)])
@@ -111,59 +159,71 @@ def test_shear_force_turns_with_a_rigid_motion(axis):
     normal: an error a^2 in each, which is of the order of a in the end.
     """
     axis = np.array(axis) / np.linalg.norm(axis)
-    errors = []
-    for steps in (500, 1000):
-        contacts = MovingContacts(make_pair(2 * RADIUS * 0.99, np.zeros((2, 3)), 1.0), np.inf)
-        shake = np.zeros((2, 6))
-        shake[1, :3] = 1e-5 * np.array([1.0, -1.0, 0.3])
-        contacts.move(shake)
-        contacts.move(np.zeros((2, 6)))
-        sheared = contacts.load[0, :3].copy()
-        turn, centre = Rotation.from_rotvec(axis / steps), contacts.position.mean(axis=0)
-        for _ in range(steps):
-            motion = np.zeros((2, 6))
-            motion[:, :3] = turn.apply(contacts.position - centre) + centre - contacts.position
-            motion[:, 3:] = axis / steps
-            contacts.move(motion)
-        expected = Rotation.from_rotvec(axis).apply(sheared)
-        errors.append(np.linalg.norm(contacts.load[0, :3] - expected) / np.linalg.norm(sheared))
+    error = error_of_rotated_shear_force(axis, 1000)
     # Half of a times l over the shear displacement, times the direction cosines: 0.03.
-    assert errors[1] < 0.04
-    assert errors[1] < 0.55 * errors[0]
+    assert error < 0.04
+    assert error < 0.55 * error_of_rotated_shear_force(axis, 500)
 
 
-def test_oblique_collision_against_its_closed_form():
-    """Compare the largest overlap with Hertz, the rebound with an elastic one, slip with Coulomb.
+FRICTION = 0.1
+APPROACH = 0.02
+"""Normal velocity of the colliding spheres towards each other, m/s."""
+GLIDE = 0.2
+"""Their tangential velocity against each other, m/s."""
+NORMAL = np.ones(3) / np.sqrt(3)
+TANGENT = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
 
-    With a tangential velocity of ten times the normal one the contact slides from its first
-    steps to its end: each sphere gains mu times the normal impulse along the contact, and the spin
-    of its moment. Terms that are left out: overlap / R (1e-3), the contact's turn while it lasts,
+
+@pytest.fixture(scope="module")
+def collision():
+    """Collide two spheres obliquely; return their motion and the overlaps, computed and Hertz's.
+
+    With a tangential velocity of ten times the normal one the contact slides from its first steps
+    to its end: each sphere gains mu times the normal impulse along the contact, and the spin of its
+    moment. Terms that are left out: overlap / R (1e-3), the contact's turn while it lasts,
     tangential velocity times duration over D (1.3e-3), its centrifugal share of the deceleration
     (1.4e-2), and the steps before and after full sliding.
     """
-    friction, approach, glide = 0.1, 0.02, 0.2
-    normal = np.ones(3) / np.sqrt(3)
-    along = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
-    velocity = np.array([approach / 2 * normal, -approach / 2 * normal])
-    velocity += np.array([-glide / 2 * along, glide / 2 * along])
-    motion = Dynamics(make_pair(2 * RADIUS * (1 - 1e-9), velocity, friction))
-    mass, modulus = motion.masses[0, 0], GLASS.effective_young
-    dt, largest = 2e-8, 0.0
-    reduced, root = mass / 2, np.sqrt(RADIUS / 2)
-    deepest = (15 / 16 * reduced * approach**2 / (modulus * root)) ** 0.4
-    duration = 2.943 * deepest / approach
+    relative = APPROACH * NORMAL - GLIDE * TANGENT
+    velocity = np.array([relative / 2, -relative / 2])
+    motion = Dynamics(make_pair(2 * RADIUS * (1 - 1e-9), velocity, FRICTION))
+    reduced_mass = motion.masses[0, 0] / 2
+    stiffness = GLASS.effective_young * np.sqrt(RADIUS / 2)
+    deepest = (15 / 16 * reduced_mass * APPROACH**2 / stiffness) ** 0.4
+    duration = 2.943 * deepest / APPROACH
+    dt = 2e-8
+    largest_overlap = 0.0
     for _ in range(int(1.5 * duration / dt)):
         motion.step(dt)
-        apart = np.linalg.norm(np.subtract(*motion.contacts.position))
-        largest = max(largest, 2 * RADIUS - apart)
+        first, second = motion.contacts.position
+        largest_overlap = max(largest_overlap, 2 * RADIUS - np.linalg.norm(first - second))
     assert motion.contacts.touching == 0
-    assert largest == pytest.approx(deepest, rel=1e-2)
-    gained = motion.velocity[1, :3] - velocity[1]
-    assert gained @ normal == pytest.approx(approach, rel=2e-2)
-    assert gained @ along == pytest.approx(-friction * approach, rel=0.1)
-    spin = np.cross(normal, along) * 2.5 * friction * approach / RADIUS
-    assert np.linalg.norm(motion.velocity[0, 3:]) == pytest.approx(np.linalg.norm(spin), rel=3e-2)
-    assert np.allclose(motion.velocity[0, 3:], motion.velocity[1, 3:])
+    velocity_gain = motion.velocity[1, :3] - velocity[1]
+    return motion, velocity_gain, largest_overlap, deepest
+
+
+def test_largest_overlap_of_a_collision_is_that_of_hertz(collision):
+    _, _, largest_overlap, deepest = collision
+    assert largest_overlap == pytest.approx(deepest, rel=1e-2)
+
+
+def test_a_collision_is_elastic_along_the_normal(collision):
+    _, velocity_gain, _, _ = collision
+    assert velocity_gain @ NORMAL == pytest.approx(APPROACH, rel=2e-2)
+
+
+def test_a_collision_slips_by_coulombs_law(collision):
+    _, velocity_gain, _, _ = collision
+    assert velocity_gain @ TANGENT == pytest.approx(-FRICTION * APPROACH, rel=0.1)
+
+
+def test_a_collision_makes_both_spheres_spin(collision):
+    """Compare with the moment of the friction, mu R times the normal impulse, over 2/5 m R^2."""
+    motion, _, _, _ = collision
+    first_spin, second_spin = motion.velocity[:, 3:]
+    expected = 2.5 * FRICTION * APPROACH / RADIUS
+    assert np.linalg.norm(first_spin) == pytest.approx(expected, rel=3e-2)
+    assert np.allclose(first_spin, second_spin)
 
 
 def test_spheres_at_rest_in_the_cell_stay_at_their_share_of_it():
@@ -178,27 +238,38 @@ def test_spheres_at_rest_in_the_cell_stay_at_their_share_of_it():
     assert abs(motion.contacts.side / 0.03 - 1).max() > 1e-4
     # Rounding of 200 steps; damping has nothing to oppose.
     assert abs(motion.contacts.position[:, :2] / motion.contacts.side - share).max() < 1e3 * EPS
-    moved = motion.sample(moving=True)
-    # Of all images, half a step later: 1e-6 s at some 100 / s.
-    assert moved.velocity == pytest.approx(moved.strain_rate * moved.position, rel=1e-3)
+    strained = motion.sample(moving=True)
+    # The velocity is that half a step later: 1e-6 s at some 100 / s.
+    expected = strained.strain_rate * strained.position
+    assert strained.velocity == pytest.approx(expected, rel=1e-3)
 
 
-def test_small_sphere_flies_far_between_two_lists_of_a_mixture():
-    """Move it by 2 of its radii in steps of a hundredth; a step of 1.1 radii is refused."""
+@pytest.fixture
+def mixture_in_flight():
+    """Return a resting sphere of 8 radii and a small one that flies at 1 m/s, far apart."""
     radii = RADIUS * np.array([8.0, 1.0])
     start = np.array([[10.0, 10, 20], [30, 30, 20]]) * RADIUS
-    size, flight = 40 * RADIUS, np.array([[0.0, 0, 0], [0, 0, 1]])
+    size = 40 * RADIUS
+    flight = np.array([[0.0, 0, 0], [0, 0, 1]])
     sample = Sample(start, np.full(2, size), np.array([0.0, size]), 0.3, radii=radii)
-    motion = Dynamics(in_flight(sample, flight), skin=MAX_SKIN)
+    return Dynamics(in_flight(sample, flight), skin=MAX_SKIN)
+
+
+def test_small_sphere_flies_far_between_two_lists_of_a_mixture(mixture_in_flight):
+    """Move it by 2 of its radii in steps of a hundredth."""
+    start = mixture_in_flight.contacts.position.copy()
     for _ in range(200):
-        motion.step(0.01 * RADIUS)
+        mixture_in_flight.step(0.01 * RADIUS)
+    expected = start + [[0, 0, 0], [0, 0, 2 * RADIUS]]
     # Rounding of 200 sums.
-    wanted = start + 2 * RADIUS * flight
-    np.testing.assert_allclose(motion.contacts.position, wanted, rtol=200 * EPS)
-    motion.step(1.1 * RADIUS)
-    with pytest.raises(InputError) as error:
-        motion.step(1.1 * RADIUS)
-    assert error.value.code == "unstable_step"
+    np.testing.assert_allclose(mixture_in_flight.contacts.position, expected, rtol=200 * EPS)
+
+
+def test_a_step_farther_than_a_radius_is_refused(mixture_in_flight):
+    """Refuse the second of two steps of 1.1 radii of the small sphere."""
+    mixture_in_flight.step(1.1 * RADIUS)
+    with refusal("unstable_step"):
+        mixture_in_flight.step(1.1 * RADIUS)
 
 
 def run(sample, steps, **options):
@@ -227,9 +298,9 @@ def test_compiled_steps_are_those_of_numpy(hot, mixture, monkeypatch):
     monkeypatch.setattr(dynamics, "advance_by_loop", dynamics.advance_by_arrays)
     arrays = run(sample, 100)
     assert compiled.contacts.touching == arrays.contacts.touching
-    apart = abs(compiled.contacts.position - arrays.contacts.position).max()
-    # Rounding of a coordinate, eps times the length, grows as collisions part the ways.
-    assert apart < 1e3 * EPS * 50 * RADIUS
+    difference = abs(compiled.contacts.position - arrays.contacts.position).max()
+    # Rounding of a coordinate, eps times the length, grows a thousandfold by collisions.
+    assert difference < 1e3 * EPS * 50 * RADIUS
     mean = compiled.contacts.mean_force
     assert abs(compiled.contacts.load - arrays.contacts.load)[:, :3].max() < 1e-8 * mean
     assert compiled.stress() == pytest.approx(arrays.stress(), rel=1e-9)
@@ -238,60 +309,100 @@ def test_compiled_steps_are_those_of_numpy(hot, mixture, monkeypatch):
 def test_slabs_of_one_pass_share_no_sphere():
     """Check every other slab, and that all contacts are in one slab."""
     random = np.random.default_rng(4)
-    n = 5000
-    first = np.sort(random.integers(0, n, 20000))
-    second = np.minimum(first + random.integers(1, 200, 20000), n - 1)
-    second[random.random(20000) < 0.05] = -1
+    n_spheres = 5000
+    n_contacts = 20000
+    first = np.sort(random.integers(0, n_spheres, n_contacts))
+    second = np.minimum(first + random.integers(1, 200, n_contacts), n_spheres - 1)
+    second[random.random(n_contacts) < 0.05] = -1
     ends = np.column_stack([first, second])
-    bounds = slabs.slabs_of(ends, n)
-    assert bounds[0] == 0 and bounds[-1] == 20000 and (np.diff(bounds) >= 0).all()
-    spheres = [np.setdiff1d(part, -1) for part in np.split(ends, bounds[1:-1])]
+    bounds = slabs.slabs_of(ends, n_spheres)
+    assert bounds[0] == 0
+    assert bounds[-1] == n_contacts
+    assert (np.diff(bounds) >= 0).all()
+    spheres = [np.setdiff1d(slab, -1) for slab in np.split(ends, bounds[1:-1])]
     assert len(spheres) > 7
-    for taken in (spheres[::2], spheres[1::2]):
-        assert np.unique(np.concatenate(taken)).size == sum(map(len, taken))
+    for slabs_of_pass in (spheres[::2], spheres[1::2]):
+        n_in_slabs = sum(len(slab) for slab in slabs_of_pass)
+        assert np.unique(np.concatenate(slabs_of_pass)).size == n_in_slabs
+
+
+def steps_in_yade(start, folder, settings):
+    """Return the sample after the steps of a script that runs inside YADE."""
+    end = folder / "end.sample.h5"
+    script(ROOT / "tests/yade/steps.py", ROOT, start, end, json.dumps(settings), folder=folder)
+    return read_sample(end)
+
+
+def steps_in_modal(start, settings):
+    """Return the motion after the same steps, and the stresses after every fifth step.
+
+    Contacts must form, open and slide all the time.
+    """
+    motion = Dynamics(read_sample(start), damping=settings["damping"])
+    if "rate" in settings:
+        control = ConstantRate(settings["rate"])
+    else:
+        control = Servo(settings["stress"], INERTIAL_NUMBER)
+    stresses = []
+    touching = [motion.contacts.touching]
+    sliding = []
+    for k in range(settings["steps"]):
+        if k > 0 and k % settings["interval"] == 0:
+            motion.step(settings["dt"], control.follow)
+            stresses.append(control.stress)
+        else:
+            motion.step(settings["dt"], None)
+        touching.append(motion.contacts.touching)
+        sliding.append(motion.contacts.sliding)
+    change = np.diff(touching)
+    assert (change > 0).sum() > 20
+    assert (change < 0).sum() > 20
+    assert np.mean(sliding) > 10
+    return motion, np.array(stresses)
 
 
 @pytest.mark.parametrize(
     ("drive", "mixture"),
-    [({"stress": 3e5}, {}), ({"rate": 1.0}, {}), *(({"stress": 3e5}, m) for m in MIXTURES)],
+    [
+        pytest.param({"stress": 3e5}, {}, id="stress"),
+        pytest.param({"rate": 1.0}, {}, id="rate"),
+        *(({"stress": 3e5}, mixture) for mixture in MIXTURES),
+    ],
 )
 def test_steps_are_those_of_yade(drive, mixture, tmp_path, yade):
-    """Take 500 steps of 200 spheres that fly, spin, slide, part and meet, in a strained cell.
+    """Take 500 steps of 200 spheres that fly, spin, slide, separate and meet, in a strained cell.
 
-    1e-8 of a diameter, of the mean contact force and of the stress; positions are rounded at 1e-17
-    m, an overlap of 1e-6 m, forces at 1e-11 of themselves, and 500 steps of collisions take the
-    ways apart by a factor of some hundred.
+    1e-8 of a diameter, of the mean contact force and of the stress: positions are rounded at 1e-17
+    m, an overlap of 1e-6 m and forces at 1e-11 of themselves, and 500 steps of collisions enlarge a
+    difference by a factor of some hundred.
     """
     sample = agitated(200, aspect=2, **mixture)
-    start, end = tmp_path / "start.sample.h5", tmp_path / "end.sample.h5"
+    start = tmp_path / "start.sample.h5"
     write_sample(start, sample)
     lightest = np.min(sample.masses[0] / sample.sizes) / (GLASS.sphere(RADIUS)[0] / RADIUS)
     dt = time_step(3e5, radius=RADIUS * np.sqrt(lightest))
-    settings = {"steps": 500, "dt": dt, "damping": 0.2, "interval": 5} | drive
-    steps = ROOT / "tests" / "yade" / "steps.py"
-    script(steps, ROOT, start, end, json.dumps(settings), folder=tmp_path)
-    theirs, motion = read_sample(end), Dynamics(read_sample(start), damping=0.2)
-    control = ConstantRate(1.0) if "rate" in drive else Servo(3e5, 0.01)
-    stresses, touching, sliding = [], [motion.contacts.touching], []
-    for k in range(500):
-        due = k > 0 and k % 5 == 0
-        motion.step(dt, control.follow if due else None)
-        touching.append(motion.contacts.touching)
-        sliding.append(motion.contacts.sliding)
-        if due:
-            stresses.append(control.stress)
-    met, parted = (np.diff(touching) > 0).sum(), (np.diff(touching) < 0).sum()
-    assert min(met, parted) > 20 and np.mean(sliding) > 10
-    ours = motion.sample(moving=True)
-    assert ours.side == pytest.approx(theirs.side, rel=1e-12)
-    assert ours.walls == pytest.approx(theirs.walls, abs=1e-12 * RADIUS)
-    apart = ours.position - theirs.position
-    apart[:, :2] -= ours.side * np.round(apart[:, :2] / ours.side)
-    assert abs(apart).max() < 1e-8 * 2 * RADIUS
-    assert np.array(stresses) == pytest.approx(theirs.study["stresses"], rel=1e-8)
-    ours, theirs = ours.network(), theirs.network()
-    mean = theirs.force_normal.mean()
+    settings = {"steps": 500, "dt": dt, "damping": 0.2, "interval": 5, **drive}
+    expected = steps_in_yade(start, tmp_path, settings)
+    motion, stresses = steps_in_modal(start, settings)
+    assert stresses == pytest.approx(np.array(expected.study["stresses"]), rel=1e-8)
+    result = motion.sample(moving=True)
+    assert_same_sample(result, expected)
+    assert_same_forces(result.network(), expected.network())
+
+
+def assert_same_sample(result, expected):
+    """Compare cell and positions; centres may be whole periods apart."""
+    assert result.side == pytest.approx(expected.side, rel=1e-12)
+    assert result.walls == pytest.approx(expected.walls, abs=1e-12 * RADIUS)
+    difference = result.position - expected.position
+    difference[:, :2] -= result.side * np.round(difference[:, :2] / result.side)
+    assert abs(difference).max() < 1e-8 * 2 * RADIUS
+
+
+def assert_same_forces(result, expected):
+    """Compare contacts and their forces."""
     for name in ("particle_i", "particle_j", "cell_shift"):
-        assert np.array_equal(getattr(ours, name), getattr(theirs, name))
-    assert abs(ours.force_tangential - theirs.force_tangential).max() < 1e-8 * mean
-    assert abs(ours.force_normal - theirs.force_normal).max() < 1e-8 * mean
+        assert np.array_equal(getattr(result, name), getattr(expected, name))
+    tolerance = 1e-8 * expected.force_normal.mean()
+    for name in ("force_normal", "force_tangential"):
+        assert abs(getattr(result, name) - getattr(expected, name)).max() < tolerance

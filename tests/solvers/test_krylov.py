@@ -96,15 +96,15 @@ def test_many_modes_without_a_restart():
 
 def test_few_directions_are_searched_whole():
     """Search seven free directions of twenty: the basis ends where they end."""
-    known = Known(np.arange(1.0, 21), rotation(20, 3))
-    held_modes = held_out(known.vector[:, :13], np.empty((20, 0)))
-    low_end = LowEnd(known, 21.0, 30.0)
+    operator = Known(np.arange(1.0, 21), rotation(20, 3))
+    held_modes = held_out(operator.vector[:, :13], np.empty((20, 0)))
+    low_end = LowEnd(operator, 21.0, 30.0)
     for near in (
-        modes_nearest(solver(known.square, known.vector, 0.0), 7, 0.0, held_modes),
+        modes_nearest(solver(operator.square, operator.vector, 0.0), 7, 0.0, held_modes),
         modes_below(low_end, 7, held_modes),
     ):
         assert near.converged.all()
-        assert near.square == pytest.approx(known.square[13:], rel=1e-11)
+        assert near.square == pytest.approx(operator.square[13:], rel=1e-11)
         assert near.products in (7, 7 * low_end.degree)
 
 
@@ -120,11 +120,11 @@ def test_highest_of_a_known_spectrum(spectrum, count, monkeypatch):
     }[spectrum]
     vector = rotation(300, 7)
     held_modes = held_out(vector[:, :5], vector[:, -4:-2])
-    known = Known(square, vector)
-    near = modes_from_top(known.apply, count, held_modes, 20_000)
+    operator = Known(square, vector)
+    near = modes_from_top(operator.apply, count, held_modes, 20_000)
     expected = np.r_[5:296, 298:300][-count:]
     assert near.converged.all() and len(near.converged) == count
-    assert near.products == known.products
+    assert near.products == operator.products
     assert near.square == pytest.approx(square[expected], rel=1e-12)
     # Each of up to some twenty restarts rounds once more.
     round_off = 20 * 300 * EPS
@@ -132,7 +132,7 @@ def test_highest_of_a_known_spectrum(spectrum, count, monkeypatch):
     assert abs(held_modes.found.T @ near.vector).max() < round_off
     assert abs(held_modes.null.T @ near.vector).max() < round_off
     # The residual, relative to the eigenvalue, once more from the vectors themselves.
-    misfit = known.apply(near.vector) - near.vector * near.square
+    misfit = operator.apply(near.vector) - near.vector * near.square
     limit = TOLERANCE * abs(near.square) + round_off * abs(square).max()
     assert (np.linalg.norm(misfit, axis=0) <= 1.01 * limit).all()
 
@@ -154,11 +154,11 @@ def test_products_from_the_top_end_where_they_shall():
 @pytest.mark.parametrize("edge", [0.02, 1.0, 20.0])
 def test_the_polynomial_is_that_of_chebyshev(edge):
     """Compare with numpy's polynomial in the eigenvectors; a mode at zero is lifted by e^10 / 2."""
-    known = Known(np.linspace(0, 90, 40), rotation(40, 1))
-    low_end = LowEnd(known, edge, 100.0)
-    x = (100 + edge - 2 * known.square) / (100 - edge)
+    operator = Known(np.linspace(0, 90, 40), rotation(40, 1))
+    low_end = LowEnd(operator, edge, 100.0)
+    x = (100 + edge - 2 * operator.square) / (100 - edge)
     lifted = Chebyshev.basis(low_end.degree)(x)
-    applied = known.vector.T @ low_end.apply(known.vector)
+    applied = operator.vector.T @ low_end.apply(operator.vector)
     # Round-off of each of `degree` steps grows by the degree at most.
     error = low_end.degree**2 * np.finfo(float).eps * abs(lifted).max()
     assert applied == pytest.approx(np.diag(lifted), abs=10 * error)
@@ -167,7 +167,7 @@ def test_the_polynomial_is_that_of_chebyshev(edge):
     assert abs(np.log(2 * lifted[0]) - LOG_TWICE_LIFT_AT_ZERO) < off + 2 * np.exp(
         -2 * LOG_TWICE_LIFT_AT_ZERO
     )
-    assert known.products == 40 * low_end.degree
+    assert operator.products == 40 * low_end.degree
 
 
 def test_frequencies_come_back():
@@ -193,19 +193,19 @@ def test_a_mode_above_the_top_is_not_lifted():
 def test_lowest_of_a_known_spectrum(count):
     """Find the lowest eigenpairs without the held ones."""
     square = np.concatenate([np.zeros(5), np.linspace(1, 100, 395)])
-    known = Known(square, rotation(400, 1))
+    operator = Known(square, rotation(400, 1))
     edge = 1.08 * square[5 + 3 + count - 1]
-    held_modes = Held(sp.csc_matrix(known.vector[:, :5]), known.vector[:, [6, 8, 9]])
+    held_modes = Held(sp.csc_matrix(operator.vector[:, :5]), operator.vector[:, [6, 8, 9]])
     expected = np.setdiff1d(np.arange(5, 400), [6, 8, 9])[:count]
     # Vectors from outside are turned round by `outward`.
-    lowest = modes_below(LowEnd(known, edge, 101.0), count, held_modes)
+    lowest = modes_below(LowEnd(operator, edge, 101.0), count, held_modes)
     assert lowest.converged.all()
     # Wrong by the square of the residual, and by round-off of what a mode at zero is lifted to.
     assert lowest.square == pytest.approx(square[expected], rel=1e-11)
     # A residual over the least distance of a lifted mode from one that is not: 1 and more.
     lifted = np.cosh(LOG_TWICE_LIFT_AT_ZERO)
-    assert abs(abs(lowest.vector.T @ known.vector[:, expected]) - np.eye(count)).max() < (
+    assert abs(abs(lowest.vector.T @ operator.vector[:, expected]) - np.eye(count)).max() < (
         400 * TOLERANCE * lifted
     )
-    assert lowest.products == known.products
+    assert lowest.products == operator.products
     assert abs(held_modes.found.T @ lowest.vector).max() < 1e-13

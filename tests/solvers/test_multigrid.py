@@ -218,8 +218,8 @@ def test_without_pyamg_all_goes_as_before(monkeypatch):
         assert not available("multigrid")
         system = replace(LinearSystem.of(network), limits=Limits(small=0, dense=0))
         assert modes_of(system, lowest=3).certified
-        asked = replace(system, solver="multigrid")
+        with_multigrid = replace(system, solver="multigrid")
         with refusal("not_installed"):
-            modes_of(asked, lowest=3)
+            modes_of(with_multigrid, lowest=3)
     finally:
         registry._loads.cache_clear()

@@ -106,10 +106,10 @@ ROLLING_SPRINGS = random_springs(1, 6, 40).unchecked(
     ],
 )
 def test_matrix_equals_a_loop_over_contacts(network):
-    whole = slow_stiffness(network)
+    K_of_spheres = slow_stiffness(network)
     # Sums of at most some forty products of size max|K|: round-off stays below 1e-13 of it.
     for dof in (6, 3):
-        expected = whole.reshape(2 * (network.n_particles, 6))[:, :dof, :, :dof]
+        expected = K_of_spheres.reshape(2 * (network.n_particles, 6))[:, :dof, :, :dof]
         matrix = stiffness_matrix(network, dof).toarray().reshape(expected.shape)
         assert abs(matrix - expected).max() <= 1e-13 * abs(expected).max()
 

@@ -42,8 +42,8 @@ def round_off(network, pre_stress, x) -> np.ndarray:
 def test_blocks_of_the_bodies_without_the_matrix(pre_stress, seed):
     network = random_springs(seed)
     n = network.n_particles
-    whole = stiffness_matrix(network, pre_stress=pre_stress).toarray().reshape(n, 6, n, 6)
-    expected = np.einsum("nanb->nab", whole)
+    K_blocks = stiffness_matrix(network, pre_stress=pre_stress).toarray().reshape(n, 6, n, 6)
+    expected = np.einsum("nanb->nab", K_blocks)
     blocks = diagonal_blocks(network, pre_stress)
     # Sums of a few dozen terms, each at most of the size of the largest entry.
     assert abs(blocks - expected).max() <= 100 * EPS * abs(expected).max()

@@ -38,9 +38,9 @@ def test_branches_are_those_of_bloch():
 
 def test_modes_between_walls_are_among_all_modes(crystal):
     """Find the modes of layers that move as a whole at least twice: along x and along y."""
-    every = modal.eigenmodes(crystal, all=True).frequency
+    frequency_of_all = modal.eigenmodes(crystal, all=True).frequency
     for f in EXACT.eigenmodes()[0] / (2 * np.pi):
-        assert (abs(every / f - 1) < 1e-9).sum() >= 2
+        assert (abs(frequency_of_all / f - 1) < 1e-9).sum() >= 2
 
 
 @pytest.mark.parametrize("direction", ["x", "y"])

@@ -56,58 +56,104 @@ def test_contacts_with_a_wall_are_exported(tmp_path, yade):
     assert network.with_wall.sum() == 11
 
 
-def test_a_clump_is_its_members_as_one_body(tmp_path, yade):
-    """Compare mass, centre, tensor and stiffness J^T K J of three spheres of two sizes that touch.
+MEMBERS = [0, 9, 10]
+"""Spheres of the clump, of two sizes, of which two touch."""
 
-    J takes the motion (u, theta) of a body to that of its members, u + theta x arm and theta, and
-    K is that of the spheres without the contacts inside the clump.
-    """
-    files = tmp_path / "a.network.h5", tmp_path / "b.network.h5"
-    script(SCENE, ROOT, *files, "clump", folder=tmp_path)
-    clump, spheres = map(read_network, files)
-    members, apart = [0, 9, 10], np.arange(1, 9)
-    body = np.full(11, -1)
-    body[members], body[apart] = 0, apart
-    mass, place = spheres.mass[members], spheres.position[members]
-    centre = mass @ place / mass.sum()
-    arm = place - centre
-    tensor = sum(
-        (0.4 * m * r**2 + m * (a @ a)) * np.eye(3) - m * np.outer(a, a)
-        for m, r, a in zip(mass, spheres.radius[members], arm, strict=True)
-    )
+
+@pytest.fixture(scope="module")
+def clump_scene(tmp_path_factory, yade):
+    """Return the network of a scene with a clump, and that of its eleven spheres."""
+    folder = tmp_path_factory.mktemp("clump")
+    clump_path = folder / "a.network.h5"
+    spheres_path = folder / "b.network.h5"
+    script(SCENE, ROOT, clump_path, spheres_path, "clump", folder=folder)
+    return read_network(clump_path), read_network(spheres_path)
+
+
+def centre_and_arms(spheres):
+    """Return the centre of mass (3,) of the clump and the positions (3, 3) of its members."""
+    mass = spheres.mass[MEMBERS]
+    position = spheres.position[MEMBERS]
+    centre = mass @ position / mass.sum()
+    return centre, position - centre
+
+
+def test_mass_and_inertia_of_a_clump_are_those_of_its_members(clump_scene):
+    clump, spheres = clump_scene
+    centre, arms = centre_and_arms(spheres)
+    mass = spheres.mass[MEMBERS]
+    tensor = np.zeros((3, 3))
+    for m, radius, arm in zip(mass, spheres.radius[MEMBERS], arms, strict=True):
+        tensor += (0.4 * m * radius**2 + m * (arm @ arm)) * np.eye(3) - m * np.outer(arm, arm)
     np.testing.assert_allclose(clump.mass[0], mass.sum(), rtol=1e-12)
     np.testing.assert_allclose(clump.position[0], centre, rtol=0, atol=1e-15)
     # YADE keeps three moments and an orientation.
-    scale = 1e-9 * np.trace(tensor)
-    np.testing.assert_allclose(clump.inertia_tensor[0], tensor, rtol=0, atol=scale)
-    np.testing.assert_array_equal(clump.mass[1:], spheres.mass[apart])
-    np.testing.assert_array_equal(clump.position[1:], spheres.position[apart])
+    tolerance = 1e-9 * np.trace(tensor)
+    np.testing.assert_allclose(clump.inertia_tensor[0], tensor, rtol=0, atol=tolerance)
 
+
+def test_spheres_outside_a_clump_stay(clump_scene):
+    clump, spheres = clump_scene
+    single = np.delete(np.arange(11), MEMBERS)
+    np.testing.assert_array_equal(clump.mass[1:], spheres.mass[single])
+    np.testing.assert_array_equal(clump.position[1:], spheres.position[single])
+
+
+def motion_of_spheres(spheres):
+    """Return the bodies (11,) of spheres, and J (66, 54) from motions of bodies to theirs.
+
+    J takes the motion (u, theta) of a body to u + theta x arm and theta of its members.
+    """
+    body = np.zeros(11, int)
+    body[np.delete(np.arange(11), MEMBERS)] = np.arange(1, 9)
+    arm = np.zeros((11, 3))
+    _, arm[MEMBERS] = centre_and_arms(spheres)
     J = np.zeros((66, 54))
     for k in range(11):
-        at = arm[members.index(k)] if k in members else np.zeros(3)
-        J[6 * k : 6 * k + 6, 6 * body[k] : 6 * body[k] + 6] = np.eye(6)
-        cross = [[0, at[2], -at[1]], [-at[2], 0, at[0]], [at[1], -at[0], 0]]
-        J[6 * k : 6 * k + 3, 6 * body[k] + 3 : 6 * body[k] + 6] = cross
+        x, y, z = arm[k]
+        rows = slice(6 * k, 6 * k + 6)
+        columns = slice(6 * body[k], 6 * body[k] + 6)
+        J[rows, columns] = np.eye(6)
+        J[6 * k : 6 * k + 3, 6 * body[k] + 3 : 6 * body[k] + 6] = [
+            [0, z, -y],
+            [-z, 0, x],
+            [y, -x, 0],
+        ]
+    return body, J
+
+
+def test_stiffness_of_a_clump_is_that_of_its_members(clump_scene):
+    """Compare with J^T K J, without the contact inside the clump."""
+    clump, spheres = clump_scene
+    body, J = motion_of_spheres(spheres)
     inside = (body[spheres.particle_i] == 0) & (body[spheres.partner] == 0) & ~spheres.with_wall
-    assert inside.sum() == 1 and clump.n_contacts == 30
-    wanted = J.T @ stiffness_matrix(spheres.with_contacts(~inside)).toarray() @ J
-    found = stiffness_matrix(clump).toarray()
-    arcs = np.tile([1.0] * 3 + [1e3] * 3, 9)  # rotations as arcs of 1 mm
-    off, size = (arcs[:, None] * each * arcs for each in (found - wanted, wanted))
-    assert abs(off).max() < 1e-9 * abs(size).max()
+    assert inside.sum() == 1
+    assert clump.n_contacts == 30
+    expected = J.T @ stiffness_matrix(spheres.with_contacts(~inside)).toarray() @ J
+    # Rotations as arcs of 1 mm: then all entries are N/m.
+    units = np.tile([1.0] * 3 + [1e3] * 3, 9)
+    expected = units[:, None] * expected * units
+    K = units[:, None] * stiffness_matrix(clump).toarray() * units
+    assert abs(K - expected).max() < 1e-9 * abs(expected).max()
+
+
+def in_order_of_bodies(network, name):
+    """Return a column of contacts, sorted by their bodies."""
+    return getattr(network, name)[np.lexsort((network.particle_j, network.particle_i))]
 
 
 def test_saved_scene_gives_the_same_network(tmp_path, yade):
     """Compare contacts and forces of a scene before and after it was saved and loaded."""
-    first, saved, second = (tmp_path / k for k in ("a.network.h5", "s.yade.bz2", "b.network.h5"))
+    first = tmp_path / "a.network.h5"
+    saved = tmp_path / "s.yade.bz2"
+    second = tmp_path / "b.network.h5"
     script(SCENE, ROOT, first, saved, "save", folder=tmp_path)
     script(ROOT / "yade_scripts" / "export_scene.py", saved, second, folder=tmp_path)
-    a, b = read_network(first), read_network(second)
-    order = [np.lexsort((each.particle_j, each.particle_i)) for each in (a, b)]
+    before = read_network(first)
+    after = read_network(second)
     for name in ("stiffness_normal", "stiffness_tangential", "force_normal", "overlap"):
-        one, two = (getattr(each, name)[rows] for each, rows in zip((a, b), order, strict=True))
-        np.testing.assert_allclose(two, one, rtol=1e-9)
+        expected = in_order_of_bodies(before, name)
+        np.testing.assert_allclose(in_order_of_bodies(after, name), expected, rtol=1e-9)
 
 
 HELD = ROOT / "tests" / "yade" / "held_spheres.py"
@@ -130,9 +176,9 @@ def test_held_motions_of_scenes(tmp_path, yade):
     """Hold spheres wholly or in one motion, move them, or leave them out of the integration."""
     out = tmp_path / "held.json"
     script(HELD, ROOT, out, folder=tmp_path)
-    held = json.loads(out.read_text())
+    held_motions = json.loads(out.read_text())
     refused = {"half_held_clump", "moved", "turned_in_a_group", "strained"}
-    assert held == EXPECTED | dict.fromkeys(refused, "held_bodies")
+    assert held_motions == EXPECTED | dict.fromkeys(refused, "held_bodies")
 
 
 def test_a_column_between_fixed_spheres(tmp_path, yade):
@@ -140,10 +186,10 @@ def test_a_column_between_fixed_spheres(tmp_path, yade):
     out = tmp_path / "a.network.h5"
     script(HELD, ROOT, out, "ends", folder=tmp_path)
     network = read_network(out)
-    kn, mass = network.stiffness_normal[0], network.mass[0]
-    frequency = modal.eigenmodes(network, all=True).frequency
-    for square in (kn / mass, 3 * kn / mass):
-        assert abs((2 * np.pi * frequency) ** 2 / square - 1).min() < 1e-9
+    square = network.stiffness_normal[0] / network.mass[0]
+    omega = 2 * np.pi * modal.eigenmodes(network, all=True).frequency
+    assert abs(omega**2 / square - 1).min() < 1e-9
+    assert abs(omega**2 / (3 * square) - 1).min() < 1e-9
 
 
 def test_a_refusal_ends_a_users_script_with_one_line(tmp_path, yade):

@@ -60,7 +60,7 @@ def in_arcs(K, sample):
 
 
 def tangent(sample, pre_stress):
-    """Return the same columns of the assembled tangent."""
+    """Return the columns of the assembled tangent for the same motions."""
     K = stiffness_matrix(sample.network(), pre_stress=pre_stress).toarray()
     return in_arcs(K[:, COLUMNS], sample)
 
@@ -90,15 +90,16 @@ def test_tangent_of_normal_forces_equals_finite_differences_without_shear(loaded
     expected = tangent(bare, "normal")
     # As large as with shear forces, 1e-3.
     assert largest_difference(in_arcs(numerical_tangent(bare, step), bare), expected) < 1e-3
-    whole = stiffness_matrix(bare.network(), pre_stress="normal")
-    assert asymmetry(whole) < 1e-14
+    K = stiffness_matrix(bare.network(), pre_stress="normal")
+    assert asymmetry(K) < 1e-14
 
 
 def test_a_turned_packing_carries_its_forces_along(loaded):
     """Rotate rigidly by a small angle: every force and torque turns; a shift changes none."""
     network = loaded.network()
     inside = network.with_contacts(~network.with_wall & (network.cell_shift == 0).all(axis=1))
-    K, angle = stiffness_matrix(inside, pre_stress="full"), np.array([0.3, -0.5, 0.7])
+    K = stiffness_matrix(inside, pre_stress="full")
+    angle = np.array([0.3, -0.5, 0.7])
     spins = np.tile(angle, (network.n_particles, 1))
     motion = np.hstack([np.cross(angle, network.position), spins])
     load = net_forces(inside)
@@ -110,7 +111,8 @@ def test_a_turned_packing_carries_its_forces_along(loaded):
 
 def test_crystal_without_shear_forces_stays_symmetric():
     network = gallery.fcc(cells=(2, 2, 5))
-    normal, full = (stiffness_matrix(network, pre_stress=kind) for kind in ("normal", "full"))
+    normal = stiffness_matrix(network, pre_stress="normal")
+    full = stiffness_matrix(network, pre_stress="full")
     assert abs(normal - full).max() == 0
     # Round-off of the assembly alone.
     assert asymmetry(full) < 1e-15
@@ -124,18 +126,19 @@ def test_every_column_equals_finite_differences_of_yades_forces(tmp_path, yade):
     """Move each of the 150 spheres along and about each axis, 900 columns."""
     out = tmp_path / "differences.h5"
     script(ROOT / "yade_scripts" / "tangent.py", SHEARED, out, folder=tmp_path)
-    sample, network = read_sample(SHEARED), sheared()
+    sample = read_sample(SHEARED)
+    network = sheared()
     # Rotations times the radius are displacements: then all entries are N/m.
     measured, units = measured_tangent(out, network, sample.radius)
-    apart = {}
+    error = {}
     for kind in ("none", "normal", "full"):
         K = units @ stiffness_matrix(network, pre_stress=kind) @ units
-        apart[kind] = abs(measured - K).max() / abs(K).max()
+        error[kind] = abs(measured - K).max() / abs(K).max()
     columns = sp.linalg.norm(measured - K, axis=0) / sp.linalg.norm(K, axis=0).clip(1e-99)
     # (h / overlap)^2 / 24 and eps R / h of the script's step h, for the average contact; a weak
     # contact with a tenth of its overlap has a hundred times the first.
-    assert apart["full"] < 2e-8
+    assert error["full"] < 2e-8
     assert columns.max() < 1e-6
     # Each term of the pre-stress is seen: overlap / R and friction times that.
-    assert apart["none"] > 1e-4
-    assert 1e-5 < apart["normal"] < apart["none"]
+    assert error["none"] > 1e-4
+    assert 1e-5 < error["normal"] < error["none"]

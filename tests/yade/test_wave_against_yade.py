@@ -50,13 +50,13 @@ def test_difference_is_proportional_to_the_amplitude(crystal):
 def test_pre_stress_and_time_step_are_seen_at_small_amplitude(crystal):
     network, runs = crystal
     pair = Agreement(network, runs[AMPLITUDES[-1]])
-    found = pair.measured(pair.run)
-    whole = compare("", found, pair.linear("full")).chain
+    measured = pair.measured(pair.run)
+    difference = compare("", measured, pair.linear("full")).chain
     # Positions of 0.05 m are rounded by 7e-18 m a step, 3e-7 of the amplitude; the rest is the
     # quadratic term, a hundredth of that at 5 nm.
-    assert whole < 1e-4
-    assert compare("", found, pair.linear("none")).chain > 2 * whole
-    assert compare("", found, pair.linear("full", exact_in_time=True)).chain > 2 * whole
+    assert difference < 1e-4
+    assert compare("", measured, pair.linear("none")).chain > 2 * difference
+    assert compare("", measured, pair.linear("full", exact_in_time=True)).chain > 2 * difference
 
 
 def in_yade(folder, friction, **settings):
@@ -64,9 +64,9 @@ def in_yade(folder, friction, **settings):
     table = f"case mu_wave input_frequency fraction\n30 {friction} 1e5 0.1\n"
     run("wave", table, folder, WAVE_PARTICLES="1", WAVE_DURATION="1e-4", **settings)
     signals = folder / "case30.signals.h5"
-    found = read_signals(signals)
+    record = read_signals(signals)
     signals.unlink()
-    return found
+    return record
 
 
 def of_materials():
@@ -94,15 +94,18 @@ def test_odd_part_of_a_random_packing_is_the_exact_tangent(packing):
     """Compare all bearing spheres at all times; even part and drift cancel between both runs."""
     network, (forth, back) = packing
     pair = Agreement(network, forth)
-    one, other = pair.measured(forth), pair.measured(back)
-    odd = {name: (one[name] + other[name]) / 2 for name in one}
-    apart = {kind: compare("", odd, pair.linear(kind)) for kind in ("none", "normal", "full")}
+    positive = pair.measured(forth)
+    negative = pair.measured(back)
+    odd = {name: (positive[name] + negative[name]) / 2 for name in positive}
+    difference = {}
+    for pre_stress in ("none", "normal", "full"):
+        difference[pre_stress] = compare("", odd, pair.linear(pre_stress))
     # What is left is cubic: (0.05 nm / 300 nm)^2, weak contacts more; and rounded positions.
-    assert apart["full"].particles < 1e-4
-    assert apart["full"].layers < 1e-4
+    assert difference["full"].particles < 1e-4
+    assert difference["full"].layers < 1e-4
     if "wall_young" not in network.study:  # there hardly any contact shears
-        assert apart["normal"].particles > 2 * apart["full"].particles
-        assert apart["none"].particles > 2 * apart["normal"].particles
+        assert difference["normal"].particles > 2 * difference["full"].particles
+        assert difference["none"].particles > 2 * difference["normal"].particles
 
 
 @pytest.mark.parametrize("packing", ["glass"], indirect=True)
@@ -111,7 +114,7 @@ def test_large_waves_are_those_of_yade(direction, packing, tmp_path):
     """Move the wall by 0.25 um, a third of an overlap: contacts slide and open at equal steps.
 
     Positions are rounded at 1e-17 m of 1e-7 m, YADE sums forces in another order, and in 700 steps
-    ways that slip part by some ten times that.
+    of slip a difference grows some tenfold.
     """
     network, _ = packing
     put(tmp_path, "case30", network)
@@ -129,10 +132,12 @@ def test_large_waves_are_those_of_yade(direction, packing, tmp_path):
         particles=True,
     )
     assert ours.signals.time_step == pytest.approx(theirs.time_step, rel=1e-9)
-    assert (ours.dissipated > 0).sum() > 50 and ours.opened.any()
+    assert (ours.dissipated > 0).sum() > 50
+    assert ours.opened.any()
     for name in ("particle_displacement", "source_stress", "receiver_stress"):
-        found, expected = getattr(ours.signals, name), getattr(theirs, name)
-        assert abs(found - expected).max() < 1e-8 * abs(expected).max(), name
+        expected = getattr(theirs, name)
+        difference = getattr(ours.signals, name) - expected
+        assert abs(difference).max() < 1e-8 * abs(expected).max(), name
     # There slip is followed in contacts that were near it at the start, in others by some looks.
     for name, tolerance in (("energy", 3e-2), ("work", 1e-6), ("friction", 3e-2)):
         expected = getattr(theirs.balance, name)

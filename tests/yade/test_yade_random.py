@@ -36,7 +36,8 @@ def products(tmp_path_factory, yade):
             shutil.copy(states / CHECKPOINT, folder)
         time.sleep(0.1)
     assert job.returncode == 0
-    state, sample = states / "100000Pa.sample.h5", folder / "case30.sample.h5"
+    state = states / "100000Pa.sample.h5"
+    sample = folder / "case30.sample.h5"
     assert main(["relax", str(state), "--friction", "0.5", "-o", str(sample)]) == 0
     run("export_sample", CASES, folder)
     return folder
@@ -51,15 +52,16 @@ def test_states_have_their_stress(products):
     """
     for stress in (1e3, 1e4, 1e5):
         sample = read_sample(products / "compression_mu0.4" / f"{stress:g}Pa.sample.h5")
-        found = [sample.study[f"stress_{axis}"] for axis in ("xx", "yy", "zz")]
+        stresses = [sample.study[f"stress_{axis}"] for axis in ("xx", "yy", "zz")]
         # The file's forces give the stresses that the run has seen, but for the last step's motion.
         rebuilt = np.diag(stress_tensor(sample.network()))
-        assert found == pytest.approx(rebuilt, rel=SETTLED.stress_error)
+        assert stresses == pytest.approx(rebuilt, rel=SETTLED.stress_error)
         if stress > 1e3:  # there a packing of friction may run out of patience
             assert sample.study["settled"]
-            assert found == pytest.approx([stress] * 3, rel=SETTLED.stress_error)
-        error, residual = sample.study["stress_error"], sample.study["unbalanced"]
-        assert error == pytest.approx(max(abs(np.array(found) / stress - 1)), abs=1e-12)
+            assert stresses == pytest.approx([stress] * 3, rel=SETTLED.stress_error)
+        error = sample.study["stress_error"]
+        residual = sample.study["unbalanced"]
+        assert error == pytest.approx(max(abs(np.array(stresses) / stress - 1)), abs=1e-12)
         # Whoever's patience ended first is marked.
         assert sample.study["settled"] == (
             error < SETTLED.stress_error and residual < SETTLED.residual
@@ -131,9 +133,9 @@ def test_energy_books_close_where_contacts_slide(products, tmp_path):
     write_highest(tmp_path, "case30")
     header, row = CASES.splitlines()
     run("wave", f"{header} amplitude\n{row} 5e-8\n", tmp_path)
-    books = read_signals(tmp_path / "case30.signals.h5").balance
-    assert books.slid > 0 and books.friction > 0 and abs(books.drift) > MAX_GAP
-    assert abs(books.gap) < MAX_GAP and books.closes
+    balance = read_signals(tmp_path / "case30.signals.h5").balance
+    assert balance.slid > 0 and balance.friction > 0 and abs(balance.drift) > MAX_GAP
+    assert abs(balance.gap) < MAX_GAP and balance.closes
 
 
 def test_compression_goes_on_from_a_checkpoint_and_ends_the_same(tmp_path, products):

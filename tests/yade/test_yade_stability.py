@@ -97,11 +97,11 @@ def test_large_wave_opens_and_slides_and_says_so(products, tmp_path):
     signals, log = wave(products, tmp_path, WAVE_AMPLITUDE="1e-6", WAVE_FRACTION="0.2")
     assert signals is not None
     assert number(log, after=" opened") > 0 and number(log, after=" slid") > 0
-    books = signals.balance
-    assert books.opened > 0 and books.slid > 0
-    assert -1 < books.drift < -0.1
-    assert books.drift + books.friction == pytest.approx(0, abs=0.2)
-    assert MAX_GAP < abs(books.gap) < 0.2 and not books.closes
+    balance = signals.balance
+    assert balance.opened > 0 and balance.slid > 0
+    assert -1 < balance.drift < -0.1
+    assert balance.drift + balance.friction == pytest.approx(0, abs=0.2)
+    assert MAX_GAP < abs(balance.gap) < 0.2 and not balance.closes
 
 
 def test_equal_runs_are_equal_to_the_last_bit(products, tmp_path):

@@ -37,7 +37,8 @@ def plane(z):
 
 
 plane(0)
-small, large = 1e-3, 1.3e-3
+small = 1e-3
+large = 1.3e-3
 for a in range(3):
     for b in range(3):
         O.bodies.append(sphere((1.97e-3 * a, 1.96e-3 * b, 0.98e-3), small))
