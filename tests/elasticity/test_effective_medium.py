@@ -138,8 +138,8 @@ def test_gassmann_against_the_form_of_compliances():
     dry = IsotropicModuli(2e8, 1e8)
     full = gassmann(dry, 0.38, grain, water)
     saturated = full.bulk / (grain - full.bulk)
-    right = dry.bulk / (grain - dry.bulk) + water / (0.38 * (grain - water))
-    assert saturated == pytest.approx(right, rel=1e-10)
+    expected = dry.bulk / (grain - dry.bulk) + water / (0.38 * (grain - water))
+    assert saturated == pytest.approx(expected, rel=1e-10)
     assert full.shear == dry.shear
     # A fluid as stiff as the grains makes a solid of grains.
     assert gassmann(dry, 0.38, grain, grain).bulk == pytest.approx(grain, rel=1e-9)
