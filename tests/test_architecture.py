@@ -128,7 +128,8 @@ def test_analysis_without_a_package_is_one_line(absent, command, said, tmp_path)
     variables = os.environ | {"PYTHONPATH": f"{tmp_path}:{ROOT}"}
     done = subprocess.run(command, env=variables, capture_output=True, text=True)
     assert done.returncode == 2
-    assert done.stderr.startswith(f"error: {said}") and done.stderr.count("\n") == 1
+    assert done.stderr.startswith(f"error: {said}")
+    assert done.stderr.count("\n") == 1
 
 
 def calls_of(tree: ast.AST, *names: str) -> list[ast.Call]:

@@ -74,8 +74,10 @@ def test_both_passes_run_and_the_worse_status_counts(first, second, status, tmp_
     environment = {key: text for key, text in os.environ.items() if key != "GRANULAR_WITHOUT"}
     assert subprocess.run([tmp_path / "run_tests.sh"], env=environment).returncode == status
     whole, again = (tmp_path / "passes").read_text().splitlines()
-    assert whole.startswith("|-m pytest") and "test_both" not in whole
-    assert again.startswith("numba,pypardiso") and again.endswith("tests/test_both.py")
+    assert whole.startswith("|-m pytest")
+    assert "test_both" not in whole
+    assert again.startswith("numba,pypardiso")
+    assert again.endswith("tests/test_both.py")
     # With arguments pytest runs once.
     assert (
         subprocess.run([tmp_path / "run_tests.sh", "-k", "x"], env=environment).returncode == first

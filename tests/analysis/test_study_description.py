@@ -33,7 +33,8 @@ def test_factors_make_cases_and_settings_follow_them(tmp_path):
     path = tmp_path / "sweep.yaml"
     path.write_text(SWEEP)
     cases = Study(path).cases
-    assert len(cases) == 12 and cases.index[-1] == "friction0.4_width5_seed3"
+    assert len(cases) == 12
+    assert cases.index[-1] == "friction0.4_width5_seed3"
     assert cases["width"].tolist() == [4, 4, 4, 5, 5, 5] * 2
     assert cases["mu_wave"].tolist() == [0.1] * 6 + [0.5] * 6
     assert cases["input_frequency"].tolist() == [1e5] * 6 + [2e5] * 6
@@ -42,7 +43,8 @@ def test_factors_make_cases_and_settings_follow_them(tmp_path):
     rules = Rules(frame, Study(path).stated())
     (table,) = make_tables([spec], rules)
     # 500 + 10 times the seed: mean 520, standard error 10 / sqrt 3.
-    assert table.rows[0] == ["0", "4", "520 ± 6", "3"] and len(table.rows) == 4
+    assert table.rows[0] == ["0", "4", "520 ± 6", "3"]
+    assert len(table.rows) == 4
     with refusal("entry"):
         make_tables([spec | {"columns": 3}], rules)
 
@@ -307,7 +309,8 @@ def test_an_entry_of_a_part_that_means_none_is_one_line(part, old, new, tmp_path
     command = ["study", study / "sweep.yaml", "--results", tmp_path / "results"]
     one_line(main, [*command, "-o", tmp_path / "a/b/out"])
     assert {path.name for path in tmp_path.iterdir()} <= {"own", "results", "a"}
-    assert not list(tmp_path.glob("a/*.*")) and not list(tmp_path.glob("a/b/*.*"))
+    assert not list(tmp_path.glob("a/*.*"))
+    assert not list(tmp_path.glob("a/b/*.*"))
 
 
 def results(folder, path):
@@ -368,7 +371,8 @@ def test_a_page_of_a_study_is_no_program(text, tmp_path):
     (tmp_path / "page.html.j2").write_text(text)
     with pytest.raises(InputError) as refused:
         page(tmp_path, {"settings": {"name": "a"}, "cases": {"a": {"v": 1.0}}, "targets": {}})
-    assert refused.value.code == "template" and "\n" not in str(refused.value)
+    assert refused.value.code == "template"
+    assert "\n" not in str(refused.value)
 
 
 def test_all_that_a_page_shows_is_escaped(tmp_path):
@@ -386,4 +390,5 @@ def test_all_that_a_page_shows_is_escaped(tmp_path):
     command = ["study", tmp_path / "sweep.yaml", "--results", tmp_path / "results"]
     assert main([*map(str, command), "-o", str(tmp_path / "out")]) == 0
     text = (tmp_path / "out/study.html").read_text()
-    assert "<script" not in text and text.count("&lt;script&gt;") >= 5
+    assert "<script" not in text
+    assert text.count("&lt;script&gt;") >= 5

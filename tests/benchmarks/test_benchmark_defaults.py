@@ -20,7 +20,8 @@ def test_another_default_would_be_noticed(monkeypatch):
     for name in ("TIME_STEP_FRACTION", "RECORDING_INTERVAL"):
         monkeypatch.setattr(defaults, name, 0.4)
     step, interval, *_ = defaults.wave_of_crystal(read_csv(COMMITTED / "wave.csv"))
-    assert not step.agrees and not interval.agrees
+    assert not step.agrees
+    assert not interval.agrees
 
 
 def rows(method: str = "", **columns) -> list[dict]:

@@ -61,7 +61,8 @@ def test_a_command_or_task_that_fails_says_why(job):
     with pytest.raises(InputError, match="none.network.h5"):
         job.measured(density.states, **setting)
     failed = job.measured(density.states, must=False, **setting)
-    assert failed.seconds is None and "none.network.h5" in failed.failure
+    assert failed.seconds is None
+    assert "none.network.h5" in failed.failure
 
 
 def test_several_threads_are_timed_by_the_clock(job):
@@ -164,9 +165,11 @@ def test_every_job_writes_its_tables_and_figures(name, tmp_path, yade):
     assert main(["--quick", name, "-o", str(tmp_path)]) == 0
     page = (tmp_path / f"{name}.md").read_text()
     shown = re.findall(r"\((\w+\.png)\)", page)
-    assert shown and all((tmp_path / figure).stat().st_size < 150_000 for figure in shown)
+    assert shown
+    assert all((tmp_path / figure).stat().st_size < 150_000 for figure in shown)
     for table in tmp_path.glob("*.csv"):
         rows = read_csv(table)
-        assert len(rows) > 1 and f"`{table.name}`" in page
+        assert len(rows) > 1
+        assert f"`{table.name}`" in page
         for column in rows[0]:
             assert any(row[column] is not None for row in rows), column

@@ -113,7 +113,8 @@ def test_packing_in_extended_xyz_reads_back_equal(packing, tmp_path):
         write_xyz(tmp_path / f"{name}.xyz", written, frames, series=False)
         low = named(tmp_path / f"{name}.xyz", "Origin")
         high = low + named(tmp_path / f"{name}.xyz", "Lattice").reshape(3, 3).diagonal()
-        assert (low <= written.position).all() and (written.position <= high).all()
+        assert (low <= written.position).all()
+        assert (written.position <= high).all()
 
 
 @pytest.mark.parametrize("axis", ["y", "z"])

@@ -107,7 +107,8 @@ def test_data_file_that_lammps_writes(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     network = modal.read(tmp_path / "a.data", pair=COLUMN_PAIR, wall=COLUMN_WALL)
-    assert network.n_contacts == 4 and network.with_wall.sum() == 2
+    assert network.n_contacts == 4
+    assert network.with_wall.sum() == 2
     np.testing.assert_allclose(network.overlap[~network.with_wall], 2e-5, rtol=1e-9)
 
 

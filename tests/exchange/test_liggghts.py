@@ -38,10 +38,12 @@ def test_packing_is_at_rest_under_the_forces_of_its_law(network, files):
     The bounds of the cell are rounded to 1e-8 m, a hundredth of an overlap: others show it.
     """
     summary = files.imported()
-    assert summary["spheres"] == 125 and summary["contacts"] == network.n_contacts == 276
+    assert summary["spheres"] == 125
+    assert summary["contacts"] == network.n_contacts == 276
     assert summary["net_force_over_contact_force"] < 1e-11
     assert summary["overlaps_from"] == "forces"
-    assert len(summary["law"]) == 3 and summary["sliding_share"] == 0
+    assert len(summary["law"]) == 3
+    assert summary["sliding_share"] == 0
     inside = (network.cell_shift == 0).all(axis=1)
     i = network.particle_i
     j = network.particle_j
@@ -157,10 +159,8 @@ def test_walls_are_of_the_type_that_is_said(network, files):
     ):
         files.log.write_text(LOG.read_text() + commands)
         listed_network = files.network(wall=wall)
-        assert (
-            listed_network.force_tangential is None
-            and (~listed_network.with_wall).sum() == inside.sum()
-        )
+        assert listed_network.force_tangential is None
+        assert (~listed_network.with_wall).sum() == inside.sum()
         summary = files.imported(wall=wall, contacts=None)
         alone = read_network(files.out)
         np.testing.assert_array_equal(
@@ -168,9 +168,10 @@ def test_walls_are_of_the_type_that_is_said(network, files):
             alone.stiffness_normal[alone.with_wall],
         )
         stiff[name] = listed_network.stiffness_normal[listed_network.with_wall].sum()
-        assert summary["wall_contacts"] >= 2 and any(
-            "material of each sphere" in remark for remark in summary["remarks"]
-        ) == (name == "unsaid")
+        assert summary["wall_contacts"] >= 2
+        assert any("material of each sphere" in remark for remark in summary["remarks"]) == (
+            name == "unsaid"
+        )
     assert stiff["log"] == stiff["typed"] != stiff["unsaid"]
     files.spoil("log", r"\Z", "fix w all wall/gran model hertz mesh n_meshes 1 meshes c\n")
     files.refused("other_wall", "--wall")

@@ -208,7 +208,8 @@ def test_dataset_that_is_missing_is_a_fault_of_the_file(sound):
 @pytest.mark.parametrize("kind", READERS)
 def test_damaged_bytes_are_refused_or_change_nothing(kind, count, sound, tmp_path):
     verdicts, faults = spoiled(kind, sound, tmp_path, 1, count)
-    assert not faults and verdicts["refused"] > count / 3
+    assert not faults
+    assert verdicts["refused"] > count / 3
 
 
 @pytest.mark.parametrize(("kind", "how"), [(kind, how) for kind in WRONG for how in WRONG[kind]])

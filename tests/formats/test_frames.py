@@ -72,5 +72,6 @@ def test_absent_packages_are_named(results, monkeypatch):
 def test_notebooks_show_tables(results):
     for name in ("modes", "moduli", "measurement"):
         html = results[name]._repr_html_()
-        assert html.startswith("<table>") and html.count("<tr>") == html.count("</tr>") > 2
+        assert html.startswith("<table>")
+        assert html.count("<tr>") == html.count("</tr>") > 2
     assert f"{results['modes'].frequency[0]:.6g}" in results["modes"]._repr_html_()

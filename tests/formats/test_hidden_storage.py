@@ -202,7 +202,8 @@ HOLD = "import h5py, sys; file = h5py.File(sys.argv[1], 'r+'); print(flush=True)
 def test_a_file_that_is_open_elsewhere_is_not_called_damaged(file):
     command = [sys.executable, "-c", HOLD, str(file)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
-        assert holder.stdout and holder.stdout.readline()
+        assert holder.stdout
+        assert holder.stdout.readline()
         with pytest.raises(InputError) as refused:
             read_network(file)
         holder.communicate(b"\n")

@@ -46,7 +46,8 @@ def test_texts_numbers_and_lists_come_back(note, tmp_path):
 def test_what_is_no_note_is_refused_before_a_file_is_there(study, code, tmp_path):
     with pytest.raises(InputError) as refused:
         write_network(tmp_path / "a.network.h5", replace(CRYSTAL, study=study))
-    assert refused.value.code == code and not list(tmp_path.iterdir())
+    assert refused.value.code == code
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_note_may_be_as_long_as_the_limit(tmp_path):

@@ -125,4 +125,7 @@ def test_energy_balance_survives_the_file_and_is_shown(folder):
         for name in ("work", "gap"):
             del file["balance"].attrs[name]
     again = read_signals(path).balance
-    assert isnan(again.work) and isnan(again.gap) and again.drift == 1e-3 and again.closes
+    assert isnan(again.work)
+    assert isnan(again.gap)
+    assert again.drift == 1e-3
+    assert again.closes

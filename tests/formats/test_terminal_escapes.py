@@ -27,7 +27,9 @@ def test_notes_are_shown_as_they_are_written(options, tmp_path, capsys):
     write_network(path, replace(fcc(cells=(1, 1, 6)), study=study))
     assert main(["info", str(path), *options]) == 0
     printed = capsys.readouterr()
-    assert safe(printed.out) and safe(printed.err) and "fine" in printed.out
+    assert safe(printed.out)
+    assert safe(printed.err)
+    assert "fine" in printed.out
 
 
 def test_names_and_units_in_refusals(tmp_path, capsys):
@@ -37,7 +39,8 @@ def test_names_and_units_in_refusals(tmp_path, capsys):
         file["particles/mass"].attrs["units"] = CLEAR
     assert main(["info", str(path)]) == 2
     printed = capsys.readouterr()
-    assert safe(printed.err) and printed.err.count("\n") == 1
+    assert safe(printed.err)
+    assert printed.err.count("\n") == 1
     assert safe(str(InputError("input", CLEAR)))
 
 

@@ -219,7 +219,8 @@ def test_nothing_lies_above_the_top(packing, tolerance):
     states = density_of_states(network, resolution=5e3, tolerance=tolerance)
     # At the end itself the formula divides by zero.
     above = states.density(states.highest * np.linspace(1, 1e3, 50))
-    assert not above[0].any() and not above[1].any()
+    assert not above[0].any()
+    assert not above[1].any()
     count, error = states.count_below([states.highest, 1.5 * states.highest, 1e9])
     all_modes = np.full(3, 6.0 * network.n_particles)
     assert count[:, 6] == pytest.approx(all_modes, abs=5 * error[0, 6] + 1e-6)

@@ -90,7 +90,8 @@ def test_highest_modes_go_without_a_count_that_does_not_fit(monkeypatch):
     monkeypatch.setattr("modal.tools.workload.memory_at_hand", lambda: 2e7)
     monkeypatch.delattr("modal.system.linear_system.factorise")
     modes = modes_of(system, highest=1)
-    assert len(modes.frequency) == 1 and not modes.attributes["certified"]
+    assert len(modes.frequency) == 1
+    assert not modes.attributes["certified"]
     assert "20 MB" in modes.attributes["uncertified_because"]
     with refusal("too_large"):
         count_below(system, 1e5)

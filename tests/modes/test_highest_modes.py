@@ -49,10 +49,12 @@ def test_degenerate_and_nearly_degenerate_tops(copies, step, count):
         pytest.skip("pypardiso is not installed")  # the count by layers takes minutes for them
     network, exact = columns(copies, step)
     system = LinearSystem.of(network)
-    assert system.size > system.limits.small and count <= system.size // 4
+    assert system.size > system.limits.small
+    assert count <= system.size // 4
     modes = modes_of(system, highest=count)
     assert modes.frequency == pytest.approx(exact[-count:], rel=1e-9)
-    assert modes.attributes["certified"] and modes.attributes["missing"] == 0
+    assert modes.attributes["certified"]
+    assert modes.attributes["missing"] == 0
 
 
 @pytest.mark.parametrize(
@@ -117,7 +119,8 @@ def test_uncertified_is_cheap_and_says_so(tmp_path, capsys, monkeypatch):
     printed = capsys.readouterr()
     output = json.loads(printed.out)
     assert output["frequency_hz"] == pytest.approx(exact[-1:], rel=1e-9)
-    assert output["certified"] is False and output["missing"] == 0
+    assert output["certified"] is False
+    assert output["missing"] == 0
     assert "as was asked for" in read_modes(product).attributes["uncertified_because"]
     assert printed.err.count("not certified") == 1
     assert main(["modes", str(source), "--below", "1", "--uncertified"]) == 2
@@ -133,7 +136,8 @@ def test_a_long_column_goes_on_about_a_shift(layers, count, certify):
     """
     system = LinearSystem.of(gallery.fcc(cells=(1, 1, layers)))
     modes = modes_of(system, highest=count, certify=certify)
-    assert "solves" in modes.attributes["solver"] and modes.certified == certify
+    assert "solves" in modes.attributes["solver"]
+    assert modes.certified == certify
     # omega^2 of products that have converged to 1e-10, and of a dense solution to round-off.
     assert modes.frequency == pytest.approx(frequency_of(dense_squares(system))[-count:], rel=1e-9)
 

@@ -30,8 +30,11 @@ def test_an_interval_without_modes_is_an_empty_certified_list(tmp_path, printed,
     write_network(source, gallery.fcc(cells=(2, 2, layers)))
     output = printed("modes", source, *options, "-o", product)
     written = read_modes(product)
-    assert output["frequency_hz"] == [] and output["certified"] and output["missing"] == 0
-    assert len(written.frequency) == 0 and written.attributes["certified"]
+    assert output["frequency_hz"] == []
+    assert output["certified"]
+    assert output["missing"] == 0
+    assert len(written.frequency) == 0
+    assert written.attributes["certified"]
 
 
 SHAPES = {
@@ -67,7 +70,8 @@ def test_mode_shapes_are_in_the_file(tmp_path, path, monkeypatch):
     written = read_modes(tmp_path / "x.modes.h5")
     assert solver_name in written.attributes["solver"]
     count = len(written.frequency)
-    assert count > 3 and written.mode_shape.shape == (count, network.n_particles, 6)
+    assert count > 3
+    assert written.mode_shape.shape == (count, network.n_particles, 6)
     dof = 3 if path == "translations" else 6
     mass = mass_diagonal(network, dof)
     K = stiffness_matrix(network, dof)
@@ -91,7 +95,8 @@ def test_shapes_above_the_limit_are_left_out_with_a_word(tmp_path):
     system = LinearSystem.of(gallery.fcc(cells=(3, 3, 4)), limits=Limits(shapes=8 * 216**2 - 1))
     write_modes(tmp_path / "x.modes.h5", modes_of(system, all=True))
     written = read_modes(tmp_path / "x.modes.h5")
-    assert written.mode_shape is None and "fewer" in written.attributes["shapes_left_out"]
+    assert written.mode_shape is None
+    assert "fewer" in written.attributes["shapes_left_out"]
     assert read_z_shapes(tmp_path / "x.modes.h5") is None
     assert modes_of(system, lowest=5).mode_shape.shape == (5, 36, 6)
 
@@ -132,7 +137,8 @@ def test_pairs_of_a_crystal_have_the_chi_z_of_the_wave_that_they_make():
     )
     squared_motion = modes.shapes()[first] ** 2 + modes.shapes()[first + 1] ** 2
     wave = (squared_motion[:, :, 2] / squared_motion[:, :, :3].sum(axis=2)).mean(axis=1)
-    assert len(first) > 80 and wave == pytest.approx(modes.chi_z[first], abs=1e-6)
+    assert len(first) > 80
+    assert wave == pytest.approx(modes.chi_z[first], abs=1e-6)
     assert difference[first].max() > 0.1
 
 
@@ -167,12 +173,14 @@ def test_a_list_short_of_its_count_says_so(tmp_path, capsys, monkeypatch, path):
     assert main(["modes", str(source), "--json", *options, "-o", str(product)]) == 3
     printed = capsys.readouterr()
     output = json.loads(printed.out)
-    assert output["missing"] == 4 and not output["certified"]
+    assert output["missing"] == 4
+    assert not output["certified"]
     assert "4 modes are missing" in printed.err
     written = read_modes(product)
     expected = frequency[-8:] if highest else frequency[:8]
     assert written.frequency == pytest.approx(expected, rel=1e-8)
-    assert written.attributes["missing"] == 4 and not written.attributes["certified"]
+    assert written.attributes["missing"] == 4
+    assert not written.attributes["certified"]
     assert "4" in written.attributes["uncertified_because"] == output["uncertified_because"]
 
 

@@ -258,7 +258,8 @@ def test_each_free_end_adds_its_roughness_to_the_error_of_a_small_packing():
     """Add half a diameter at each of two free ends of a packing without a core."""
     network = opened(cell(), cell().position[:, 2] < 3 * cell().radius[0], (2,))
     floating = occupied_part(network)
-    assert floating.cubes == 0 and floating.free_names == ["-z", "+z"]
+    assert floating.cubes == 0
+    assert floating.free_names == ["-z", "+z"]
     height = float(np.ptp(network.position[:, 2]))
     relative = floating.void_ratio_error / (1 + floating.void_ratio)
     assert relative == pytest.approx(2 * 0.5 * 2 * network.radius.mean() / height, rel=1e-9)

@@ -26,7 +26,8 @@ def test_spheres_follow_the_curve_they_are_drawn_from():
     curve = [1e-3, 0.0, 1.5e-3, 30.0, 2e-3, 60.0, 3e-3, 100.0]
     radii = radii_of_curve(20_000, curve)
     diameter = 2 * radii
-    assert diameter.min() >= 1e-3 and diameter.max() <= 3e-3
+    assert diameter.min() >= 1e-3
+    assert diameter.max() <= 3e-3
     # The coarsest of 20,000 spheres hold a few 1e-4 of the mass.
     assert finer_diameters(diameter, radii**3, [30, 60]) == pytest.approx([1.5e-3, 2e-3], rel=2e-3)
     # Between two points the mass grows with ln d.
@@ -46,7 +47,8 @@ def test_packing_of_a_curve_from_its_file(tmp_path):
     assert read_grading(path)[:3] == ["curve", "1e-3", "0"]
     packing = modal.random_packing(80, sizes=[str(path)], aspect=1)
     diameter = 2 * packing.radius
-    assert diameter.min() >= 1e-3 and diameter.max() <= 2e-3
+    assert diameter.min() >= 1e-3
+    assert diameter.max() <= 2e-3
     numbers = summary(packing)
     assert numbers["d10_m"] < numbers["d50_m"] < numbers["d90_m"]
     assert numbers["d50_m"] == pytest.approx(1.5e-3, rel=0.05)

@@ -53,7 +53,8 @@ def test_indices_without_a_sign_give_the_same_springs(width):
 def same_numbers(network: Network, other: Network) -> None:
     """Assert that fingerprints and K u agree to the bit."""
     assert network.fingerprint == other.fingerprint
-    assert network.particle_i.dtype.isnative and network.particle_i.dtype.itemsize >= 4
+    assert network.particle_i.dtype.isnative
+    assert network.particle_i.dtype.itemsize >= 4
     motion = np.random.default_rng(0).standard_normal(6 * network.n_particles)
     force = ContactOperator(other).apply(motion)
     np.testing.assert_array_equal(ContactOperator(network).apply(motion), force)

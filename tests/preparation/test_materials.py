@@ -183,7 +183,8 @@ def test_pack_takes_the_materials_of_spheres_and_walls(tmp_path, capsys):
     assert main(words.split()) == 0
     (path,) = tmp_path.glob("10000Pa*")
     sample = read_sample(path)
-    assert sample.material == Material(6e9, GLASS.poisson, 1200.0) and sample.radius == 1e-4
+    assert sample.material == Material(6e9, GLASS.poisson, 1200.0)
+    assert sample.radius == 1e-4
     assert np.bincount(np.searchsorted([2230, 7800], sample.densities)).tolist() == [50, 50]
     assert sample.wall_material == Elasticity(*STEEL)
     assert main(["info", str(path)]) == 0

@@ -37,7 +37,8 @@ def frictional(tmp_path_factory):
 def test_packing_has_its_stress_without_walls(name, request):
     """Compute stress and balance from contact forces and branches alone."""
     network = request.getfixturevalue(name).network()
-    assert network.cell_periodic.all() and not network.with_wall.any()
+    assert network.cell_periodic.all()
+    assert not network.with_wall.any()
     force = network.force_normal[:, None] * network.normal - network.force_tangential
     stress = network.branch.T @ force / network.cell_size.prod()
     assert np.diag(stress) == pytest.approx(1e5, rel=4e-3)

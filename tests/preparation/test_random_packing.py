@@ -104,7 +104,8 @@ def test_minimum_has_the_stress_and_lower_enthalpy():
         # Walls and contacts carry the same stress, as far as the spheres are in balance.
         assert on_wall / packed.side.prod() == pytest.approx(pressure, rel=2e-3)
     inside = (packed.position[:, 2] > 0) & (packed.position[:, 2] < packed.walls[1])
-    assert inside.all() and (packed.position[:, :2] < packed.side).all()
+    assert inside.all()
+    assert (packed.position[:, :2] < packed.side).all()
 
 
 @pytest.mark.parametrize("spheres", [37, 6000])
@@ -154,7 +155,8 @@ def test_higher_peak_leaves_a_denser_packing(tmp_path):
     for peak in ("1e7", "3e8"):
         assert main([*command, peak, "-o", str(tmp_path / peak)]) == 0
         study = read_sample(tmp_path / peak / "1e+06Pa.sample.h5").study
-        assert study["peak"] == float(peak) and study["settled"]
+        assert study["peak"] == float(peak)
+        assert study["settled"]
         voids.append(study["void_ratio"])
     assert voids[1] < voids[0] - 0.005
 
@@ -170,7 +172,8 @@ def test_a_path_goes_by_stresses_at_most_ten_times_apart(friction, stresses):
     path = [1e4 if friction else 2e8]
     path += [float(name.split()[0]) for name in stress_names]
     ratios = np.array(path[1:]) / path[:-1]
-    assert (ratios > 0.099).all() and (ratios < 10.1).all()
+    assert (ratios > 0.099).all()
+    assert (ratios < 10.1).all()
     assert list_intermediate_stresses(1e4, 5e5) == [1e5]
 
 

@@ -61,7 +61,8 @@ def test_solutions_and_inertia_of_real_matrices(systems, solver, place):
         if factor.negative is None and solver != "blocks":
             continue
         assert (error <= promised * exact[-1] * np.linalg.norm(solution, axis=0)).all()
-        assert factor.negative == (exact < shift).sum() and factor.solver == solver
+        assert factor.negative == (exact < shift).sum()
+        assert factor.solver == solver
         factor.release()
         counted = factorise(matrix, solver=solver, kept=False)
         assert counted.negative == (exact < shift).sum()
@@ -225,7 +226,8 @@ def test_places_along_a_wide_packing_narrow_its_front():
     height = height[mixed]
     reaches = [band(matrix, along)[1] for along in (None, height)]
     corner, flat = (np.sqrt(((reach - np.arange(system.size)) ** 2.0).mean()) for reach in reaches)
-    assert flat < 2 * 6 * 100 and flat < 0.95 * corner
+    assert flat < 2 * 6 * 100
+    assert flat < 0.95 * corner
     counts = [factorise(matrix, solver="blocks", kept=False, along=x) for x in (None, height)]
     assert counts[0].negative == counts[1].negative
 

@@ -53,7 +53,8 @@ def test_nearest_of_a_known_spectrum(sigma, count, monkeypatch):
     near = modes_nearest(solver(square, vector, sigma), count, sigma, held_modes)
     others = np.setdiff1d(by_distance, [*range(5), *found_before])
     expected = np.sort(others[np.argsort(abs(square[others] - sigma))][:count])
-    assert near.converged.all() and len(near.converged) == count
+    assert near.converged.all()
+    assert len(near.converged) == count
     # theta is wrong by the square of its residual over a gap, and by round-off of the largest one.
     assert near.square == pytest.approx(square[expected], rel=1e-12)
     # The residual of (A - sigma)^-1 over the gap to the next theta, at least a hundredth of it.
@@ -89,7 +90,8 @@ def test_many_modes_without_a_restart():
     count = 300
     near = modes_nearest(solver(square, vector, 5.001), count, 5.001, nothing(2000))
     expected = np.sort(square[np.argsort(abs(square - 5.001))[:count]])
-    assert near.converged.all() and near.square == pytest.approx(expected, rel=1e-12)
+    assert near.converged.all()
+    assert near.square == pytest.approx(expected, rel=1e-12)
     # The basis has room for so many: it has never been combined anew on the way.
     assert near.products < BASIS_VECTORS_PER_MODE * count + EXTRA_BLOCKS * BLOCK
 
@@ -123,7 +125,8 @@ def test_highest_of_a_known_spectrum(spectrum, count, monkeypatch):
     operator = Known(square, vector)
     near = modes_from_top(operator.apply, count, held_modes, 20_000)
     expected = np.r_[5:296, 298:300][-count:]
-    assert near.converged.all() and len(near.converged) == count
+    assert near.converged.all()
+    assert len(near.converged) == count
     assert near.products == operator.products
     assert near.square == pytest.approx(square[expected], rel=1e-12)
     # Each of up to some twenty restarts rounds once more.
@@ -186,7 +189,8 @@ def test_a_mode_above_the_top_is_not_lifted():
         low_end = LowEnd(Known(np.array([0.0, 101.0, 150.0])), edge, 100.0)
         value = np.diag(low_end.apply(np.eye(3)))
         assert low_end.degree % 2 == 1
-        assert value[0] > 100 and (value[1:] < -1).all()
+        assert value[0] > 100
+        assert (value[1:] < -1).all()
 
 
 @pytest.mark.parametrize("count", [1, 40])

@@ -110,7 +110,8 @@ def test_eliminated_bodies_do_not_touch_and_have_few_contacts():
     matrix = system.shifted(-1e-3 * system.diagonal.max()).tobsr((6, 6))
     bodies = elimination.independent_bodies(matrix)
     blocks = elimination.some_blocks(matrix, bodies, bodies)
-    assert len(bodies) > 10 and len(blocks.data) == len(bodies)
+    assert len(bodies) > 10
+    assert len(blocks.data) == len(bodies)
     assert (np.diff(matrix.indptr)[bodies] <= 1 + elimination.MAX_CONTACTS).all()
     load = np.random.default_rng(3).standard_normal((system.size, 3))
     for most in (100, 10**6):
@@ -158,7 +159,8 @@ def test_lowest_modes_equal_those_of_whole_matrices():
         system = replace(LinearSystem.of(network, solver="multigrid"), limits=limits)
         modes = modes_of(system, lowest=12, certify=certify)
         assert modes.frequency == pytest.approx(elastic[:12], rel=1e-9)
-        assert "multigrid" in modes.attributes["solver"] and modes.certified == certify
+        assert "multigrid" in modes.attributes["solver"]
+        assert modes.certified == certify
         assert modes.missing == 0
         assert ("expected_modes" in modes.attributes) == (not certify)
     noted = modes.attributes

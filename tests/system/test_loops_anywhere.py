@@ -57,10 +57,12 @@ def test_loops_are_kept_for_the_user_and_not_in_the_installation(doubled, caches
     """
     loop = loop_cache.compile_cached(doubled)
     assert loop(21) == 42
-    assert kept_files(tmp_path / "installed") == [] and len(kept_files(caches)) == 2
+    assert kept_files(tmp_path / "installed") == []
+    assert len(kept_files(caches)) == 2
     assert loop_cache.numba.config.CACHE_DIR == ""
     again = loop_cache.compile_cached(doubled)
-    assert again(21) == 42 and sum(again.stats.cache_hits.values()) == 1
+    assert again(21) == 42
+    assert sum(again.stats.cache_hits.values()) == 1
 
 
 def test_loops_behind_a_link_are_not_compiled_again(doubled, caches, tmp_path):
@@ -74,7 +76,8 @@ def test_loops_behind_a_link_are_not_compiled_again(doubled, caches, tmp_path):
 def test_the_folder_of_numba_is_taken_where_it_is_named(doubled, caches, tmp_path, monkeypatch):
     monkeypatch.setattr(loop_cache.numba.config, "CACHE_DIR", str(tmp_path / "named"))
     assert loop_cache.compile_cached(doubled)(1.5) == 3
-    assert len(kept_files(tmp_path / "named")) == 2 and kept_files(caches) == []
+    assert len(kept_files(tmp_path / "named")) == 2
+    assert kept_files(caches) == []
 
 
 @pytest.mark.parametrize("name", ["XDG_CACHE_HOME", "HOME", "NUMBA_CACHE_DIR", "nobody"])
@@ -109,7 +112,8 @@ def test_a_file_that_cannot_be_read_is_made_anew(doubled, caches):
             path.write_bytes(damage(path.read_bytes()))
         assert loop_cache.compile_cached(doubled)(21) == 42
         again = loop_cache.compile_cached(doubled)
-        assert again(21) == 42 and sum(again.stats.cache_hits.values()) == 1
+        assert again(21) == 42
+        assert sum(again.stats.cache_hits.values()) == 1
 
 
 def test_nothing_is_kept_on_a_full_disk(caches):

@@ -94,14 +94,17 @@ def test_column_against_an_ode_solver_and_the_order_of_the_step(column):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.05)
     # Nothing opens or slides: all of the wall's work is in the wave, to second order of the step.
     balance = wave.signals.balance
-    assert balance.closes and abs(balance.gap) < 1e-5 and balance.slid == balance.opened == 0
+    assert balance.closes
+    assert abs(balance.gap) < 1e-5
+    assert balance.slid == balance.opened == 0
 
 
 @pytest.fixture(scope="module")
 def endless():
     """Return 150 spheres at rest in a cell without walls."""
     sample, balance = relax(sample_of_network(modal.random_packing(150, periodic=True), 0.3))
-    assert balance.at_rest and sample.periodic_z
+    assert balance.at_rest
+    assert sample.periodic_z
     return sample
 
 
@@ -225,13 +228,15 @@ def test_energy_adds_up_where_contacts_slide_and_open(request, packing, source):
     )  # fmt: skip
     work, kinetic, stored, dissipated = wave.energy.T
     assert abs(kinetic + stored + dissipated - work).max() < 1e-3 * abs(work).max()
-    assert (np.diff(dissipated) >= 0).all() and dissipated[-1] > 1e-3 * work.max()
+    assert (np.diff(dissipated) >= 0).all()
+    assert dissipated[-1] > 1e-3 * work.max()
     ends = wave.signals.slip_ends
     energy = wave.signals.slip_energy
     assert energy.sum() == pytest.approx(dissipated[-1], rel=1e-12, abs=0)
     if packing != "rested":
         return
-    assert (wave.dissipated > 0).sum() > 20 and dissipated[-1] > 0.05 * work.max()
+    assert (wave.dissipated > 0).sum() > 20
+    assert dissipated[-1] > 0.05 * work.max()
     assert wave.opened.any() or direction == "y"
     # Those of the start are the network's, one by one; the wave has closed the others.
     pairs = zip(network.particle_i, network.particle_j, strict=True)
@@ -282,9 +287,11 @@ def test_command_writes_the_file_of_the_linear_wave(rested, tmp_path, printed, o
     words += f" --plane {rested.walls.mean()} --interval 1e-6"
     output = printed(*words.split())
     signals = read_signals(product, of_any_source=True)
-    assert signals.direction == "x" and signals.source.startswith("plane")
+    assert signals.direction == "x"
+    assert signals.source.startswith("plane")
     assert len(signals.time) == output["times"] == 51
-    assert signals.balance.closes and abs(output["energy_gap"]) < 1e-3
+    assert signals.balance.closes
+    assert abs(output["energy_gap"]) < 1e-3
     assert output["time_step_error"] < 1e-3
     # Held by friction nothing slides; what slip takes is over what the source gave in all.
     slip = output["contacts_slid"], output["dissipated_share"]

@@ -55,7 +55,8 @@ def number(log: str, before: str = "", after: str = "") -> float:
 def test_step_at_the_limit_keeps_the_energy(products, tmp_path):
     """Take the step omega_max dt = 2 itself; the law is non-linear by 1e-2 at 5 nm."""
     signals, log = wave(products, tmp_path, WAVE_FRACTION="1.0", WAVE_DURATION="4e-4")
-    assert signals is not None and abs(signals.balance.drift) < signals.balance.limit < 0.02
+    assert signals is not None
+    assert abs(signals.balance.drift) < signals.balance.limit < 0.02
 
 
 PAST = (1.001, 1.01, 1.02, 1.1, 1.2, 1.5, 3.0, 10.0)
@@ -96,12 +97,15 @@ def test_large_wave_opens_and_slides_and_says_so(products, tmp_path):
     """
     signals, log = wave(products, tmp_path, WAVE_AMPLITUDE="1e-6", WAVE_FRACTION="0.2")
     assert signals is not None
-    assert number(log, after=" opened") > 0 and number(log, after=" slid") > 0
+    assert number(log, after=" opened") > 0
+    assert number(log, after=" slid") > 0
     balance = signals.balance
-    assert balance.opened > 0 and balance.slid > 0
+    assert balance.opened > 0
+    assert balance.slid > 0
     assert -1 < balance.drift < -0.1
     assert balance.drift + balance.friction == pytest.approx(0, abs=0.2)
-    assert MAX_GAP < abs(balance.gap) < 0.2 and not balance.closes
+    assert MAX_GAP < abs(balance.gap) < 0.2
+    assert not balance.closes
 
 
 def test_equal_runs_are_equal_to_the_last_bit(products, tmp_path):
