@@ -10,6 +10,7 @@ import sys
 import h5py
 import numpy as np
 import pytest
+from refusals import refusal
 
 from modal.modes.eigenmodes import eigenmodes
 from modal.modes.mode_set import read_modes, write_modes
@@ -144,9 +145,8 @@ def test_what_is_not_whole_in_the_file_is_refused(change, file):
     edit, code = CHANGES[change]
     with h5py.File(file, "r+", libver="latest") as raw:
         edit(raw)
-    with pytest.raises(InputError) as refused:
+    with refusal(code):
         read_network(file)
-    assert refused.value.code == code
 
 
 @pytest.mark.parametrize(
@@ -172,9 +172,8 @@ def test_shapes_are_compared_before_anything_is_read(file, monkeypatch):
         del raw["particles/position"]
         raw.create_dataset("particles/position", data=np.zeros((2**17, 3)), compression=9)
     monkeypatch.setattr(h5py.Dataset, "__getitem__", lambda *_: pytest.fail("was read"))
-    with pytest.raises(InputError) as refused:
+    with refusal("wrong_shape"):
         read_network(file)
-    assert refused.value.code == "wrong_shape"
 
 
 def test_other_products_refuse_links_too(tmp_path):
@@ -191,9 +190,8 @@ def test_other_products_refuse_links_too(tmp_path):
         with h5py.File(path, "r+", libver="latest") as raw:
             raw.move(columns[kind], "moved")
             raw[columns[kind]] = h5py.ExternalLink(path.name, "/moved")
-        with pytest.raises(InputError) as refused:
+        with refusal("link"):
             read(path)
-        assert refused.value.code == "link"
 
 
 HOLD = "import h5py, sys; file = h5py.File(sys.argv[1], 'r+'); print(flush=True); input()"
@@ -223,9 +221,8 @@ def test_yes_and_no_are_one_and_zero(tmp_path, numbers, code):
     if not code:
         assert read_network(path).cell_periodic.tolist() == [True, True, False]
         return
-    with pytest.raises(InputError) as refused:
+    with refusal(code):
         read_network(path)
-    assert refused.value.code == code
 
 
 def test_one_chunk_as_large_as_its_dataset_is_read(file, monkeypatch):

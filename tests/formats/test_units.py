@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
+from refusals import refusal
 
 import modal
 from modal.packing.crystal import fcc
 from modal.packing.network import read_network, write_network
-from modal.tools.errors import InputError
 from modal.tools.units import says
 from modal.waves.motions import SampledMotion
 
@@ -59,9 +59,8 @@ def test_a_file_that_says_another_unit_is_refused(attribute, where, tmp_path):
         if accepted:
             assert read_network(path).n_contacts == CRYSTAL.n_contacts
             continue
-        with pytest.raises(InputError) as refused:
+        with refusal("unit"):
             read_network(path)
-        assert refused.value.code == "unit"
 
 
 class Quantity(np.ndarray):
@@ -80,9 +79,8 @@ class Quantity(np.ndarray):
     ids=["array", "pint", "list"],
 )
 def test_an_array_in_another_unit_is_refused(given):
-    with pytest.raises(InputError) as refused:
+    with refusal("unit"):
         replace(CRYSTAL, stiffness_normal=given)
-    assert refused.value.code == "unit"
 
 
 def test_an_array_in_the_unit_of_the_column_is_taken():
@@ -99,9 +97,8 @@ def test_a_masked_number_is_refused():
     rows = [np.ma.masked_array(row) for row in CRYSTAL.normal]
     rows[2][1] = np.ma.masked
     for column, masked in (("stiffness_tangential", data), ("normal", rows)):
-        with pytest.raises(InputError) as refused:
+        with refusal("masked"):
             replace(CRYSTAL, **{column: masked})
-        assert refused.value.code == "masked"
 
 
 def test_series_of_pandas_are_plain():
@@ -121,6 +118,5 @@ def test_series_of_pandas_are_plain():
     ids=["frequencies", "motion"],
 )
 def test_other_arrays_with_units_are_refused_too(ask):
-    with pytest.raises(InputError) as refused:
+    with refusal("unit"):
         ask("kilohertz")
-    assert refused.value.code == "unit"

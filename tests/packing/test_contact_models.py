@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from changes import in_flight
+from refusals import refusal
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
@@ -18,7 +19,6 @@ from modal.packing.contact_models import MODELS, laws_of
 from modal.packing.contact_models.rough import TOUCH_1, TOUCH_2
 from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
 from modal.preparation.relax import relax
-from modal.tools.errors import InputError
 
 ROUGHNESS = 5e-7
 WITH_NUMBERS = {
@@ -215,9 +215,8 @@ def test_packed_relaxed_and_read_again_it_is_the_same_model(tmp_path, printed):
     expected = law.stiffness_normal(network.overlap[pair], RADIUS / 2)
     assert network.stiffness_normal[pair] == pytest.approx(expected, rel=1e-12)
     assert sample_of_network(network, 0.0).material == sample.material
-    with pytest.raises(InputError) as refusal:
+    with refusal("other_law"):
         sample_of_network(replace(network, study={}), 0.3)
-    assert refusal.value.code == "other_law"
     rested, _ = relax(replace(sample, friction=0.3))
     write_sample(tmp_path / "rested.sample.h5", rested)
     command = f"wave {tmp_path}/rested.sample.h5 --nonlinear --amplitude 1e-9 --duration 2e-5"

@@ -5,12 +5,12 @@ from itertools import product
 import changes
 import numpy as np
 import pytest
+from refusals import refusal
 
 from modal.packing import crystal as gallery
 from modal.packing.contact_law import RADIUS
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
-from modal.tools.errors import InputError
 
 SIDES = [(0.9, 1.3), (2.2, 3.1), (6.0, 5.0), (1.3, 1.6, 1.4), (3.6, 3.3, 4.0), (1e9, 1e9)]
 
@@ -97,15 +97,13 @@ def test_shear_forces_do_not_depend_on_how_contacts_are_listed():
 def test_shear_forces_of_other_contacts_are_refused():
     sample = sample_with_shear()
     sample.shear = sample.shear[:-1]
-    with pytest.raises(InputError) as refusal:
+    with refusal("shear_forces"):
         sample.network()
-    assert refusal.value.code == "shear_forces"
 
 
 def test_exchanged_walls_are_refused(tmp_path):
     sample = sample_with_shear()
     sample.walls = sample.walls[::-1]
     write_sample(tmp_path / "x.sample.h5", sample)
-    with pytest.raises(InputError) as refusal:
+    with refusal("no_cell"):
         read_sample(tmp_path / "x.sample.h5")
-    assert refusal.value.code == "no_cell"

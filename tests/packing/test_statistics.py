@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from packings import polydisperse, random_sample
 from places import PACKINGS, SHEARED
+from refusals import refusal
 
 from modal.packing import crystal as gallery
 from modal.packing import state
@@ -17,7 +18,6 @@ from modal.packing.rattlers import firmly_held, force_bearing
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.summary import summary
 from modal.theory.fcc import FccLattice
-from modal.tools.errors import InputError
 
 
 def overlapping(seed: int = 1, n: int = 120) -> Sample:
@@ -257,9 +257,8 @@ def test_a_dangling_chain_bears_no_force():
     assert force_bearing(column).all()
     cut = column.with_contacts(column.particle_j != RECEIVER_WALL)
     assert not force_bearing(cut).any()
-    with pytest.raises(InputError) as refusal:
+    with refusal("carries_no_wave"):
         Layers(cut)
-    assert refusal.value.code == "carries_no_wave"
 
 
 def test_means_equal_a_loop():
