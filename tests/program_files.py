@@ -35,7 +35,9 @@ def lammps(network: Network, folder: Path, digits: int = 17) -> tuple[Path, Path
 
     Ids begin at 1, in falling order, so that a reader who takes rows for numbers is found out.
     """
-    atoms, contacts, log = (folder / name for name in ("x.atoms", "x.contacts", "log.lammps"))
+    atoms = folder / "x.atoms"
+    contacts = folder / "x.contacts"
+    log = folder / "log.lammps"
     n = network.n_particles
     wall = network.with_wall
     walled = bool(wall.any())
@@ -55,7 +57,9 @@ def lammps(network: Network, folder: Path, digits: int = 17) -> tuple[Path, Path
     rows = np.column_stack([np.arange(1, n + 1), np.ones(n), *spheres])[::-1]
     columns = "id type x y z radius mass" + " f_w[1] f_w[2] f_w[3] f_w[4]" * walled
     atoms.write_text(head("ATOMS", n, f"ATOMS {columns}") + lines(rows, digits))
-    i, j, fn = (getattr(network, k)[~wall] for k in ("particle_i", "particle_j", "force_normal"))
+    i = network.particle_i[~wall]
+    j = network.particle_j[~wall]
+    fn = network.force_normal[~wall]
     forces = (fn, network.force_tangential[~wall], -fn[:, None] * network.normal[~wall])
     rows = np.column_stack([np.arange(len(i)) + 1, i + 1, j + 1, *forces])
     columns = "index c_p[1] c_p[2] " + " ".join(f"c_f[{k}]" for k in range(1, 8))
@@ -143,7 +147,7 @@ def sorted_ends(network: Network) -> np.ndarray:
 
 
 @dataclass
-class Given:
+class PackingFiles:
     """The files of a packing, and what `import` says of them."""
 
     capsys: object
@@ -241,27 +245,31 @@ WRITERS = {
 }
 
 
-def written(
-    capsys, folder: Path, program: str, made: Network | bool = True, *more: object
-) -> Given:
-    """Write the files of a packing as a program does; True and False stand for radii 1:3."""
+def write_packing_files(
+    capsys, folder: Path, program: str, packing: Network | bool = True, *more: object
+) -> PackingFiles:
+    """Write the files of a packing as a program does.
+
+    True and False stand for spheres of radii 1:3, periodic in all directions or between walls.
+    """
     write, names = WRITERS[program]
-    network = packings.polydisperse(made) if isinstance(made, bool) else made
-    spheres, *other_paths = write(network, folder, *more)
-    return Given(capsys, spheres, dict(zip(names, other_paths, strict=True)))
+    if isinstance(packing, bool):
+        packing = packings.polydisperse(packing)
+    spheres, *other_paths = write(packing, folder, *more)
+    return PackingFiles(capsys, spheres, dict(zip(names, other_paths, strict=True)))
 
 
 def misfit(
-    network: Network, wanted: np.ndarray, columns: np.ndarray, terms: tuple[str, ...] = ()
+    network: Network, expected: np.ndarray, columns: np.ndarray, terms: tuple[str, ...] = ()
 ) -> float:
     """Return the relative error of columns of K by these terms; rotations count as arcs of 1 mm."""
     arc = np.tile([1.0] * 3 + [1e3] * 3, network.n_particles)
-    have = assembled(network, contact_tangent(network, terms))[:, columns].toarray()
-    off, size = (arc[:, None] * each * arc[columns] for each in (have - wanted, wanted))
-    return float(np.linalg.norm(off) / np.linalg.norm(size))
+    K = assembled(network, contact_tangent(network, terms))[:, columns].toarray()
+    units = arc[:, None] * arc[columns]
+    return float(np.linalg.norm(units * (K - expected)) / np.linalg.norm(units * expected))
 
 
-def same(found: Network, wanted: Network, names: str, rtol: float = 0.0) -> None:
+def assert_same_contacts(found: Network, wanted: Network, names: str, rtol: float = 0.0) -> None:
     """Compare columns of contacts in any order; vectors to `rtol` of their mean size."""
     a = sorted_ends(wanted)
     b = sorted_ends(found)

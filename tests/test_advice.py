@@ -18,8 +18,17 @@ COMMANDS_OF = {"modal": COMMANDS, "analysis": import_module("analysis.cli.main")
 IN_A_JOB = ROOT / "workflow" / "commands.py"
 """Its texts are read by workflow/in_turn.py, not typed."""
 FOREIGN = {
-    *("--no-install-recommends", "--site-packages", "--privileged", "--version", "--help"),
-    *("--system-site-packages", "--user", "--job-name", "--mem", "--extra"),
+    "--extra",
+    "--force-reinstall",
+    "--help",
+    "--job-name",
+    "--mem",
+    "--no-install-recommends",
+    "--privileged",
+    "--site-packages",
+    "--system-site-packages",
+    "--user",
+    "--version",
 }
 """Options of apt, pip and others that texts name."""
 

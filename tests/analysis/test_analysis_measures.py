@@ -176,7 +176,9 @@ def with_coarse_gain(network, records=()):
 @pytest.fixture(scope="module")
 def two_producers():
     """Return FCC at three stresses, one of them with a YADE record 10 % slower than its springs."""
-    soft, middle, stiff = (fcc(stress, (1, 1, 100)) for stress in (1e4, 1e5, 1e6))
+    soft = fcc(1e4, (1, 1, 100))
+    middle = fcc(1e5, (1, 1, 100))
+    stiff = fcc(1e6, (1, 1, 100))
     lattice = PackingData(middle).lattice
     time = np.arange(0, middle.length / lattice.velocity, 5e-7)
     slow = replace(lattice, mass=lattice.mass / 0.81)

@@ -162,7 +162,8 @@ def test_target_of_a_missing_case_has_no_value(targets):
 def test_second_sample_of_a_case_gives_it_an_error(table):
     """Read case 6 from the folder seed_2, too: it has two samples, each crystal one."""
     assert [table[case]["packings"] for case in ("2", "3", "6")] == ["1", "1", "2"]
-    first, second = (void_ratio(slender(seed)) for seed in (3, 4))
+    first = void_ratio(slender(3))
+    second = void_ratio(slender(4))
     # The standard deviation of two values is their difference divided by sqrt(2).
     error = float(table["6"]["void_ratio_sample_error"])
     assert error == pytest.approx(abs(first - second) / 2**0.5, rel=0.01)

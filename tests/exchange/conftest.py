@@ -4,52 +4,62 @@ import packings
 import program_files
 import pytest
 from places import PACKINGS
-from program_files import Given
+from program_files import PackingFiles
 
 import modal
 
 
 @pytest.fixture
-def given(tmp_path, capsys):
-    """Write a packing as a program does: `given("lammps", periodic_z)`, or of a network."""
-    return lambda program, *more: program_files.written(capsys, tmp_path, program, *more)
+def write_files(tmp_path, capsys):
+    """Return a function that writes a packing as a program does.
+
+    `write_files("lammps", periodic_z)` writes spheres of radii 1:3, or a network in its place.
+    """
+
+    def write(program: str, *more: object) -> PackingFiles:
+        return program_files.write_packing_files(capsys, tmp_path, program, *more)
+
+    return write
 
 
 @pytest.fixture
-def copied(tmp_path, capsys):
-    """Copy what a program has written itself: its file of spheres, and others by option."""
+def copy_files(tmp_path, capsys):
+    """Return a function that copies files which a program has written itself.
 
-    def make(spheres: str, **options: str) -> Given:
+    They are its file of spheres, and others by their option of `import`.
+    """
+
+    def make(spheres: str, **options: str) -> PackingFiles:
         for name in (spheres, *options.values()):
             (tmp_path / name).write_bytes((next(PACKINGS.rglob(name))).read_bytes())
         other_paths = {option: tmp_path / name for option, name in options.items()}
-        return Given(capsys, tmp_path / spheres, other_paths)
+        return PackingFiles(capsys, tmp_path / spheres, other_paths)
 
     return make
 
 
 @pytest.fixture
-def cubic(copied):
+def cubic(copy_files):
     """Return the files of MercuryDPM's CubicPackingSelfTest."""
-    return copied("mercury_CubicPacking.restart")
+    return copy_files("mercury_CubicPacking.restart")
 
 
 @pytest.fixture
-def liggghts(copied):
+def liggghts(copy_files):
     """Return the files of a packing that LIGGGHTS has computed."""
-    return copied("x.atoms", contacts="x.contacts", log="log.liggghts")
+    return copy_files("x.atoms", contacts="x.contacts", log="log.liggghts")
 
 
 @pytest.fixture
-def walled(given):
+def walled(write_files):
     """Write spheres between walls, contacts and log, as LAMMPS does."""
-    return given("lammps", False)
+    return write_files("lammps", False)
 
 
 @pytest.fixture
-def paired(given):
+def paired(write_files):
     """Write a periodic packing and its log; two of the spheres have the number 1 in mol."""
-    files = given("lammps")
+    files = write_files("lammps")
     files.options["contacts"] = None
     files.respell("spheres", 9, slice(99, 99), ["mol"])
     # Ids of members lie beside each other; the centres of these pairs, less than half a cell.
@@ -65,8 +75,8 @@ def mixture():
 
 
 @pytest.fixture
-def tables(given):
+def tables(write_files):
     """Write two tables of a committed packing; contacts have five columns, with normal forces."""
-    files = given("tables", packings.sheared())
+    files = write_files("tables", packings.sheared())
     files.rewrite("contacts", lambda words: words[:5], 0)
     return files

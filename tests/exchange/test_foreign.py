@@ -74,7 +74,8 @@ def strings_of(path: Path) -> list[str]:
 
 @pytest.mark.parametrize("command", ["info", "modes", "import"])
 def test_of_several_times_the_command_that_is_advised_works(tmp_path, capsys, command):
-    first, second = (column(tmp_path, step=step).read_text() for step in (0, 200))
+    first = column(tmp_path, step=0).read_text()
+    second = column(tmp_path, step=200).read_text()
     path = tmp_path / "two times.dump"
     path.write_text(first + second)
     out = tmp_path / "new.network.h5"

@@ -7,7 +7,7 @@ import packings
 import program_files
 import pytest
 from oracles import asymmetry
-from program_files import PAIR, of_law, same
+from program_files import PAIR, assert_same_contacts, of_law
 
 import modal
 from modal.__main__ import main
@@ -22,13 +22,13 @@ STIFFNESSES = "stiffness_normal stiffness_tangential force_normal"
 
 
 @pytest.mark.parametrize("periodic_z", [True, False])
-def test_lammps_dump_gives_the_packing_back(given, periodic_z):
+def test_lammps_dump_gives_the_packing_back(write_files, periodic_z):
     """Import spheres of radii 1:3 and two densities, with and without walls.
 
     17 digits keep a float64; overlaps, 1e-5 m and more of positions of 1e-2 m, keep 1e-12.
     """
     packing = packings.polydisperse(periodic_z)
-    files = given("lammps", packing)
+    files = write_files("lammps", packing)
     summary = files.imported()
     assert (summary["contacts"], summary["wall_contacts"]) == (
         packing.n_contacts,
@@ -37,20 +37,24 @@ def test_lammps_dump_gives_the_packing_back(given, periodic_z):
     network = read_network(files.out)
     for name in ("position", "radius", "mass", "inertia", "wall_position", "cell_size"):
         np.testing.assert_allclose(getattr(network, name), getattr(packing, name), rtol=1e-15)
-    same(network, packing, "particle_i particle_j")
-    same(network, packing, f"{STIFFNESSES} overlap", 1e-9)
+    assert_same_contacts(network, packing, "particle_i particle_j")
+    assert_same_contacts(network, packing, f"{STIFFNESSES} overlap", 1e-9)
     # Angles are as exact as positions: 1e-18 of 1e-3 m.
-    same(network, packing, "normal force_tangential", 1e-12)
+    assert_same_contacts(network, packing, "normal force_tangential", 1e-12)
     # A friction that the largest share of it just uses up.
     share = np.linalg.norm(packing.force_tangential, axis=1) / packing.force_normal
     files.spoil("log", r"NULL 0 0\.3", f"NULL 0 {share.max():.17g}", count=0)
-    same(files.network(), packing, "sliding")
+    assert_same_contacts(files.network(), packing, "sliding")
 
 
-def test_tables_give_the_packing_back(given):
+def test_tables_give_the_packing_back(write_files):
     """Import stiffnesses, which any law may have."""
     packing = packings.polydisperse(False)
-    same(given("tables", packing).network(), packing, f"{STIFFNESSES} force_tangential particle_j")
+    assert_same_contacts(
+        write_files("tables", packing).network(),
+        packing,
+        f"{STIFFNESSES} force_tangential particle_j",
+    )
 
 
 def test_six_digits_without_forces_blur_overlaps_with_them_they_are_hardly_missed(tmp_path, capsys):
@@ -62,30 +66,30 @@ def test_six_digits_without_forces_blur_overlaps_with_them_they_are_hardly_misse
     packing = modal.random_packing(60, stress=1e5, seed=2)
     frequencies = {}
     for digits in (17, 6):
-        files = program_files.written(capsys, tmp_path, "lammps", packing, digits)
+        files = program_files.write_packing_files(capsys, tmp_path, "lammps", packing, digits)
         summary = files.imported()
         assert summary["overlaps_from"] == ("positions" if digits == 17 else "forces")
         frequencies[digits] = modal.eigenmodes(read_network(files.out), all=True).frequency
     # Steps of 1e-8 m, of places around 2e-2 m, leave 4e-9 m of overlaps of some 5e-7 m.
     assert 1e-3 < files.imported(contacts=None)["error_of_overlaps"] < 1e-1
-    program_files.written(capsys, tmp_path, "lammps", packing, 4)
+    program_files.write_packing_files(capsys, tmp_path, "lammps", packing, 4)
     assert files.code(contacts=None) == "few_digits"
     firm = frequencies[17] > 1e3  # floppy modes are zero up to round-off
     np.testing.assert_allclose(frequencies[6][firm], frequencies[17][firm], rtol=1e-5)
 
 
-def test_law_alone_makes_contacts_and_forces_from_full_digits(given):
+def test_law_alone_makes_contacts_and_forces_from_full_digits(write_files):
     """Import without dump local: equal contacts; shear forces are absent, not zero.
 
     Without law and masses one line names both.
     """
     packing = packings.polydisperse(True)
-    files = given("lammps", packing)
+    files = write_files("lammps", packing)
     summary = files.imported(contacts=None, log=None, pair=PAIR)
     network = read_network(files.out)
     assert {"force_tangential", "sliding"} <= {*summary["absent"]}
     assert network.sliding is None
-    same(network, packing, f"particle_i particle_j {STIFFNESSES}", 1e-9)
+    assert_same_contacts(network, packing, f"particle_i particle_j {STIFFNESSES}", 1e-9)
     files.spoil("spheres", " mass", " density")
     mass = packing.mass * 4 / 3 * np.pi * packing.radius**3
     np.testing.assert_allclose(files.network(contacts=None, log=None, pair=PAIR).mass, mass)
@@ -93,13 +97,13 @@ def test_law_alone_makes_contacts_and_forces_from_full_digits(given):
     files.refused("no_law", "no column mass", "--log", "--pair", "add mass", log=None)
 
 
-def test_units_of_the_dump_are_used(given):
+def test_units_of_the_dump_are_used(write_files):
     """Import lengths in micrometres and moduli in pg / (um us^2); refuse other scales beside them.
 
     Hertz' forces go with the square of lengths, and 1e-9 N are their unit; stiffnesses as lengths.
     """
     packing = packings.polydisperse(True)
-    files = given("lammps", packing)
+    files = write_files("lammps", packing)
     files.rewrite("contacts", lambda w: [*w[:3], *(repr(1e-3 * float(x)) for x in w[3:])], 9)
     files.options = {"pair": PAIR.replace("6e10", "6e7"), "contacts": files.contacts}
     files.spoil("spheres", r"\A", "ITEM: UNITS\nmicro\n")
@@ -114,12 +118,12 @@ def test_units_of_the_dump_are_used(given):
     )
     np.testing.assert_allclose(network.radius, expected.radius, rtol=1e-12)
     np.testing.assert_allclose(network.mass, expected.mass, rtol=1e-12)
-    same(network, expected, f"{STIFFNESSES} force_tangential", 1e-9)
+    assert_same_contacts(network, expected, f"{STIFFNESSES} force_tangential", 1e-9)
     files.refused("other_units", "x.atoms:", "micro", "--scales 1 1 1", scales=(1, 1, 1))
 
 
-def test_a_triclinic_box_without_tilt_is_the_rectangular_one(given):
-    files = given("lammps")
+def test_a_triclinic_box_without_tilt_is_the_rectangular_one(write_files):
+    files = write_files("lammps")
     summary = files.imported(contacts=None)
     files.spoil("spheres", "BOUNDS", "BOUNDS xy xz yz")
     for line, tilt in ((6, "0"), (7, "0.0"), (8, "-0")):
@@ -131,9 +135,9 @@ def test_a_triclinic_box_without_tilt_is_the_rectangular_one(given):
 
 
 @pytest.mark.parametrize("columns", ["x y z", "xs ys zs"])
-def test_a_triclinic_box_of_the_same_periods_is_the_same_packing(given, columns):
+def test_a_triclinic_box_of_the_same_periods_is_the_same_packing(write_files, columns):
     """Describe the same packing by the periods a, a + b and c - b instead of a, b and c."""
-    files = given("lammps")
+    files = write_files("lammps")
     expected = files.network(contacts=None)
     side = float(expected.cell_size[0])
     edges = side * np.array([[1, 0, 0], [1, 1, 0], [0, -1, 1]])
@@ -161,8 +165,8 @@ def test_a_triclinic_box_of_the_same_periods_is_the_same_packing(given, columns)
     )
 
 
-def test_step_chooses_one_time_of_a_dump(given):
-    files = given("lammps")
+def test_step_chooses_one_time_of_a_dump(write_files):
+    files = write_files("lammps")
     first = files.spheres.read_text()
     files.spheres.write_text(first + first.replace("\n7\n", "\n8\n", 1))
     files.options = {"pair": PAIR}
@@ -170,13 +174,13 @@ def test_step_chooses_one_time_of_a_dump(given):
     files.refused("no_such_time", "(7, 8)", "step 9", step=9)
 
 
-def test_places_in_parts_of_the_box_are_places(given):
+def test_places_in_parts_of_the_box_are_places(write_files):
     """Import columns xs, ys, zs, as `dump atom` of LAMMPS has them, to a few eps of the box.
 
     Of a box far from the origin; steps are those of doubles between 1/2 and 1, in parts of it.
     """
     packing = packings.polydisperse(True)
-    files = given("lammps", packing)
+    files = write_files("lammps", packing)
     lines = files.spheres.read_text().splitlines(keepends=True)
     low, high = np.loadtxt(lines[5:8]).T
     rows = np.loadtxt(lines[9:])
@@ -191,12 +195,12 @@ def test_places_in_parts_of_the_box_are_places(given):
         2**53 * np.sqrt(6) * np.median(network.overlap) / high.max()
     )
     np.testing.assert_allclose(network.position, packing.position + shift, rtol=1e-15)
-    same(network, packing, f"particle_i particle_j {STIFFNESSES}", 1e-9)
+    assert_same_contacts(network, packing, f"particle_i particle_j {STIFFNESSES}", 1e-9)
 
 
-def test_narrow_period_is_refused(given):
+def test_narrow_period_is_refused(write_files):
     """Refuse a period of two diameters, in which a sphere may touch another one and its image."""
-    files = given("lammps", modal.fcc(cells=(2, 4, 6)))
+    files = write_files("lammps", modal.fcc(cells=(2, 4, 6)))
     files.refused("narrow_cell", "along x", contacts=None)
 
 
@@ -229,10 +233,8 @@ def test_shift_of_modes_is_the_law_to_first_order():
     network = of_law()
     modes = eigenmodes(network, all=True)
     scale = np.sqrt(np.outer(*[mass_diagonal(network)] * 2))
-    tangent, springs = (
-        stiffness_matrix(network, pre_stress=pre_stress).toarray() / scale
-        for pre_stress in ("law", "none")
-    )
+    tangent = stiffness_matrix(network, pre_stress="law").toarray() / scale
+    springs = stiffness_matrix(network, pre_stress="none").toarray() / scale
     errors = []
     for share in (0.02, 0.01):
         weak = springs + share * (tangent - springs)

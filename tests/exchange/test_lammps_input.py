@@ -9,7 +9,7 @@ import numpy as np
 import program_files
 import pytest
 from places import PACKINGS
-from program_files import Given, same
+from program_files import PackingFiles, assert_same_contacts
 from refusals import refusal
 
 import modal
@@ -20,11 +20,11 @@ from modal.system.assembly import stiffness_matrix
 
 
 @pytest.fixture
-def types(given):
+def types(write_files):
     """Write spheres of three types in turn, and a log with these lines of pair_coeff."""
 
-    def make(*lines: str) -> Given:
-        files = given("lammps")
+    def make(*lines: str) -> PackingFiles:
+        files = write_files("lammps")
         files.rewrite("spheres", lambda row: [row[0], str(int(row[0]) % 3 + 1), *row[2:]], 9)
         text = "".join(f"pair_coeff {line}\n" for line in lines)
         files.log.write_text(f"units si\npair_style granular\n{text}")
@@ -109,10 +109,10 @@ HIGH = "0.01889427084603357"
 CONTACTS = PACKINGS / "mine.contacts"
 
 
-def split(capsys, folder: Path, top: str = "41666666666.66667") -> Given:
+def split(capsys, folder: Path, top: str = "41666666666.66667") -> PackingFiles:
     """Write the example with a fix for each wall, the upper one of this modulus, N/m^2."""
     options = {"contacts": CONTACTS, "log": folder / "log.lammps"}
-    files = Given(capsys, folder / "x.atoms", options)
+    files = PackingFiles(capsys, folder / "x.atoms", options)
     rows = []
     for line in (PACKINGS / "mine.atoms").read_text().splitlines():
         words = line.split(" ")
@@ -138,7 +138,9 @@ def test_two_fixes_are_the_walls_of_one(tmp_path, capsys):
     assert [(expected.particle_j == code).sum() for code in (-1, -2)] == [9, 13]
     for wall in (None, f"{WALL.removeprefix('wall/gran ')} {LOW} {HIGH}"):
         network = files.network(wall=wall)
-        same(network, expected, "particle_j force_normal force_tangential stiffness_normal")
+        assert_same_contacts(
+            network, expected, "particle_j force_normal force_tangential stiffness_normal"
+        )
 
 
 def test_each_wall_has_the_law_of_its_fix(tmp_path, capsys):
@@ -178,7 +180,7 @@ def test_lines_that_change_no_law(types, more):
     files = types(f"* * {A}")
     once = files.network()
     files.log.write_text(f"{files.log.read_text()}{more}\n")
-    same(files.network(), once, "stiffness_normal")
+    assert_same_contacts(files.network(), once, "stiffness_normal")
 
 
 def test_a_law_that_changes_after_the_dump_is_told(types):
@@ -205,9 +207,9 @@ def test_a_wall_for_a_group_needs_the_contacts(walled):
     walled.refused("wall_of_group", "fix w", "few", contacts=None)
 
 
-def test_radii_of_few_digits_blur_overlaps_as_positions_do(given):
+def test_radii_of_few_digits_blur_overlaps_as_positions_do(write_files):
     """Import positions of 17 digits with radii of 6, as `%g` writes them."""
-    files = given("lammps")
+    files = write_files("lammps")
     files.options["contacts"] = None
     assert files.imported()["overlap_over_error_of_digits"] > 1e6
     files.rewrite("spheres", lambda row: [*row[:5], f"{float(row[5]):.6g}", *row[6:]], 9)

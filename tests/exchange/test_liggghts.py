@@ -8,14 +8,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from places import ROOT
-from program_files import misfit, same
+from program_files import assert_same_contacts, misfit
 
 import modal
 from modal.packing.network import read_network
 from modal.system.contacts import TANGENTS
 
 FOLDER = ROOT / "examples" / "packings" / "liggghts"
-ATOMS, CONTACTS, LOG = (FOLDER / name for name in ("x.atoms", "x.contacts", "log.liggghts"))
+ATOMS = FOLDER / "x.atoms"
+CONTACTS = FOLDER / "x.contacts"
+LOG = FOLDER / "log.liggghts"
 PAIR = (
     "gran model hertz tangential history youngsModulus 6e10 poissonsRatio 0.2 "
     "coefficientFriction 0.3"
@@ -103,7 +105,7 @@ def test_columns_that_nobody_named_are_understood(network, files):
     rows[:, 18:24] = -listed[:, 3:9]
     rewritten(files, 32, rows)
     imported = files.network(log=None, pair=PAIR)
-    same(imported, network, "force_normal force_tangential")
+    assert_same_contacts(imported, network, "force_normal force_tangential")
     # Hertz: kn^3 = 6 E*^2 R* N; Mindlin: kt / kn = 2 (1 - nu) / (2 - nu).
     radius_i = network.radius[network.particle_i]
     radius_j = network.radius[network.partner]

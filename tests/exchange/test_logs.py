@@ -169,10 +169,8 @@ def test_a_killed_job_and_the_one_that_went_on_are_one_log(tmp_path):
 
 def test_spheres_without_types_are_of_one(tmp_path):
     options = {"pair": COLUMN_PAIR, "wall": COLUMN_WALL}
-    typed, untyped = (
-        import_packing(column(tmp_path, types=types), **options).network
-        for types in ((1, 1, 1), ())
-    )
+    typed = import_packing(column(tmp_path, types=(1, 1, 1)), **options).network
+    untyped = import_packing(column(tmp_path, types=()), **options).network
     assert untyped.n_contacts == 4
     np.testing.assert_array_equal(untyped.stiffness_normal, typed.stiffness_normal)
     liggghts = "gran model hertz tangential history youngsModulus 5e6 poissonsRatio 0.45 "

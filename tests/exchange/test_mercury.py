@@ -9,7 +9,7 @@ import numpy as np
 import packings
 import pytest
 from places import ROOT
-from program_files import Given, misfit
+from program_files import PackingFiles, misfit
 from refusals import refusal
 
 import modal
@@ -202,7 +202,7 @@ def test_mercury_sticks_up_to_its_static_friction(cubic, friction, static, slide
     assert set(network.stiffness_tangential) == {2e4 if friction else 0.0}
 
 
-def box(capsys, tmp_path: Path, walls: str, z: str = "0.499 1.497") -> Given:
+def box(capsys, tmp_path: Path, walls: str, z: str = "0.499 1.497") -> PackingFiles:
     """Write two spheres of radius 0.5 on each other at x = 0.5 between walls, without contacts."""
     file = tmp_path / "box.restart"
     rows = [(k, *line.split(" position ")) for k, line in enumerate(walls.splitlines())]
@@ -222,7 +222,7 @@ def box(capsys, tmp_path: Path, walls: str, z: str = "0.499 1.497") -> Given:
         "LinearViscoelasticSpecies id 0 density 1.9 stiffness 2000 dissipation 0\n"
         f"Walls {len(rows)}\n{text}Boundaries 0\nParticles 2\n{particles}Interactions 0\n"
     )
-    return Given(capsys, file, {})
+    return PackingFiles(capsys, file, {})
 
 
 ENDS = "0 0 -1 position 0\n0 0 1 position 1.996\n"

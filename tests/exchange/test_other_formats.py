@@ -24,8 +24,10 @@ def periodic():
 
 def compare(found, network, rtol=1e-9):
     """Compare contacts and stiffnesses; masses are those of the file."""
-    program_files.same(found, network, "particle_i particle_j", 0)
-    program_files.same(found, network, "stiffness_normal stiffness_tangential", rtol)
+    program_files.assert_same_contacts(found, network, "particle_i particle_j", 0)
+    program_files.assert_same_contacts(
+        found, network, "stiffness_normal stiffness_tangential", rtol
+    )
 
 
 def test_own_xyz_goes_in_again(tmp_path, periodic):

@@ -6,7 +6,7 @@ import warnings
 from typing import NamedTuple
 
 import pytest
-from program_files import Given
+from program_files import PackingFiles
 
 END = r"\Z"
 CGS = "ITEM: UNITS\ncgs\n"
@@ -24,7 +24,7 @@ class Respelled(NamedTuple):
     column: int | slice
     words: object
 
-    def apply(self, files: Given) -> None:
+    def apply(self, files: PackingFiles) -> None:
         files.respell(self.file, self.line, self.column, self.words)
 
 
@@ -35,7 +35,7 @@ class Replaced(NamedTuple):
     pattern: str
     text: str
 
-    def apply(self, files: Given) -> None:
+    def apply(self, files: PackingFiles) -> None:
         files.spoil(self.file, self.pattern, self.text)
 
 

@@ -46,7 +46,7 @@ def test_a_program_is_one_file(tmp_path, monkeypatch, capsys):
     assert result.network.n_particles == 30
     assert not any(map(len, (result.laws, result.law, result.told, result.remarks)))
     assert modal.read(tmp_path / "x.txt", spheres=20).n_particles == 20
-    files = program_files.Given(capsys, tmp_path / "x.txt", {"spheres": 20})
+    files = program_files.PackingFiles(capsys, tmp_path / "x.txt", {"spheres": 20})
     assert files.imported()["spheres"] == read_network(files.out).n_particles == 20
 
 

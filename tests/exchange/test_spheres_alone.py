@@ -49,7 +49,7 @@ def test_arrays_have_the_contacts_and_stiffnesses_of_the_law(walled, periodic):
         imported = modal.from_spheres(
             network.position, network.radius, cell=network.cell_size, walls=walls, law=LAW
         )
-        program_files.same(imported, network, SAME, 1e-9)
+        program_files.assert_same_contacts(imported, network, SAME, 1e-9)
 
 
 def test_lever_arms_of_lammps_differ_by_words_alone(periodic):
@@ -79,7 +79,7 @@ def test_headers_and_units(tmp_path, walled, header, scale, size):
     imported = import_packing(path, pair=LAW, density=2230.0).network
     assert imported.n_contacts == walled.n_contacts
     np.testing.assert_allclose(imported.radius, walled.radius, rtol=1e-12)
-    program_files.same(imported, walled, "stiffness_normal force_normal", 1e-9)
+    program_files.assert_same_contacts(imported, walled, "stiffness_normal force_normal", 1e-9)
 
 
 def test_frequencies_scale_as_the_root_of_the_modulus(periodic):
@@ -98,7 +98,7 @@ def test_cell_and_walls_typed_beside_a_table(tmp_path, capsys, walled):
     path = spheres_table(tmp_path / "spheres.csv", walled)
     low, high = walled.wall_position
     side = walled.cell_size
-    files = program_files.Given(
+    files = program_files.PackingFiles(
         capsys,
         path,
         {
@@ -118,7 +118,7 @@ def test_cell_and_walls_typed_beside_a_table(tmp_path, capsys, walled):
 
 def test_refusals(tmp_path, capsys, walled):
     path = spheres_table(tmp_path / "spheres.csv", walled)
-    files = program_files.Given(capsys, path, {"pair": LAW})
+    files = program_files.PackingFiles(capsys, path, {"pair": LAW})
     files.refused("no_law", "--pair", pair=None)
     files.refused("no_stress", "--stress", tolerance=1e-5)
     files.refused("stress", stress=-1e5)

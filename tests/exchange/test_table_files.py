@@ -48,7 +48,7 @@ def exported(network, tmp_path):
 def test_tables_give_the_network_back(network, exported):
     contacts = exported("x.csv")
     again = modal.read(contacts.with_name("x.spheres.csv"), contacts=contacts)
-    program_files.same(again, network, COLUMNS, 1e-12)
+    program_files.assert_same_contacts(again, network, COLUMNS, 1e-12)
     np.testing.assert_array_equal(again.mass, network.mass)
     np.testing.assert_allclose(again.cell_size, network.cell_size, rtol=1e-14)
     np.testing.assert_array_equal(again.cell_periodic, network.cell_periodic)

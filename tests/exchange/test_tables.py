@@ -8,18 +8,18 @@ import warnings
 import numpy as np
 import packings
 import pytest
-from program_files import Given, same, sorted_ends
+from program_files import PackingFiles, assert_same_contacts, sorted_ends
 
 import modal
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, read_network
 
 
 @pytest.fixture
-def tables(given, mixture):
+def tables(write_files, mixture):
     """Write two tables; 4 columns of contacts have no forces, 5 have normal ones."""
 
-    def make(columns=4, digits=17) -> Given:
-        files = given("tables", mixture)
+    def make(columns=4, digits=17) -> PackingFiles:
+        files = write_files("tables", mixture)
         files.rewrite("contacts", lambda words: words[:columns], 0)
         if digits < 17:
             files.rewrite("spheres", lambda words: rounded(words, digits), 4)
@@ -72,7 +72,7 @@ def test_column_whose_spheres_just_touch(tmp_path, capsys):
     R = 1e-3
     kn = 1e6
     mass = 1e-5
-    files = Given(capsys, tmp_path / "s.csv", {"contacts": tmp_path / "c.csv"})
+    files = PackingFiles(capsys, tmp_path / "s.csv", {"contacts": tmp_path / "c.csv"})
     rows = [f"{k},0,0,{(2 * k + 1) / 1000},{R},{mass}" for k in range(n)]
     head = f"# cell -.001 .001 -.001 .001 0 {2 * n / 1000}\nid,x,y,z,radius,mass\n"
     files.spheres.write_text(head + "\n".join(rows) + "\n")
@@ -92,7 +92,7 @@ def test_units_and_contacts_without_a_force(tables, mixture):
     """Keep the stiffness of a contact without force; notice N/mm beside N, and g beside m."""
     files = tables(5)
     files.respell("contacts", 7, 4, "0")
-    same(files.network(), mixture, "stiffness_normal")
+    assert_same_contacts(files.network(), mixture, "stiffness_normal")
     files.rewrite("contacts", lambda w: [*w[:2], *(f"{k}e-3" for k in w[2:4]), w[4]], 1)
     files.refused("force_ratio", "contacts.csv:")
     files = tables()
@@ -109,10 +109,10 @@ def test_periods_are_understood(tables, line):
 
 
 @pytest.mark.parametrize(("code", "wall"), [(SOURCE_WALL, "lower"), (RECEIVER_WALL, "upper")])
-def test_wall_contacts_of_a_packing_without_walls(given, code, wall):
+def test_wall_contacts_of_a_packing_without_walls(write_files, code, wall):
     """Refuse wall contacts of a packing that is periodic along z, or whose walls are NULL."""
     packing = packings.polydisperse(True)
-    files = given("tables", packing)
+    files = write_files("tables", packing)
     end = packing.wall_position[0 if code == SOURCE_WALL else 1]
     sphere = int(np.argmin(abs(abs(packing.position[:, 2] - end) - packing.radius)))
     files.spoil("contacts", r"\Z", f"{sphere + 10},{code},1e6,1e6,1,0,0,0\n")
@@ -156,7 +156,7 @@ def test_tables_may_tell_stiffnesses_against_rolling_and_twisting(tables, mixtur
     texts = [["kr", "kw"], *([repr(float(x)) for x in row] for row in rows)]
     files.rewrite("contacts", lambda words: [*words, *texts.pop(0)], 0)
     expected = mixture.unchecked(stiffness_rolling=rows[:, 0], stiffness_twisting=rows[:, 1])
-    same(files.network(), expected, "stiffness_rolling stiffness_twisting")
+    assert_same_contacts(files.network(), expected, "stiffness_rolling stiffness_twisting")
 
 
 @pytest.mark.parametrize(

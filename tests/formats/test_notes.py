@@ -85,5 +85,6 @@ def test_a_sample_of_a_network_takes_no_text_for_a_modulus():
     """Take the glass of the crystal if the note is no number."""
     noted = replace(CRYSTAL, study=CRYSTAL.study | {"young": "much", "wall_young": "more"})
     glass = replace(CRYSTAL, study={})
-    first, second = (sample_of_network(one, 0.1).material for one in (noted, glass))
+    first = sample_of_network(noted, 0.1).material
+    second = sample_of_network(glass, 0.1).material
     assert first == second

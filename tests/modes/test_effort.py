@@ -36,9 +36,8 @@ def test_estimates_against_the_benchmark_at_full_size(packing):
     and on two cores, so that a closer agreement would be chance. 1.9 GB are those of the exact
     count alone, beside which 177 modes need little.
     """
-    system, tripled = (
-        LinearSystem.of(network, solver="pardiso") for network in (packing, repeat(packing, 3, 1))
-    )
+    system = LinearSystem.of(packing, solver="pardiso")
+    tripled = LinearSystem.of(repeat(packing, 3, 1), solver="pardiso")
     compared = [
         (effort.below_an_edge(system, 177, 65), 49.0, 1900.0),
         (effort.below_an_edge(system, 1086, 39), 184.0, 3400.0),

@@ -65,7 +65,10 @@ def timoshenko(periods: int) -> np.ndarray:
     S. P. Timoshenko, Phil. Mag. 41, 744 (1921).
     """
     q = 2 * np.pi * periods / LENGTH
-    GA, EI, line, turning = (BEAM[name] for name in ("GA", "EI", "line", "turning"))
+    GA = BEAM["GA"]
+    EI = BEAM["EI"]
+    line = BEAM["line"]
+    turning = BEAM["turning"]
     stiff = np.array([[GA * q * q, -1j * GA * q], [1j * GA * q, EI * q * q + GA]])
     bending = eigh(stiff, np.diag([line, turning]), eigvals_only=True)
     along = BEAM["EA"] * q * q / line, BEAM["GJ"] * q * q / turning

@@ -110,6 +110,7 @@ def test_large_wave_opens_and_slides_and_says_so(products, tmp_path):
 
 def test_equal_runs_are_equal_to_the_last_bit(products, tmp_path):
     options = {"WAVE_FRACTION": "0.5", "WAVE_DURATION": "1e-4"}
-    first, second = (wave(products, tmp_path / name, **options)[0] for name in "ab")
+    first = wave(products, tmp_path / "a", **options)[0]
+    second = wave(products, tmp_path / "b", **options)[0]
     for name in ("chain_displacement", "layer_displacement", "source_stress", "receiver_stress"):
         assert np.array_equal(getattr(first, name), getattr(second, name)), name
