@@ -269,12 +269,16 @@ def misfit(
     return float(np.linalg.norm(units * (K - expected)) / np.linalg.norm(units * expected))
 
 
-def assert_same_contacts(found: Network, wanted: Network, names: str, rtol: float = 0.0) -> None:
+def assert_same_contacts(
+    network: Network, expected: Network, names: str, rtol: float = 0.0
+) -> None:
     """Compare columns of contacts in any order; vectors to `rtol` of their mean size."""
-    a = sorted_ends(wanted)
-    b = sorted_ends(found)
+    order = sorted_ends(network)
+    expected_order = sorted_ends(expected)
     for name in names.split():
-        have = getattr(found, name)[b]
-        want = getattr(wanted, name)[a]
-        size = abs(want).mean() if want.ndim > 1 else 0.0
-        np.testing.assert_allclose(have, want, rtol=rtol, atol=rtol * size, err_msg=name)
+        column = getattr(network, name)[order]
+        expected_column = getattr(expected, name)[expected_order]
+        tolerance = 0.0
+        if expected_column.ndim > 1:
+            tolerance = rtol * abs(expected_column).mean()
+        np.testing.assert_allclose(column, expected_column, rtol=rtol, atol=tolerance, err_msg=name)
