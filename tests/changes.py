@@ -11,29 +11,29 @@ from modal.system.contacts import with_sliding
 
 
 def in_units(network: Network, length: float, mass: float, time: float) -> Network:
-    """Return a packing in other units, and without notes, whose units nobody knows."""
+    """Return a packing in other units, and without notes, whose units are not recorded."""
     stiffness = mass / time**2
     units = {"m": length, "kg": mass, "kg m^2": mass * length**2}
     units |= {"N/m": stiffness, "N": stiffness * length}
-    changed = {
-        name: units[column.unit] * getattr(network, name)
-        for name, column in COLUMNS.items()
-        if column.unit in units and getattr(network, name) is not None
-    }
-    return replace(network, study={}, **changed)
+    converted = {}
+    for name, column in COLUMNS.items():
+        data = getattr(network, name)
+        if column.unit in units and data is not None:
+            converted[name] = units[column.unit] * data
+    return replace(network, study={}, **converted)
 
 
 def bonded(network: Network) -> Network:
     """Return a packing with rolling and twisting springs, and with tensors of inertia."""
     rng = np.random.default_rng(2)
-    turned = np.linalg.qr(rng.standard_normal((network.n_particles, 3, 3)))[0]
+    axes = np.linalg.qr(rng.standard_normal((network.n_particles, 3, 3)))[0]
     moments = network.inertia[:, None, None] * np.diag([0.8, 1.0, 1.2])
     reach = network.radius.mean() ** 2 * network.stiffness_normal
     return replace(
         network,
         stiffness_rolling=rng.uniform(0, 0.1, network.n_contacts) * reach,
         stiffness_twisting=rng.uniform(0, 0.1, network.n_contacts) * reach,
-        inertia_tensor=turned @ moments @ turned.transpose(0, 2, 1),
+        inertia_tensor=axes @ moments @ axes.transpose(0, 2, 1),
     )
 
 
@@ -46,11 +46,11 @@ def levers_of_radii(network: Network) -> Network:
     plane = network.wall_position[np.where(network.particle_j == SOURCE_WALL, 0, 1)]
     to_wall = abs(plane - network.position[network.particle_i, 2])
     length = np.where(pair, network.radius[network.particle_i], to_wall)
-    other = np.where(pair, network.radius[network.particle_j], 0.0)
+    length_j = np.where(pair, network.radius[network.particle_j], 0.0)
     return replace(
         network,
         lever_i=length[:, None] * network.normal,
-        lever_j=-other[:, None] * network.normal,
+        lever_j=-length_j[:, None] * network.normal,
     )
 
 
@@ -66,8 +66,8 @@ def rounded(network: Network, digits: int = 7) -> Network:
     columns = {}
     for name, data in vars(network).items():
         if isinstance(data, np.ndarray) and data.dtype.kind == "f":
-            text = [float(f"{x:.{digits - 1}e}") for x in data.ravel()]
-            columns[name] = np.reshape(text, data.shape)
+            numbers = [float(f"{x:.{digits - 1}e}") for x in data.ravel()]
+            columns[name] = np.reshape(numbers, data.shape)
     return replace(network, **columns)
 
 
@@ -97,30 +97,31 @@ SPRINGS = ("stiffness_normal", "stiffness_tangential")
 PER_CONTACT = (*ENDS, "normal", "lever_i", "lever_j", *SPRINGS, *OPTIONAL)
 
 
-def from_other_end(network: Network, other: np.ndarray) -> Network:
-    """Return the network with the contacts `other` (m,) bool, of no wall, from the other end."""
-    i, j, side = network.particle_i, network.particle_j, other[:, None]
-    names = ("normal", "force_tangential", "cell_shift")
-    vectors = {name: getattr(network, name) for name in names}
-    return replace(
-        network,
-        particle_i=np.where(other, j, i),
-        particle_j=np.where(other, i, j),
-        lever_i=np.where(side, network.lever_j, network.lever_i),
-        lever_j=np.where(side, network.lever_i, network.lever_j),
-        **{name: np.where(side, -1, 1) * data for name, data in vectors.items()},
-    )
+def from_other_end(network: Network, swapped: np.ndarray) -> Network:
+    """Return the network with the contacts `swapped` (m,) bool, of no wall, from the other end."""
+    rows = swapped[:, None]
+    columns = {
+        "particle_i": np.where(swapped, network.particle_j, network.particle_i),
+        "particle_j": np.where(swapped, network.particle_i, network.particle_j),
+        "lever_i": np.where(rows, network.lever_j, network.lever_i),
+        "lever_j": np.where(rows, network.lever_i, network.lever_j),
+    }
+    for name in ("normal", "force_tangential", "cell_shift"):
+        columns[name] = np.where(rows, -1, 1) * getattr(network, name)
+    return replace(network, **columns)
 
 
 def renumbered(network: Network, number: np.ndarray) -> Network:
     """Return the packing with sphere k as number[k], and its contacts in another order."""
-    back = np.argsort(number)
-    mixed = network.with_contacts(np.random.default_rng(2).permutation(network.n_contacts))
+    sphere_at = np.argsort(number)
+    spheres = {}
+    for name in ("position", "radius", "mass", "inertia"):
+        spheres[name] = getattr(network, name)[sphere_at]
+    order = np.random.default_rng(2).permutation(network.n_contacts)
+    shuffled = network.with_contacts(order)
+    particle_j = np.where(shuffled.with_wall, shuffled.particle_j, number[shuffled.partner])
     return replace(
-        mixed,
-        **{k: getattr(network, k)[back] for k in ("position", "radius", "mass", "inertia")},
-        particle_i=number[mixed.particle_i],
-        particle_j=np.where(mixed.with_wall, mixed.particle_j, number[mixed.partner]),
+        shuffled, **spheres, particle_i=number[shuffled.particle_i], particle_j=particle_j
     )
 
 
@@ -144,13 +145,16 @@ def slippery(network: Network) -> Network:
 
 def in_flight(sample: Sample, velocity: np.ndarray, spin: np.ndarray | None = None) -> Sample:
     """Return the sample with velocities (n, 3), m/s, and spins, rad/s, in a cell at rest."""
-    spin = np.zeros_like(velocity) if spin is None else spin
+    if spin is None:
+        spin = np.zeros_like(velocity)
     return replace(sample, velocity=velocity, angular_velocity=spin, strain_rate=np.zeros(3))
 
 
 def times(factor: float):
+    """Return a function that multiplies an array by the factor."""
     return lambda data: factor * data
 
 
 def permuted(data: np.ndarray) -> np.ndarray:
+    """Return the array with its rows in a random order."""
     return np.random.default_rng(1).permutation(data)

@@ -16,23 +16,42 @@ MEMORY = 6_000_000_000
 """Bytes of address space of a child: a damaged length must not take the whole machine."""
 
 
+KINDS = (
+    *("bit", "bit", "bit"),  # the most frequent one
+    "bits",
+    "random",
+    "zeros",
+    "ones",
+    "cut",
+    "removed",
+    "inserted",
+    "moved",
+    "end",
+)
+"""Kinds of damage, each as often as it is drawn."""
+
+
 def mangled(data: bytes, random: np.random.Generator) -> tuple[str, bytes]:
     """Return the kind of one damage, as storage and transfer cause them, and the damaged bytes."""
     size = len(data)
     offset = int(random.integers(size))
     length = int(random.integers(1, 65))
-    kind = ("bit", "bit", "bit", "bits", "random", "zeros", "ones", "cut", "removed", "inserted",
-            "moved", "end")[int(random.integers(12))]  # fmt: skip
+    kind = KINDS[int(random.integers(len(KINDS)))]
     raw = bytearray(data)
     if kind == "bit":
         raw[offset] ^= 1 << int(random.integers(8))
     elif kind == "bits":
-        for place in random.integers(size, size=length):
-            raw[place] ^= 1 << int(random.integers(8))
+        for position in random.integers(size, size=length):
+            raw[position] ^= 1 << int(random.integers(8))
     elif kind in ("random", "zeros", "ones"):
         length = min(length, size - offset)
-        fill = {"zeros": b"\0", "ones": b"\xff"}.get(kind)
-        raw[offset : offset + length] = fill * length if fill else random.bytes(length)
+        if kind == "zeros":
+            block = b"\0" * length
+        elif kind == "ones":
+            block = b"\xff" * length
+        else:
+            block = random.bytes(length)
+        raw[offset : offset + length] = block
     elif kind == "cut":
         del raw[offset:]
     elif kind == "removed":
@@ -62,14 +81,18 @@ def in_child(work: Callable[[int], str], numbers: list[int], log: Path) -> Itera
         if child == 0:
             _work_through(work, todo, log)
         _, status = os.waitpid(child, 0)
-        lines = log.read_text().splitlines()
-        done = [line.split("\t", 1)[1] for line in lines if "\t" in line]
-        yield from zip(todo, done, strict=False)
-        if len(done) < len(todo):
-            end = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
-            yield todo[len(done)], "hang" if end == signal.SIGALRM else f"crash, signal {end}"
-            done.append("")
-        todo = todo[len(done) :]
+        rows = [row for row in log.read_text().splitlines() if "\t" in row]
+        verdicts = [row.split("\t", 1)[1] for row in rows]
+        yield from zip(todo, verdicts, strict=False)
+        n_done = len(verdicts)
+        if n_done < len(todo):
+            number_of_signal = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
+            if number_of_signal == signal.SIGALRM:
+                yield todo[n_done], "hang"
+            else:
+                yield todo[n_done], f"crash, signal {number_of_signal}"
+            n_done += 1
+        todo = todo[n_done:]
 
 
 def _work_through(work: Callable[[int], str], todo: list[int], log: Path) -> None:

@@ -1,4 +1,4 @@
-"""Spectra that are kept in a folder: those of the very network, and folders that take no file."""
+"""Spectra stored in a folder: each belongs to its network; some folders take no file."""
 
 import numpy as np
 import pytest
@@ -13,11 +13,12 @@ from modal.packing import crystal as gallery
 
 @pytest.fixture
 def crystal():
+    """Return a column of 30 layers."""
     return gallery.fcc(cells=(1, 1, 30))
 
 
 def measure_gain(network, keep=None):
-    """Measure the gain, with the folder that keeps its spectrum."""
+    """Measure the gain; store its spectrum in the folder `keep`."""
     return analysis.measure(network, quantities=["gain"], keep=keep)["gain"]
 
 
@@ -43,11 +44,12 @@ def unwritable(request, crystal, tmp_path):
     measure_gain(crystal, tmp_path)
     (product,) = tmp_path.glob("*.response.h5")
     product.unlink()
-    product.mkdir()  # a folder in the file's place: nothing replaces it
+    # A folder in the file's place, which no file replaces.
+    product.mkdir()
     return tmp_path
 
 
-def test_a_folder_that_takes_no_file_costs_no_number(crystal, unwritable):
+def test_a_folder_that_takes_no_file_adds_a_caveat(crystal, unwritable):
     """Measure the number; add a caveat that it could not be stored."""
     fresh = measure_gain(crystal)
     value = measure_gain(crystal, unwritable)
@@ -55,7 +57,7 @@ def test_a_folder_that_takes_no_file_costs_no_number(crystal, unwritable):
     assert value.codes == [*fresh.codes, "not_kept"]
 
 
-def test_every_quantity_of_a_spectrum_says_that_it_is_not_kept(crystal, unwritable):
+def test_every_quantity_of_a_spectrum_has_the_caveat(crystal, unwritable):
     """Add the caveat to all quantities of the spectrum, and to those of no other."""
     names = ["gain", "gain_maximum", "gain_resolution", "void_ratio"]
     values = analysis.measure(crystal, quantities=names, keep=unwritable)
@@ -63,16 +65,16 @@ def test_every_quantity_of_a_spectrum_says_that_it_is_not_kept(crystal, unwritab
     assert with_caveat == ["gain", "gain_maximum", "gain_resolution"]
 
 
-def test_a_density_that_is_not_kept_is_that_of_all_motions(crystal):
+def test_a_density_that_is_not_stored_is_that_of_all_motions(crystal):
     """Compare its integral with the number of modes, six a sphere."""
     grid, density, count = as_read("density", density_of_states(crystal))
     assert count[-1] == pytest.approx(6 * crystal.n_particles, rel=1e-6)
     integral = np.trapezoid(density, grid) + count[0]
-    # Lines of the kernel's width on a grid of such steps.
+    # The grid has steps as wide as the kernel: sums over it have an error of 2 %.
     assert integral == pytest.approx(count[-1], rel=0.02)
 
 
-def test_a_kept_response_says_as_the_command_does_that_it_is_without_pre_stress(crystal, tmp_path):
+def test_a_stored_response_is_without_pre_stress_as_that_of_the_command(crystal, tmp_path):
     measure_gain(crystal, tmp_path)
     (product,) = tmp_path.glob("*.response.h5")
     assert read_provenance(product).settings["pre_stress"] == "none"
