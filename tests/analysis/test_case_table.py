@@ -21,7 +21,7 @@ CASES = [f"case{number:02d}" for number in (1, 2, 6, 22, 29, 30)]
 
 @pytest.fixture(scope="module")
 def texts(tmp_path_factory):
-    """Tables of committed results, by case; the other cases are not read."""
+    """Return the tables of committed results, by case; leave out the other cases."""
     results = tmp_path_factory.mktemp("results")
     for name in [*CASES, "mu0_1000Pa", "mu0.4_1000Pa"]:
         (results / f"{name}.json").symlink_to(ROOT / f"results/study/cases/{name}.json")
@@ -53,7 +53,10 @@ def test_last_paragraph_names_pages_that_exist(texts, case):
 
 
 def test_verdict_of_a_crystal_covers_the_largest_deviation_of_its_row(texts):
-    """From the digits as printed; each may be off by half of its last one, 0.05 % at most."""
+    """Compute the deviation from the digits as printed.
+
+    Each number may be off by half of its last digit, 0.05 % at most.
+    """
     compared = 0
     for row in rows_of(texts["case02"]):
         numbers = [float(text) for text in row[24:60].split()]

@@ -51,7 +51,7 @@ def numbers_of(value, row=-1):
 
 
 def test_gain_is_read_over_its_frequencies_and_at_its_first_maximum(packing):
-    """The summit of a parabola lies at or above the highest of its three points."""
+    """Find the summit of a parabola at or above the highest of its three points."""
     gain = measure(packing, "gain")
     numbers = numbers_of(gain)
     assert numbers["frequencies"] == len(gain.value)
@@ -124,7 +124,7 @@ def test_velocity_of_standing_waves_is_that_of_its_fit(packing):
 
 
 def test_largest_excess_is_unknown_if_it_is_at_the_lowest_frequency(packing):
-    """The lowest frequency that can be read is 2.5 widths of a line."""
+    """Read no frequency below 2.5 widths of a line."""
     at_a_tenth = measure(packing, "excess_at_a_tenth")
     (step,) = at_a_tenth.steps
     assert step.outcome == "no_maximum"
@@ -141,7 +141,7 @@ def crystal():
 
 
 def test_threshold_of_a_crystal_lies_above_its_band_where_no_wave_travels(crystal):
-    """The rule of 2 % is biased upwards; the steps say so for the frequency and its two ends."""
+    """Show the upward bias of the 2 % rule in the frequency and in both ends of its interval."""
     edge = measure(crystal, "f_low_pass_2_linear")
     wavelength = QUANTITIES["lambda_2_linear_over_d"].measured(crystal)
     assert not wavelength.known

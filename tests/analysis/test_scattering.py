@@ -13,7 +13,10 @@ from modal.waves.response import maxima
 
 @pytest.mark.parametrize("power", [2.0, 4.0])
 def test_width_of_a_known_power(power):
-    """Width c f^p: the exponent, V / (2 pi width), and pi c f^p = f at the limit."""
+    """Compare the exponent, the free path and the limit of a width c f^p.
+
+    The free path is V / (2 pi width); at the limit pi c f^p = f.
+    """
     f = np.geomspace(1e3, 4e4, 60)
     c = 1e3 / 2e4**power
     scattering = Scattering(f, c * f**power, 500.0, 2.5e-3)

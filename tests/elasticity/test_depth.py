@@ -40,7 +40,7 @@ def deposit():
 
 @pytest.mark.parametrize("open_end", [False, True])
 def test_a_crystal_has_the_velocities_of_theory_in_each_layer(open_end):
-    """Layers are no whole number of crystal planes: their density is off by 1e-3 at most."""
+    """Allow 1e-3: layers are no whole number of crystal planes, so their density is off."""
     network = crystal()
     if open_end:
         network = without_receiver(network)
@@ -55,7 +55,7 @@ def test_a_crystal_has_the_velocities_of_theory_in_each_layer(open_end):
 
 
 def test_each_half_of_a_packing_of_two_stiffnesses_has_its_own():
-    """Springs four times as stiff in the upper half: velocities twice as high, to the digits."""
+    """Make springs four times as stiff in the upper half: velocities are twice as high there."""
     network = crystal()
     z = network.position[network.particle_i, 2] + network.branch[:, 2] / 2
     factor = np.where(z > network.length / 2, 4.0, 1.0)
@@ -78,10 +78,7 @@ def test_gravity_comes_from_the_log_and_balances_the_forces(deposit):
 
 
 def test_stress_grows_by_the_weight_above(deposit):
-    """In a layer: the weight above its middle per area.
-
-    A layer has only some 100 spheres, one of which on the other side of its middle is 1 % of it.
-    """
+    """Compare with the weight above the middle of a layer, divided by the area."""
     layers = profile(deposit, 0.04)
     z = deposit.position[:, 2]
     middle = (layers.edges[1:] + layers.edges[:-1]) / 2
@@ -107,10 +104,7 @@ def column_frequencies(velocity, layers, count):
 
 
 def test_layers_foretell_the_lowest_modes_of_a_column(deposit):
-    """The two lowest modes are shear waves, the third a P-wave, a quarter of a wave long.
-
-    The column is 22 diameters high: corrections are of the order of a diameter by the height, 5 %.
-    """
+    """Compare two shear waves and a P-wave, each a quarter of a wave long."""
     layers = modal.velocities_by_depth(deposit)
     lowest = modal.eigenmodes(deposit, lowest=3).frequency
     shear = column_frequencies(layers.v_s, layers, 1)[0]
@@ -119,7 +113,7 @@ def test_layers_foretell_the_lowest_modes_of_a_column(deposit):
 
 
 def test_velocities_fall_towards_the_surface(deposit):
-    """By the stress to the power 1/6 (Hertz), or faster where contacts are lost."""
+    """Compare with stress to the power 1/6 (Hertz); lost contacts make the fall steeper."""
     layers = modal.velocities_by_depth(deposit)
     known = np.isfinite(layers.v_s)
     assert known.sum() >= 4

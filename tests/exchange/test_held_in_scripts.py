@@ -277,7 +277,7 @@ def test_the_last_step_of_a_run_is_of_this_run_alone(tmp_path):
 @pytest.mark.parametrize("first_is_held", [True, False])
 @pytest.mark.parametrize(("step", "both"), [(50, True), (80, False)])
 def test_steps_that_are_counted_again_may_be_of_either_run(tmp_path, first_is_held, step, both):
-    """Of two runs, 0 to 100 and again 0 to 60, the ends are frozen in one."""
+    """Freeze the ends in one of two runs, of steps 0 to 100 and again 0 to 60."""
     frozen = "fix f ends freeze\n"
     free = "unfix f\n"
     script = f"{ENDS}{SPHERE}\n{frozen}{'' if first_is_held else free}"

@@ -47,7 +47,7 @@ def test_stress_of_a_sheared_cell_is_that_of_yade(sheared):
 
 
 def test_positions_and_the_law_give_the_contacts_that_yade_has(sheared):
-    """VTKExporter writes six digits: overlaps of 4e-5 m are known to 1e-9 m."""
+    """Compare overlaps of 4e-5 m, which six digits of VTKExporter give to 1e-9 m."""
     options = cell_of(sheared) | {"pair": LAW}
     result = import_packing(YADE / "yade_sheared.spheres.vtk", **options)
     # Contacts below the last digit may be lost.
@@ -58,7 +58,7 @@ def test_positions_and_the_law_give_the_contacts_that_yade_has(sheared):
 
 
 def test_contacts_of_a_file_have_its_stiffnesses(sheared):
-    """Each contact has YADE's kn and ks, in six digits, and no law is needed."""
+    """Compare kn and ks of each contact with YADE's, in six digits; no law is needed."""
     options = cell_of(sheared) | {"contacts": YADE / "yade_sheared.contacts.vtk"}
     network = import_packing(YADE / "yade_sheared.spheres.vtk", **options).network
     assert np.array_equal(pairs_of(network), pairs_of(sheared))
@@ -72,7 +72,7 @@ def test_contacts_of_a_file_have_its_stiffnesses(sheared):
 
 
 def test_forces_of_other_lines_are_refused(sheared):
-    """VTKRecorder draws no contact through a period, but lists its force."""
+    """Refuse lines without contacts through a period, whose forces VTKRecorder lists."""
     options = cell_of(sheared) | {"pair": LAW, "contacts": YADE / "yade_sheared-intrs.vtp"}
     with refusal("shuffled_forces"):
         import_packing(YADE / "yade_sheared-spheres.vtu", **options)
@@ -86,7 +86,7 @@ def test_forces_of_other_lines_are_refused(sheared):
     ],
 )
 def test_a_pyramid_on_a_wall(spheres, contacts, lines_to_walls):
-    """Lines to the wall, which VTKExporter draws, are left out; --wall makes these contacts."""
+    """Leave out lines to the wall, which VTKExporter draws; --wall makes these contacts."""
     expected = modal.read(YADE / "yade_pyramid.network.h5")
     law = "hertz/material 1e7 0 0.2 tangential mindlin NULL 0 0.6"
     result = import_packing(
@@ -105,7 +105,7 @@ def test_a_pyramid_on_a_wall(spheres, contacts, lines_to_walls):
 
 
 def test_gravity_of_a_scene_of_yade():
-    """The five spheres that move are in balance with their weight."""
+    """Find the five spheres that move in balance with their weight."""
     network = modal.read(YADE / "yade_pyramid.network.h5")
     assert gravity_of(network) == pytest.approx([0, 0, -9.81])
     assert unbalanced_forces(network).max() < 1e-3

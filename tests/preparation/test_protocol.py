@@ -84,7 +84,7 @@ def test_approach_ends_at_the_agitation_stress():
     ids=["both within", "stress off", "unbalanced"],
 )
 def test_state_is_settled_by_stress_and_balance(stress_ratio, residual_ratio, is_settled):
-    """Deviations in units of the limits of the study, along one axis alone."""
+    """Set deviations along one axis, in units of the limits of the study."""
     stage = Stage("100000", replace(STUDY, residual=1e-2))
     stress_error = stress_ratio * protocol.SETTLED.stress_error
     stage.control.stress = 1e5 * np.array([1, 1 - stress_error, 1])
