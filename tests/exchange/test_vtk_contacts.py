@@ -40,7 +40,10 @@ def pairs_of(network):
 
 
 def test_stress_of_a_sheared_cell_is_that_of_yade(sheared):
-    """YADE's getStress, compression negative; both sum force times branch over all contacts."""
+    """Compare with YADE's getStress, which is negative in compression.
+
+    Both sum force times branch over all contacts.
+    """
     expected = -np.array(json.loads((YADE / "yade_sheared.json").read_text())["stress"])
     assert abs(expected[0, 2]) > 1e5
     np.testing.assert_allclose(stress_tensor(sheared), expected, rtol=1e-9)

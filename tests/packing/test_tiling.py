@@ -58,7 +58,7 @@ def order_of_contacts(network):
 def test_tile_makes_equal_parts(kind, tmp_path, printed):
     """Repeat twice along y, then thrice along x; overlaps differ by round-off, 1e-11.
 
-    Waves in them are those of the small packing: `tests/waves/test_one_part.py`.
+    Waves in them are those of the small packing: `tests/waves/test_repeat_units.py`.
     """
     paths = [SHEARED, tmp_path / f"b.{kind}.h5", tmp_path / f"c.{kind}.h5"]
     for path, out, times in zip(paths, paths[1:], ("1 2", "3 1"), strict=False):

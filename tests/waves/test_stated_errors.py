@@ -4,9 +4,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from dense_waves import dense_wave
 from oracles import wall_pattern
 from refusals import refusal
-from test_sources import dense_wave
 
 import modal
 from modal.packing import crystal as gallery
