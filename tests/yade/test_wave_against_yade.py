@@ -6,7 +6,7 @@ import pytest
 from in_yade import put, run
 from packings import random_sample
 from places import SHEARED
-from test_yade_fcc import LAYERS, WIDTH, batch
+from short_column import LAYERS, WIDTH, batch
 
 import modal
 from analysis.agreement import Agreement, compare

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from in_yade import error_lines, run, write_highest
+from in_yade import error_lines, write_highest
+from short_column import LAYERS, STRESS, WIDTH, batch
 
 from modal.__main__ import main
 from modal.formats.provenance import Source, read_provenance
@@ -16,20 +17,6 @@ from modal.system.damping import ContactDamping
 from modal.waves.motions import Pulse, chirp
 from modal.waves.propagate import propagate
 from modal.waves.signals import read_signals
-
-WIDTH = 3
-LAYERS = 30
-STRESS = 1e5
-TABLE = {"case": 2, "mu_comp": 0, "mu_wave": 0.1, "stress": STRESS, "input_frequency": 1e5}
-TABLE |= {"width": WIDTH, "layers": LAYERS}
-
-
-def batch(script: str, folder: Path, columns: dict | None = None, **environment: str) -> str:
-    """Run a script on the table, with other `columns`, and return its log."""
-    values = TABLE | (columns or {})
-    names = " ".join(values)
-    numbers = " ".join(str(value) for value in values.values())
-    return run(script, f"{names}\n{numbers}\n", folder, **environment)
 
 
 @pytest.fixture(scope="module")

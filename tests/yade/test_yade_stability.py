@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from in_yade import error_lines, put
-from test_yade_fcc import LAYERS, WIDTH, batch
+from short_column import LAYERS, WIDTH, batch
 
 from benchmarks.harness.yade import in_yades_order
 from modal.modes.mode_set import read_modes, write_modes
