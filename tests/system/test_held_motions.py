@@ -23,8 +23,6 @@ from modal.system.damping import ContactDamping
 from modal.system.linear_system import LinearSystem
 from modal.system.root_mass import RootMass
 
-pytestmark = pytest.mark.two_ways
-
 
 def dynamical_matrix_of_held():
     """Return a system with held motions, its dense dynamical matrix and its held rows."""
@@ -39,6 +37,7 @@ def test_held_motions_have_no_entry_in_the_matrix():
     assert not A[:, held].any()
 
 
+@pytest.mark.two_ways
 @pytest.mark.parametrize("name", ["operator", "renumbered"])
 def test_products_are_those_of_the_matrix(name):
     """Compare the loops over contacts; some 30 terms a row, each with an error of eps."""
@@ -54,6 +53,7 @@ def test_diagonal_is_that_of_the_matrix():
     np.testing.assert_allclose(system.diagonal, A.diagonal(), rtol=1e-12, atol=1e-14 * A.max())
 
 
+@pytest.mark.two_ways
 def test_product_with_tensors_of_inertia():
     system = LinearSystem.of(with_inertia_tensors())
     u = np.random.default_rng(3).standard_normal(system.size)
@@ -96,6 +96,7 @@ def chains():
     return held, with_wall, common
 
 
+@pytest.mark.two_ways
 def test_modes_with_a_held_body_are_those_with_a_wall(chains):
     held, with_wall, _ = chains
     expected = modal.eigenmodes(with_wall, all=True).frequency
@@ -138,6 +139,7 @@ def test_held_turns_do_not_follow_a_strain(cell_with_held_turns, component):
     np.testing.assert_allclose(strain[component, :, 3:6], rotation * free_turns[network.particle_i])
 
 
+@pytest.mark.two_ways
 def test_moduli_of_a_cell_with_held_turns(cell_with_held_turns):
     """Compare with V C_ab = d_a . k d_b - f_a . K^-1 f_b without held rows."""
     network = cell_with_held_turns
@@ -162,6 +164,7 @@ def crystal_between_rough_walls():
     return between_rough_walls(replace(crystal, cell_shift=crystal.periods))
 
 
+@pytest.mark.two_ways
 def test_moduli_between_rough_walls(crystal_between_rough_walls):
     """Compare with the crystal without end, within 1e-4 of the stiffest component."""
     endless = modal.elastic_moduli(fcc(cells=(2, 2, 40), periodic_z=True))
@@ -235,6 +238,7 @@ def relaxed(rough_sample):
     return displaced, sample, state
 
 
+@pytest.mark.two_ways
 def test_relax_leaves_held_spheres_in_place(rough_sample, relaxed):
     displaced, sample, state = relaxed
     held = rough_sample.fixed.all(axis=1)
@@ -272,6 +276,7 @@ def test_a_description_counts_held_bodies(rough):
     assert f"{rough.held.sum()} spheres in all motions" in modal.describe(rough)
 
 
+@pytest.mark.two_ways
 def test_modes_between_rough_walls_are_certified(rough):
     assert modal.eigenmodes(rough, lowest=1).attributes["certified"]
 
