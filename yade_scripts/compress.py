@@ -49,6 +49,13 @@ def main():
             "YADE compresses packings with friction alone",
             "use `python -m modal pack` for packings without friction",
         )
+    if study.rolling or study.twisting or study.clump:
+        raise InputError(
+            "rolling_or_twisting",
+            f"rolling {study.rolling:g}, twisting {study.twisting:g}, clump {study.clump!r}",
+            "this script in YADE has spheres alone, whose contacts do not resist turns",
+            "use `python -m modal pack`",
+        )
     compress_to_stresses(
         products_folder() / f"compression_mu{study.mu_comp:g}",
         study,

@@ -17,11 +17,12 @@ from modal.cli.options import (
     typed,
 )
 from modal.exchange.registry import read_remarked
+from modal.packing.clumps import read_template
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS
 from modal.packing.contact_models import MODELS
 from modal.packing.noted_laws import ELASTIC
 from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
-from modal.packing.sample import read_sample
+from modal.packing.sample import TURNING, read_sample
 from modal.preparation.protocol import FRICTION_PARAMETERS, PEAK, Study, unused_parameters
 from modal.preparation.random_packing import ASPECT
 from modal.preparation.random_packing import pack as pack_samples
@@ -54,11 +55,24 @@ DILATE_HELP = (
 MODEL_HELP = (
     f"{', '.join(MODELS)}; rough with its roughness, m, as rough 1e-6; dmt and jkr with the work "
     "of adhesion, J/m^2, as jkr 0.1; liquid-bridge with surface tension, N/m, volume of a bridge, "
-    f"m^3, and contact angle, degrees (default {HERTZ_MINDLIN})"
+    f"m^3, and contact angle, degrees; cement-bond with modulus, Pa, radius over that of the "
+    f"spheres, and strength, Pa (default {HERTZ_MINDLIN})"
 )
 STRESS_RATIO_HELP = "then the lateral stresses go to K times the axial one, which stays"
 OEDOMETRIC_HELP = "from a tenth of the first stress compressed along z alone; K0 is told"
+ROLLING_HELP = (
+    "resistance of contacts to rolling, 0 to 1: moments up to this share of the normal force times "
+    "R1 R2 / (R1 + R2)"
+)
+CLUMP_HELP = (
+    "clumps in place of spheres: a template, *.csv, of x, y, z and radius of their spheres in any "
+    "unit; each has the volume of a sphere of --radius, of which --spheres is the number"
+)
+TWISTING_HELP = "the same against twisting about the contact's normal"
 COMPRESSION_OPTIONS = (
+    Option("--clump", "CSV", CLUMP_HELP, kind=str),
+    Option("--rolling", "MU", ROLLING_HELP),
+    Option("--twisting", "MU", TWISTING_HELP),
     Option("--stress-ratio", "K", STRESS_RATIO_HELP),
     flag("--oedometric", OEDOMETRIC_HELP),
     Option("--dilate", "X", DILATE_HELP),
@@ -99,6 +113,7 @@ OPTIONS = (
     output_folder("folder; goes on where it was"),
 )
 STUDY_NAMES = (
+    *TURNING,
     "aspect",
     "width",
     "residual",
@@ -139,6 +154,8 @@ def shortfall(study: Mapping[str, Any], stress_ratio: float | None) -> str:
 def run(options: Options) -> Result:
     """Run or continue a compression; the result has the names of the files of its states."""
     study_arguments = chosen(options, *STUDY_NAMES)
+    if options.clump is not None:
+        study_arguments["clump"] = " ".join(read_template(options.clump))
     _refuse_unused(options, study_arguments)
     files = pack_samples(
         Path(options.output),
@@ -180,7 +197,7 @@ def _refuse_unused(options: Options, study_arguments: Mapping[str, Any]) -> None
     kind = "with friction"
     if options.friction == 0:
         kind = "without friction"
-        unused_names.append("stress_ratio")
+        unused_names += ["stress_ratio", "clump", *TURNING]
     elif options.dilate:
         kind = "with --dilate"
     for name in study_arguments.keys() & {*unused_names}:

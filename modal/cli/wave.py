@@ -117,6 +117,8 @@ NONLINEAR_HELP = (
     "contacts follow their law, slide and open; of a sample, in steps of an error of 1e-3"
 )
 FRICTION_HELP = "of --nonlinear: in place of the sample's own; 10 holds all contacts"
+ROLLING_HELP = "of --nonlinear: resistance of contacts to rolling, in place of the sample's own"
+TWISTING_HELP = "of --nonlinear: the same against twisting"
 WHOLE_HELP = "compute all of a packing of equal parts side by side, as a crystal, not one of them"
 OPTIONS = (
     *springs(".signals.h5"),
@@ -130,6 +132,8 @@ OPTIONS = (
     Option("--time-step", "S", TIME_STEP_HELP),
     flag("--nonlinear", NONLINEAR_HELP),
     Option("--friction", "MU", FRICTION_HELP),
+    Option("--rolling", "MU", ROLLING_HELP),
+    Option("--twisting", "MU", TWISTING_HELP),
     Group("advanced", [flag("--whole", WHOLE_HELP)]),
 )
 

@@ -6,6 +6,10 @@ first step of a contact; and the force is cut at the friction limit. With Hertz 
 the law of YADE term by term (its `ScGeom`, without the variant against ratcheting, and
 `Law2_ScGeom_MindlinPhys_Mindlin`), and that of `modal.system.contacts` with finite increments.
 
+Where contacts resist turning, each has a moment, too. It is turned like the shear force; the
+stiffnesses against rolling and twisting times the step's difference of both rotations are added;
+and its parts across and along the normal are cut at their limits.
+
 The law is written once, for numbers and for arrays: the compiled loop over contacts
 (`modal.dem.forces`) and numpy (`modal.dem.forces_by_arrays`) both call it. A vector is a tuple or
 an array (x, y, z), whose components are numbers or have the shape (m,).
@@ -57,6 +61,11 @@ class ShearStep(NamedTuple):
     dissipated, by the trapezoidal rule; (0, 2) if energies are not recorded. The law keeps the
     force as the overlap, and with it the stiffness, changes: what is stored is the sum of the work,
     no function of the force.
+
+    moment (m, 3), N m: moments on i of contacts that resist turning, whose work is counted with
+    that of the shear forces; None if no contact does. rolling, twisting: coefficients whose product
+    with friction force and effective radius bounds the parts of a moment across and along the
+    normal.
     """
 
     velocity: Floats
@@ -66,6 +75,9 @@ class ShearStep(NamedTuple):
     normal: Floats
     shear: Floats
     work: Floats
+    moment: Floats | None = None
+    rolling: float = 0.0
+    twisting: float = 0.0
 
 
 class Totals(NamedTuple):
@@ -122,6 +134,28 @@ def shear_increment(normal, lever, longer, motion, time_step):
     moved = plus(moved, longer, cross(normal, motion.spin_j))
     moved = plus(motion.gained, time_step, moved)
     return plus(moved, -dot(moved, normal), normal)
+
+
+@elementwise
+def split_moment(moment, normal):
+    """Return the parts of a moment across and along the contact normal, N m: rolling, twisting."""
+    along = dot(moment, normal)
+    twisting = (along * normal[0], along * normal[1], along * normal[2])
+    return plus(moment, -1.0, twisting), twisting
+
+
+@elementwise
+def relative_turn(motion, time_step):
+    """Return the rotation of j minus that of i in a step, a vector, rad."""
+    spin_i = plus(motion.spin_sum, -1.0, motion.spin_j)
+    spin = plus(motion.spin_j, -1.0, spin_i)
+    return time_step * spin[0], time_step * spin[1], time_step * spin[2]
+
+
+@elementwise
+def cut_back(vector, share):
+    """Return a vector times the share of it that friction carries."""
+    return share * vector[0], share * vector[1], share * vector[2]
 
 
 @elementwise

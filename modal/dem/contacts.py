@@ -12,14 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.dem.contact_step import UPRIGHT, Geometry, ShearStep
+from modal.dem.contact_step import UPRIGHT, Geometry, ShearStep, split_moment
 from modal.dem.forces import forces_by_loop
 from modal.dem.near_contacts import contacts_in_reach, longest_paths
 from modal.packing.contact_models import acts_across_gaps
 from modal.packing.neighbours import contact_keys
+from modal.packing.network import Network
 from modal.packing.sample import Sample
 from modal.tools.arrays import Bools, Floats, Ints
 from modal.tools.errors import InputError
+from modal.tools.loops import dot
 from modal.tools.slabs import SLABS, slabs_of
 
 SKIN = 0.03
@@ -49,6 +51,22 @@ def _match_rows(old: Ints, new: Ints) -> tuple[Ints, Ints]:
     return rows_old, rows_new
 
 
+def energy_of_moments(network: Network) -> Floats:
+    """Return the energy (m,), J, that contacts store in their moments; 0 without stiffness."""
+    purpose = "energy of moments"
+    moment = network.require("moment", purpose)
+    rolling, twisting = split_moment(moment.T, network.normal.T)
+    energy = np.zeros(network.n_contacts)
+    parts = ((rolling, "stiffness_rolling"), (twisting, "stiffness_twisting"))
+    for part, name in parts:
+        stiffness = network.require(name, purpose)
+        has_stiffness = stiffness > 0
+        energy += np.where(
+            has_stiffness, 0.5 * dot(part, part) / np.where(has_stiffness, stiffness, 1.0), 0.0
+        )
+    return energy
+
+
 class MovingContacts:
     """The contacts of a sample while its spheres move.
 
@@ -60,7 +78,8 @@ class MovingContacts:
     sample : Sample
         The packing at the start.
     friction : float, optional
-        Coefficient that limits the shear forces; the sample's own by default.
+        Coefficient that limits the shear forces; the sample's own by default. Coefficients against
+        rolling and twisting are scaled alike.
     skin : float, default `SKIN`
         Reach of the list of pairs beyond touch, in diameters of the largest sphere.
     history : bool, default True
@@ -85,6 +104,8 @@ class MovingContacts:
         m; `largest` and `smallest` are its extremes.
     max_step : float
         Largest displacement of a sphere in one step, m; infinite by default.
+    arm : ndarray (n, 3) or None
+        From the centre of mass of its clump to each sphere, m.
     load : ndarray (n, 6) or (n, 3)
         Net force, N, and with history the torque, N m, on each sphere; zero along held motions.
     on_held : ndarray, as `load`
@@ -104,7 +125,7 @@ class MovingContacts:
         Energy of the normal forces, J.
     work : ndarray (m, 2)
         What the shear force of each listed contact has stored and what slip has dissipated, J, as
-        in `modal.dem.contact_step.ShearStep`; (0, 2) unless `track_energy`.
+        in `modal.dem.contact_step.ShearStep`; (0, 2) unless `track_energy`. Moments are included.
     """
 
     def __init__(
@@ -120,6 +141,9 @@ class MovingContacts:
         n = len(sample.position)
         self._sample = sample
         self.friction = sample.friction if friction is None else friction
+        self._turning_share = 1.0
+        if sample.friction > 0:
+            self._turning_share = self.friction / sample.friction
         self.side = sample.periods
         self.walls = np.array(sample.walls, float)
         self.periodic_z = sample.periodic_z
@@ -134,6 +158,7 @@ class MovingContacts:
         pair_gap, wall_gap = sample.rupture_distances
         self._gap = max(pair_gap / 2, wall_gap) / self.largest
         self.position = sample.position.copy()
+        self.arm = None if sample.arm is None else sample.arm.copy()
         self.load = np.zeros((n, 6 if history else 3))
         self.on_held = np.zeros((n, 6 if history else 3))
         self.stiffness = np.zeros(n if stiffness else 0)
@@ -149,16 +174,21 @@ class MovingContacts:
 
     def _read_history(self, track_energy: bool) -> None:
         """Take the contacts and shear forces from the sample."""
-        network = self._sample.network()
+        network = self._sample.sphere_network()
         self._ends = np.column_stack([network.particle_i, network.particle_j])
         self._shift = network.require("cell_shift", "list of contacts").astype(int)
         self._normal = network.normal.copy()
         self._shear = network.require("force_tangential", "history of contacts").copy()
+        self._moment = None
+        if self._sample.resists_turning:
+            self._moment = network.require("moment", "history of contacts").copy()
         self._key_at_start = contact_keys(self._ends[:, 0], self._ends[:, 1], self._shift)
         self._slips_of_open = [_Slips(self._key_at_start[:0], self._ends[:0], np.zeros(0))]
         if track_energy:
             self.work = np.zeros((network.n_contacts, 2))
             self.work[:, 0] = (self._shear**2).sum(axis=1) / (2 * network.stiffness_tangential)
+            if self._moment is not None:
+                self.work[:, 0] += energy_of_moments(network)
 
     def _list_pairs(self) -> None:
         """List the pairs within reach, with the normals and shear forces of those that touch."""
@@ -168,6 +198,11 @@ class MovingContacts:
         inside[:, 2] -= self.walls[0]
         skin = self.largest * (self.skin + self._gap)
         ends, shift = contacts_in_reach(inside, self.lengths, self.radius, skin, self.periodic_z)
+        if self._sample.body is not None:
+            body = self._sample.body
+            outer = (body[ends[:, 0]] != body[np.maximum(ends[:, 1], 0)]) | (ends[:, 1] < 0)
+            ends = ends[outer]
+            shift = shift[outer]
         # Periods between the actual positions, which are not brought back into the cell.
         i, j = ends.T
         outside = np.asarray(periods.any(axis=1))
@@ -197,6 +232,10 @@ class MovingContacts:
         self._shear = np.zeros((len(ends), 3))
         self._normal[after] = normal[before]
         self._shear[after] = shear[before]
+        if self._moment is not None:
+            moment = self._moment[touched]
+            self._moment = np.zeros((len(ends), 3))
+            self._moment[after] = moment[before]
         if len(self.work):
             work = self.work
             self.work = np.zeros((len(ends), 2))
@@ -250,7 +289,16 @@ class MovingContacts:
             if velocity is None:
                 velocity = np.zeros(self.load.shape)
             step = ShearStep(
-                velocity, dt, change, self.friction, self._normal, self._shear, self.work
+                velocity,
+                dt,
+                change,
+                self.friction,
+                self._normal,
+                self._shear,
+                self.work,
+                self._moment,
+                self._turning_share * self._sample.rolling,
+                self._turning_share * self._sample.twisting,
             )
         totals = forces_by_loop(self._slabs, geometry, self._laws, step, self.load, self.stiffness)
         if self._sample.fixed is not None:
@@ -302,7 +350,11 @@ class MovingContacts:
 
     def stress(self) -> Floats:
         """Return the principal stresses (3,), Pa, compression positive, at the last `touch`."""
-        stress: Floats = self.virial / self.lengths.prod()
+        virial = self.virial
+        if self.arm is not None:
+            # Branch vectors join the centres of mass.
+            virial = virial - (self.load[:, :3] * self.arm).sum(axis=0)
+        stress: Floats = virial / self.lengths.prod()
         return stress
 
     def unbalanced(self) -> float:
@@ -367,6 +419,7 @@ class MovingContacts:
             side=np.where(self._sample.periodic_sides, self.side, self._sample.side),
             walls=self.walls.copy(),
             shear=None,
+            moment=None,
             velocity=None,
             angular_velocity=None,
             strain_rate=None,
@@ -385,4 +438,8 @@ class MovingContacts:
         before, after = _match_rows(listed_keys, contact.keys)
         force = np.zeros((len(contact.overlap), 3))
         force[after] = self._shear[before]
-        return replace(bare, shear=contact.along(force))
+        moment = None
+        if self._moment is not None:
+            moment = np.zeros((len(contact.overlap), 3))
+            moment[after] = self._moment[before]
+        return replace(bare, shear=contact.along(force), moment=moment)

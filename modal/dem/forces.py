@@ -24,13 +24,16 @@ from modal.dem.contact_step import (
     RelativeMotion,
     ShearStep,
     Totals,
+    cut_back,
     friction_share,
+    relative_turn,
     shear_increment,
     shear_work,
+    split_moment,
     turn_shear,
 )
 from modal.dem.forces_by_arrays import forces_by_arrays
-from modal.packing.contact_models import ContactLaw, acts_across_gaps
+from modal.packing.contact_models import ContactLaw, acts_across_gaps, resists_turning
 from modal.packing.contact_models.hertz_mindlin import HertzMindlin
 from modal.packing.network import SOURCE_WALL
 from modal.tools.arrays import Floats, Ints
@@ -50,7 +53,14 @@ from modal.tools.loops import (
 
 LAW_FUNCTIONS = ("normal_force", "elastic_energy", "stiffness_normal", "stiffness_tangential")
 """The functions of a contact model that the loop calls."""
-ADHESION_FUNCTIONS = ("friction_force", "rupture_distance")
+OPTIONAL_FUNCTIONS = (
+    "friction_force",
+    "rupture_distance",
+    "stiffness_rolling",
+    "stiffness_twisting",
+    "rolling_limit",
+    "twisting_limit",
+)
 """The functions of a contact model that the loop calls if the model has them."""
 TOTALS = len(Totals._fields)
 NO_STEP = (None,) * len(ShearStep._fields)
@@ -64,9 +74,14 @@ stiffness_normal = HertzMindlin.stiffness_normal
 stiffness_tangential = HertzMindlin.stiffness_tangential
 friction_force = HertzMindlin.normal_force
 rupture_distance = HertzMindlin.normal_force
+stiffness_rolling = HertzMindlin.normal_force
+stiffness_twisting = HertzMindlin.normal_force
+rolling_limit = HertzMindlin.normal_force
+twisting_limit = HertzMindlin.normal_force
 # What depends on one of these is left out of the loop where it is False.
 ADHESIVE = False
 ACTS_ACROSS_GAPS = False
+RESISTS_TURNING = False
 OPEN = 0.0
 """Overlap of a pair that does not touch: below that of any contact of the model."""
 
@@ -119,10 +134,11 @@ def _compile_loop(law: type[ContactLaw]) -> Loop:
     replaced = {"Law": law, "LAW_NUMBERS": len(law._fields)}
     for name in LAW_FUNCTIONS:
         replaced[name] = elementwise(getattr(law, name))
-    for name in ADHESION_FUNCTIONS:
+    for name in OPTIONAL_FUNCTIONS:
         if hasattr(law, name):
             replaced[name] = elementwise(getattr(law, name))
     replaced["ADHESIVE"] = hasattr(law, "friction_force")
+    replaced["RESISTS_TURNING"] = resists_turning(law)
     if acts_across_gaps(law):
         replaced |= {"ACTS_ACROSS_GAPS": True, "OPEN": -np.inf}
     sources = fingerprint(module, contact_step)
@@ -139,7 +155,18 @@ def _add_forces_by_slabs(slabs, load, stiffness, geometry, laws, step):
     """
     # A loop over threads takes no named tuples: they are unpacked outside, and made again inside.
     position, ends, shift, cell, walls, radius = geometry
-    velocity, time_step, change, friction, normal, shear, work = step
+    (
+        velocity,
+        time_step,
+        change,
+        friction,
+        normal,
+        shear,
+        work,
+        moment,
+        rolling,
+        twisting,
+    ) = step
     load[:] = 0
     stiffness[:] = 0
     count = len(slabs) - 1
@@ -149,10 +176,20 @@ def _add_forces_by_slabs(slabs, load, stiffness, geometry, laws, step):
         for half in prange((count + 1 - odd) // 2):
             k = 2 * half + odd
             places = Geometry(position, ends, shift, cell, walls, radius)
-            motion = _Motion(velocity, time_step, change, friction)
+            motion = _Motion(velocity, time_step, change, friction, rolling, twisting)
             sums = _Sums(load, stiffness, totals[k])
             _add_forces_of_slab(
-                slabs[k], slabs[k + 1], rows, places, laws, motion, sums, normal, shear, work
+                slabs[k],
+                slabs[k + 1],
+                rows,
+                places,
+                laws,
+                motion,
+                sums,
+                normal,
+                shear,
+                work,
+                moment,
             )
     return totals.sum(axis=0)
 
@@ -164,6 +201,8 @@ class _Motion(NamedTuple):
     time_step: float | None
     change: Floats | None
     friction: float | None
+    rolling: float | None
+    twisting: float | None
 
 
 class _Sums(NamedTuple):
@@ -182,7 +221,7 @@ def _vector(values, row, first):
 
 @inlined
 def _add_torque(load, sphere, lever, moment):
-    """Add the torque that a shear force exerts at the end of a lever to the load of a sphere."""
+    """Add the torque of a shear force, a `lever` times a `moment`, to the load of a sphere."""
     load[sphere, 3] += lever * moment[0]
     load[sphere, 4] += lever * moment[1]
     load[sphere, 5] += lever * moment[2]
@@ -241,7 +280,7 @@ def _list_candidates(first, last, geometry, normal, rows):
 
 
 def _add_forces_of_slab(
-    first, last, rows, geometry, laws, motion, sums, normal, shear, work
+    first, last, rows, geometry, laws, motion, sums, normal, shear, work, moment
 ):  # fmt: skip
     """Add the forces of contacts `first` to `last` - 1 to a load, and write their totals.
 
@@ -251,7 +290,7 @@ def _add_forces_of_slab(
     """
     # Arrays are taken from the tuples once: in the loop each access would count references.
     position, ends, shift, cell, walls, radius = geometry
-    velocity, time_step, change, friction = motion
+    velocity, time_step, change, friction, rolling, twisting = motion
     load, stiffness, totals = sums
     pair_law = Law(*laws[:LAW_NUMBERS])
     wall_law = Law(*laws[LAW_NUMBERS:])
@@ -318,6 +357,8 @@ def _add_forces_of_slab(
             if shear is not None and (normal[c, 0] != 0 or normal[c, 1] != 0 or normal[c, 2] != 0):
                 _set(normal, c, (0.0, 0.0, 0.0))
                 _set(shear, c, (0.0, 0.0, 0.0))
+                if moment is not None:
+                    _set(moment, c, (0.0, 0.0, 0.0))
                 if len(work):
                     # What an opening contact had stored in shear is dissipated.
                     work[c, 1] += work[c, 0]
@@ -349,7 +390,8 @@ def _add_forces_of_slab(
                 gained_x = change[SOURCE, 0] - angle * y
                 gained_y = change[SOURCE, 1] + angle * x
                 gained = (gained_x, gained_y, change[SOURCE, 2])
-                spin_sum = plus(spin_sum, 1.0, (0.0, 0.0, change[TURN, 0]))
+                spin_j = (0.0, 0.0, change[TURN, 0])
+                spin_sum = plus(spin_sum, 1.0, spin_j)
             relative_motion = RelativeMotion(approach, spin_sum, spin_j, gained)
             slip = shear_increment(n, lever, longer, relative_motion, time_step)
             normal_before = _vector(normal, c, 0)
@@ -378,14 +420,53 @@ def _add_forces_of_slab(
             fx = fx + after[0]
             fy = fy + after[1]
             fz = fz + after[2]
-            moment = cross(n, after)
-            _add_torque(load, i, lever, moment)
+            torque = cross(n, after)
+            _add_torque(load, i, lever, torque)
             if end >= 0:
-                _add_torque(load, j, lever + longer, moment)
+                _add_torque(load, j, lever + longer, torque)
             elif end == SOURCE_WALL:
                 source_torque -= x * fy - y * fx
             else:
                 receiver_torque -= x * fy - y * fx
+            if moment is not None:
+                carried = turn_shear(_vector(moment, c, 0), normal_before, n, spin_sum, time_step)
+                rolled, twisted = split_moment(carried, n)
+                turn_across, turn_along = split_moment(relative_turn(relative_motion, time_step), n)
+                kr = kt * effective_radius * effective_radius * (rolling > 0.0)
+                kw = kt * effective_radius * effective_radius * (twisting > 0.0)
+                arm = bearing * effective_radius
+                rolling_bound = rolling * arm
+                twisting_bound = twisting * arm
+                if RESISTS_TURNING:
+                    kr = stiffness_rolling(law, overlap, effective_radius)
+                    kw = stiffness_twisting(law, overlap, effective_radius)
+                    rolling_bound += rolling_limit(law, overlap, effective_radius)
+                    twisting_bound += twisting_limit(law, overlap, effective_radius)
+                rolled_freely = plus(rolled, kr, turn_across)
+                twisted_freely = plus(twisted, kw, turn_along)
+                rolling_after = cut_back(
+                    rolled_freely, friction_share(rolled_freely, rolling_bound)
+                )
+                twisting_after = cut_back(
+                    twisted_freely, friction_share(twisted_freely, twisting_bound)
+                )
+                if len(work) and kr > 0.0:
+                    stored, dissipated = shear_work(rolled, rolled_freely, rolling_after, kr)
+                    work[c, 0] += stored
+                    work[c, 1] += dissipated
+                if len(work) and kw > 0.0:
+                    stored, dissipated = shear_work(twisted, twisted_freely, twisting_after, kw)
+                    work[c, 0] += stored
+                    work[c, 1] += dissipated
+                couple = plus(rolling_after, 1.0, twisting_after)
+                _set(moment, c, couple)
+                _add_torque(load, i, 1.0, couple)
+                if end >= 0:
+                    _add_torque(load, j, -1.0, couple)
+                elif end == SOURCE_WALL:
+                    source_torque -= couple[2]
+                else:
+                    receiver_torque -= couple[2]
             sum_contact += np.sqrt(fx * fx + fy * fy + fz * fz)
         load[i, 0] += fx
         load[i, 1] += fy

@@ -18,9 +18,12 @@ from modal.dem.contact_step import (
     RelativeMotion,
     ShearStep,
     Totals,
+    cut_back,
     friction_share,
+    relative_turn,
     shear_increment,
     shear_work,
+    split_moment,
     turn_shear,
 )
 from modal.packing.contact_models import (
@@ -29,6 +32,8 @@ from modal.packing.contact_models import (
     friction_force,
     law_of_each,
     rupture_distance,
+    turning_limits,
+    turning_stiffnesses,
 )
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.arrays import Array, Bools, Floats, Ints
@@ -65,6 +70,19 @@ class _Shear(NamedTuple):
     sliding: int
 
 
+class _TurningSprings(NamedTuple):
+    """Springs of k contacts against turns.
+
+    rolling, twisting (k,): stiffnesses, N m/rad. rolling_bound, twisting_bound (k,): largest
+    moments, N m.
+    """
+
+    rolling: Floats
+    twisting: Floats
+    rolling_bound: Floats
+    twisting_bound: Floats
+
+
 def forces_by_arrays(
     slabs: Ints | None,
     geometry: Geometry,
@@ -95,7 +113,15 @@ def forces_by_arrays(
         tangential = law.stiffness_tangential(contacts.overlap, effective)
         bearing = friction_force(law, contacts.overlap, effective)
         broken = _energy_of_broken(geometry, laws, step, contacts)
+        normal_before = step.normal[contacts.rows].T
         shear = _advance_shear(geometry, step, contacts, bearing, tangential)
+        couple = None
+        if step.moment is not None:
+            springs = _TurningSprings(
+                *turning_stiffnesses(law, contacts.overlap, effective, step.rolling, step.twisting),
+                *_turning_bounds(step, law, contacts.overlap, effective, bearing),
+            )
+            couple = _advance_moment(geometry, step, contacts, springs, normal_before)
         if len(step.work):
             step.work[:, 1] += broken
         sliding = shear.sliding
@@ -104,13 +130,19 @@ def forces_by_arrays(
         x, y = _from_axis(geometry, step, i)
         torque_on_sphere = y * force[0] - x * force[1]
         for wall, code in enumerate((SOURCE_WALL, RECEIVER_WALL)):
-            torques[wall] = torque_on_sphere[contacts.j == code].sum()
+            at_wall = contacts.j == code
+            torques[wall] = torque_on_sphere[at_wall].sum()
+            if couple is not None:
+                torques[wall] -= couple[2, at_wall].sum()
         moment = np.array(cross(contacts.normal, shear.force))
         torque_i = shear.lever_i * moment
         torque_j = (shear.lever_j * moment)[:, pair]
         for axis in range(3):
             load[:, 3 + axis] = np.bincount(i, torque_i[axis], count)
             load[:, 3 + axis] += np.bincount(j_of_pairs, torque_j[axis], count)
+            if couple is not None:
+                load[:, 3 + axis] += np.bincount(i, couple[axis], count)
+                load[:, 3 + axis] -= np.bincount(j_of_pairs, couple[axis, pair], count)
     for axis in range(3):
         load[:, axis] = np.bincount(i, force[axis], count)
         load[:, axis] -= np.bincount(j_of_pairs, force[axis, pair], count)
@@ -219,8 +251,8 @@ def _relative_motion(geometry: Geometry, step: ShearStep, contacts: _Contacts) -
     at_source = contacts.j == SOURCE_WALL
     motion_i = step.velocity[contacts.i].T
     motion_j = np.where(contacts.pair, step.velocity[contacts.partner].T, 0.0)
+    motion_j[5] += np.where(at_source, change[TURN, 0], 0.0)
     spin_sum = motion_j[3:] + motion_i[3:]
-    spin_sum[2] += np.where(at_source, change[TURN, 0], 0.0)
     shift = geometry.shift[contacts.rows]
     gained = np.where(contacts.pair, (shift * change[PERIODS] + shift[:, 2:] * change[LEAN]).T, 0.0)
     x, y = _from_axis(geometry, step, contacts.i)
@@ -271,3 +303,49 @@ def _advance_shear(
     step.normal[rows] = normal.T
     step.shear[rows] = shear.T
     return _Shear(shear, lever, lever + longer, sliding)
+
+
+def _turning_bounds(
+    step: ShearStep, law: ContactLaw, overlap: Floats, radius: Floats, bearing: Floats
+) -> tuple[Floats, Floats]:
+    """Return the largest moments (k,), N m, of contacts in rolling and in twisting."""
+    rolling_limit, twisting_limit = turning_limits(law, overlap, radius)
+    arm = bearing * radius
+    return step.rolling * arm + rolling_limit, step.twisting * arm + twisting_limit
+
+
+def _advance_moment(
+    geometry: Geometry,
+    step: ShearStep,
+    contacts: _Contacts,
+    springs: _TurningSprings,
+    normal_before: Floats,
+) -> Floats:
+    """Return the moments (3, k), N m, after a step, and store them in `step`.
+
+    `normal_before` (3, k) are the normals before the step.
+    """
+    rows = contacts.rows
+    motion = _relative_motion(geometry, step, contacts)
+    carried = turn_shear(
+        step.moment[rows].T, normal_before, contacts.normal, motion.spin_sum, step.time_step
+    )
+    before = split_moment(carried, contacts.normal)
+    turn = split_moment(relative_turn(motion, step.time_step), contacts.normal)
+    couple = np.zeros((3, len(rows)))
+    stiffnesses = (springs.rolling, springs.twisting)
+    bounds = (springs.rolling_bound, springs.twisting_bound)
+    for kind in range(2):
+        trial = plus(before[kind], stiffnesses[kind], turn[kind])
+        after = cut_back(trial, friction_share(trial, bounds[kind]))
+        couple += np.array(after)
+        if len(step.work):
+            # Where a contact has lost its stiffness the work of the shear force counts it all.
+            has_stiffness = stiffnesses[kind] > 0
+            sprung = np.where(has_stiffness, stiffnesses[kind], 1.0)
+            stored, dissipated = shear_work(before[kind], trial, after, sprung)
+            step.work[rows, 0] += np.where(has_stiffness, stored, 0.0)
+            step.work[rows, 1] += np.where(has_stiffness, dissipated, 0.0)
+    step.moment[:] = 0
+    step.moment[rows] = couple.T
+    return couple

@@ -192,6 +192,8 @@ class Dynamics:
         spheres alone are the source.
     axis : ndarray (2,)
         x and y, m, of the line along z about which the source wall turns.
+    clumps : ClumpMotion or None
+        The clumps that the spheres are parts of.
     push : ndarray (n, 6) or None
         Forces and torques of a source on spheres, N and N m.
     """
@@ -231,6 +233,11 @@ class Dynamics:
         if sample.strain_rate is not None:
             self.rates = sample.strain_rate.copy()
         self.masses = np.column_stack(sample.masses)
+        self.clumps = None
+        if sample.clumps is not None:
+            from modal.dem.clump_motion import ClumpMotion  # which needs this module
+
+            self.clumps = ClumpMotion(sample, self.contacts, self.velocity, self.rates)
 
     def place_source(self, displacement: Floats) -> None:
         """Move the source wall of a cell at rest to a `displacement` (6,) from its first place.
@@ -302,18 +309,21 @@ class Dynamics:
         faces: Floats | float = 0.0
         if not contacts.periodic_z:
             faces = np.array([self._start.radius, -self._start.radius])
+        if self.clumps is not None:
+            self.clumps.advance(self.velocity, self.rates, rates, dt, self.damping)
+        else:
+            advance_by_loop(
+                contacts.position,
+                self.velocity,
+                contacts.load,
+                self.rates,
+                rates,
+                dt,
+                self.damping,
+                self.masses,
+                self._residue,
+            )
         contacts.walls += dt * rates[2] * (contacts.walls - faces)
-        advance_by_loop(
-            contacts.position,
-            self.velocity,
-            contacts.load,
-            self.rates,
-            rates,
-            dt,
-            self.damping,
-            self.masses,
-            self._residue,
-        )
         contacts.side *= 1 + dt * rates[:2]
         self.rates = rates.copy()
 
@@ -349,7 +359,10 @@ class Dynamics:
 
     def unbalanced(self) -> float:
         """Return the mean net force on a sphere over the mean contact force, shear included."""
-        return self.contacts.unbalanced()
+        if self.clumps is None or not self.contacts.touching:
+            return self.contacts.unbalanced()
+        net_force = np.linalg.norm(self.clumps.loads()[:, :3], axis=1)
+        return float(net_force.mean() / self.contacts.mean_contact)
 
     def sample(self, *, moving: bool) -> Sample:
         """Return the sample as it is now; if `moving`, with its velocities and strain rate.
@@ -359,6 +372,8 @@ class Dynamics:
         """
         self.find_forces(0.0)
         sample = self.contacts.sample()
+        if self.clumps is not None:
+            sample = replace(sample, arm=self.contacts.arm, body_tensor=self.clumps.tensor)
         if not moving:
             return sample
         # Velocities contain the motion of the cell: that of another image differs by its share.

@@ -195,12 +195,12 @@ def _apply_laws(
         _refuse_other_units(overlap_of_forces, overlap, packing.name)
         if error > MAX_RELATIVE_POSITION_ERROR * np.median(overlap_of_forces):
             overlaps_from = "forces"
-            overlap = np.where(force > 0, overlap_of_forces, overlap)
+            overlap = np.where(overlap_of_forces > 0, overlap_of_forces, overlap)
             if listed.line is not None:
                 _turn_to_lines(geometry.normal, listed.line)
     sliding = None
     if listed.shear is not None:
-        sliding = laws.are_sliding(force, listed.shear)
+        sliding = laws.are_sliding(force, listed.shear, effective_radius)
     columns: dict[str, Any] = dict(listed.columns) | laws.network_columns(overlap, effective_radius)
     return _ContactState(overlap, overlaps_from, force, columns, overlap_error, sliding)
 

@@ -1,9 +1,9 @@
 """Read what is particular to LAMMPS: its laws of contact, and its columns of contacts and walls.
 
-The known laws are `granular` with hooke, hertz and hertz/material, tangential linear_history,
+The known laws are `granular` with hooke, hertz, hertz/material and dmt, tangential linear_history,
 mindlin and their variants, rolling sds, twisting sds and marshall; gran/hooke, gran/hooke/history
-and gran/hertz/history; `fix wall/gran` in the same words. Cohesion is refused by name: no spring of
-this project has it.
+and gran/hertz/history; `fix wall/gran` in the same words. Other cohesion is refused by name: contacts
+of jkr act across gaps that a dump does not show.
 
 As in LAMMPS a type of pair_coeff is a number or a range (`*`, `n*`, `*n`, `m*n`), a range stands
 for pairs of rising types alone, and the last line that covers a pair holds. A pair that no line
@@ -60,7 +60,7 @@ TANGENTIAL = {
     "mindlin_rescale/force": TangentialModel(3, True, SHRINKING_DISPLACEMENT),
 }
 """Tangential models of `granular`."""
-NORMAL = {"hooke": 2, "hertz": 2, "hertz/material": 3}
+NORMAL = {"hooke": 2, "hertz": 2, "hertz/material": 3, "dmt": 4}
 """Normal models of `granular`, and the number of coefficients of each."""
 
 
@@ -129,17 +129,22 @@ def parse_granular(words: Sequence[str], place: str, arms: LeverArms, units: Uni
     line = Words(words, place, "give the whole line, with values")
     model = line.take("the normal model", NORMAL)
     is_hooke = model == "hooke"
-    normal, *_, poisson = line.take_numbers(model, NORMAL[model], null=True)
+    coefficients = line.take_numbers(model, NORMAL[model], null=True)
+    normal = coefficients[0]
+    poisson = coefficients[min(2, len(coefficients) - 1)]
+    cohesion = 0.0
+    if model == "dmt":
+        cohesion = units.stiffness * coefficients[3]
     normal = (units.stiffness if is_hooke else units.pressure) * normal
     material = None
-    if model == "hertz/material":
+    if model in ("hertz/material", "dmt"):
         material = check_material(normal, poisson, place)
         normal = 4 / 3 * material.effective_young
     options = _parse_options(line)
     tangential = options.tangential * (units.pressure if options.grows else units.stiffness)
     if math.isnan(tangential):
         if material is None:
-            problem = "tangential NULL needs hertz/material"
+            problem = "tangential NULL needs hertz/material or dmt"
             line.refuse("no_stiffness", problem, remedy="give its stiffness")
         tangential = 8 * material.moduli.effective_shear
     rolling = units.stiffness * options.rolling
@@ -148,12 +153,12 @@ def parse_granular(words: Sequence[str], place: str, arms: LeverArms, units: Uni
     if options.marshall:
         # LAMMPS takes the coefficient as it is, also one in units of pressure.
         marshall = 0.5 * (units.length if options.grows else 1.0)
-    springs = (tangential, options.friction, rolling, twisting)
+    springs = (tangential, options.friction, rolling, twisting, cohesion)
     if not (normal > 0 and all(number >= 0 for number in springs)):
         line.refuse(
             "not_positive",
             f"stiffness {normal:g} must be positive, tangential {tangential:g}, friction "
-            f"{options.friction:g}, rolling and twisting not negative",
+            f"{options.friction:g}, rolling, twisting and cohesion not negative",
             remedy="mend the line",
         )
     return ProgramLaw(
@@ -168,6 +173,7 @@ def parse_granular(words: Sequence[str], place: str, arms: LeverArms, units: Uni
         rolling=rolling,
         twisting=twisting,
         marshall=marshall,
+        cohesion=cohesion,
     )
 
 

@@ -103,6 +103,9 @@ class ProgramLaw:
         Stiffnesses against rolling and twisting, N/m, on arcs of the radius R*.
     rolling_share, twisting_share : float
         Such stiffnesses as shares of the tangential stiffness.
+    cohesion : float
+        Attraction of DMT contacts divided by 4 pi R*, N/m: half the work of adhesion. Friction
+        bears on the normal force plus twice the attraction.
     twisting : float
         Stiffness against twisting, N m/rad.
     marshall : float
@@ -124,6 +127,7 @@ class ProgramLaw:
     twisting_arc: float = 0.0
     rolling_share: float = 0.0
     twisting_share: float = 0.0
+    cohesion: float = 0.0
 
     def __post_init__(self) -> None:
         if self.friction == 0:
@@ -148,6 +152,8 @@ class ProgramLaw:
             ("twisting", self.twisting_share, share),
             ("twisting", self.marshall, "of the tangential one times the circle's area / pi"),
         )
+        if self.cohesion:
+            text += f"; DMT attraction, cohesion {self.cohesion:.6g} N/m"
         for motion, stiffness, unit in springs:
             if stiffness:
                 text += f"; {motion} {stiffness:.6g} {unit}"
@@ -166,14 +172,20 @@ class ContactLaws:
         return np.array([getattr(law, name) for law in self.laws])[self.index]
 
     def force(self, overlap: Floats, effective_radius: Floats) -> Floats:
-        """Return the elastic normal forces (m,), N; 0 where nothing touches."""
+        """Return the normal forces (m,), N, of elasticity and attraction; 0 without touch."""
         depth = np.maximum(overlap, 0)
         root = np.where(self.values("hertz"), np.sqrt(effective_radius * depth), 1.0)
-        return self.values("normal") * root * depth
+        attraction = np.where(overlap > 0, self.attraction(effective_radius), 0.0)
+        return self.values("normal") * root * depth - attraction
+
+    def attraction(self, effective_radius: Floats) -> Floats:
+        """Return the attraction (m,), N; 0 of laws without cohesion."""
+        return 4 * np.pi * self.values("cohesion") * effective_radius
 
     def overlap(self, force: Floats, effective_radius: Floats) -> Floats:
         """Return the overlaps (m,), m, that have these normal forces (m,), N."""
-        linear = np.maximum(force, 0) / self.values("normal")
+        elastic = force + self.attraction(effective_radius)
+        linear = np.maximum(elastic, 0) / self.values("normal")
         hertzian = (linear / np.sqrt(effective_radius)) ** (2 / 3)
         return np.where(self.values("hertz"), hertzian, linear)
 
@@ -210,12 +222,13 @@ class ContactLaws:
             return springs | turning
         return springs
 
-    def are_sliding(self, force: Floats, shear: Floats) -> Bools:
+    def are_sliding(self, force: Floats, shear: Floats, effective_radius: Floats) -> Bools:
         """Tell which contacts (m,) are at their limit of friction.
 
         A contact without friction has no spring that could slip. `force` (m,) and `shear` (m, 3)
         are in N.
         """
-        limit = self.values("friction") * force
+        pressed = force + 2 * self.attraction(effective_radius)
+        limit = self.values("friction") * pressed
         size = np.linalg.norm(shear, axis=1)
         return (size >= limit * (1 - RELATIVE_LIMIT_TOLERANCE)) & (limit > 0)

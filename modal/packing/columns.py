@@ -61,6 +61,7 @@ class Columns:
     torque_shortening: Annotated[Floats | None, stored("contacts", "f", "m")] = None
     stiffness_rolling: Annotated[Floats | None, ROTATIONAL] = None
     stiffness_twisting: Annotated[Floats | None, ROTATIONAL] = None
+    moment: Annotated[Floats | None, stored("contacts", "f", "m", 3, unit="N m", since=2)] = None
     inertia_tensor: Annotated[
         Floats | None, stored("particles", "f", "n", 3, 3, unit=KG_M2, since=2)
     ] = None

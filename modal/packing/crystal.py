@@ -238,7 +238,7 @@ def fcc(
         periodic_z=periodic_z,
         study={"case": "fcc", "stress": stress},
         provenance=PROVENANCE,
-    ).network(contact)
+    ).sphere_network(contact)
 
 
 def column(particles: int = 3, force: float = 0.5, radius: float = RADIUS) -> Network:
@@ -266,4 +266,4 @@ def column(particles: int = 3, force: float = 0.5, radius: float = RADIUS) -> Ne
         periodic_sides=(False, False),
         study={"case": "column"},
         provenance=PROVENANCE,
-    ).network(contact)
+    ).sphere_network(contact)

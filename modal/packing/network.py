@@ -68,6 +68,8 @@ class Network(Columns):
         In such a law, lever arms are shorter than the radius by this share of the overlap.
     stiffness_rolling, stiffness_twisting : ndarray (m,), optional
         Rolling and twisting stiffnesses kr and kw, N m/rad.
+    moment : ndarray (m, 3), optional
+        Moment on i, N m, of contacts that resist rolling and twisting, beside that of its force.
     inertia_tensor : ndarray (n, 3, 3), optional
         Of bodies such as clumps, in the axes of the packing, kg m^2; `inertia` is a third of its
         trace.

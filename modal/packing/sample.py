@@ -1,11 +1,11 @@
 """Store a sample of spheres compactly: its contact network is rebuilt from positions.
 
-This module is the one definition of the format "granular-sample", versions 1 to 4. Overlaps,
-normals and stiffnesses follow from the positions; only shear forces, which depend on history, are
-stored, as two components in a frame that follows from the normal.
+This module is the one definition of the format "granular-sample", versions 1 to 5. Overlaps,
+normals and stiffnesses follow from the positions; only what depends on history is stored: shear
+forces, as two components in a frame that follows from the normal, and moments.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from modal.formats.hdf5 import named
 from modal.formats.product import Column, Product, columns_of, stored
 from modal.packing.checks import Fault, Faults, density_of, refuse_first
+from modal.packing.clumps import Clumps
 from modal.packing.columns import frozen
 from modal.packing.contact_law import (
     GLASS,
@@ -29,7 +30,9 @@ from modal.packing.contact_models import (
     friction_force,
     law_of_each,
     laws_of,
+    resists_turning,
     rupture_distance,
+    turning_stiffnesses,
 )
 from modal.packing.neighbours import ContactList, canonical, contact_keys, touching
 from modal.packing.network import Network
@@ -40,13 +43,15 @@ from modal.packing.noted_laws import (
     noted_walls,
     wall_material,
 )
+from modal.packing.rigid_bodies import Bodies, joined
 from modal.tools.arrays import Array, Bools, Floats, Ints
-from modal.tools.errors import InputError
+from modal.tools.errors import InputError, UnavailableError
 
 SCHEMA = "granular-sample"
-VERSION = 1, 2, 3, 4
+VERSION = 1, 2, 3, 4, 5
 """Versions of the file format. 1: between walls. 2: periodic along z. 3: another contact model than
-that of Hertz and Mindlin. 4: held spheres. Earlier readers would not notice the last three."""
+that of Hertz and Mindlin. 4: held spheres. 5: moments of contacts that resist turning; clumps.
+Earlier readers would not notice the last four."""
 MAX_DENSITY_ERROR = 1e-9
 """Largest relative deviation of a density from that of the material that round-off explains."""
 MAX_STIFFNESS_ERROR = 1e-6
@@ -56,6 +61,8 @@ MIN_FRICTION_USED = 1 - 1e-9
 """Least share of the friction limit at which a contact counts as sliding; 1 up to round-off."""
 EDGE_SLACK_IN_RADII = 1e-9
 """Largest distance, in radii, of a centre outside of the cell that round-off explains."""
+TURNING = ("rolling", "twisting")
+"""Names of the coefficients against turns, in files and in the notes of networks."""
 UNSTABLE_CONTACTS = "contacts_of_negative_stiffness"
 """Note of a network: the number of its contacts whose normal stiffness is negative."""
 MAKE_AGAIN = "make the sample again"
@@ -80,6 +87,13 @@ class Sample:
     acting : ndarray of bool (p,), optional
         Which of the `pairs_in_reach` are contacts; by default those that overlap. Only for contact
         models whose contacts act across a gap once they have formed.
+    rolling, twisting : float, default 0
+        Coefficients: their product with the effective radius and the force on which friction bears
+        bounds the moment of a contact across and along its normal, whose stiffnesses are those of
+        `modal.packing.contact_models.turning_stiffnesses`. At 0 only models with a stiffness
+        against turns of their own have moments.
+    moment : ndarray (m, 3), optional
+        Moment on i of each contact in canonical order, N m.
     velocity, angular_velocity, strain_rate : ndarray (n, 3), (n, 3), (3,), optional
         m/s, rad/s, and 1/s of the cell; only for a sample in motion.
     radius, radii : float, default 1.27e-3, and ndarray (n,), optional
@@ -94,6 +108,8 @@ class Sample:
         Whether x and y are periodic. A packing with free sides can be written to no file.
     fixed : ndarray of bool (n, 6), optional
         Motions that a sphere cannot make, as in a network; by default all spheres move freely.
+    body, arm, body_mass, body_tensor : optional
+        Clumps to which all spheres belong, as in `modal.packing.clumps.Clumps`.
     study, provenance : dict, optional
         Free attributes.
 
@@ -113,6 +129,9 @@ class Sample:
     friction: float
     shear: Annotated[Floats | None, stored("contacts", "f", "m", 2, unit="N")] = None
     acting: Annotated[Bools | None, stored("contacts", "b", "p")] = None
+    rolling: float = 0.0
+    twisting: float = 0.0
+    moment: Annotated[Floats | None, stored("contacts", "f", "m", 3, unit="N m", since=5)] = None
     velocity: Annotated[Floats | None, stored("particles", "f", "n", 3, unit="m/s")] = None
     angular_velocity: Annotated[Floats | None, stored("particles", "f", "n", 3, unit=SPIN)] = None
     strain_rate: Annotated[Floats | None, stored("cell", "f", 3, unit="1/s")] = None
@@ -126,6 +145,15 @@ class Sample:
     periodic_z: bool = False
     periodic_sides: tuple[bool, bool] = (True, True)
     fixed: Annotated[Bools | None, stored("particles", "b", "n", 6, since=4)] = None
+    body: Annotated[Ints | None, stored("particles", "i", "n", since=5)] = None
+    arm: Annotated[Floats | None, stored("particles", "f", "n", 3, unit="m", since=5)] = None
+    body_mass: Annotated[
+        Floats | None, stored("bodies", "f", "k", unit="kg", name="mass", since=5)
+    ] = None
+    body_tensor: Annotated[
+        Floats | None,
+        stored("bodies", "f", "k", 3, 3, unit="kg m^2", name="inertia_tensor", since=5),
+    ] = None
     study: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
@@ -140,11 +168,16 @@ class Sample:
         return laws_of(self.material, self.wall_material)
 
     @property
-    def constants(self) -> dict[str, Any]:
-        """Constants of the materials by name, as in the `study` of a network.
+    def resists_turning(self) -> bool:
+        """Whether contacts have moments, by their coefficients or by their model."""
+        return self.rolling > 0 or self.twisting > 0 or resists_turning(self.laws[0])
 
-        There is no density if those of the spheres differ, and no name of the default contact
-        model.
+    @property
+    def constants(self) -> dict[str, Any]:
+        """Constants of the materials and contacts by name, as in the `study` of a network.
+
+        There is no density if those of the spheres differ, no name of the default contact model,
+        and no coefficient that is 0.
         """
         names = list(ELASTIC)
         if self.material.contact_model != HERTZ_MINDLIN:
@@ -152,6 +185,9 @@ class Sample:
         if self.densities is None:
             names.append("density")
         constants = {name: getattr(self.material, name) for name in names}
+        for name in TURNING:
+            if getattr(self, name) > 0:
+                constants[name] = getattr(self, name)
         return constants | self.wall_constants
 
     @property
@@ -168,6 +204,40 @@ class Sample:
         radius = np.full(len(self.position), self.sizes)
         mass, inertia = self.material.sphere(radius, self.densities)
         return mass, inertia
+
+    @property
+    def clumps(self) -> Clumps | None:
+        """The clumps of the spheres; None if each moves by itself."""
+        if self.body is None or self.arm is None:
+            return None
+        if self.body_mass is None or self.body_tensor is None:
+            raise InputError(
+                "incomplete_bodies", "the clumps lack mass or tensor", remedy=MAKE_AGAIN
+            )
+        return Clumps(self.body, self.arm, self.body_mass, self.body_tensor)
+
+    def refuse_clumps(self, purpose: str) -> None:
+        """Raise UnavailableError if the spheres are parts of clumps, for which a purpose is not."""
+        if self.body is not None:
+            raise UnavailableError(
+                "clumps",
+                f"{purpose} of clumps",
+                "its spheres would move by themselves",
+                "take the linear wave or the modes of the sample, whose network has the clumps",
+            )
+
+    @property
+    def grains(self) -> int:
+        """Number of bodies that move: clumps, or spheres."""
+        return len(self.position) if self.body_mass is None else len(self.body_mass)
+
+    @property
+    def void_ratio(self) -> float:
+        """Volume of the voids divided by that of the grains, from wall to wall."""
+        if self.body_mass is None:
+            return void_ratio(len(self.position), self.sizes, self.side, self.length)
+        solid = float(self.body_mass.sum()) / self.material.density
+        return float(self.side[0] * self.side[1] * self.length / solid - 1)
 
     @property
     def length(self) -> float:
@@ -220,6 +290,10 @@ class Sample:
         periods = periodic * self.lengths
         largest_gap = max(self.rupture_distances)
         pairs = touching(self.position, low, periods, self.walls, self.sizes, largest_gap)
+        if self.body is not None:
+            partner = np.maximum(pairs.particle_j, 0)
+            is_inner = self.body[pairs.particle_i] == self.body[partner]
+            pairs = pairs.some(~is_inner | (pairs.particle_j < 0))
         if not largest_gap:
             return pairs
         wall = pairs.particle_j < 0
@@ -234,8 +308,26 @@ class Sample:
         effective: Floats = radius_i * (radius_j / (radius_i + radius_j))
         return np.where(contact.particle_j < 0, radius_i, effective)
 
-    def network(self, contact: ContactList | None = None) -> Network:
-        """Return the contact network: springs of the contact model at the present overlaps.
+    def network(self) -> Network:
+        """Return the contact network of the grains: of spheres (`sphere_network`), or of clumps."""
+        network = self.sphere_network()
+        clumps = self.clumps
+        if clumps is None:
+            return network
+        first = clumps.first_members
+        bodies = Bodies(
+            np.arange(1, len(first) + 1),
+            clumps.mass,
+            self.position[first] - clumps.arm[first],
+            clumps.tensor,
+        )
+        whole = joined(network, clumps.body + 1, bodies)
+        # The radius of a body is that of a sphere of its volume, of which overlaps are no part.
+        radius = np.cbrt(whole.mass / self.material.density / (4 / 3 * np.pi))
+        return replace(whole, radius=radius)
+
+    def sphere_network(self, contact: ContactList | None = None) -> Network:
+        """Return the contact network of the spheres: springs of the model at the present overlaps.
 
         The contacts are sought unless `contact` gives them. A contact point lies in the middle of
         the overlap, also at a wall. The relative error of an overlap is eps times diameter divided
@@ -249,8 +341,8 @@ class Sample:
         n = len(self.position)
         ends = 2 * len(contact.overlap) - (contact.particle_j < 0).sum()
         densities = {
-            "void_ratio": void_ratio(n, self.sizes, self.side, self.length),
-            "coordination_number": float(ends / n),
+            "void_ratio": self.void_ratio,
+            "coordination_number": float(ends / self.grains),
         }
         mass, inertia = self.masses
         springs = self._compute_springs(contact)
@@ -285,7 +377,10 @@ class Sample:
         lever_j = (overlap / 2 - radius_j)[:, None] * contact.normal
         lever_j[wall] = 0
         limit = self.friction * friction_force(law, overlap, effective) * MIN_FRICTION_USED
-        return {
+        turning: dict[str, Array] = {}
+        if self.resists_turning:
+            turning = self._compute_turning(contact, law, effective)
+        return turning | {
             "lever_i": (radius_i - overlap / 2)[:, None] * contact.normal,
             "lever_j": lever_j,
             "stiffness_normal": law.stiffness_normal(overlap, effective),
@@ -294,6 +389,25 @@ class Sample:
             "force_tangential": tangential,
             "sliding": np.linalg.norm(tangential, axis=1) >= limit,
         }
+
+    def _compute_turning(
+        self, contact: ContactList, law: ContactLaw, effective: Floats
+    ) -> dict[str, Array]:
+        """Return the stiffnesses against turns and the moments of contacts as columns."""
+        rolling, twisting = turning_stiffnesses(
+            law, contact.overlap, effective, self.rolling, self.twisting
+        )
+        moment = np.zeros((len(contact.overlap), 3))
+        if self.moment is not None:
+            if self.moment.shape != moment.shape:
+                raise InputError(
+                    "moments",
+                    "sample",
+                    f"{len(self.moment)} moments for {len(moment)} contacts",
+                    "it was written by another program or is damaged, make it again",
+                )
+            moment = self.moment.copy()
+        return {"stiffness_rolling": rolling, "stiffness_twisting": twisting, "moment": moment}
 
     def _compute_shear(self, contact: ContactList) -> Floats:
         """Return the tangential forces (m, 3), N, from their components along both tangents."""
@@ -323,7 +437,7 @@ def void_ratio(n: int, radius: float | Floats, side: Floats, length: float) -> f
     return float(side[0] * side[1] * length / (n * 4 / 3 * np.pi * mean_cube) - 1)
 
 
-_NUMBERS = ("friction", "radius", *ELASTIC, "density", *WALL_ELASTIC)
+_NUMBERS = ("friction", "rolling", "twisting", "radius", *ELASTIC, "density", *WALL_ELASTIC)
 COLUMNS = columns_of(Sample)
 FORMAT = Product(
     SCHEMA,
@@ -336,8 +450,10 @@ FORMAT = Product(
         "wall_young": None,
         "wall_poisson": None,
         "contact_model": HERTZ_MINDLIN,
+        "rolling": 0.0,
+        "twisting": 0.0,
     },
-    since={"contact_model": 3},
+    since={"contact_model": 3, "rolling": 5, "twisting": 5},
     groups=("study", "provenance"),
     versions=VERSION,
 )
@@ -366,7 +482,9 @@ def sample_of_network(network: Network, friction: float) -> Sample:
         )
     shear = contact.along(force[rows] * np.where(turned, -1, 1)[:, None])
     sample.shear = shear if shear.any() else None
-    _check_stiffnesses(network, sample, sample.network(contact), rows)
+    if network.moment is not None and network.moment.any():
+        sample.moment = network.moment[rows] * np.where(turned, -1, 1)[:, None]
+    _check_stiffnesses(network, sample, sample.sphere_network(contact), rows)
     return sample
 
 
@@ -392,6 +510,8 @@ def bare_sample(network: Network, friction: float) -> Sample:
         periodic_z=bool(network.cell_periodic[2]),
         periodic_sides=(bool(network.cell_periodic[0]), bool(network.cell_periodic[1])),
         fixed=network.fixed,
+        rolling=network.noted("rolling") or 0.0,
+        twisting=network.noted("twisting") or 0.0,
         study=study,
         provenance=network.provenance,
     )
@@ -507,7 +627,9 @@ def _check_constants(sample: Sample) -> Faults:
     if sample.densities is not None:
         density = float(sample.densities.min())
     radius = float(np.min(sample.sizes))
-    are_positive = 0 < density < np.inf and 0 < radius < np.inf and 0 <= sample.friction < np.inf
+    are_positive = 0 < density < np.inf and 0 < radius < np.inf
+    for coefficient in (sample.friction, sample.rolling, sample.twisting):
+        are_positive = are_positive and 0 <= coefficient < np.inf
     are_poisson = -1 < material.poisson < 0.5 and -1 < wall.poisson < 0.5
     yield Fault(
         "",

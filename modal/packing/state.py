@@ -322,6 +322,12 @@ def net_forces(network: Network) -> Floats:
             load[:, column] += np.bincount(end[is_sphere], values, len(load))
         # The force on j is opposite to that on i.
         np.negative(force, out=force)
+    if network.moment is not None:
+        pair = ~network.with_wall
+        for axis in range(3):
+            moment = network.moment[:, axis]
+            load[:, 3 + axis] += np.bincount(network.particle_i, moment, len(load))
+            load[:, 3 + axis] -= np.bincount(network.particle_j[pair], moment[pair], len(load))
     if network.fixed is not None:
         load[network.fixed] = 0.0
     return load

@@ -2,10 +2,13 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice, product
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from modal.packing.clumps import ClumpTemplate
 from modal.packing.sample import Sample
 from modal.preparation.protocol import CLOUD_FRACTION, NOMINAL_FRACTION, Study
 from modal.tools.arrays import Floats, Ints
@@ -27,7 +30,12 @@ def make_cloud(study: Study) -> Sample:
     in memory. Raises InputError where the cell is too narrow or the spheres do not fit.
     """
     if study.mu_comp:
-        return _make_dilute_cloud(study)
+        template = study.template
+        if template is None:
+            cloud = _make_dilute_cloud(study)
+        else:
+            cloud = _make_clump_cloud(study, template)
+        return replace(cloud, rolling=study.rolling, twisting=study.twisting)
     return _make_crowded_cloud(study)
 
 
@@ -52,6 +60,49 @@ def _make_dilute_cloud(study: Study) -> Sample:
     )
     lengths = np.array([side, side, length])
     return mixture.make_sample(diameter * centres, lengths, study.mu_comp, order)
+
+
+def _make_clump_cloud(study: Study, template: ClumpTemplate) -> Sample:
+    """Return clumps without contacts, turned at random, each in a sphere of its own."""
+    mixture = study.mixture
+    diameter = 2 * mixture.radius
+    expansion = (NOMINAL_FRACTION / study.cloud_fraction) ** (1 / 3)
+    side = expansion * study.width * diameter
+    length = study.spheres * math.pi / 6 / NOMINAL_FRACTION / study.width**2 * diameter
+    length = expansion * length
+    around = 2 * template.reach
+    centres, _ = place_at_random(
+        np.ones(study.spheres),
+        side / around,
+        length / around,
+        study.seed,
+        periodic_z=mixture.periodic,
+    )
+    turns = Rotation.random(study.spheres, np.random.default_rng([study.seed, 1])).as_matrix()
+    arm = np.einsum("kij,sj->ksi", turns, template.arm).reshape(-1, 3)
+    members = len(template.radius)
+    position = np.repeat(around * centres, members, axis=0) + arm
+    lengths = np.array([side, side, length])
+    periodic = np.array([True, True, mixture.periodic])
+    position -= np.where(periodic, np.floor(position / lengths) * lengths, 0.0)
+    density = mixture.material.density
+    tensor = density * turns @ template.tensor @ turns.transpose(0, 2, 1)
+    radii = np.tile(template.radius, study.spheres)
+    return Sample(
+        position,
+        lengths[:2],
+        np.array([0.0, length]),
+        study.mu_comp,
+        radius=float(template.radius.mean()),
+        material=mixture.material,
+        radii=radii if np.ptp(template.radius) > 0 else None,
+        wall_material=mixture.wall_material,
+        periodic_z=mixture.periodic,
+        body=np.repeat(np.arange(study.spheres), members),
+        arm=arm,
+        body_mass=np.full(study.spheres, density * template.volume),
+        body_tensor=tensor,
+    )
 
 
 def _make_crowded_cloud(study: Study) -> Sample:

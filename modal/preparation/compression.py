@@ -18,7 +18,7 @@ import numpy as np
 from modal.dem.motion import Dynamics
 from modal.formats.attributes import number_noted
 from modal.formats.provenance import Provenance
-from modal.packing.sample import Sample, read_sample, validate, void_ratio, write_sample
+from modal.packing.sample import Sample, read_sample, validate, write_sample
 from modal.preparation import protocol
 from modal.preparation.cloud import make_cloud
 from modal.preparation.durations import count_steps
@@ -82,7 +82,7 @@ def compact_cloud(study: Study, start_motion: StartMotion) -> Sample:
     packing = start_motion(make_cloud(study), stage)
     dt = study.time_step(protocol.COMPACTION_STRESS * study.mixture.hardness)
     rate = protocol.COMPACTION_RATE * study.mixture.tempo
-    strain = math.log(protocol.LOOSE_FRACTION / protocol.CLOUD_FRACTION) / 3
+    strain = math.log(protocol.LOOSE_FRACTION / study.cloud_fraction) / 3
     steps = int(strain / rate / dt)
     parts = min(steps, protocol.CHECKS_PER_CHECKPOINT)
     for part in progress(parts, f"friction {study.mu_comp:g}, cloud"):
@@ -105,9 +105,7 @@ def stir(dense: Sample, study: Study, start_motion: StartMotion) -> Sample:
     mixture = study.mixture
     stress = study.hot_stress * mixture.hardness
     expansion = 1 + study.dilate
-    solid_fraction = 1 / (
-        1 + void_ratio(len(dense.position), dense.sizes, dense.side, dense.length)
-    )
+    solid_fraction = 1 / (1 + dense.void_ratio)
     # Hard spheres push by their kinetic energy over the gap, as a share of the diameter.
     speed = math.sqrt(study.dilate * stress / (solid_fraction * mixture.mean.density))
     velocity = np.random.default_rng(study.seed).normal(0.0, speed, dense.position.shape)
@@ -124,7 +122,13 @@ def stir(dense: Sample, study: Study, start_motion: StartMotion) -> Sample:
     stirring_time = protocol.STIRRING_TIME * study.dilate * 2 * mixture.radius / speed
     steps = count_steps(stirring_time, dt)
     packing.advance(steps, dt, steps)
-    sample = replace(packing.sample(moving=True), friction=study.mu_comp, shear=None)
+    sample = replace(
+        packing.sample(moving=True),
+        friction=study.mu_comp,
+        shear=None,
+        rolling=study.rolling,
+        twisting=study.twisting,
+    )
     sample.study = study.attributes | _describe_cost({}, stage.name, packing, sample, started)
     return sample
 
@@ -331,13 +335,12 @@ def _describe_cost(
     `before` are the attributes at the start of the run, which began at `started` on the clock.
     """
     contacts = sample.contacts()
-    spheres = len(sample.position)
     with_wall = int((contacts.particle_j < 0).sum())
     ends = 2 * len(contacts.overlap) - with_wall
     attributes: dict[str, Any] = {
         f"contacts_{stage}": len(contacts.overlap),
-        "coordination_number": ends / spheres,
-        "void_ratio": void_ratio(spheres, sample.sizes, sample.side, sample.length),
+        "coordination_number": ends / sample.grains,
+        "void_ratio": sample.void_ratio,
     }
     costs = {"steps": packing.steps, "seconds": time.perf_counter() - started}
     for name, cost in costs.items():

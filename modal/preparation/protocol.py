@@ -21,8 +21,9 @@ from typing import Any, Final, NamedTuple, Protocol
 import numpy as np
 
 from modal.formats.provenance import Provenance, versions
+from modal.packing.clumps import ClumpTemplate, parse_template
 from modal.packing.neighbours import refuse_more_than_fit
-from modal.packing.sample import Sample
+from modal.packing.sample import TURNING, Sample
 from modal.preparation.durations import (
     REFERENCE_PRESSURE,
     STABLE_FRACTION,
@@ -179,6 +180,8 @@ IMPLICIT: Final[Mapping[str, Any]] = {
     **dict.fromkeys(MIXTURE, ""),
     "solid": "",
     "dilate": 0.0,
+    **dict.fromkeys(TURNING, 0.0),
+    "clump": "",
 }
 """Values of parameters that are not written as attributes: those of equal glass spheres from a
 cloud, as in earlier files."""
@@ -218,6 +221,9 @@ class Study:
     dilate : float
         Share by which all lengths of a dense packing (without friction) grow before its spheres are
         stirred and jam with friction; 0 is a path from a cloud.
+    rolling, twisting : float
+        Coefficients against turns of the contacts, as in `modal.packing.sample.Sample`; they need
+        friction.
     sizes, densities, walls : str
         Words of `modal.preparation.sizes`, empty for equal spheres of glass between walls of glass;
         walls are `NO_WALLS` if the cell is periodic along z.
@@ -225,6 +231,9 @@ class Study:
         Words of `parse_solid`, empty for the study's glass. Stresses of the protocol, `hot_stress`
         and `peak` among them, then grow with E*, rates with (E* / density)^(1/2) / R, so that the
         packing is the one of glass at a stress that is an equal share of E*.
+    clump : str
+        Numbers x y z radius of the spheres of a clump's template, empty for spheres. `spheres` is
+        then the number of clumps, each of the volume of a sphere of the mean radius.
 
     Raises
     ------
@@ -245,10 +254,13 @@ class Study:
     residual: float = SETTLED.residual
     peak: float = PEAK
     dilate: float = 0.0
+    rolling: float = 0.0
+    twisting: float = 0.0
     sizes: str = ""
     densities: str = ""
     walls: str = ""
     solid: str = ""
+    clump: str = ""
 
     def __post_init__(self) -> None:
         self._convert_types()
@@ -256,6 +268,7 @@ class Study:
         refuse_more_than_fit(self.spheres)
         _ = self.mixture  # refuses unknown words
         self._check_protocol()
+        self._check_clumps()
 
     def _convert_types(self) -> None:
         """Give each parameter the type of its default: tables have numbers of any type."""
@@ -289,6 +302,20 @@ class Study:
                 "more spheres or a smaller aspect (length over width)",
             )
 
+    def _check_clumps(self) -> None:
+        """Raise InputError for clumps without friction, dilated, or with other mixtures."""
+        if not self.clump:
+            return
+        mixed = self.sizes or self.densities
+        if not self.mu_comp or self.dilate or mixed:
+            raise InputError(
+                "clumps",
+                "clumps without friction, dilated, or of several sizes or densities",
+                "they are packed from a cloud of equal clumps with friction alone",
+                "leave the others out",
+            )
+        _ = self.template  # refuses an impossible one
+
     def _check_protocol(self) -> None:
         """Raise InputError for a number of the protocol outside its range."""
         if not (0 < self.fraction <= 1 and 0 < self.inertial_number < 1):
@@ -313,6 +340,14 @@ class Study:
                 f"{MAX_DILATION:g}",
                 "0.005 leaves them nearly as dense as they are without",
             )
+        for name in TURNING:
+            coefficient = getattr(self, name)
+            if not 0 <= coefficient <= 1 or (coefficient and not self.mu_comp):
+                raise InputError(
+                    "rolling_or_twisting",
+                    f"{name} {coefficient:g}",
+                    "contacts resist turns by a coefficient from 0 to 1, and only with friction",
+                )
         lowest, highest = HOT_STRESS_RANGE
         if not (lowest <= self.hot_stress <= highest and 0 < self.residual < 1):
             raise InputError(
@@ -329,10 +364,28 @@ class Study:
             self.spheres, self.seed, self.sizes, self.densities, self.walls, self.solid
         )
 
+    @cached_property
+    def template(self) -> ClumpTemplate | None:
+        """Template of the clumps in their size; None for spheres."""
+        if not self.clump:
+            return None
+        return parse_template(self.clump.split()).scaled(self.mixture.radius)
+
+    @property
+    def cloud_fraction(self) -> float:
+        """Solid fraction of the cloud, in which clumps are as far apart as the spheres around."""
+        if self.template is None:
+            return CLOUD_FRACTION
+        around = 4 / 3 * math.pi * self.template.reach**3
+        return CLOUD_FRACTION * self.template.volume / around
+
     def time_step(self, stress: float) -> float:
         """Return the stable time step, s, of a packing at rest at `stress`, Pa."""
         mixture = self.mixture
-        return time_step(stress, self.fraction, mixture.smallest, mixture.mean)
+        smallest = mixture.smallest
+        if self.template is not None:
+            smallest = float(self.template.radius.min())
+        return time_step(stress, self.fraction, smallest, mixture.mean)
 
     def vibration_duration(self, number: float, stress: float) -> float:
         """Return the seconds, at `stress` (Pa), of a duration stated at the reference pressure."""

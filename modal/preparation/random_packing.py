@@ -60,6 +60,9 @@ class ProtocolNumbers(TypedDict, total=False):
     damping: float
     residual: float
     dilate: float
+    rolling: float
+    twisting: float
+    clump: str
 
 
 def sound_aspect(spheres: int) -> float:
@@ -295,6 +298,8 @@ def random_packing(
     periodic: bool = False,
     material: Material | None = None,
     radius: float | None = None,
+    rolling: float = 0.0,
+    twisting: float = 0.0,
 ) -> Network:
     """Make a random packing of spheres between two flat walls, at rest under a pressure.
 
@@ -335,6 +340,8 @@ def random_packing(
         Material of the spheres; by default the study's glass.
     radius : float, optional
         Mean radius, m; 1.27e-3 by default.
+    rolling, twisting : float, default 0
+        Coefficients against turns of the contacts, 0 to 1, as those of angular grains.
 
     Returns
     -------
@@ -373,6 +380,8 @@ def random_packing(
             walls=walls,
             periodic=periodic,
             solid=solid,
+            rolling=rolling,
+            twisting=twisting,
         )
         sample = read_sample(path)
     attributes = sample.study

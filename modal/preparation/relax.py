@@ -180,6 +180,7 @@ def relax(
     InputError
         If there is no friction or no contact, or if the sample comes apart or not to rest.
     """
+    sample.refuse_clumps("rest")
     limit = _friction_at_rest(sample, 1.0 if mobilised else FRICTION_SHARE)
     contacts = MovingContacts(sample, limit)
     if contacts.touching == 0:

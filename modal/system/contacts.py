@@ -17,6 +17,8 @@ Then the force on i changes by the terms that the choice of pre-stress selects:
     shear force     - n (t.dn)                               torque - arm t x dn - n x t a / 2
     twist           + s n x t                                torque - arm s t; in YADE's law
     growing circle  + t a growth                             other laws, in which t ~ contact radius
+    moment          with the twist alone: a carried moment M on i changes by
+                    (n x dn) x M + s n x M, that on j by its opposite
     lever arms      other laws, whose arms of motion and torque are R minus a share of the overlap
     rolling         a moment -(kr (1 - n n^T) + kw n n^T)(theta_i - theta_j) on i, its opposite on j
 
@@ -186,6 +188,10 @@ def contact_tangent(network: Network, terms: tuple[str, ...] = ()) -> Floats:
         is_pair = ~network.with_wall[:, None, None]
         K[:, 3:6] += reach_i * turning + shortening
         K[:, 6:9] += reach_j * turning + is_pair * shortening
+        if TWIST in terms and network.moment is not None:
+            moment_change = _turned_moment(network.moment, normal, normal_change, twist)
+            K[:, 3:6] -= moment_change
+            K[:, 6:9] += moment_change
         force -= _outer(normal, np.einsum("ci,cij->cj", shear_force, normal_change))
         force += _outer(np.cross(normal, shear_force), twist)
     if NORMAL in terms:
@@ -200,6 +206,15 @@ def contact_tangent(network: Network, terms: tuple[str, ...] = ()) -> Floats:
         K[:, 6:9, 3:6] -= resistance
         K[:, 6:9, 6:9] += resistance
     return K
+
+
+def _turned_moment(moment: Floats, normal: Floats, normal_change: Floats, twist: Floats) -> Floats:
+    """Return the change (m, 3, 9), N m, of carried moments that turn with their contacts."""
+    # (n x dn) x M = dn (n.M) - n (dn.M)
+    along = np.einsum("ci,ci->c", normal, moment)[:, None, None]
+    turned = along * normal_change
+    turned -= _outer(normal, np.einsum("ci,cij->cj", moment, normal_change))
+    return turned + _outer(np.cross(normal, moment), twist)
 
 
 def _arms(network: Network, extension: Floats | float) -> tuple[Floats, Floats]:

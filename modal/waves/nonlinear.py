@@ -114,12 +114,32 @@ class NonlinearWave(Wave):
         return np.hstack(records)
 
 
-def sample_at_rest(sample: Sample | Network, friction: float | None) -> Sample:
+def sample_at_rest(
+    sample: Sample | Network,
+    friction: float | None,
+    rolling: float | None = None,
+    twisting: float | None = None,
+) -> Sample:
     """Return the sample to start from.
 
-    `friction` replaces a sample's own. Raises InputError for a network without `friction` or with
-    an unknown contact law, and UnavailableError for a sample in motion.
+    `friction` and the coefficients against turns replace a sample's own. Raises InputError for a
+    network without `friction` or with an unknown contact law, for negative coefficients, and
+    UnavailableError for a sample in motion.
     """
+    start = _with_friction(sample, friction)
+    for name, coefficient in (("rolling", rolling), ("twisting", twisting)):
+        if coefficient is None:
+            continue
+        if not 0 <= coefficient < math.inf:
+            raise InputError(
+                "rolling_or_twisting", f"{name} {coefficient:g}", "must not be negative"
+            )
+        start = replace(start, **{name: coefficient})
+    return start
+
+
+def _with_friction(sample: Sample | Network, friction: float | None) -> Sample:
+    """Return the sample, with `friction` in place of its own if it is given."""
     if friction is not None and not 0 < friction < math.inf:
         raise InputError("friction", f"friction {friction:g}", "must be positive")
     if isinstance(sample, Network):
@@ -130,6 +150,7 @@ def sample_at_rest(sample: Sample | Network, friction: float | None) -> Sample:
                 remedy="give friction",
             )
         return sample_of_network(sample, friction)
+    sample.refuse_clumps("the non-linear wave")
     if sample.velocity is not None and sample.velocity.any():
         raise UnavailableError(
             "in_motion",

@@ -73,6 +73,8 @@ def propagate(
     receivers: Sequence[Disc] = (),
     time_step: float | None = None,
     friction: float | None = None,
+    rolling: float | None = None,
+    twisting: float | None = None,
 ) -> NonlinearWave: ...
 
 
@@ -116,6 +118,8 @@ def propagate(
     whole: bool = False,
     time_step: float | None = None,
     friction: float | None = None,
+    rolling: float | None = None,
+    twisting: float | None = None,
 ) -> LinearWave | NonlinearWave:
     """Propagate the wave that a motion of a source sends through a packing.
 
@@ -166,6 +170,9 @@ def propagate(
     friction : float, optional
         Coefficient of friction, for a non-linear wave: required for a network; the default of a
         sample is its own.
+    rolling, twisting : float, optional
+        Coefficients against turns of the contacts, for a non-linear wave, as in
+        `modal.random_packing`; by default those of the sample.
 
     Returns
     -------
@@ -204,11 +211,16 @@ def propagate(
             whole=whole,
         )
     else:
-        _refuse_options("non-linear", friction=friction is not None)
+        _refuse_options(
+            "non-linear",
+            friction=friction is not None,
+            rolling=rolling is not None,
+            twisting=twisting is not None,
+        )
     error = tolerance or (NONLINEAR_TOLERANCE if nonlinear else LINEAR_TOLERANCE)
     sample = None
     if nonlinear:
-        sample = sample_at_rest(network, friction)
+        sample = sample_at_rest(network, friction, rolling, twisting)
     if isinstance(network, Sample):
         network = network.network()
     source = source or default_source(network)

@@ -148,3 +148,22 @@ def test_arrays_that_are_no_spheres_are_refused(walled):
             modal.from_spheres(*arguments)
     with refusal("shape"):
         modal.from_spheres(position, radius[:3])
+
+
+def test_dmt_of_lammps_is_hertz_less_its_attraction():
+    """Compare with 4/3 E* sqrt(R*) d^1.5 - 4 pi gamma R*; its kn is Hertz's at the same overlap."""
+    radius = 1e-3
+    overlap = 2e-7
+    position = np.array([[0.0, 0, 0], [2 * radius - overlap, 0, 0]])
+    law = "granular {} tangential mindlin NULL 0 0.3"
+    sticky = modal.from_spheres(position, [radius] * 2, law=law.format("dmt 6e10 0 0.2 0.5"))
+    smooth = modal.from_spheres(position, [radius] * 2, law=law.format("hertz/material 6e10 0 0.2"))
+    effective = radius / 2
+    young = 6e10 / (2 * (1 - 0.2**2))
+    hertz = 4 / 3 * young * np.sqrt(effective) * overlap**1.5
+    # The overlap is a difference of positions: eps times 2 R over it, 2e-12.
+    assert sticky.force_normal == pytest.approx([hertz - 4 * np.pi * 0.5 * effective], rel=1e-10)
+    assert sticky.force_normal[0] < smooth.force_normal[0]
+    assert sticky.stiffness_normal == pytest.approx(smooth.stiffness_normal, rel=1e-12)
+    with refusal("not_positive"):
+        modal.from_spheres(position, [radius] * 2, law=law.format("dmt 6e10 0 0.2 -1"))

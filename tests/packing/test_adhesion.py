@@ -30,7 +30,7 @@ from modal.waves.motions import Pulse
 
 WORK = 5.0
 EFFECTIVE = RADIUS / 2
-MODELS = ("dmt 5", "jkr 5", "liquid-bridge 0.073 1e-12 20")
+MODELS = ("dmt 5", "jkr 5", "liquid-bridge 0.073 1e-12 20", "cement-bond 1e9 0.5 1e5")
 ACROSS_GAPS = MODELS[1:]
 STENCIL = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
 """Weights of the differences f(x + kh) - f(x - kh), k = 1 to 4, in a derivative of order h^8."""
@@ -170,6 +170,36 @@ def test_bridge_is_that_of_willett():
     assert pair.normal_force(-gap, EFFECTIVE) == pytest.approx(expected, rel=1e-12)
     assert wall.normal_force(0.0, RADIUS) == pytest.approx(-4 * np.pi * RADIUS * 0.073, rel=1e-12)
     assert float(pair.rupture_distance(EFFECTIVE)) == pytest.approx(volume ** (1 / 3))
+
+
+@pytest.mark.parametrize("ratio", [2.5, 4.0])
+def test_cement_is_the_parallel_bond_of_its_paper(ratio):
+    """Compare with k A, k A / q, k I, k J / q for k = E / (R1 + R2), and E / R at a wall."""
+    words = f"cement-bond 2e9 0.4 3e6 {ratio}"
+    laws = laws_of(material_with(words if ratio != 2.5 else words.removesuffix(" 2.5")))
+    hertz = laws_of(GLASS)
+    radius = 0.4 * RADIUS
+    area = np.pi * radius**2
+    inertia = np.pi * radius**4 / 4
+    for law, smooth, effective, length in zip(
+        laws, hertz, (RADIUS / 2, RADIUS), (2 * RADIUS, RADIUS), strict=True
+    ):
+        per_area = 2e9 / length
+        gap = 3e6 / per_area
+        assert law.rupture_distance(effective) == pytest.approx(gap, rel=1e-14)
+        assert law.normal_force(-gap, effective) == pytest.approx(-3e6 * area, rel=1e-14)
+        for overlap in (-0.5 * gap, 1e-6):
+            depth = max(overlap, 0.0)
+            kn = smooth.stiffness_normal(depth, effective) + per_area * area
+            kt = smooth.stiffness_tangential(depth, effective) + per_area / ratio * area
+            rolling = law.stiffness_rolling(overlap, effective)
+            twisting = law.stiffness_twisting(overlap, effective)
+            assert law.stiffness_normal(overlap, effective) == pytest.approx(kn, rel=1e-14)
+            assert law.stiffness_tangential(overlap, effective) == pytest.approx(kt, rel=1e-14)
+            assert rolling == pytest.approx(per_area * inertia, rel=1e-14)
+            assert twisting == pytest.approx(per_area / ratio * 2 * inertia, rel=1e-14)
+            force = law.normal_force(overlap, effective)
+            assert law.overlap_of_force(force, effective) == pytest.approx(overlap, rel=1e-13)
 
 
 def touching_pair(model, overlap, friction=0.5):

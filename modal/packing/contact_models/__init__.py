@@ -9,12 +9,14 @@ overlap, m, and the effective radius R1 R2 / (R1 + R2), m, and return
 - `stiffness_normal`: its tangent, N/m;
 - `stiffness_tangential`: the tangent along the contact without slip, N/m;
 
-and `overlap_of_force` returns the overlap of a force, N. A model may have two more:
+and `overlap_of_force` returns the overlap of a force, N. A model may have more:
 
 - `friction_force`: the force, N, whose product with the coefficient of friction bounds the shear
   force, where this is not the normal force, because adhesion presses the surfaces together;
 - `rupture_distance`, of the effective radius alone: the gap, m, up to which a contact that has
-  formed at touch goes on to act. Its other functions then take negative overlaps.
+  formed at touch goes on to act. Its other functions then take negative overlaps;
+- `stiffness_rolling` and `stiffness_twisting`, N m/rad, with `rolling_limit` and `twisting_limit`,
+  N m: the springs of a contact that resists turns by itself, and the moments at which they yield.
 
 They are plain functions of numbers or
 arrays, from which the loop over moving contacts is compiled, too: they may call functions of their
@@ -105,6 +107,33 @@ def rupture_distance(law: ContactLaw, radius: Any) -> Any:
 def acts_across_gaps(law: ContactLaw) -> bool:
     """Return whether contacts of a law depend on whether the spheres have touched before."""
     return hasattr(law, "rupture_distance")
+
+
+def turning_stiffnesses(
+    law: ContactLaw, overlap: Any, radius: Any, rolling: float, twisting: float
+) -> tuple[Any, Any]:
+    """Return the stiffnesses against rolling and twisting, N m/rad, each a number or (m,).
+
+    They are those of the law, or, as between rough or angular grains, the tangential stiffness on
+    arcs of the effective radius (K. Iwashita, M. Oda, J. Eng. Mech. 124, 285, 1998; J. Ai et al.,
+    Powder Technol. 206, 269, 2011). There a coefficient of 0, `rolling` or `twisting`, leaves none.
+    """
+    if resists_turning(law):
+        return law.stiffness_rolling(overlap, radius), law.stiffness_twisting(overlap, radius)
+    stiffness = law.stiffness_tangential(overlap, radius) * radius * radius
+    return stiffness * (rolling > 0), stiffness * (twisting > 0)
+
+
+def turning_limits(law: ContactLaw, overlap: Any, radius: Any) -> tuple[Any, Any]:
+    """Return the moments, N m, that a law bears in rolling and twisting by itself; 0 for most."""
+    if resists_turning(law):
+        return law.rolling_limit(overlap, radius), law.twisting_limit(overlap, radius)
+    return 0.0 * radius, 0.0 * radius
+
+
+def resists_turning(law: ContactLaw) -> bool:
+    """Return whether contacts of a law resist rolling and twisting by themselves."""
+    return hasattr(law, "stiffness_rolling")
 
 
 def law_of_each(laws: tuple[ContactLaw, ContactLaw], wall: Bools) -> ContactLaw:
