@@ -2,8 +2,8 @@
 
 The known laws are `granular` with hooke, hertz, hertz/material and dmt, tangential linear_history,
 mindlin and their variants, rolling sds, twisting sds and marshall; gran/hooke, gran/hooke/history
-and gran/hertz/history; `fix wall/gran` in the same words. Other cohesion is refused by name: contacts
-of jkr act across gaps that a dump does not show.
+and gran/hertz/history; `fix wall/gran` in the same words. Other cohesion is refused by name:
+contacts of jkr act across gaps that a dump does not show.
 
 As in LAMMPS a type of pair_coeff is a number or a range (`*`, `n*`, `*n`, `m*n`), a range stands
 for pairs of rising types alone, and the last line that covers a pair holds. A pair that no line
