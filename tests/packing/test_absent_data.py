@@ -122,10 +122,10 @@ FUNCTIONS = {
 def test_a_function_names_the_column_that_it_needs(name):
     function, column = FUNCTIONS[name]
     network = changes.bare(gallery.fcc(cells=(2, 2, 6)))
-    with pytest.raises(UnavailableError) as refusal:
+    with pytest.raises(UnavailableError) as error_info:
         function(network)
-    assert refusal.value.code == "unknown_column"
-    assert f"contacts/{column}," in refusal.value.problem
+    assert error_info.value.code == "unknown_column"
+    assert f"contacts/{column}," in error_info.value.problem
 
 
 def test_without_forces_all_spheres_of_a_crystal_are_firmly_held():
@@ -183,9 +183,9 @@ def test_commands_refuse_a_network_without_an_area_or_a_length(
 
 
 def test_stress_on_walls_needs_an_area():
-    with pytest.raises(UnavailableError) as refusal:
+    with pytest.raises(UnavailableError) as error_info:
         wall_stress(INCOMPLETE["no area"])
-    assert refusal.value.code == "no_area"
+    assert error_info.value.code == "no_area"
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])

@@ -7,6 +7,7 @@ import numpy as np
 import packings
 import pytest
 import scipy.sparse as sp
+from refusals import refusal
 from scipy.sparse.linalg import spsolve
 
 import modal
@@ -219,9 +220,9 @@ def test_waves_go_through_a_deposit(tmp_path, printed):
 
 
 def test_sources_that_move_nothing_are_refused():
-    with pytest.raises(InputError) as refusal:
+    with pytest.raises(InputError) as error_info:
         modal.propagate(deposit(upside_down=True), 1e-4)
-    assert refusal.value.code == "no_source_wall"
+    assert error_info.value.code == "no_source_wall"
     with refusal("plane_beside_spheres"):
         modal.propagate(deposit(), 1e-4, source=Plane(0.9 * deposit().wall_position[1]))
 
