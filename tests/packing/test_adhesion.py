@@ -32,6 +32,11 @@ WORK = 5.0
 EFFECTIVE = RADIUS / 2
 MODELS = ("dmt 5", "jkr 5", "liquid-bridge 0.073 1e-12 20", "cement-bond 1e9 0.5 1e5")
 ACROSS_GAPS = MODELS[1:]
+COMPILED = [
+    pytest.param(model, marks=() if model.startswith("jkr") else pytest.mark.slow)
+    for model in MODELS
+]
+"""Models of tests that run a compiled loop, which takes numba ten seconds a model."""
 STENCIL = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
 """Weights of the differences f(x + kh) - f(x - kh), k = 1 to 4, in a derivative of order h^8."""
 
@@ -214,7 +219,7 @@ def touching_pair(model, overlap, friction=0.5):
 
 
 @pytest.mark.parametrize("by_arrays", [False, True])
-@pytest.mark.parametrize("model", ACROSS_GAPS)
+@pytest.mark.parametrize("model", COMPILED[1:])
 def test_contact_acts_across_its_gap_once_it_has_formed(model, by_arrays, monkeypatch):
     """Part two spheres, let them come near again, and account for the energy at rupture."""
     if by_arrays:
@@ -247,7 +252,7 @@ def test_contact_acts_across_its_gap_once_it_has_formed(model, by_arrays, monkey
     assert force_at(0.01 * gap) != 0
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", COMPILED)
 def test_friction_bears_on_the_force_that_presses_the_surfaces(model):
     """Shear a pair far beyond its limit: mu times normal force and adhesion."""
     law = law_of(model)
@@ -276,7 +281,7 @@ def sticky(packed, model):
     return replace(packed, material=material_with(model, young=6e9), shear=None)
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", COMPILED)
 def test_compiled_loop_is_that_of_numpy(packed, model, monkeypatch):
     """Compare energies too, after steps in which contacts slide, break and form."""
     moving = in_flight(
@@ -297,7 +302,7 @@ def test_compiled_loop_is_that_of_numpy(packed, model, monkeypatch):
     assert compiled.slipped == pytest.approx(arrays.slipped, rel=1e-6)
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", COMPILED)
 def test_rested_written_and_read_it_is_in_balance_and_carries_a_wave(packed, model, tmp_path):
     path = tmp_path / "rested.sample.h5"
     start = sticky(packed, model)

@@ -28,8 +28,8 @@ WITH_NUMBERS = {
     "liquid-bridge": "liquid-bridge 0.073 1e-12 20",
     "cement-bond": "cement-bond 1e9 0.5 1e5",
 }
-ACROSS_GAPS = ("jkr", "liquid-bridge", "cement-bond")
 """Name -> name and numbers of the models that need numbers."""
+ACROSS_GAPS = ("jkr", "liquid-bridge", "cement-bond")
 
 
 @pytest.fixture(params=MODELS)
@@ -37,9 +37,21 @@ def model(request):
     return WITH_NUMBERS.get(request.param, request.param)
 
 
-@pytest.fixture(params=[name for name in MODELS if name not in ACROSS_GAPS])
+def compiled(names):
+    """Return parameters for tests that run a compiled loop: numba takes ten seconds a model."""
+    quick = ("hertz-mindlin", "cement-bond")
+    return [pytest.param(name, marks=() if name in quick else pytest.mark.slow) for name in names]
+
+
+@pytest.fixture(params=compiled(name for name in MODELS if name not in ACROSS_GAPS))
 def model_without_gaps(request):
     """Return a model whose contacts open where they have formed."""
+    return WITH_NUMBERS.get(request.param, request.param)
+
+
+@pytest.fixture(params=compiled(MODELS))
+def compiled_model(request):
+    """Return a model whose loop is compiled."""
     return WITH_NUMBERS.get(request.param, request.param)
 
 
@@ -180,10 +192,10 @@ def test_exponent_of_moduli_over_stress_is_that_of_the_law():
     assert (rough[:3] > 1 / 3 - 1e-3).all()
 
 
-def test_compiled_loop_is_that_of_numpy(model, monkeypatch):
+def test_compiled_loop_is_that_of_numpy(compiled_model, monkeypatch):
     """Compare after 100 steps of sliding, opening and closing contacts, with rougher walls."""
     packed = modal.random_packing(60, seed=2, aspect=1.0)
-    words = f"{model} 1e-6" if model.startswith("rough") else model
+    words = f"{compiled_model} 1e-6" if compiled_model.startswith("rough") else compiled_model
     material = material_with(words, young=6e9)
     bare = sample_of_network(packed, 0.1)
     bare = replace(bare, material=material, shear=None, study={})
