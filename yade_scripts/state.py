@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from yade import Matrix3, O, Vector3
 
+from modal.packing.contact_law import HERTZ_MINDLIN
 from modal.packing.neighbours import canonical, tangents
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.tools.errors import InputError
@@ -132,13 +133,24 @@ def resume_cell():
     _strain_cell(-1.0)
 
 
-def build_scene(sample, *, margin, damping):
-    """Build the scene of a sample, with its contacts, shear forces and velocities.
-
-    `margin` is the reach of the collider in radii, `damping` the local damping. Raises InputError
-    for a cell without walls, for held spheres, or if YADE finds other contacts than the sample has.
-    """
-    n = len(sample.position)
+def _refuse_other_scenes(sample):
+    """Raise InputError for a sample whose walls, contacts or bodies these scenes do not have."""
+    model = sample.material.contact_model
+    if model != HERTZ_MINDLIN or sample.resists_turning:
+        kind = "moments of contacts" if model == HERTZ_MINDLIN else f"contacts of {model}"
+        raise InputError(
+            "other_law",
+            f"the sample has {kind}",
+            "scenes have YADE's contacts of Hertz and Mindlin, without moments",
+            "take the waves of `granular-modes`, which have them",
+        )
+    if sample.clumps is not None:
+        raise InputError(
+            "clumps",
+            "the sample has clumps",
+            "scenes of samples have single spheres",
+            "take the waves of `granular-modes`, which move clumps",
+        )
     if sample.periodic_z:
         raise InputError(
             "no_walls",
@@ -153,6 +165,16 @@ def build_scene(sample, *, margin, damping):
             "scenes of samples move all spheres",
             "take the waves of `granular-modes`, which hold them",
         )
+
+
+def build_scene(sample, *, margin, damping):
+    """Build the scene of a sample, with its contacts, shear forces and velocities.
+
+    `margin` is the reach of the collider in radii, `damping` the local damping. Raises InputError
+    for a sample that is none of YADE's scenes, or if YADE finds other contacts than the sample has.
+    """
+    n = len(sample.position)
+    _refuse_other_scenes(sample)
     O.reset()
     place(
         sample.position,

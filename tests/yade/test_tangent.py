@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from in_yade import measured_tangent, script
+from in_yade import error_lines, forked, measured_tangent, script
 from oracles import asymmetry
 from packings import random_sample, sheared
 from places import ROOT, SHEARED
 
 from modal.dem.contacts import MovingContacts
 from modal.packing import crystal as gallery
-from modal.packing.sample import read_sample
+from modal.packing.sample import read_sample, write_sample
 from modal.packing.state import net_forces
 from modal.system.assembly import stiffness_matrix
 
@@ -142,3 +142,22 @@ def test_every_column_equals_finite_differences_of_yades_forces(tmp_path, yade):
     # Each term of the pre-stress is seen: overlap / R and friction times that.
     assert error["none"] > 1e-4
     assert 1e-5 < error["normal"] < error["none"]
+
+
+@pytest.mark.parametrize("kind", ["another contact model", "moments of contacts"])
+def test_contacts_that_scenes_do_not_have_are_refused(kind, tmp_path, yade):
+    """Refuse them in one line, with no product, rather than take YADE's law for theirs."""
+    plain = replace(read_sample(SHEARED), shear=None)
+    samples = {
+        "another contact model": replace(
+            plain, material=replace(plain.material, contact_model="linear")
+        ),
+        "moments of contacts": replace(plain, rolling=0.1),
+    }
+    path = tmp_path / "x.sample.h5"
+    write_sample(path, samples[kind])
+    program = ROOT / "yade_scripts/tangent.py"
+    status, log = forked(tmp_path, [program, path, tmp_path / "out.h5"], {})
+    assert status == 2
+    assert len(error_lines(log)) == 1
+    assert not (tmp_path / "out.h5").exists()
