@@ -163,16 +163,17 @@ class MovingContacts:
         self.on_held = np.zeros((n, 6 if history else 3))
         self.stiffness = np.zeros(n if stiffness else 0)
         self._history = history
+        self._tracks_energy = history and track_energy
         self.work = np.zeros((0, 2))
         if history:
-            self._read_history(track_energy)
+            self._read_history()
         self._list_steps = MIN_LIST_STEPS
         self._moved = 0.0
         self._paths = np.empty(SLABS)
         self._list_pairs()
         self.touch()
 
-    def _read_history(self, track_energy: bool) -> None:
+    def _read_history(self) -> None:
         """Take the contacts and shear forces from the sample."""
         network = self._sample.sphere_network()
         self._ends = np.column_stack([network.particle_i, network.particle_j])
@@ -184,7 +185,7 @@ class MovingContacts:
             self._moment = network.require("moment", "history of contacts").copy()
         self._key_at_start = contact_keys(self._ends[:, 0], self._ends[:, 1], self._shift)
         self._slips_of_open = [_Slips(self._key_at_start[:0], self._ends[:0], np.zeros(0))]
-        if track_energy:
+        if self._tracks_energy:
             self.work = np.zeros((network.n_contacts, 2))
             self.work[:, 0] = (self._shear**2).sum(axis=1) / (2 * network.stiffness_tangential)
             if self._moment is not None:
@@ -236,7 +237,7 @@ class MovingContacts:
             moment = self._moment[touched]
             self._moment = np.zeros((len(ends), 3))
             self._moment[after] = moment[before]
-        if len(self.work):
+        if self._tracks_energy:
             work = self.work
             self.work = np.zeros((len(ends), 2))
             self.work[after] = work[touched][before]

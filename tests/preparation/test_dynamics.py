@@ -226,6 +226,22 @@ def test_a_collision_makes_both_spheres_spin(collision):
     assert np.allclose(first_spin, second_spin)
 
 
+def test_slip_of_spheres_that_do_not_touch_at_first_is_counted():
+    """Lose to slip what the motion loses; the step errs by 1e-3 of this."""
+    relative = APPROACH * NORMAL - GLIDE * TANGENT
+    velocity = np.array([relative / 2, -relative / 2])
+    pair = make_pair(2 * RADIUS * (1 + 1e-6), velocity, FRICTION)
+    motion = Dynamics(pair, track_energy=True)
+    inertia = np.repeat(motion.masses, 3, axis=1)
+    energy_before = (inertia * motion.velocity**2).sum() / 2
+    for _ in range(3000):
+        motion.step(2e-8)
+    assert motion.contacts.touching == 0
+    energy_after = (inertia * motion.velocity**2).sum() / 2
+    assert motion.contacts.slipped > 0
+    assert energy_before - energy_after == pytest.approx(motion.contacts.slipped, rel=3e-3)
+
+
 def test_spheres_at_rest_in_the_cell_stay_at_their_share_of_it():
     """Strain a cell of spheres at rest without contacts: x divided by the side stays."""
     random = np.random.default_rng(1)
