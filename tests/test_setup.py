@@ -83,8 +83,10 @@ def test_a_copy_in_the_place_of_this_folder_is_replaced_by_it(hidden_by, tmp_pat
     assert call.endswith("-e .[analysis,fast]")
     assert set_up(good).returncode == 0 and len(calls(good)) == 1
     done = set_up(bad)
-    assert done.returncode == 2 and done.stderr.count("\n") == 1
-    assert str(bad / "site/modal") in done.stderr
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    # A folder of caches hides no package that Python finds elsewhere, as it may this one.
+    assert str(bad / "site/modal" if hidden_by is other_copy else bad) in done.stderr
 
 
 def test_changed_requirements_are_installed_without_the_fast_packages_if_need_be(tmp_path):

@@ -27,8 +27,10 @@ def is_old(head: bytes) -> bool:
 
     Version 1.0, which came after version 3, begins with the old word but has names.
 
-    >>> is_old(b"restart_version 3\nxmin 0 xmax 1"), is_old(b"restart_version 1.0 name a\nxMin 0")
-    (True, False)
+    >>> is_old(b"restart_version 3")
+    True
+    >>> is_old(b"restart_version 1.0 name a xMin 0")
+    False
     """
     return head.startswith(BEGINNING) and b"xMin" not in head
 
