@@ -72,9 +72,12 @@ class ClumpMotion:
 
     def loads(self) -> Floats:
         """Return force and torque (k, 6), N and N m, of the last contacts on each clump."""
+        arm = self._contacts.arm
+        assert arm is not None
         load = self._contacts.load
         force = load[:, :3]
-        on_spheres = np.hstack([force, load[:, 3:] + np.cross(self._contacts.arm, force)])
+        torque = load[:, 3:] + np.cross(arm, force)
+        on_spheres = np.hstack([force, torque])
         count = len(self._mass)
         sums = [np.bincount(self._body, column, count) for column in on_spheres.T]
         return np.column_stack(sums)

@@ -325,10 +325,12 @@ def _advance_moment(
 
     `normal_before` (3, k) are the normals before the step.
     """
+    moment = step.moment
+    assert moment is not None
     rows = contacts.rows
     motion = _relative_motion(geometry, step, contacts)
     carried = turn_shear(
-        step.moment[rows].T, normal_before, contacts.normal, motion.spin_sum, step.time_step
+        moment[rows].T, normal_before, contacts.normal, motion.spin_sum, step.time_step
     )
     before = split_moment(carried, contacts.normal)
     turn = split_moment(relative_turn(motion, step.time_step), contacts.normal)
@@ -346,6 +348,6 @@ def _advance_moment(
             stored, dissipated = shear_work(before[kind], trial, after, sprung)
             step.work[rows, 0] += np.where(has_stiffness, stored, 0.0)
             step.work[rows, 1] += np.where(has_stiffness, dissipated, 0.0)
-    step.moment[:] = 0
-    step.moment[rows] = couple.T
+    moment[:] = 0
+    moment[rows] = couple.T
     return couple

@@ -128,13 +128,14 @@ def sample_at_rest(
     """
     start = _with_friction(sample, friction)
     for name, coefficient in (("rolling", rolling), ("twisting", twisting)):
-        if coefficient is None:
-            continue
-        if not 0 <= coefficient < math.inf:
+        if coefficient is not None and not 0 <= coefficient < math.inf:
             raise InputError(
                 "rolling_or_twisting", f"{name} {coefficient:g}", "must not be negative"
             )
-        start = replace(start, **{name: coefficient})
+    if rolling is not None:
+        start = replace(start, rolling=rolling)
+    if twisting is not None:
+        start = replace(start, twisting=twisting)
     return start
 
 
