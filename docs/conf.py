@@ -47,7 +47,7 @@ sphinx_gallery_conf = {
     "examples_dirs": "../examples",  # not its folders: in them nothing is called README
     "gallery_dirs": "examples",
     "filename_pattern": r"\.py$",
-    "ignore_pattern": r"/_\w+\.py",  # what they share
+    "ignore_pattern": r"(^|/)_\w+\.py",  # what they share
     "within_subsection_order": "FileNameSortKey",
     "show_memory": False,
     "min_reported_time": 1e9,
