@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 from _committed import RESULTS, mean_with_error, write, write_page
+from _table_of_seeds import complete_table
 
 import modal
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS
@@ -57,22 +58,8 @@ def make_packing(strength, seed):
     }
 
 
-def make_packings():
-    """Make the packings that the table lacks, and write each into it as soon as it is there."""
-    TABLE.parent.mkdir(parents=True, exist_ok=True)
-    rows = []
-    if TABLE.exists():
-        rows = pd.read_csv(TABLE).to_dict("records")
-    present = {(row["strength"], row["seed"]) for row in rows}
-    for seed in SEEDS:
-        for strength in STRENGTHS:
-            if (strength, seed) not in present:
-                rows.append(make_packing(strength, seed))
-                pd.DataFrame(rows).to_csv(TABLE, index=False, float_format="%.7g")
-
-
 if __name__ == "__main__" and sys.argv[2:] == ["make"]:
-    make_packings()
+    complete_table(TABLE, "strength", STRENGTHS, SEEDS, make_packing)
 
 packings = pd.read_csv(TABLE)
 rows = []

@@ -15,6 +15,7 @@ import sys
 
 import pandas as pd
 from _committed import RESULTS, mean_with_error, write, write_page
+from _table_of_seeds import complete_table
 
 import modal
 from modal.packing.sample import sample_of_network
@@ -61,22 +62,8 @@ def make_packing(friction, seed):
     }
 
 
-def make_packings():
-    """Make the packings that the table lacks, and write each into it as soon as it is there."""
-    TABLE.parent.mkdir(parents=True, exist_ok=True)
-    rows = []
-    if TABLE.exists():
-        rows = pd.read_csv(TABLE).to_dict("records")
-    present = {(row["friction"], row["seed"]) for row in rows}
-    for seed in SEEDS:
-        for friction in FRICTIONS:
-            if (friction, seed) not in present:
-                rows.append(make_packing(friction, seed))
-                pd.DataFrame(rows).to_csv(TABLE, index=False, float_format="%.7g")
-
-
 if __name__ == "__main__" and sys.argv[2:] == ["make"]:
-    make_packings()
+    complete_table(TABLE, "friction", FRICTIONS, SEEDS, make_packing)
 
 packings = pd.read_csv(TABLE)
 packings["above_isostatic"] = packings["z"] - isostatic_coordination(packings["mobilised"])
