@@ -235,7 +235,6 @@ SAME_STATE: dict[str, Property] = {
     # Nothing measures it: a note must be the same wherever it is known.
     "mu_comp": Property("the friction of the compression", _friction("mu_comp"), 1e-6),
     "mu_wave": Property("the friction of the wave", _friction("mu_wave"), 1e-6),
-    "mu_rest": Property("the friction with which it came to rest", _friction("mu_rest"), 1e-6),
     # Waves that fit across the cell set in at V / width.
     "width": Property("the width, D,", _width, 0.1),
 }

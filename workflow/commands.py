@@ -152,13 +152,10 @@ class Commands:
         return f"{self.folder}/{case}.{kind}.h5"
 
     def relax_command(self, case: str, state: str) -> str:
-        """Return the command that brings a state to rest for the case's wave."""
-        row = self.rows[case]
-        frictions = ["--friction", rest_friction(row)]
-        if rest_friction(row) != row["mu_wave"]:
-            frictions += ["--wave-friction", row["mu_wave"]]
+        """Return the command that brings a state to rest with the friction of the case's wave."""
+        friction = self.rows[case]["mu_wave"]
         sample = self.product(case, "sample")
-        command = quoted("modal", "relax", state, *frictions, "-o", sample)
+        command = quoted("modal", "relax", state, "--friction", friction, "-o", sample)
         return f"{command} --skip-current"
 
     def network_command(self, rule: str, case: str, packing: str = "network") -> str:
@@ -212,15 +209,6 @@ class Commands:
         if low > 0:
             return f"--hours 4 --between {low} {high}"
         return f"--hours 4 --below {high}"
-
-
-def rest_friction(row: Mapping[str, Any]) -> float:
-    """Return the friction with which a case's packing comes to rest.
-
-    It is that of the wave unless the study has a `rest_friction`.
-    """
-    at_rest = row.get("mu_rest")
-    return float(row["mu_wave"] if at_rest is None else at_rest)
 
 
 def quoted(*words: object) -> str:

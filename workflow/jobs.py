@@ -12,7 +12,7 @@ from typing import Any
 
 import h5py
 import pandas as pd
-from commands import COLUMNS, FULL, FURTHER, OF_NETWORK, RULES, Commands, quoted, rest_friction
+from commands import COLUMNS, FULL, FURTHER, OF_NETWORK, RULES, Commands, quoted
 
 from analysis.expressions import short
 from analysis.study.description import Study, part_of_name
@@ -216,20 +216,10 @@ class Jobs(Commands):
         return str(path)
 
     def is_ready(self, case: str) -> bool:
-        """Tell whether the finished sample is at rest with the case's friction, for its wave.
-
-        A sample without a note of its friction at rest came to rest with that of its wave.
-        """
-        committed = self.committed_sample(case)
-        if committed is None:
-            return False
-        row = self.rows[case]
-        of_wave = float(row["mu_wave"])
-        noted = _noted(Path(committed), "mu_wave")
-        noted_at_rest = _noted(Path(committed), "mu_rest")
-        if noted_at_rest is None:
-            noted_at_rest = noted
-        return noted in (None, of_wave) and noted_at_rest in (None, rest_friction(row))
+        """Tell whether the finished sample is at rest with the friction of the wave."""
+        path = self.committed_sample(case)
+        friction = float(self.rows[case]["mu_wave"])
+        return path is not None and _noted(Path(path), "mu_wave") in (None, friction)
 
     def starting_state(self, case: str) -> str:
         """Return the file that the sample of a random case is made from."""

@@ -31,7 +31,7 @@ from analysis.study.yaml_file import read_small, read_yaml
 from modal.tools.errors import InputError, refuse_unknown
 
 KINDS = "fcc", "random"
-OTHER_NAMES = {"friction": "mu_comp", "wave_friction": "mu_wave", "rest_friction": "mu_rest"}
+OTHER_NAMES = {"friction": "mu_comp", "wave_friction": "mu_wave"}
 """Words of a study, and what the programs call them."""
 NEEDED = "friction", "wave_friction", "stress"
 OF_GROUP = {*CASE, "factors"}

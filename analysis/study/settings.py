@@ -72,7 +72,6 @@ CASE: dict[str, Kind] = {
     "kind": Word(("fcc", "random")),
     "friction": Number(least=0, most=1),
     "wave_friction": Number(least=0),
-    "rest_friction": Number(least=0),
     "stress": POSITIVE,
     "width": POSITIVE,
     "spheres": COUNT,

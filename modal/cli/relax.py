@@ -19,8 +19,7 @@ STRESS_HELP = "isotropic stress to which a scan's spheres are brought first (fri
 EXAMPLE = "relax mine.sample.h5 --friction 0.5 -o rested.sample.h5"
 OPTIONS = (
     Option("sample", "", "*.sample.h5; with --stress a scan's *.network.h5", kind=str),
-    Option("--friction", "MU", "with which it comes to rest (default: the sample's)"),
-    Option("--wave-friction", "MU", "of the waves that will follow (default: as at rest)"),
+    Option("--friction", "MU", "of the wave that will follow (default: the sample's)"),
     flag("--mobilised", "keep contacts at the whole friction limit where they have slid to it"),
     Option("--stress", "PA", STRESS_HELP),
     Option("--tolerance", "T", "mean net force over mean contact force at rest", TOLERANCE),
@@ -57,8 +56,6 @@ def run(options: Options) -> Result:
             "must be positive",
             f"{TOLERANCE:g} is usual",
         )
-    if options.wave_friction is not None:
-        _refuse_lower(options.wave_friction, sample.friction)
     residuals = list[float]()
     minute = Minute()
 
@@ -72,9 +69,6 @@ def run(options: Options) -> Result:
 
     rested, state = relax(sample, tolerance=tolerance, watch=watch, mobilised=options.mobilised)
     _say_residual(state)
-    rest_friction = rested.friction
-    if options.wave_friction is not None:
-        rested = replace(rested, friction=options.wave_friction)
     measured = summary(rested.network(), rested.friction)
     stress = np.array(summary(sample.network())["stress_pa"])
     stress_change = _largest_change(stress, measured["stress_pa"])
@@ -87,7 +81,6 @@ def run(options: Options) -> Result:
     notes = {
         "residual": state.residual,
         "unbalanced": state.residual,
-        "mu_rest": rest_friction,
         "mu_wave": rested.friction,
         "tolerance": state.tolerance,
         "attainable": state.attainable,
@@ -117,17 +110,6 @@ def _bring_scan_to_rest(options: Options) -> Result:
     provenance = _with_parent(options.made, network.provenance)
     write_sample(options.output, replace(sample, study=study, provenance=provenance))
     return {"residual": state.residual, "contacts": state.contacts} | measured
-
-
-def _refuse_lower(wave_friction: float, rest_friction: float) -> None:
-    """Raise InputError for a friction with which contacts at rest would be beyond their limit."""
-    if not wave_friction >= rest_friction:
-        raise InputError(
-            "wave_friction",
-            f"--wave-friction {wave_friction:g}",
-            f"contacts at rest bear up to --friction {rest_friction:g}",
-            "give at least that",
-        )
 
 
 def _say_residual(state: Equilibrium) -> None:

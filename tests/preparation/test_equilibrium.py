@@ -13,7 +13,7 @@ from modal.cli import relax as relax_command
 from modal.dem.contacts import MovingContacts
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.packing.sample import Sample, read_sample, write_sample
-from modal.packing.state import friction_used, net_forces, stress_tensor
+from modal.packing.state import net_forces, stress_tensor
 from modal.preparation import relax as relaxation
 from modal.preparation.relax import (
     ACCEPTED_RESIDUAL,
@@ -228,25 +228,6 @@ def test_tolerance_that_is_not_reached_is_reported(
     assert study["tolerance"] == 1e-12
     assert not study["at_rest"]
     assert study["residual"] == state.residual
-
-
-def test_rest_and_wave_may_have_frictions_of_their_own(sheared, tmp_path):
-    """Rest with friction 0.1 for a wave of 0.3: no contact bears more than 0.1 of its force."""
-    path = tmp_path / "a.sample.h5"
-    out = tmp_path / "b.sample.h5"
-    write_sample(path, sheared)
-    command = ["relax", str(path), "--friction", "0.1", "-o", str(out)]
-    assert main([*command, "--wave-friction", "0.05"]) == 2
-    assert not out.exists()
-    assert main([*command, "--wave-friction", "0.3"]) == 0
-    rested = read_sample(out)
-    assert rested.friction == rested.study["mu_wave"] == 0.3
-    assert rested.study["mu_rest"] == 0.1
-    before = friction_used(sheared.network(), 0.1).max()
-    after = friction_used(rested.network(), 0.1).max()
-    assert before > 1
-    # Shear springs are cut back to the limit with the normal force of that step.
-    assert after <= 1 + 1e-6
 
 
 def test_balance_is_that_of_the_returned_sample(packed):

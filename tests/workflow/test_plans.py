@@ -10,8 +10,8 @@ PLANS = [
         {"stage": "page"},
         {
             "states": 5,
-            "committed_sample": 4,
-            "sample": 24,
+            "committed_sample": 8,
+            "sample": 20,
             "measure": 32,
             "yade_wave": 32,
             "further_wave": 2,
