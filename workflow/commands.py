@@ -152,10 +152,17 @@ class Commands:
         return f"{self.folder}/{case}.{kind}.h5"
 
     def relax_command(self, case: str, state: str) -> str:
-        """Return the command that brings a state to rest with the friction of the case's wave."""
-        friction = self.rows[case]["mu_wave"]
-        sample = self.product(case, "sample")
-        command = quoted("modal", "relax", state, "--friction", friction, "-o", sample)
+        """Return the command that brings a state to rest with the friction of the case's wave.
+
+        A compression with friction goes on while its contacts still slide: its state creeps under
+        its stress before the cell is fixed.
+        """
+        row = self.rows[case]
+        options = ["--friction", row["mu_wave"]]
+        is_isotropic = not row.get("oedometric") and float(row.get("stress_ratio") or 1) == 1
+        if row["mu_comp"] > 0 and is_isotropic:
+            options += ["--stress", row["stress"]]
+        command = quoted("modal", "relax", state, *options, "-o", self.product(case, "sample"))
         return f"{command} --skip-current"
 
     def network_command(self, rule: str, case: str, packing: str = "network") -> str:

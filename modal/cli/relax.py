@@ -6,19 +6,30 @@ from typing import Any
 import numpy as np
 
 from modal.cli.options import SKIP, Option, Options, Result, flag, output, say
+from modal.exchange.programs.own import is_sample
 from modal.formats.provenance import Provenance
 from modal.packing.network import read_network
-from modal.packing.sample import read_sample, write_sample
+from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.summary import summary
-from modal.preparation.relax import MAX_STEPS, TOLERANCE, Equilibrium, measure_equilibrium, relax
+from modal.preparation.relax import (
+    CREEP_RESIDUAL,
+    MAX_STEPS,
+    TOLERANCE,
+    Equilibrium,
+    friction_at_rest,
+    measure_equilibrium,
+    relax,
+)
 from modal.preparation.scanned import bring_to_stress, sample_of_scan
 from modal.tools.errors import InputError
 from modal.tools.progress import Minute
 
-STRESS_HELP = "isotropic stress to which a scan's spheres are brought first (friction 0 is allowed)"
+STRESS_HELP = (
+    "isotropic stress under which the spheres creep until they rest (a scan's with friction 0, too)"
+)
 EXAMPLE = "relax mine.sample.h5 --friction 0.5 -o rested.sample.h5"
 OPTIONS = (
-    Option("sample", "", "*.sample.h5; with --stress a scan's *.network.h5", kind=str),
+    Option("sample", "", "*.sample.h5; with --stress also a scan's *.network.h5", kind=str),
     Option("--friction", "MU", "of the wave that will follow (default: the sample's)"),
     flag("--mobilised", "keep contacts at the whole friction limit where they have slid to it"),
     Option("--stress", "PA", STRESS_HELP),
@@ -43,7 +54,7 @@ def current_result(options: Options) -> Result:
 
 def run(options: Options) -> Result:
     """Bring a sample to rest; the result has its residuals and its reserve of friction."""
-    if options.stress is not None:
+    if options.stress is not None and not is_sample(options.sample):
         return _bring_scan_to_rest(options)
     sample = read_sample(options.sample)
     tolerance = options.tolerance
@@ -67,6 +78,8 @@ def run(options: Options) -> Result:
                 f"rest at {tolerance:.1e}; {state.contacts} contacts, {state.sliding} sliding"
             )
 
+    if options.stress is not None:
+        sample = _creep(sample, options.stress, mobilised=options.mobilised)
     rested, state = relax(sample, tolerance=tolerance, watch=watch, mobilised=options.mobilised)
     _say_residual(state)
     measured = summary(rested.network(), rested.friction)
@@ -75,8 +88,7 @@ def run(options: Options) -> Result:
     if abs(stress_change) > MIN_REPORTED_STRESS_CHANGE:
         say(
             f"a stress changed by {100 * stress_change:+.2g} % at the fixed cell: the packing was "
-            "not yet at rest; `python -m modal pack` with a tenth of its --residual leaves less to "
-            "creep"
+            "not yet at rest; with --stress it creeps under its stress first"
         )
     notes = {
         "residual": state.residual,
@@ -94,6 +106,16 @@ def run(options: Options) -> Result:
     return result | asdict(state) | measured
 
 
+def _creep(sample: Sample, stress: float, *, mobilised: bool) -> Sample:
+    """Return a sample after it has crept to rest under an isotropic stress, Pa.
+
+    Its contacts slide at the same friction as in `relax`.
+    """
+    friction = friction_at_rest(sample, mobilised=mobilised)
+    crept = bring_to_stress(replace(sample, friction=friction), stress, say, CREEP_RESIDUAL)
+    return replace(crept, friction=sample.friction)
+
+
 def _bring_scan_to_rest(options: Options) -> Result:
     """Bring the spheres of a scan to rest under a stress; the result has the state's numbers."""
     network = read_network(options.sample)
@@ -106,7 +128,8 @@ def _bring_scan_to_rest(options: Options) -> Result:
         sample, state = relax(sample, tolerance=options.tolerance, mobilised=options.mobilised)
         _say_residual(state)
     measured = summary(sample.network(), sample.friction)
-    study = sample.study | measured | {"residual": state.residual, "at_rest": True}
+    notes = {"mu_comp": friction, "residual": state.residual, "at_rest": True}
+    study = sample.study | measured | notes
     provenance = _with_parent(options.made, network.provenance)
     write_sample(options.output, replace(sample, study=study, provenance=provenance))
     return {"residual": state.residual, "contacts": state.contacts} | measured

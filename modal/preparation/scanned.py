@@ -1,10 +1,13 @@
-"""Bring scanned spheres, whose overlaps are not known, to rest under a stress.
+"""Bring spheres to rest under a stress: those of a scan, or a sample that would creep.
 
-The spheres move from where the scan shows them until their contacts balance and bear the stress:
-without friction down the enthalpy (`modal.preparation.frictionless`), with friction by damped
-motion under a servo on the three principal stresses, as each state of a compression. The noise of
-the positions decides which of many states it is; without friction a packing becomes denser than it
-was, as its contacts may slide.
+The spheres move from where they are until their contacts balance and bear the stress: without
+friction down the enthalpy (`modal.preparation.frictionless`), with friction by damped motion under
+a servo on the three principal stresses, as each state of a compression.
+
+The overlaps of a scan are not known: the noise of its positions decides which of many states it
+becomes; without friction a packing becomes denser than it was, as its contacts may slide. A sample
+whose contacts still slide loses stress at a fixed cell; under the servo it creeps until it bears
+its stress at rest.
 """
 
 from collections.abc import Callable
@@ -19,7 +22,7 @@ from modal.packing.sample import Sample, bare_sample
 from modal.packing.scan import Scan
 from modal.preparation.compression import run_to_checkpoint, start_dynamics
 from modal.preparation.frictionless import Descent, Pressure
-from modal.preparation.protocol import Stage, Study
+from modal.preparation.protocol import SETTLED, Stage, Study
 from modal.tools.errors import InputError
 
 MAX_CHECKPOINTS = 100
@@ -62,11 +65,18 @@ def sample_of_scan(network: Network, friction: float) -> Sample:
     return replace(sample, position=position, study={}, provenance={})
 
 
-def bring_to_stress(sample: Sample, stress: float, say: Callable[[str], None]) -> Sample:
+def bring_to_stress(
+    sample: Sample,
+    stress: float,
+    say: Callable[[str], None],
+    residual: float = SETTLED.residual,
+) -> Sample:
     """Return the spheres of a sample at rest under an isotropic stress, Pa.
 
-    `say` is called with lines of progress. Raises InputError if the stress is not positive, or if
-    the spheres do not come to rest.
+    Contacts slide at the friction of the sample. The spheres are at rest when their mean net force
+    is below `residual` times the mean contact force. `say` is called with lines of progress.
+
+    Raises InputError if the stress is not positive, or if the spheres do not come to rest.
     """
     if not 0 < stress < np.inf:
         raise InputError("stress", f"stress {stress:g}", "must be positive", "give it in Pa")
@@ -77,7 +87,10 @@ def bring_to_stress(sample: Sample, stress: float, say: Callable[[str], None]) -
         spheres=len(sample.position),
         width=float(min(sample.side)) / (2 * sample.radius),
         solid=f"{material.young!r} {material.poisson!r} {material.density!r} {smallest!r}",
+        residual=residual,
     )
+    # The time that a path spent at its last stress is none of this stage's.
+    sample = replace(sample, study=sample.study | {"stage_time": 0.0})
     name = f"{stress:g}"
     is_over = False
     for _ in range(MAX_CHECKPOINTS):
@@ -93,4 +106,4 @@ def bring_to_stress(sample: Sample, stress: float, say: Callable[[str], None]) -
             f"the spheres do not come to rest at {stress:g} Pa",
             remedy="give another stress, or check radii and cell",
         )
-    return replace(sample, study=sample.study | {"mu_comp": sample.friction, "stress": stress})
+    return replace(sample, study=sample.study | {"stress": stress})

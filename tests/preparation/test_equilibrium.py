@@ -13,8 +13,9 @@ from modal.cli import relax as relax_command
 from modal.dem.contacts import MovingContacts
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.packing.sample import Sample, read_sample, write_sample
-from modal.packing.state import net_forces, stress_tensor
+from modal.packing.state import friction_used, net_forces, stress_tensor
 from modal.preparation import relax as relaxation
+from modal.preparation.protocol import SETTLED
 from modal.preparation.relax import (
     ACCEPTED_RESIDUAL,
     FRICTION_SHARE,
@@ -228,6 +229,29 @@ def test_tolerance_that_is_not_reached_is_reported(
     assert study["tolerance"] == 1e-12
     assert not study["at_rest"]
     assert study["residual"] == state.residual
+
+
+def test_sample_creeps_under_its_stress(tmp_path):
+    """Bring a sample to rest whose compression had less friction than it bears.
+
+    Its contacts slide. The servo holds the stress to `SETTLED.stress_error`, and what is left to
+    creep then is a hundredth of what was left before.
+    """
+    wide = replace(random_sample(250, 1e6, seed=2, aspect=1.2, tolerance=1e-3), friction=0.3)
+    sheared = relax(shaken(wide, 0.02, np.inf))[0]
+    path = tmp_path / "a.sample.h5"
+    out = tmp_path / "b.sample.h5"
+    write_sample(path, replace(sheared, study={"mu_comp": 0.1}))
+    stress = np.trace(stress_tensor(sheared.network())) / 3
+    command = ["relax", str(path), "--stress", f"{stress}", "-o", str(out)]
+    assert main(command) == 0
+    rested = read_sample(out)
+    assert rested.friction == sheared.friction
+    principal = np.diag(stress_tensor(rested.network()))
+    assert principal == pytest.approx(stress, rel=1.1 * SETTLED.stress_error)
+    assert friction_used(sheared.network(), 0.1).max() > 1.2
+    # Shear forces are cut back to the limit of the normal force at that step.
+    assert friction_used(rested.network(), 0.1).max() < 1 + 1e-6
 
 
 def test_balance_is_that_of_the_returned_sample(packed):
