@@ -83,7 +83,7 @@ def _diameters(network: Network) -> str:
 
 
 def _held(network: Network) -> str:
-    """Return a text with the number of spheres that are held, wholly or in part."""
+    """Return a text with the number of spheres that are held in all or in some motions."""
     held = int(network.held.sum())
     description = f"{held} spheres in all motions"
     assert network.fixed is not None
@@ -104,7 +104,7 @@ def _cell(network: Network) -> str:
 
 
 def _void_ratio(state: Mapping[str, Any]) -> str:
-    """Return the void ratio of a summary, with its error if the packing has free ends."""
+    """Return the void ratio of a summary, with its error if the packing has free surfaces."""
     void_ratio = f"{state['void_ratio']:.4f}"
     if "void_ratio_error" in state:
         free_ends = ", ".join(state["free_ends"])

@@ -18,7 +18,7 @@ OPTIONS = (
 
 
 def run(options: Options) -> Result:
-    """Count the modes below each frequency; names are the frequencies as they were typed."""
+    """Count the modes below each frequency; name each count by the frequency as typed."""
     network = packing_of(options)
     system = LinearSystem.of(network, **chosen(options, "pre_stress", "sliding", "solver"))
     limits = frequencies(options.at)

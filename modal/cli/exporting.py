@@ -58,7 +58,7 @@ def run(options: Options) -> Result:
 
 
 def _read_product(options: Options) -> tuple[dict[str, Array], picture.Motion]:
-    """Return the fields of the spheres and the motion in a file of modes or signals."""
+    """Return the fields of the spheres, and the motion, from a file of modes or of signals."""
     remark = require_same_packing(options.product, packing_of(options.network))
     if remark:
         options.remarks.append(remark)
@@ -82,8 +82,8 @@ def _mode_fields(
 ) -> tuple[dict[str, Array], picture.Motion]:
     """Return the fields of the chosen modes, and the motion of the mode to be animated.
 
-    `shapes` (k, n, 6) are those of all modes; `numbers`, from 1, are those of the chosen modes. The
-    motion is empty if `frames` is None.
+    `shapes` (k, n, 6) are those of all modes; `numbers`, from 1, are those of the chosen modes.
+    Without `frames` no motion is returned.
     """
     fields = dict[str, Array]()
     for number in numbers:

@@ -43,9 +43,9 @@ def run(options: Options) -> Result:
 
 
 def summary_of(imported: ImportResult) -> dict[str, Any]:
-    """Return what an import found: spheres, contacts, stresses, balance, digits, law and its terms.
+    """Return figures of an import: spheres, contacts, stresses, balance, digits, law and its terms.
 
-    `remarks` are those of the import, then those that `info` has on any network.
+    `remarks` are first those of the import, then the remarks that `info` makes on any network.
     """
     network = imported.network
     plausible = plausibility(network, sought=imported.sought)
@@ -74,8 +74,8 @@ def law_term_sizes(network: Network) -> dict[str, float]:
     """Return the relative change of K by each term of the law: a root mean square over entries.
 
     Rotations count as arcs of the mean radius. Terms that the law does not have, or whose forces
-    are not known, are left out. Of more than `MAX_WEIGHED_CONTACTS` contacts, evenly spaced ones
-    are taken.
+    are not known, are left out. If there are more than `MAX_WEIGHED_CONTACTS` contacts, an evenly
+    spaced selection is used.
     """
     every = 1 + (network.n_contacts - 1) // MAX_WEIGHED_CONTACTS
     network = network.some(np.arange(0, network.n_contacts, every))

@@ -82,7 +82,7 @@ def _particles_with_few_contacts(network: Network) -> list[int]:
 
 
 def _notes_to_show(study: dict[str, str], result: dict[str, Any]) -> dict[str, str]:
-    """Return the notes of a file that the result does not contain, without stages and stresses."""
+    """Return the notes of a file that are not among the results, without stages and stresses."""
     hidden = ["stress_"]
     if "mu_comp" in study:
         hidden += STAGE_PREFIXES

@@ -71,7 +71,7 @@ def command_of(name: str) -> ModuleType:
 
 
 def parser(called: str = "") -> argparse.ArgumentParser:
-    """Return the parser of all commands, or of the command that is `called`, if it is one."""
+    """Return the parser of all commands, or only of the command named `called`, if it exists."""
     script = Path(sys.argv[0]).stem
     prog = "python -m modal"
     if script == "granular-modes":
@@ -148,6 +148,6 @@ def _run(options: Options, words: Sequence[str]) -> Result:
 
 
 def falls_short(result: Result) -> bool:
-    """Return whether modes are missing, a sample is not at rest, or a state was not reached."""
+    """Return whether modes are missing, a sample is still moving, or a state was not reached."""
     is_reached = result.get("at_rest", True) and result.get("reached", True)
     return bool(result.get("missing")) or not is_reached

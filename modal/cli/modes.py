@@ -50,7 +50,7 @@ read_product = read_modes
 
 
 def current_result(options: Options) -> Result:
-    """Return how many modes a list that is kept lacks; the exit status depends on this number."""
+    """Return how many modes a kept list lacks; the exit status depends on this number."""
     return {"missing": read_modes(options.output).missing}
 
 

@@ -91,7 +91,7 @@ def run(options: Options) -> Result:
 
 
 def _layers_of(network: Network, options: Options) -> Result:
-    """Write the velocities by depth as a table, and return them."""
+    """Write the velocities by depth as a table, and return the velocities."""
     for name in ("output", "fluid", "non_affine"):
         if getattr(options, name):
             option = "-o" if name == "output" else f"--{name.replace('_', '-')}"
@@ -103,7 +103,7 @@ def _layers_of(network: Network, options: Options) -> Result:
 
 
 def _compare(measured: IsotropicModuli, expected: IsotropicModuli) -> Result:
-    """Return the moduli by a theory, and the measured ones divided by them."""
+    """Return the moduli of an effective-medium theory, and the measured ones divided by them."""
     shear_ratio = math.nan
     if expected.shear > 0:
         shear_ratio = measured.shear / expected.shear
@@ -116,7 +116,7 @@ def _compare(measured: IsotropicModuli, expected: IsotropicModuli) -> Result:
 
 
 def _saturated(network: Network, dry: IsotropicModuli, options: Options) -> Result:
-    """Return Gassmann's moduli and velocities with the named fluid, and where they end."""
+    """Return Gassmann's moduli and velocities with the named fluid, and the frequency limit."""
     if "young" not in network.study:
         raise UnavailableError(
             "unknown_material",

@@ -65,7 +65,7 @@ class Option(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Options under a title in the help; without a title, options that exclude each other."""
+    """A group of options under a title; without a title, the options exclude each other."""
 
     title: str
     options: Sequence[Option]
@@ -117,7 +117,7 @@ class Parser(argparse.ArgumentParser):
         return options, unknown
 
     def _hint(self, word: str) -> str:
-        """Return what may be wrong with an unknown word, for the end of a message."""
+        """Return a guess at what is wrong with an unknown word, for the end of a message."""
         similar = get_close_matches(word, self._option_string_actions, 1)
         if similar:
             return f"; did you mean {similar[0]}?"
@@ -260,8 +260,8 @@ def _default_text(default: Any) -> str:
 def parsed(parser: argparse.ArgumentParser, words: Sequence[str]) -> Options:
     """Return the options of a command line.
 
-    Raises InputError for words that are no command, for files that cannot be written, and for
-    names whose bytes are no text: a product could not say which file it was made from.
+    Raises InputError for unknown commands, for files that cannot be written, and for file names
+    that are not valid text: a product could not record such a name as its source.
     """
     for word in words:
         try:
@@ -276,7 +276,7 @@ def parsed(parser: argparse.ArgumentParser, words: Sequence[str]) -> Options:
 
 
 def _check_files(options: Options) -> None:
-    """Raise InputError for a file that cannot be written, or that is read as well."""
+    """Raise InputError for an output file that cannot be written, or that is also an input file."""
     texts = _texts(options)
     read_files = []
     for text in texts:
@@ -314,7 +314,7 @@ def _check_new_folder(path: NewFolder) -> None:
 
 
 def _check_new_file(path: NewFile, read_files: Sequence[str]) -> None:
-    """Raise InputError for a file that cannot be written, is read as well, or has a wrong name."""
+    """Raise InputError for an output file with a wrong ending, or that is read or unwritable."""
     refuse_unwritable(path)
     if os.path.exists(path) and any(os.path.samefile(path, other) for other in read_files):
         raise InputError(
@@ -331,7 +331,7 @@ def _check_new_file(path: NewFile, read_files: Sequence[str]) -> None:
 
 
 def has_ending(path: str, endings: Sequence[str]) -> bool:
-    """Return whether a name has one of the `endings`, or an ending that names only the format.
+    """Return whether a file name has an ending that the command accepts.
 
     A product may be called results.h5, but not results.modes.h5 if it holds signals; packings are
     recognised by their ending, and need it.

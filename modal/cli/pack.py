@@ -138,7 +138,7 @@ def option_of(name: str) -> str:
 
 
 def shortfall(study: Mapping[str, Any], stress_ratio: float | None) -> str:
-    """Return a sentence that says how far a state is from its stresses and from balance."""
+    """Return a sentence on how far a state is from its target stresses and from balance."""
     reached = f"stresses off by {study['stress_error']:.1e}, net forces {study['unbalanced']:.1e}"
     if stress_ratio is not None:
         ratio = study["stress_ratio"]

@@ -39,8 +39,8 @@ def springs(product_ending: str = "") -> tuple[Option, ...]:
 def packing_of(options: Options, *, waves: bool = False, added_mass: bool = True) -> Network:
     """Read the packing of the command's file, and add remarks about the packing to the options.
 
-    With `waves` the packing must be long enough for waves along z. If a fluid is named, the spheres
-    carry a part of it along, unless `added_mass` is False.
+    With `waves` the packing must be long enough for waves along z. If a fluid is named, the mass of
+    the spheres includes the fluid that they carry along, unless `added_mass` is False.
     """
     network = read_remarked(options.network, options.remarks.append, waves=waves)
     if not options.fluid or not added_mass:
@@ -53,9 +53,10 @@ def packing_of(options: Options, *, waves: bool = False, added_mass: bool = True
 
 
 def remark_on_ends(options: Options, frequency: float, below: bool, above: bool) -> None:
-    """Add a remark on a frequency, Hz, outside the spectrum: it may have been meant in kHz.
+    """Add a remark if a frequency, Hz, is outside the spectrum: perhaps kHz were meant.
 
-    `below` tells that it is below the first mode, `above` that it is above the highest.
+    `below` says that the frequency is below the first mode, `above` that it is above the highest
+    mode.
     """
     if below or above:
         where = "below the first" if below else "above the highest"

@@ -48,7 +48,7 @@ read_product = read_sample
 
 
 def current_result(options: Options) -> Result:
-    """Return whether a sample that is kept is at rest; the exit status depends on the answer."""
+    """Return whether a kept sample is at rest; the exit status depends on the answer."""
     return {"at_rest": bool(read_sample(options.output).study.get("at_rest", True))}
 
 
@@ -117,7 +117,7 @@ def _creep(sample: Sample, stress: float, *, mobilised: bool) -> Sample:
 
 
 def _bring_scan_to_rest(options: Options) -> Result:
-    """Bring the spheres of a scan to rest under a stress; the result has the state's numbers."""
+    """Bring the spheres of a scan to rest under a stress; return the numbers of the state."""
     network = read_network(options.sample)
     friction = options.friction
     if friction is None:

@@ -1,4 +1,4 @@
-"""What passes at each frequency: gain from wall to wall, motion of chain and layers."""
+"""Gain from wall to wall, and motions of chain and layers, at each frequency."""
 
 from modal.cli.options import Option, Options, Result, chosen_for
 from modal.cli.reading import packing_of, springs

@@ -63,7 +63,7 @@ def put(text: object, end: str = "\n") -> None:
 
 
 def json_text(result: Any) -> str:
-    """Return a result as JSON, which knows neither NaN nor infinity: null stands for them.
+    """Return a result as JSON, with null for NaN and infinity, which JSON does not have.
 
     >>> json_text({"velocity": [math.nan, 1.5], "worst": {"residual": math.inf}, "ok": True})
     '{"velocity": [null, 1.5], "worst": {"residual": null}, "ok": true}'

@@ -32,7 +32,7 @@ from modal.waves.sources import Plane, Point, RoughWall, Source, default_source
 
 
 class MotionKind(NamedTuple):
-    """A kind of motion of the source: the function that makes it, and the options it takes."""
+    """One kind of source motion: the function that makes it, and the options that it takes."""
 
     make: Callable[..., Motion]
     options: tuple[str, ...]
@@ -149,7 +149,7 @@ def set_defaults(options: Options) -> None:
 def source_arguments(options: Options, network: Network) -> dict[str, Any]:
     """Return the arguments of `propagate` for source, receivers, and dashpots of the contacts.
 
-    Raises InputError for receivers without a disc, which says how large they are and where.
+    Raises InputError for receivers without a source disc, whose size and place they take.
     """
     source = default_source(network)
     if options.point is not None:
@@ -181,9 +181,9 @@ def motion_name(options: Options) -> str:
 
 
 def check_motion(options: Options) -> None:
-    """Raise InputError for options of another motion than the chosen one.
+    """Raise InputError for options that belong to another motion than the chosen one.
 
-    The same holds for options that the chosen motion needs and that are not given.
+    Also raise InputError if an option that the chosen motion needs is missing.
     """
     name = motion_name(options)
     names = MOTIONS[name].options
@@ -200,7 +200,7 @@ def check_motion(options: Options) -> None:
 
 
 def motion_in(network: Network, options: Options, source: Source) -> Motion:
-    """Make the motion of the source; arguments that are not given follow from the packing."""
+    """Make the motion of the source; missing arguments are chosen to suit the packing."""
     kind = MOTIONS[motion_name(options)]
     arguments = []
     for name in kind.options:
@@ -265,7 +265,7 @@ def run(options: Options) -> Result:
 
 
 def _linear_result(wave: LinearWave, time_step: float | None) -> Result:
-    """Return the cost and the error of a linear wave."""
+    """Return the cost and the numerical error of a linear wave."""
     result: Result = {"products_with_k": wave.products}
     if time_step is None:
         result["truncation"] = wave.truncation

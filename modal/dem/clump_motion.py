@@ -5,8 +5,8 @@ as Cundall's local damping does. Rotations follow D. Fincham, Mol. Simul. 8, 165
 angular momentum and spin are half a step ahead, and the orientation in between is predicted from
 the present spin. Without torque the angular momentum is constant to round-off.
 
-The velocity of each sphere is the path of its step divided by the step, so that normal and shear
-forces follow one motion.
+The velocity of each sphere is its displacement in the step divided by the time step, so that normal
+and shear forces follow from the same motion.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ class ClumpMotion:
     Parameters
     ----------
     sample : Sample
-        At the start, with `body`, `arm` and the inertia of the bodies.
+        The packing at the start, with `body`, `arm` and the inertia of the bodies.
     contacts : MovingContacts
-        Its contacts, whose positions and arms a step changes.
+        The contacts of the sample; each step updates their positions and arms.
     velocity : ndarray (n, 6)
-        Velocities of the spheres, m/s and rad/s, which a step changes.
+        Velocities of the spheres, m/s and rad/s; each step updates them.
     rates : ndarray (3,)
         Strain rates of the cell, 1/s.
 
     Attributes
     ----------
     centre, velocity : ndarray (k, 3)
-        Of the centres of mass, m and m/s.
+        Position, m, and velocity, m/s, of the centres of mass.
     angular_momentum : ndarray (k, 3)
-        kg m^2/s.
+        Angular momentum of the clumps, kg m^2/s.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class ClumpMotion:
         return np.einsum("kia,ka,kja->kij", self._rotation, self._moments, self._rotation)
 
     def loads(self) -> Floats:
-        """Return force and torque (k, 6), N and N m, of the last contacts on each clump."""
+        """Return the force and torque (k, 6), N and N m, of the last contacts on each clump."""
         arm = self._contacts.arm
         assert arm is not None
         load = self._contacts.load
@@ -87,7 +87,7 @@ class ClumpMotion:
     ) -> None:
         """Move all clumps and their spheres by one leapfrog step `dt`, s.
 
-        `velocity` (n, 6) of the spheres is updated in place; other arguments are those of
+        `velocity` (n, 6) of the spheres is updated in place; the other arguments are described at
         `modal.dem.motion.advance_by_arrays`.
         """
         load = self.loads()
@@ -117,7 +117,7 @@ class ClumpMotion:
         contacts.position[:] = position
 
     def _spin_of(self, angular_momentum: Floats, rotation: Floats) -> Floats:
-        """Return the spins (k, 3), rad/s, of bodies with these momenta and orientations."""
+        """Return the spins (k, 3), rad/s, of bodies with given angular momenta and orientations."""
         local = np.einsum("kia,ki->ka", rotation, angular_momentum) / self._moments
         spin: Floats = np.einsum("kia,ka->ki", rotation, local)
         return spin

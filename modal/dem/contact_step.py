@@ -6,9 +6,9 @@ first step of a contact; and the force is cut at the friction limit. With Hertz 
 the law of YADE term by term (its `ScGeom`, without the variant against ratcheting, and
 `Law2_ScGeom_MindlinPhys_Mindlin`), and that of `modal.system.contacts` with finite increments.
 
-Where contacts resist turning, each has a moment, too. It is turned like the shear force; the
-stiffnesses against rolling and twisting times the step's difference of both rotations are added;
-and its parts across and along the normal are cut at their limits.
+A contact that resists rolling or twisting also has a moment. The moment is turned like the shear
+force. The stiffnesses against rolling and twisting times the relative rotation in the step are
+added. The parts of the moment across and along the normal are cut at their limits.
 
 The law is written once, for numbers and for arrays: the compiled loop over contacts
 (`modal.dem.forces`) and numpy (`modal.dem.forces_by_arrays`) both call it. A vector is a tuple or
@@ -51,21 +51,21 @@ class Geometry(NamedTuple):
 class ShearStep(NamedTuple):
     """The motion in a time step, and the history of contacts, which the step updates.
 
-    velocity (n, 6), m/s and rad/s. time_step, s. change (4, 3): the row `PERIODS` is what the
-    periods have gained in the step, m, `SOURCE` the displacement of the source wall, m, `LEAN` what
-    the lean of the period along z has gained, m, `TURN` the spin of the wall, rad/s, and the x and
-    y, m, of the line along z about which it turns. friction: coefficient mu. normal (m, 3): unit
-    vectors from i to j, 0 for open contacts. shear (m, 3), N: forces on i.
+    velocity (n, 6), m/s and rad/s. time_step, s. change (4, 3): the row `PERIODS` is the change of
+    the periods in the step, m; `SOURCE` is the displacement of the source wall, m; `LEAN` is the
+    change of the lean of the period along z, m; `TURN` has the spin of the wall, rad/s, and the x
+    and y, m, of its axis of rotation along z. friction: coefficient mu. normal (m, 3): unit vectors
+    from i to j, 0 for open contacts. shear (m, 3), N: forces on i.
 
-    work (m, 2), J: what the shear force of each contact has stored and what its slip has
-    dissipated, by the trapezoidal rule; (0, 2) if energies are not recorded. The law keeps the
-    force as the overlap, and with it the stiffness, changes: what is stored is the sum of the work,
-    no function of the force.
+    work (m, 2), J: the energy that the shear force of each contact has stored, and the energy that
+    slip has dissipated, by the trapezoidal rule; (0, 2) if energies are not recorded. When the
+    overlap and with it the stiffness change, the law keeps the force: the stored energy is
+    therefore the sum of the work, and not a function of the force.
 
     moment (m, 3), N m: moments on i of contacts that resist turning, whose work is counted with
-    that of the shear forces; None if no contact does. rolling, twisting: coefficients whose product
-    with friction force and effective radius bounds the parts of a moment across and along the
-    normal.
+    that of the shear forces; None if no contact resists turning. rolling, twisting: coefficients
+    whose product with friction force and effective radius bounds the parts of a moment across and
+    along the normal.
     """
 
     velocity: Floats
@@ -83,12 +83,12 @@ class ShearStep(NamedTuple):
 class Totals(NamedTuple):
     """Sums over all contacts.
 
-    normal_force, contact_force, N: sizes, the latter with shear, 0 without history; pulls count
-    as pushes. touching,
-    sliding: numbers of contacts. virial, N m: principal stresses times the volume. elastic_energy,
-    J, of normal forces. stiffness, N/m, of normal forces. source, receiver, N: forces on the walls;
-    in a cell without walls `source` is the force across its period along z. source_torque,
-    receiver_torque, N m: about the line of `ShearStep.change`.
+    normal_force, contact_force, N: sums of the magnitudes of the normal force and of the whole
+    force; the latter is 0 without history. touching, sliding: numbers of contacts. virial, N m:
+    principal stresses times the volume. elastic_energy, J, of normal forces. stiffness, N/m, of
+    normal forces. source, receiver, N: forces on the walls; in a cell without walls `source` is the
+    force across its period along z. source_torque, receiver_torque, N m: about the line of
+    `ShearStep.change`.
     """
 
     normal_force: float
@@ -114,7 +114,8 @@ class RelativeMotion(NamedTuple):
     """Relative motion of the two ends of a contact; all four fields are vectors.
 
     approach: velocity of j minus velocity of i, m/s. spin_sum: sum of the spins of both ends,
-    rad/s. spin_j: spin of j, rad/s. gained: change of the periods between i and j in the step, m.
+    rad/s. spin_j: spin of j, rad/s. gained: change in the step of the periods that the contact
+    crosses, m.
     """
 
     approach: Any
@@ -154,13 +155,13 @@ def relative_turn(motion, time_step):
 
 @elementwise
 def cut_back(vector, share):
-    """Return a vector times the share of it that friction carries."""
+    """Return a vector times a share, the part of a force or moment that friction allows."""
     return share * vector[0], share * vector[1], share * vector[2]
 
 
 @elementwise
 def turn_shear(shear, normal_before, normal, spin_sum, time_step):
-    """Return the shear force, N, turned with its contact, then with the mean spin of the ends.
+    """Return the shear force, N, turned with the contact normal, then with the ends' mean spin.
 
     With s the shear force and n the normals, s becomes s + (n_before x n) x s, and then turns about
     n by the mean spin along it. The result is zero for a contact that has just closed.
@@ -172,14 +173,14 @@ def turn_shear(shear, normal_before, normal, spin_sum, time_step):
 
 @elementwise
 def friction_share(shear, limit):
-    """Return the share of a shear force that friction carries: below 1 if the contact slides."""
+    """Return the share of a shear force that friction allows: below 1 if the contact slides."""
     size = np.sqrt(dot(shear, shear))
     return np.minimum(1.0, limit / np.maximum(size, 1e-300))
 
 
 @elementwise
 def shear_work(before, trial, after, stiffness):
-    """Return the energies, J, that a step stores in a contact's shear force and loses by slip.
+    """Return the energies, J, that shear stores in a contact and slip dissipates, in one step.
 
     `before` and `after` are the forces, N, `trial` is the force without slip.
     """

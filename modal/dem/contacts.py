@@ -52,7 +52,7 @@ def _match_rows(old: Ints, new: Ints) -> tuple[Ints, Ints]:
 
 
 def energy_of_moments(network: Network) -> Floats:
-    """Return the energy (m,), J, that contacts store in their moments; 0 without stiffness."""
+    """Return the energy (m,), J, that contacts store in their moments; 0 for a zero stiffness."""
     purpose = "energy of moments"
     moment = network.require("moment", purpose)
     rolling, twisting = split_moment(moment.T, network.normal.T)
@@ -70,8 +70,8 @@ def energy_of_moments(network: Network) -> Floats:
 class MovingContacts:
     """The contacts of a sample while its spheres move.
 
-    Position, side and walls may be changed in place between two calls of `touch`, which computes
-    the attributes from `load` on.
+    Position, side and walls may be changed in place between two calls of `touch`. A call of `touch`
+    computes `load` and the attributes listed after it.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class MovingContacts:
     Attributes
     ----------
     position : ndarray (n, 3)
-        m; spheres that leave the cell are not brought back.
+        Centres, m; spheres that leave the cell are not brought back.
     side, walls : ndarray (2,)
         m: the lateral periods, and z of source and receiver wall.
     periodic_z : bool
@@ -101,16 +101,16 @@ class MovingContacts:
     lean : ndarray (2,)
         How far the period along z leans along x and y, m.
     radius : ndarray (n,)
-        m; `largest` and `smallest` are its extremes.
+        Radii, m; `largest` and `smallest` are their extremes.
     max_step : float
         Largest displacement of a sphere in one step, m; infinite by default.
     arm : ndarray (n, 3) or None
-        From the centre of mass of its clump to each sphere, m.
+        Vector from the centre of mass of its clump to each sphere, m.
     load : ndarray (n, 6) or (n, 3)
         Net force, N, and with history the torque, N m, on each sphere; zero along held motions.
     on_held : ndarray, as `load`
-        Force and torque of the contacts along the held motions of each sphere, which its holder
-        takes up.
+        Force and torque of the contacts along the held motions of each sphere; the support that
+        holds the sphere bears them.
     stiffness : ndarray (n,) or (0,)
         Sum of the normal stiffnesses of each sphere, N/m.
     mean_force, mean_contact, mean_stiffness : float
@@ -124,8 +124,9 @@ class MovingContacts:
     elastic_energy : float
         Energy of the normal forces, J.
     work : ndarray (m, 2)
-        What the shear force of each listed contact has stored and what slip has dissipated, J, as
-        in `modal.dem.contact_step.ShearStep`; (0, 2) unless `track_energy`. Moments are included.
+        Energy that the shear force of each listed contact has stored, and energy that slip has
+        dissipated, J, as in `modal.dem.contact_step.ShearStep`; (0, 2) unless `track_energy`.
+        Moments are included.
     """
 
     def __init__(
@@ -248,7 +249,7 @@ class MovingContacts:
 
     @property
     def lengths(self) -> Floats:
-        """Return (3,), m: the lateral periods, and the distance of the walls or the period in z."""
+        """Return the lateral periods and the distance of the walls, or the period in z, (3,), m."""
         return np.array([*self.side, self.walls[1] - self.walls[0]])
 
     def _wrap_positions(self) -> tuple[Floats, Ints]:
@@ -263,18 +264,18 @@ class MovingContacts:
         return position, periods
 
     def move(self, motion: Floats) -> None:
-        """Move the spheres by `motion` (n, 6), m and rad, at once."""
+        """Displace the spheres by `motion` (n, 6), m and rad, without a time step."""
         self.position += motion[:, :3]
         self.touch(motion, 1.0)
 
     def touch(
         self, velocity: Floats | None = None, dt: float = 0.0, change: Floats = UNCHANGED_CELL
     ) -> None:
-        """Compute the forces at the present positions, to which `velocity` (n, 6) led in `dt`, s.
+        """Compute the forces at the present positions.
 
-        `change` (4, 3) is how the cell has changed in the step, see
-        `modal.dem.contact_step.ShearStep`. InputError if a sphere has moved by more than
-        `max_step`.
+        The last step of `dt`, s, had the velocities `velocity` (n, 6); `change` (4, 3) is the
+        change of the cell in this step, see `modal.dem.contact_step.ShearStep`. InputError if a
+        sphere has moved by more than `max_step`.
         """
         self._update_list(dt)
         geometry = Geometry(
@@ -359,7 +360,7 @@ class MovingContacts:
         return stress
 
     def unbalanced(self) -> float:
-        """Return the mean net force on a sphere over the mean contact force; inf if none touch."""
+        """Return mean net force on a sphere divided by mean contact force; inf without contacts."""
         if self.touching == 0:
             return math.inf
         return float(np.sqrt((self.load[:, :3] ** 2).sum(axis=1)).mean() / self.mean_contact)
@@ -375,7 +376,7 @@ class MovingContacts:
         self._shear -= along[:, None] * self._normal
 
     def opened_contacts(self) -> Bools:
-        """Return which contacts (m,) of the start are open, in the sample's order."""
+        """Return which contacts (m,) of the start are open now, in the order of the sample."""
         touching = self._normal.any(axis=1)
         ends = self._ends[touching]
         shift = self._shift[touching]
@@ -385,7 +386,8 @@ class MovingContacts:
         """Return ends (k, 2), dissipated energy (k,), J, and row (k,) of contacts that have slid.
 
         Contacts that have opened, or come and gone, since the start are included; they are in no
-        particular order. The rows are those in the sample, -1 for contacts that it did not have.
+        particular order. A row is the index of the contact in the sample, or -1 for a contact that
+        the sample did not have.
         """
         slid = self.work[:, 1] != 0
         ends = self._ends[slid]
@@ -407,12 +409,12 @@ class MovingContacts:
 
     @property
     def slipped(self) -> float:
-        """Return the energy that slip has dissipated so far, J; 0 unless `track_energy`."""
+        """Return the energy, J, that slip has dissipated so far; 0 unless `track_energy`."""
         of_open = sum(slips.energy.sum() for slips in self._slips_of_open)
         return float(self.work[:, 1].sum() + of_open)
 
     def sample(self) -> Sample:
-        """Return the present state as a sample at rest."""
+        """Return a sample with the present positions and contacts, at rest."""
         position, periods = self._wrap_positions()
         bare = replace(
             self._sample,

@@ -150,8 +150,8 @@ def _compile_loop(law: type[ContactLaw]) -> Loop:
 def _add_forces_by_slabs(slabs, load, stiffness, geometry, laws, step):
     """Fill `load` and `stiffness`, slab after slab, and return the sums of `Totals` as an array.
 
-    The arguments are those of `forces_by_loop`; `laws` are the numbers of both contact laws. No two
-    even slabs share a sphere, nor do two odd ones.
+    The arguments are described at `forces_by_loop`; `laws` holds the parameters of both contact
+    laws. No two even slabs share a sphere, nor do two odd ones.
     """
     # A loop over threads takes no named tuples: they are unpacked outside, and made again inside.
     position, ends, shift, cell, walls, radius = geometry
@@ -195,7 +195,7 @@ def _add_forces_by_slabs(slabs, load, stiffness, geometry, laws, step):
 
 
 class _Motion(NamedTuple):
-    """The fields of `ShearStep` besides the history."""
+    """The fields of `ShearStep` that do not belong to the history."""
 
     velocity: Floats | None
     time_step: float | None
@@ -221,7 +221,7 @@ def _vector(values, row, first):
 
 @inlined
 def _add_torque(load, sphere, lever, moment):
-    """Add the torque of a shear force, a `lever` times a `moment`, to the load of a sphere."""
+    """Add the torque of a shear force on a sphere, `lever` times `moment`, to its load."""
     load[sphere, 3] += lever * moment[0]
     load[sphere, 4] += lever * moment[1]
     load[sphere, 5] += lever * moment[2]
@@ -247,7 +247,7 @@ def _branch_vector(position, shift, cell, c, i, j):
 
 @inlined
 def _gain_of_periods(shift, change, c):
-    """Return by how much the periods between the ends of contact c have changed in the step, m."""
+    """Return the change in the step of the periods between the two ends of contact c, m."""
     up = shift[c, 2]
     x = shift[c, 0] * change[PERIODS, 0] + up * change[LEAN, 0]
     y = shift[c, 1] * change[PERIODS, 1] + up * change[LEAN, 1]
@@ -284,9 +284,9 @@ def _add_forces_of_slab(
 ):  # fmt: skip
     """Add the forces of contacts `first` to `last` - 1 to a load, and write their totals.
 
-    `laws` are the numbers of both contact laws, `rows` (m,) is memory for the contacts of the slab.
-    The arrays of the history are single arguments, because numba leaves out the code that depends
-    on an argument that is None, but not that which depends on a field.
+    `laws` holds the parameters of both contact laws; `rows` (m,) is work space for the contacts of
+    the slab. The arrays of the history are single arguments, because numba leaves out the code that
+    depends on an argument that is None, but not that which depends on a field.
     """
     # Arrays are taken from the tuples once: in the loop each access would count references.
     position, ends, shift, cell, walls, radius = geometry

@@ -45,8 +45,8 @@ class _Contacts(NamedTuple):
 
     rows (k,): rows of these contacts in the list of pairs. i, j (k,): sphere, and sphere or wall.
     pair (k,): whether j is a sphere. partner (k,): j, or 0 for a wall. overlap, distance (k,), m.
-    normal (3, k): unit vectors from i to j. radius_i, radius_j (k,), m: radii; the radius of a wall
-    has no meaning.
+    normal (3, k): unit vectors from i to j. radius_i, radius_j (k,), m: radii; ignore radius_j of a
+    wall.
     """
 
     rows: Ints
@@ -93,7 +93,7 @@ def forces_by_arrays(
 ) -> Totals:
     """Compute the forces of all contacts as `modal.dem.forces.forces_by_loop` does.
 
-    `slabs` are not used.
+    `slabs` is ignored. The arguments and the result are described there.
     """
     count = len(geometry.position)
     contacts = _touching_contacts(geometry, laws, step)
@@ -161,7 +161,7 @@ def forces_by_arrays(
 
 
 def _effective_radius(pair: Bools, radius_i: Floats, radius_j: Floats) -> Floats:
-    """Return the effective radius (k,), m, of contacts; `pair` (k,) are those of two spheres."""
+    """Return the effective radius (k,), m; `pair` (k,) marks contacts of two spheres."""
     # In this order the half of a radius comes out to the last bit.
     return np.where(pair, radius_i * (radius_j / (radius_i + radius_j)), radius_i)
 
@@ -169,9 +169,10 @@ def _effective_radius(pair: Bools, radius_i: Floats, radius_j: Floats) -> Floats
 def _least_overlap(
     geometry: Geometry, laws: tuple[ContactLaw, ContactLaw], step: ShearStep | None
 ) -> Floats:
-    """Return the overlap (m,), m, above which each pair of the list acts.
+    """Return the overlap (m,), m, above which each listed pair has a force.
 
-    It is 0, or less if the pair has touched and its contact model acts across gaps.
+    The overlap is 0. It is negative if the pair has touched before and its contact model attracts
+    across gaps.
     """
     i, j = geometry.ends.T
     if step is None or not acts_across_gaps(laws[0]):
@@ -189,7 +190,7 @@ def _energy_of_broken(
     step: ShearStep,
     contacts: _Contacts,
 ) -> Floats:
-    """Return the energies (m,), J, that contacts give off that break across a gap in the step."""
+    """Return the energies (m,), J, that contacts which break across a gap in this step release."""
     energy = np.zeros(len(geometry.ends))
     if not acts_across_gaps(laws[0]):
         return energy
@@ -207,7 +208,7 @@ def _energy_of_broken(
 def _touching_contacts(
     geometry: Geometry, laws: tuple[ContactLaw, ContactLaw], step: ShearStep | None
 ) -> _Contacts:
-    """Return the contacts of the list that act."""
+    """Return the listed contacts that have a force."""
     position, ends, shift, cell, walls, radius = geometry
     i, j = ends.T
     pair = j >= 0
@@ -246,7 +247,7 @@ def _from_axis(geometry: Geometry, step: ShearStep, spheres: Ints) -> Array:
 
 
 def _relative_motion(geometry: Geometry, step: ShearStep, contacts: _Contacts) -> RelativeMotion:
-    """Return how the ends of touching contacts move; vectors (3, k)."""
+    """Return the velocities and spins at the ends of touching contacts; vectors (3, k)."""
     change = step.change
     at_source = contacts.j == SOURCE_WALL
     motion_i = step.velocity[contacts.i].T
@@ -270,8 +271,8 @@ def _advance_shear(
 ) -> _Shear:
     """Return the shear forces after a step, and store them and the normals in `step`.
 
-    `bearing` (k,), N, is the force of which friction bears a share; `stiffness` (k,), N/m, is
-    tangential.
+    `bearing` (k,), N, is the force that friction is proportional to; `stiffness` (k,), N/m, is the
+    tangential stiffness.
     """
     rows = contacts.rows
     normal = contacts.normal

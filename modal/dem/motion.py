@@ -1,11 +1,11 @@
 """Move spheres between two walls: leapfrog steps in a cell that is strained, with damping.
 
 One step is that of YADE: forces at the present positions, strain rates from the control, then
-`NewtonIntegrator` in a homothetic cell. Velocities contain the motion of the cell, rate times
-position, and change at once when the rate changes; Cundall's local damping acts on the motion
-relative to the cell (in YADE's form, with the half step of the acceleration). The walls are the
-faces of boxes, one radius thick to each side of their centres, which move with the cell along z and
-rest across it; a cell without walls has a period along z like the others.
+`NewtonIntegrator` in a homothetic cell. Velocities include the motion of the cell, strain rate
+times position, and jump when the rate changes; Cundall's local damping acts on the motion relative
+to the cell (in YADE's form, with the half step of the acceleration). The walls are the faces of
+boxes, one radius thick to each side of their centres, which move with the cell along z and do not
+move along x and y. A cell without walls is periodic along z, too.
 """
 
 from __future__ import annotations
@@ -90,11 +90,10 @@ def advance_by_arrays(
     """Move spheres by one step of leapfrog; the compiled loop does the same.
 
     Positions (n, 3), m, velocities (n, 6), m/s and rad/s, and `residue` (n, 3), m, are updated in
-    place; `load` (n, 6), N and N m, strain rates (3,), 1/s, before and from now on, `masses`
-    (n, 2), kg and kg m^2. The residue is what rounding has subtracted from the displacements so
-    far. Slip follows the velocities: without the residue normal and shear forces of a contact would
-    follow different motions, and their works on each other would not cancel (2e-3 of a wave's
-    energy at 0.25 nm).
+    place; `load` (n, 6), N and N m, strain rates (3,), 1/s, before and from now on, `masses` (n,
+    2), kg and kg m^2. The residue is the rounding error of the displacements so far. Normal forces
+    follow the positions, shear forces the velocities. Without the residue the two would differ, and
+    the energy would not balance (by 2e-3 of a wave's energy at 0.25 nm).
     """
     velocities = velocity[:, :3]
     spin = velocity[:, 3:]
@@ -115,11 +114,11 @@ Control = Callable[[Floats], Floats]
 class DampedMotion:
     """Dynamic relaxation: spheres move, from rest, until the net forces have vanished.
 
-    Only the end matters here, not the motion: each sphere has a mass in proportion to the stiffness
-    of its contacts, so that all of them move as fast as the time step allows (Otter, Proc. Inst.
-    Civ. Eng. 35, 633, 1966), with the local damping of Cundall (1987). Slow motions, the longest
-    waves along a packing, are left to a solver that knows its springs: a drag that damped these
-    motions would delay loose spheres, which may have to move by micrometres.
+    Only the final state matters, not the motion: each sphere has a mass in proportion to the
+    stiffness of its contacts, so that all of them move as fast as the time step allows (Otter,
+    Proc. Inst. Civ. Eng. 35, 633, 1966), with the local damping of Cundall (1987). Slow motions,
+    the longest waves along a packing, are left to a solver that uses the stiffness matrix: a drag
+    that damped these motions would delay loose spheres, which may have to move by micrometres.
     """
 
     def __init__(self, contacts: MovingContacts) -> None:
@@ -166,9 +165,10 @@ class Dynamics:
     damping : float, default 0
         Share of each force that local damping takes.
     skin : float
-        See `MovingContacts`.
+        As in `MovingContacts`.
     control : callable, optional
-        Returns the strain rates (3,), 1/s, for the stresses (3,), Pa; without it they stay.
+        Function that returns the strain rates (3,), 1/s, from the stresses (3,), Pa; without it the
+        rates are constant.
     track_energy : bool, default False
         See `MovingContacts`.
 
@@ -185,8 +185,7 @@ class Dynamics:
     steps : int
         Steps of `advance` so far.
     carried : ndarray (k,) of int
-        Spheres that the source wall takes along, so that a plane opens between these and all
-        others.
+        Spheres that move with the source wall, so that a plane opens between these and all others.
     moves_flat_wall : bool
         Whether the flat wall at the source end moves with the source; otherwise the `carried`
         spheres alone are the source.
@@ -242,9 +241,9 @@ class Dynamics:
     def place_source(self, displacement: Floats) -> None:
         """Move the source wall of a cell at rest to a `displacement` (6,) from its first place.
 
-        The wall moves along x, y and z, m, or turns about z, rad, and takes along the `carried`
-        spheres; in a cell without walls it is the end of the period along z, which does not turn.
-        The next step computes the forces.
+        The wall moves along x, y and z, m, or turns about z, rad, and the `carried` spheres move
+        with it. In a cell without walls the end of the period along z moves instead, and cannot
+        turn. The next step computes the forces.
         """
         contacts = self.contacts
         self._source_step = displacement - self._source_displacement
@@ -261,7 +260,7 @@ class Dynamics:
             contacts.lean = -displacement[:2]
 
     def displacement(self) -> Floats:
-        """Return the displacements (n, 3), m; of `carried` spheres relative to the source wall."""
+        """Return the displacements (n, 3), m; for `carried` spheres relative to the source wall."""
         moved: Floats = self.contacts.position - self._start.position
         moved[self.carried] -= self._source_displacement[:3]
         return moved
@@ -281,12 +280,12 @@ class Dynamics:
         return total
 
     def _from_axis(self) -> Floats:
-        """Return lateral positions (2, k), m, of the carried spheres from the axis of the turn."""
+        """Return lateral positions (2, k), m, of the carried spheres relative to the axis."""
         away: Floats = (self.contacts.position[self.carried, :2] - self.axis).T
         return away
 
     def advance(self, count: int, dt: float, every: int) -> None:
-        """Do `count` steps of `dt`, s; the control sets the rates once in `every` steps."""
+        """Do `count` steps of `dt`, s; the control sets the strain rates every `every` steps."""
         for _ in range(count):
             due = self.steps - self._step_of_rates >= every
             self.step(dt, self.control if due else None)
@@ -328,7 +327,7 @@ class Dynamics:
         self.rates = rates.copy()
 
     def find_forces(self, dt: float) -> None:
-        """Compute the forces at the present positions, to which a step `dt`, s, has led.
+        """Compute the forces at the present positions, which a step `dt`, s, has reached.
 
         With `dt` = 0 contacts open and close, and nothing else changes.
         """
@@ -358,7 +357,7 @@ class Dynamics:
         return self.contacts.stress()
 
     def unbalanced(self) -> float:
-        """Return the mean net force on a sphere over the mean contact force, shear included."""
+        """Return mean net force on a sphere divided by mean contact force, shear included."""
         if self.clumps is None or not self.contacts.touching:
             return self.contacts.unbalanced()
         net_force = np.linalg.norm(self.clumps.loads()[:, :3], axis=1)

@@ -35,9 +35,10 @@ def contacts_in_reach(
     Parameters
     ----------
     position : ndarray (n, 3)
-        m, inside a cell with periods along x and y, and walls at z = 0 and at its upper end.
+        Centres, m, inside a cell with periods along x and y, and walls at z = 0 and at its upper
+        end.
     lengths : ndarray (3,)
-        Of the cell, m.
+        Lengths of the cell, m.
     radius : ndarray (n,)
         m.
     skin : float
@@ -96,10 +97,11 @@ def _list_runs(cell, count, first, periodic_z, runs):
 
     The first run contains the cell itself.
 
-    A run is the points of a cell and its neighbours in one row along x, which follow each other in
-    memory: the first point, the end, and the periods (x, y, z) by which its cells are displaced.
-    `count` (3,) are the cells along each axis, `first` the first point of each cell. Only half of
-    the cells around are listed; the pairs with the other half are found from those cells.
+    A run is the set of points of a cell and its neighbours in one row along x, which are adjacent
+    in memory. Its five numbers are the first point, the end, and the periods (x, y, z) by which its
+    cells are displaced. `count` (3,) are the cells along each axis, `first` the first point of each
+    cell. Only half of the cells around are listed; the pairs with the other half are found from
+    those cells.
     """
     x = cell % count[0]
     y = cell // count[0] % count[1]
@@ -257,8 +259,7 @@ def longest_paths_by_arrays(
     """Fill `longest` (k,), m, with how far spheres have moved from `start` (n, 3), m.
 
     `stretch` (3,) multiplies the start. The compiled loop writes the longest path of each of k
-    parts. The caller takes their maximum with numpy, which unlike the compiled loop does not ignore
-    NaN.
+    parts. The caller takes their maximum with numpy, because the compiled loop would ignore NaN.
     """
     longest[:] = np.sqrt(((position - stretch * start) ** 2).sum(axis=1)).max(initial=0.0)
 

@@ -1,4 +1,4 @@
-"""The five constants of a soil or a packing that is alike in all horizontal directions."""
+"""The five constants of a soil or packing with equal properties in all horizontal directions."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ from modal.tools.arrays import Floats
 
 
 class Constant(NamedTuple):
-    """A constant with its error, both in one unit."""
+    """An elastic constant with its error, both in the same unit."""
 
     value: float
     error: float
@@ -33,9 +33,9 @@ class CrossAnisotropy(NamedTuple):
 def cross_anisotropy(moduli: ElasticModuli) -> CrossAnisotropy:
     """Return the five constants of the cross-anisotropic solid nearest to measured moduli.
 
-    The errors contain the error of the moduli, and how far the constants along x and along y lie
-    from those of the mean over all horizontal directions, which for a packing of finite width is
-    chance.
+    The errors combine the error of the moduli with the deviation of the constants along x and along
+    y from the mean over all horizontal directions. This deviation is a chance effect of the finite
+    width of the packing.
 
     >>> import modal
     >>> moduli = modal.elastic_moduli(modal.fcc(cells=(2, 2, 4), periodic_z=True))
@@ -49,8 +49,8 @@ def cross_anisotropy(moduli: ElasticModuli) -> CrossAnisotropy:
 def constants_of(stiffness: Floats, relative_error: float = 0.0) -> CrossAnisotropy:
     """Return the constants of a stiffness (6, 6), Pa, in the order xx yy zz yz zx xy.
 
-    `relative_error` is that of the moduli; a Poisson's ratio, a ratio of compliances, is off by as
-    much, not by a share of itself.
+    `relative_error` is that of the moduli. The same number is the absolute error of a Poisson's
+    ratio, because this is a ratio of compliances.
     """
     mean_compliance = np.linalg.inv(about_z(stiffness)).astype(float)
     mean = _constants_along(mean_compliance, 0)
@@ -80,7 +80,7 @@ def about_z(stiffness: Floats) -> Floats:
 
 
 def _constants_along(compliance: Floats, axis: int) -> Floats:
-    """Return E_v, E_h, nu_vh, nu_hh and G_vh by a compliance (6, 6), 1/Pa, with h along an axis."""
+    """Return E_v, E_h, nu_vh, nu_hh, G_vh from a compliance (6, 6), 1/Pa; h is along `axis`."""
     vertical = compliance[2, 2]
     horizontal = compliance[axis, axis]
     # The shear strain in the plane of z and x is the fifth, in that of y and z the fourth.

@@ -1,10 +1,10 @@
 """Measure the velocities of long waves by depth, in a packing whose stiffness changes along z.
 
-Under its weight a packing is the stiffer the deeper it lies; it may end in a free surface, where no
-uniform strain can be put on it. So its top is loaded in place of the whole: by a force on the
-topmost spheres, or, if a wall is there, by a motion of this wall, along x, y and z in turn, while
-the wall at the bottom is at rest. In balance each plane across z carries the same traction, and in
-the mean nothing moves sideways, so that in a layer
+Under its own weight a packing becomes stiffer with depth. It may end in a free surface, so that no
+uniform strain can be imposed. Therefore a load acts at its top: a force on the topmost spheres or,
+if a wall is there, a motion of this wall, along x, y and z in turn. The wall at the bottom is at
+rest. In static equilibrium each horizontal plane carries the same traction, and the mean lateral
+motion is zero, so that in a layer
 
     modulus = traction / slope of the displacement along z,    velocity = sqrt(modulus / density):
 
@@ -46,7 +46,7 @@ MIN_STANDARD_ERRORS = 3.0
 
 @dataclass(frozen=True)
 class LayerVelocities(Tabular):
-    """Velocities of long waves along z in k layers; NaN where a layer does not tell them.
+    """Velocities of long waves along z in k layers; NaN for a layer where they are not known.
 
     Attributes
     ----------
@@ -94,8 +94,8 @@ def velocities_by_depth(network: Network, *, thickness: float | None = None) -> 
 
     The packing has periods along x and y, and a wall, flat or rough, at one end or at both. Layers
     are about `thickness`, m, thick, by default four mean diameters. Where a load is put on spheres,
-    two diameters from a free surface, velocities are not known. They are those of the springs
-    alone, in the limit of long waves, if a layer were alike in itself.
+    two diameters from a free surface, velocities are not known. The velocities follow from the
+    contact springs alone, in the limit of long waves, and assume that each layer is uniform.
 
     Raises
     ------
@@ -156,8 +156,8 @@ def velocities_by_depth(network: Network, *, thickness: float | None = None) -> 
 class _Load:
     """Three loads along x, y and z, and where they act.
 
-    coupling: what pushes the spheres. loaded (n,): spheres on which forces act; none if a wall
-    moves. ends (2,): heights, m, between which each plane across z carries the whole load.
+    coupling: forces on the spheres. loaded (n,): spheres on which forces act; none if a wall moves.
+    ends (2,): heights, m, between which each plane across z carries the whole load.
     """
 
     coupling: Coupling
@@ -166,7 +166,7 @@ class _Load:
 
 
 def _load_of(network: Network) -> _Load:
-    """Return the loads: motions of the upper wall, or 1 N on the spheres of a free end."""
+    """Return the loads: motions of the upper wall, or 1 N on the spheres of a free surface."""
     system = LinearSystem.of(network)
     bearing = force_bearing(network)
     low, high = end_heights(network)
@@ -206,7 +206,7 @@ def _load_of(network: Network) -> _Load:
 
 
 def _join(couplings: list[Coupling]) -> Coupling:
-    """Return the coupling of several motions, each of which is imposed alone."""
+    """Return one coupling for several motions, each of which is imposed alone."""
     return Coupling(
         push=sp.hstack([coupling.push for coupling in couplings], "csc"),
         pull=sp.hstack([coupling.pull for coupling in couplings], "csc"),
@@ -218,7 +218,7 @@ def _join(couplings: list[Coupling]) -> Coupling:
 def _displacement_under(network: Network, load: _Load) -> tuple[Floats, Floats]:
     """Return displacements (n, 3, 3), m, along each axis under each load, and tractions (3,), Pa.
 
-    The last axis counts the loads. Raises UnavailableError if a load meets no resistance.
+    The last axis is the load. Raises UnavailableError if a load meets no resistance.
     """
     system = LinearSystem.of(network)
     solution, _ = steady_motion(system, load.coupling, lambda work: MOTION_TOLERANCE**2 * work)

@@ -1,11 +1,11 @@
 """Estimate the error of moduli by overlaps that are known to few digits.
 
-The overlaps are perturbed at random by as much as their error, and the moduli are computed again.
-To second order the moduli change, in mean and scatter, by as much as the lost digits have changed
-them: in a packing of 400 spheres with an error of 7 % of the overlaps the perturbation changes V_P
+The overlaps are perturbed at random by their own error, and the moduli are computed again. To
+second order the perturbation changes the moduli, in mean and scatter, as much as the loss of digits
+did: in a packing of 400 spheres with an error of 7 % of the overlaps the perturbation changes V_P
 by -0.39 +- 0.07 %, and positions with all digits give -0.34 +- 0.10 %; with an error of 15 % these
-are -1.1 +- 0.3 % and -1.2 +- 0.1 %. Of spheres from a scan the tolerance and the forces are changed
-instead (`modal.packing.scan`).
+are -1.1 +- 0.3 % and -1.2 +- 0.1 %. For spheres from a scan the tolerance and the forces are
+changed instead (`modal.packing.scan`).
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ product. Of three packings it is larger than the largest change, too."""
 
 
 class IsotropicModuli(Protocol):
-    """Moduli of an isotropic solid, which are compared for a packing and its perturbed copies."""
+    """Moduli of an isotropic solid, to compare a packing with its perturbed copies."""
 
     @property
     def bulk_modulus(self) -> float:
@@ -39,7 +39,7 @@ def modulus_error_by_digits(
     """Return the relative error of a network's moduli that the few digits of its overlaps cause.
 
     The error is that of the bulk or of the shear modulus, whichever is larger; `measure` computes
-    the moduli of the other packings. It is larger than the change by any one of them.
+    the moduli of the perturbed packings. The error is larger than the change in any single one.
     """
     squares = []
     for other in other_packings(network):

@@ -89,9 +89,9 @@ class ElasticModuli(Drawn, Tabular):
     Attributes
     ----------
     stiffness : ndarray (6, 6)
-        Stiffness with spheres free to move and turn, Pa.
+        Stiffness of the packing, whose spheres move and turn into balance, Pa.
     affine : ndarray (6, 6)
-        Stiffness if all spheres followed the strain, Pa: an upper bound.
+        Stiffness if all spheres followed the strain, Pa; an upper bound.
     density : float
         Density of the force-bearing spheres, kg/m^3.
     region : str
@@ -99,12 +99,11 @@ class ElasticModuli(Drawn, Tabular):
     whole : ndarray (6, 6)
         Stiffness of a slab with its walls, Pa; otherwise equal to `stiffness`.
     error : float
-        Relative error of the moduli from the residual of the response and, if overlaps are known to
-        few digits or not at all, from what other overlaps would change
+        Relative error of the moduli: from the residual of the response and, if overlaps are known
+        to few digits or not at all, from the change under perturbed overlaps
         (`modal.elasticity.few_digits`).
     asymmetry : float
-        |C - C^T| / |C| of the measured stiffness of a bulk, which its finite length leaves; 0 for
-        other regions.
+        |C - C^T| / |C| of the stiffness measured in a bulk of finite length; 0 for other regions.
     products, solver : int, str
         Number of products with K, and name of the solver.
     pre_stress : str
@@ -210,10 +209,11 @@ class ElasticModuli(Drawn, Tabular):
 
     @property
     def debye_level(self) -> float:
-        """Modes of the longest waves per m^3 and Hz, divided by f^2: 4 pi times the sum of 1 / V^3.
+        """Level of the Debye density of states: 4 pi times the mean of the sum of 1 / V^3.
 
-        In 1/(m^3 Hz^3). The mean of 1 / V^3 over all directions is a Gauss sum. Raises InputError
-        if a strain costs no energy.
+        The number of modes per m^3 and Hz, divided by f^2, in 1/(m^3 Hz^3), in the limit of long
+        waves. The sum is over the three waves of a direction. The mean over all directions is
+        computed by Gauss quadrature. Raises InputError if a strain costs no energy.
         """
         if len(self.soft_strains()):
             raise UnavailableError(
@@ -229,9 +229,10 @@ class ElasticModuli(Drawn, Tabular):
         return 4 * np.pi * total
 
     def soft_strains(self) -> Floats:
-        """Return the unit strains (k, 6) that cost no energy, or release some in an unstable cell.
+        """Return the unit strains (k, 6) that cost no energy, or that release energy.
 
-        With springs alone no strain releases energy; a solid has no soft strain.
+        A stable solid has no such strain. Only pre-stress can let a strain release energy, in an
+        unstable cell.
         """
         value, vector = np.linalg.eigh(self.stiffness)
         return vector.T[value <= MAX_SOFT_SHARE * np.linalg.eigvalsh(self.affine)[-1]]
@@ -265,7 +266,7 @@ class ElasticModuli(Drawn, Tabular):
         )
 
     def draw(self, ax: Any) -> None:
-        """Draw the three velocities over the direction in the plane of x and z."""
+        """Draw the three velocities against the direction in the plane of x and z."""
         angle = np.linspace(0, np.pi, 91)
         directions = np.column_stack([np.sin(angle), 0 * angle, np.cos(angle)])
         lines = ax.plot(np.degrees(angle), [self.velocities(n) for n in directions])
@@ -293,8 +294,8 @@ def elastic_moduli(
     Six small unit strains are put on the packing, its spheres move and turn into balance on the
     springs of their contacts, and the stiffness follows from the energy. The packing is a cell
     periodic in all directions, or a slab between walls with periods along x and y; the moduli of a
-    slab are those of the bulk, five diameters away from the walls, if there is one and the walls
-    grip. Spheres that nothing holds take no part.
+    slab are those of the bulk, five diameters away from the walls, if the slab is long enough and
+    the walls bear shear. Floppy spheres, which nothing holds, do not contribute.
 
     Parameters
     ----------
@@ -303,9 +304,9 @@ def elastic_moduli(
     tolerance : float, default 1e-6
         Relative error of the modulus of each strain.
     pre_stress : str, default "none"
-        The forces that contacts carry change stiffnesses by some stress divided by modulus; with
-        "normal", "full" or "law" the velocities of a cell periodic in all directions include this
-        change, to first order (`modal.elasticity.strain`).
+        The forces that contacts carry change stiffnesses by about the ratio of stress to modulus;
+        with "normal", "full" or "law" the velocities of a cell periodic in all directions include
+        this change, to first order (`modal.elasticity.strain`).
     sliding : str, default "elastic"
         As in `modal.eigenmodes`.
     solver : str, optional
@@ -322,7 +323,7 @@ def elastic_moduli(
     Raises
     ------
     InputError
-        If the packing cannot be strained, or is no solid.
+        If the packing cannot be strained, or does not resist a strain.
 
     Examples
     --------
@@ -388,7 +389,7 @@ def _compute(
         return np.maximum(affine_energy - work, min_share * largest_energy)
 
     def allowed_error(work: Floats) -> Floats:
-        """Return the errors (6,), J, that are allowed in twice the energies of the six strains."""
+        """Return the allowed errors (6,), J, of twice the energies of the six strains."""
         if bulk:
             # The stiffness of a bulk is measured on the motion, whose error is the square root.
             return (tolerance * remaining_energy(work, MIN_STRAIN_SHARE)) ** 2 / largest_energy

@@ -16,7 +16,7 @@ INDEX = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 
 def unit_vector(direction: ArrayLike) -> Floats:
-    """Return the unit vector (3,) along a direction; InputError if there is none."""
+    """Return the unit vector (3,) along a direction; InputError for a zero vector."""
     try:
         vector = np.asarray(direction, float)
     except (TypeError, ValueError):
@@ -85,9 +85,9 @@ def isotropic_means(stiffness: Floats) -> tuple[Floats, Floats]:
 
 
 def anisotropy(stiffness: Floats) -> float:
-    """Return the distance of a stiffness (6, 6) from the nearest isotropic tensor, relative.
+    """Return the relative distance of a stiffness (6, 6) from the nearest isotropic tensor.
 
-    It is divided by the norm of the stiffness.
+    The distance is divided by the norm of the stiffness.
 
     The norm is the Euclidean one of tensors; the result is 0 for an isotropic solid (M. Moakher and
     A. N. Norris, J. Elasticity 85, 215, 2006).

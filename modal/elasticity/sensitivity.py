@@ -1,4 +1,4 @@
-"""How much each contact's stiffness carries of the elastic moduli."""
+"""Compute how strongly each contact's stiffness affects the elastic moduli."""
 
 from typing import NamedTuple
 
@@ -17,8 +17,9 @@ from modal.tools.arrays import Floats
 class ModuliSensitivity(NamedTuple):
     """Derivatives of the moduli with respect to the stiffnesses of m contacts, 1/m.
 
-    stiffness (m, 2, 6, 6): of the stiffness tensor of the whole packing, walls included, with
-    respect to kn and kt. bulk, shear (m, 2): of both moduli of the nearest isotropic solid.
+    stiffness (m, 2, 6, 6): derivatives with respect to kn and kt of the stiffness tensor of the
+    whole packing, walls included. bulk, shear (m, 2): those of the bulk and shear modulus of the
+    nearest isotropic solid.
     """
 
     stiffness: Floats
@@ -30,17 +31,17 @@ class ModuliSensitivity(NamedTuple):
 def moduli_sensitivity(network: Network, *, tolerance: float = TOLERANCE) -> ModuliSensitivity:
     """Compute the derivatives of the elastic moduli with respect to each contact's stiffnesses.
 
-    At the balance of the spheres a change of a stiffness changes the energy of a strain by what
-    this spring stores, while the spheres need not move: V dC_ab/dkn = (n . d_a)(n . d_b), with the
-    slip d_a of the contact under strain a, non-affine motion included. The moduli are homogeneous
-    in the stiffnesses: the sum of k dC/dk is C.
+    In static equilibrium a small change of one stiffness changes the energy of a strain only by the
+    energy in this spring; the motion of the spheres has no first-order effect: V dC_ab/dkn = (n .
+    d_a)(n . d_b), with the slip d_a of the contact under strain a, non-affine motion included. The
+    moduli are homogeneous in the stiffnesses: the sum of k dC/dk is C.
 
     Parameters
     ----------
     network : Network
         The packing, as `modal.elastic_moduli` takes it.
     tolerance : float, default 1e-6
-        Relative error of the moduli; that of the derivatives is its root.
+        Relative error of the moduli; the derivatives have its square root as error.
 
     Returns
     -------

@@ -1,10 +1,10 @@
-"""Tell the bulk of a packing between walls apart from the layers that the walls order.
+"""Separate the bulk of a packing between walls from the layers that the walls order.
 
 The strains xx, yy and xy are those of the cell everywhere; zz, yz and zx differ from layer to layer
 and are measured in the bulk, as the slopes of the layers' mean motion. The stress in the bulk is
 that of its contacts, each counted with the share of its branch that lies there. Stresses and
-strains of the six load cases give the stiffness of the bulk. The bulk ends softly, over some
-diameters, so that single layers at its edge hardly matter, even in a crystal.
+strains of the six load cases give the stiffness of the bulk. The weight of the bulk falls to zero
+over some diameters, so that single layers at its edge hardly matter, even in a crystal.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Bulk:
 
     @classmethod
     def of(cls, network: Network) -> Bulk | None:
-        """Find the bulk beyond the zones of both walls; None if the packing is too short."""
+        """Find the bulk beyond the zones near both walls; None if the packing is too short."""
         diameter = 2 * float(network.radius.mean())
         wall_zone = WALL_ZONE_IN_DIAMETERS * diameter
         low, high = end_heights(network) + np.array([wall_zone, -wall_zone])
@@ -64,7 +64,7 @@ class Bulk:
 
     @property
     def length(self) -> float:
-        """Return the length of the bulk, m, each soft end counted by half."""
+        """Return the length of the bulk, m; each end of falling weight counts by half."""
         return self.high - self.low - self.fade
 
     def below(self, z: Floats) -> Floats:
@@ -78,7 +78,7 @@ class Bulk:
         return self.fade * (rising + falling) + flat
 
     def share(self, start: Floats, rise: Floats) -> Floats:
-        """Return the share of straight lines that lies in the bulk.
+        """Return the share of each straight line that lies in the bulk.
 
         The lines start at the heights `start`, m, and rise by `rise`, m.
         """
@@ -100,9 +100,9 @@ class Bulk:
         return float(line[0])
 
     def growth(self, layers: Layers, motion: Floats) -> float:
-        """Return the mean growth along z of the layers' motion.
+        """Return the mean change of the layers' motion along z, per metre.
 
-        The growth differs from the slope of a straight line where the bulk is not even.
+        The result differs from the slope of a straight line where the bulk is not even.
         """
         start = layers.position[:-1]
         rise = np.diff(layers.position)
@@ -115,8 +115,8 @@ def stiffness_of(network: Network, bulk: Bulk, motion: Floats) -> tuple[Floats, 
 
     The stiffness is stress divided by strain, and not quite symmetric. The affine stiffness is that
     of spheres that all follow the strain, computed from its energy: such spheres are not in
-    balance, and the torques on them would make the stress unsymmetric. None if some strain hardly
-    reaches the bulk, because walls that slide or yield take it up.
+    balance, and the torques on them would make the stress unsymmetric. The result is None if some
+    strain hardly reaches the bulk, because the walls slide or yield.
 
     `motion` (6n, 6), m and rad per unit strain, is that of the spheres beyond the mean strain.
     """
@@ -161,11 +161,11 @@ class StaticVelocity(NamedTuple):
 def static_velocity(network: Network) -> StaticVelocity:
     """Measure velocity and modulus of P-waves in the bulk, in the limit of long waves.
 
-    The source wall is pushed. In the mean nothing moves sideways, so that this one load gives the
-    P-wave modulus: the stress divided by the strain of the bulk. The velocity is sqrt(modulus /
-    density). The strain is the slope of the mean motion of layers. The error is half of the change
-    if the mean strain takes the place of the slope; the two differ where the bulk is not even.
-    InputError if the packing is too short or carries no force from wall to wall.
+    The source wall is pushed. The mean lateral motion is zero, so that the stress divided by the
+    strain of the bulk is the P-wave modulus. The velocity is sqrt(modulus / density). The strain is
+    the slope of the mean motion of layers. The error is half the difference to the velocity from
+    the mean strain, which differs from the slope where the bulk is not uniform. InputError if the
+    packing is too short or carries no force from wall to wall.
     """
     system = LinearSystem.of(network)
     bulk = _bulk_of(network)
@@ -191,7 +191,7 @@ def static_velocity(network: Network) -> StaticVelocity:
 
 
 def _sticking_to_walls(network: Network) -> Network:
-    """Return the packing with walls that resist sliding as they resist pressing."""
+    """Return the packing with walls whose tangential stiffness equals their normal stiffness."""
     stiffness = network.stiffness_tangential
     sticking = np.where(network.with_wall, network.stiffness_normal, stiffness)
     return replace(network, stiffness_tangential=sticking)
@@ -210,14 +210,14 @@ def _bulk_of(network: Network) -> Bulk:
 
 
 def strained_velocities(network: Network, axes: Sequence[int]) -> list[StaticVelocity]:
-    """Measure velocities and moduli of waves along z whose spheres move along each of some axes.
+    """Measure velocities and moduli of waves along z, for given axes of the spheres' motion.
 
-    The axes are 2 for P-waves, 0 and 1 for S-waves. All spheres start from a uniform strain, zz or
-    a shear with z, and relax; what is left to find is local, so that some tens of products with K
-    give the velocities to `STRAINED_ERROR`, where a push from the wall takes hundreds. Stress and
-    strain are those of the bulk, as in `stiffness_of`. Spheres stick to the walls: walls without
-    friction would let the whole packing slide back out of a shear. UnavailableError if the packing
-    is too short or a strain meets no resistance.
+    Axis 2 gives P-waves, axes 0 and 1 give S-waves. All spheres start from a uniform strain, zz or
+    a shear with z, and relax. The remaining motion is local, so that some tens of products with K
+    give the velocities to `STRAINED_ERROR`; a push from the wall takes hundreds. Stress and strain
+    are those of the bulk, as in `stiffness_of`. Spheres stick to the walls: walls without friction
+    would let the whole packing slide back out of a shear. UnavailableError if the packing is too
+    short or a strain meets no resistance.
     """
     bulk = _bulk_of(network)
     network = _sticking_to_walls(network)

@@ -1,10 +1,11 @@
 """Solve for the static response of all spheres to several loads at once.
 
-Conjugate gradients run with one of three preconditioners. A factor of K with a very small shift, by
-PARDISO, takes a few steps. A cycle of multigrid takes some tens, in less memory; its hierarchy is
-made sooner than a factor, except where contacts are few. The inverse of each sphere's own block of
-K needs no package, and takes some hundreds of steps. All work on the mass-scaled matrix A = M^-1/2
-K M^-1/2, so that motions without energy, which the load does not drive, stay zero.
+Conjugate gradients run with one of three preconditioners. With a PARDISO factorisation of K plus a
+very small shift they take a few steps. With a cycle of multigrid they take some tens of steps and
+less memory; multigrid is also set up faster, except where contacts are few. With the inverse of
+each sphere's own block of K they need no package, and take some hundreds of steps. All work on the
+mass-scaled matrix A = M^-1/2 K M^-1/2, so that motions without energy stay zero: the load does no
+work on them.
 """
 
 from collections.abc import Callable
@@ -54,23 +55,24 @@ def steady_motion(
     allowed: Callable[[Floats], Floats],
     solver: str | None = None,
 ) -> tuple[Solution, str]:
-    """Solve K u = push of a coupling, to a given error in energy.
+    """Solve K u = p for the load p of a coupling, to a given error in energy.
 
     Parameters
     ----------
     system : LinearSystem
         The packing of n spheres.
     coupling : Coupling
-        Its push (6n, k) is the load, N and N m.
+        Its `push` (6n, k) is the load p, N and N m.
     allowed : callable
-        Returns the error in energy (k,), J, from the work push u (k,), J, of the motion so far.
+        Function that returns the allowed error in energy (k,), J, from the work p u (k,), J, of the
+        motion so far.
     solver : str, optional
         One of `SOLVERS`, by default the one that is likely to be faster.
 
     Returns
     -------
     solution : Solution
-        `motion` is u (6n, k), m and rad; `residual` is that of the push, N and N m.
+        `motion` is u (6n, k), m and rad; `residual` is p - K u, N and N m.
     solver : str
         Name of the solver that was used.
     """
@@ -109,7 +111,7 @@ def steady_motion(
 
 
 def _faster_solver(system: LinearSystem, columns: int) -> str:
-    """Return the name of the solver that is likely to be faster for so many loads."""
+    """Return the name of the solver that is likely to be faster for `columns` loads."""
     free = MAX_FACTOR_MEMORY_SHARE * memory_at_hand()
     shape = shape_of(system)
     operations = {}
@@ -131,8 +133,8 @@ def _faster_solver(system: LinearSystem, columns: int) -> str:
 def _own_blocks(system: LinearSystem) -> Factor:
     """Return the inverse of A's diagonal blocks, one for each sphere, each shifted a little.
 
-    Without the shift the blocks of rattlers would be singular, and those of smooth spheres would
-    have only round-off as stiffness against turning.
+    Without the shift the blocks of rattlers would be singular; so would those of frictionless
+    spheres, which have no stiffness against turning.
     """
     n = system.network.n_particles
 

@@ -1,9 +1,9 @@
 """Define the six strains of a cell, and the stiffness of a packing that carries forces.
 
-A uniform displacement gradient G moves the centre at x by G x, and periods and walls with it. The
+A uniform displacement gradient G moves a centre at x by G x, and moves periods and walls alike. The
 spheres turn with the rotation in G. `modal.system.imposed` computes the motion of the contacts.
-Shears with z slide horizontal planes over each other, as walls can; which rotation G contains makes
-no difference to a packing that is free to turn.
+Shears yz and zx slide horizontal planes over each other, as walls can; the rotation that G contains
+has no effect on a packing that is free to turn.
 
 A packing under stress is not a solid with 21 moduli: a rotation turns its forces, so that a wave
 depends on all nine displacement gradients G_kl = du_k / dx_l, and the nominal stress is
@@ -38,12 +38,12 @@ UNIT_STRAINS = Gradients(ALL_GRADIENTS.gradient[[3 * moving + along for moving, 
 
 
 def has_walls(system: LinearSystem) -> bool:
-    """Tell whether a packing stands between two walls along z; False if it is periodic there.
+    """Tell whether a packing stands between two walls along z; False if it is periodic along z.
 
     Walls are flat, or rough (`modal.packing.ends`).
 
-    InputError for a packing that cannot be strained: it is not periodic along x or y, is neither
-    periodic along z nor touches two walls, or is a slab with pre-stress.
+    Raises InputError for a packing that cannot be strained: one that is not periodic along x and y,
+    one that is neither periodic along z nor touches two walls, or a slab with pre-stress.
     """
     network = system.network
     for axis in np.flatnonzero(~network.cell_periodic[:2]):

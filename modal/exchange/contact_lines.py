@@ -38,7 +38,8 @@ NAMES = {
 class ContactLines(NamedTuple):
     """Contacts as lines, in the units of the file.
 
-    path: the file. ends (m, 2, 3): both ends. fields: data (m,) or (m, k) by the names of `NAMES`.
+    path: the file. ends (m, 2, 3): both ends. fields: data (m,) or (m, k), by the project's own
+    names in `NAMES`.
     """
 
     path: Path
@@ -67,18 +68,18 @@ def known_fields(fields: Mapping[str, Array]) -> dict[str, Array]:
 
 
 class LineContacts(NamedTuple):
-    """Contacts that lines stand for, and the number of lines that end where no sphere is."""
+    """Contacts found from lines, and the number of lines one of whose ends is at no sphere."""
 
     contacts: Contacts
     left_out: int
 
 
 def contacts_of_lines(lines: ContactLines, packing: Packing, units: Units) -> LineContacts:
-    """Return the contacts between the spheres of a packing that lines stand for.
+    """Return the contacts between the spheres of a packing that are drawn as lines.
 
-    A contact that is drawn twice, once on each side of a period, counts once. Lines with one end
-    where no sphere is are left out: they are contacts with walls. Raises InputError for a line with
-    no sphere at either end, and for forces that have nothing to do with the overlaps.
+    A contact that is drawn twice, once on each side of a period, counts once. Lines with a sphere
+    at one end only are left out: they are contacts with walls. Raises InputError for a line without
+    a sphere at either end, and for forces that do not grow with the overlaps.
     """
     first = _spheres_at(lines, 0, packing, units)
     second = _spheres_at(lines, 1, packing, units)
@@ -110,7 +111,7 @@ def contacts_of_lines(lines: ContactLines, packing: Packing, units: Units) -> Li
 
 
 def _spheres_at(lines: ContactLines, end: int, packing: Packing, units: Units) -> Ints:
-    """Return the indices (m,) of the spheres at one end of each line; -1 where no sphere is."""
+    """Return the indices (m,) of the spheres at one end of each line; -1 if there is none."""
     cell = packing.cell
     point = units.length * lines.ends[:, end]
     edges = np.where(cell.periodic[:, None], cell.edges, 0.0)
@@ -131,7 +132,7 @@ def _spheres_at(lines: ContactLines, end: int, packing: Packing, units: Units) -
 
 
 def _refuse_shuffled(path: Path, force: Floats, overlap: Floats) -> None:
-    """Raise InputError if forces do not grow with overlaps: they are those of other lines."""
+    """Raise InputError if forces do not grow with overlaps: they belong to other lines."""
     if len(force) < MIN_CONTACTS_TO_COMPARE or np.ptp(force) == 0 or np.ptp(overlap) == 0:
         return
     correlation = spearmanr(force, overlap).statistic
@@ -146,7 +147,7 @@ def _refuse_shuffled(path: Path, force: Floats, overlap: Floats) -> None:
 
 
 def _normal_force(lines: ContactLines) -> Floats | None:
-    """Return the normal forces (m,) in units of the file; None if none are in it."""
+    """Return the normal forces (m,) in units of the file; None if the file has none."""
     for name in ("force", "force_vector"):
         force = lines.fields.get(name)
         if force is None:

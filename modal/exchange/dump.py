@@ -139,7 +139,7 @@ class FrameHead:
 
 @dataclass(frozen=True)
 class Frame:
-    """One time of a dump: its header and its rows."""
+    """One time step of a dump: its header and its rows."""
 
     head: FrameHead
     rows: Rows
@@ -149,7 +149,7 @@ def read_frame(path: str | Path, item: Item, step: int | None) -> Frame:
     """Return the frame of this step, or the only frame of a dump.
 
     Raises InputError if the dump has several times and `step` chooses none of them, if the rows are
-    not those of the `item`, or if the file ends early. Rows of other times are skipped.
+    not of the kind `item`, or if the file ends early. Rows of other times are skipped.
     """
     steps: list[int] = []
     header: dict[str, list[list[str]]] = {}
@@ -199,7 +199,7 @@ def _are_alike(first: Sequence[str], second: Sequence[str]) -> bool:
 
 
 def _refuse_times(path: str | Path, item: Item, step: int | None, steps: Sequence[int]) -> NoReturn:
-    """Raise InputError for a file without a frame, or without the one frame that is requested."""
+    """Raise InputError for a file without any frame, or without the requested frame."""
     if not steps:
         remedy = "give a text dump of LAMMPS or LIGGGHTS"
         refuse(path, "no_item", f"no ITEM: {item}", remedy=remedy)
@@ -270,7 +270,7 @@ def _parse_head(path: str | Path, header: dict[str, list[list[str]]], line: int)
 
 
 def choose_units(path: Path, frame: Frame, typed: Units | None, script: Script) -> Units:
-    """Return the units: those typed, or those that log and dump name, or SI.
+    """Return the units that were typed, else those named by log and dump, else SI.
 
     Raises InputError if two of these differ, and for lj, which has no SI values.
     """
@@ -304,7 +304,7 @@ def choose_units(path: Path, frame: Frame, typed: Units | None, script: Script) 
 
 
 def list_missing_columns(rows: Rows) -> list[str]:
-    """Return the columns that spheres need, and that a dump has in none of their forms."""
+    """Return the columns that spheres need and that a dump lacks in each of their forms."""
     forms = (*PLACE_COLUMNS, SIZE_COLUMNS, MASS_COLUMNS)
     return [names[0] for names in forms if not any(map(rows.has, names))]
 
@@ -323,8 +323,9 @@ def read_walls(
 ) -> Walls:
     """Return the walls of the log's fixes, or the typed ones.
 
-    A fix has this many `planes`, the typed wall has two. Of fixes with one plane each the lowest
-    one is the floor. Raises InputError for other walls than one at low and one at high z.
+    A fix defines `planes` planes, a typed wall defines two. If fixes have one plane each, the
+    lowest plane is the floor. Raises InputError unless there is at most one wall at low z and one
+    at high z.
     """
     read = [_read_wall(name, words, read_law, planes) for name, words in script.walls.items()]
     if planes == 1:
@@ -448,7 +449,7 @@ def read_packing(
 
 
 def _refuse_shapes(rows: Rows) -> None:
-    """Raise InputError for columns of bodies that are no spheres."""
+    """Raise InputError for columns of bodies that are not spheres."""
     for name in SHAPE_COLUMNS:
         if rows.has(name):
             refuse(

@@ -1,7 +1,7 @@
 """Recognise files that people take for a packing and that cannot be read, and say what to do.
 
 `FOREIGN` has one row for each kind of file: the code of the error, a description of the file, what
-to write in its place, and a test on its path and first bytes. The rows are used only for files that
+file to write instead, and a test on its path and first bytes. The rows are used only for files that
 no program of `modal.exchange.programs` recognises, and the first row whose test is passed is taken.
 """
 
@@ -21,12 +21,12 @@ class ForeignFile(NamedTuple):
 
 
 def begins(*beginnings: bytes) -> Callable[[Path, bytes], bool]:
-    """Return a test of whether a file begins with one of these bytes, leading blanks left out."""
+    """Return a test of whether a file begins with one of these bytes, after blanks."""
     return lambda path, head: head.lstrip().startswith(beginnings)
 
 
 def contains(*patterns: bytes) -> Callable[[Path, bytes], bool]:
-    """Return a test of whether all these regular expressions match within the first bytes."""
+    """Return a test of whether all these regular expressions match in the first bytes."""
     return lambda path, head: all(re.search(pattern, head, re.MULTILINE) for pattern in patterns)
 
 

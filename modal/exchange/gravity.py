@@ -14,8 +14,8 @@ STYLE = "gravity"
 def find_gravity(runs: Sequence[Run], step: int, units: Units) -> tuple[Floats | None, list[str]]:
     """Return the acceleration (3,), m/s^2, in the run that wrote a dump, and remarks on it.
 
-    It is None if there is no such fix, or if its words do not tell the acceleration: a variable, a
-    direction that is not known here, or two runs with different ones.
+    The acceleration is None if there is no such fix, or if it cannot be read: the fix uses a
+    variable or a direction that is not known here, or two runs differ.
     """
     if not runs:
         return None, []
@@ -43,7 +43,7 @@ def _remark(fix: Fix) -> str:
 
 
 def acceleration_of(words: Sequence[str]) -> Floats | None:
-    """Return the acceleration (3,) in units of the script; None if the words do not tell it.
+    """Return the acceleration (3,) in units of the script; None if it cannot be read.
 
     >>> acceleration_of(["9.81", "vector", "0", "0", "-2"])
     array([ 0.  ,  0.  , -9.81])

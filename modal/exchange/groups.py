@@ -1,12 +1,13 @@
 """Find which atoms may be in the groups that a script of LAMMPS or LIGGGHTS defines.
 
-A log shows how groups are made of each other, of types and of numbers, and how many atoms each has,
-but not which atoms are in a region. So groups are sets of *possible atoms*. A possible atom is one
-combination of answers to the questions that distinguish the groups: is the atom of type 2, is it in
-the region slab, was it inserted later. Each new question doubles the possible atoms. The dump
-answers questions about types and numbers, so that only the combinations that some atom has remain;
-a printed count of none or of all atoms excludes more. What holds for all possible atoms holds for
-all atoms, whichever are in the regions: a group and its complement contain all.
+A log shows how groups are defined by other groups, types and atom numbers, and how many atoms each
+has, but not which atoms are in a region. So groups are sets of *possible atoms*. A possible atom is
+one combination of answers to the questions that distinguish the groups: is the atom of type 2, is
+it in the region `slab`, was it inserted later. Each new question doubles the possible atoms. The
+dump answers questions about types and numbers, so that only the combinations that some atom has
+remain; a printed count of none or of all atoms excludes more. A statement that is true of all
+possible atoms is true of all atoms, whatever the regions contain: for example, a group and its
+complement together contain all atoms.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ COMPARISONS: Mapping[str, Callable[[Ints, int], Bools]] = {
 
 
 class Answer(NamedTuple):
-    """An answered question: possible atoms that answer yes, and such atoms (n,) of the dump."""
+    """An answered question: possible atoms and atoms (n,) of the dump whose answer is yes."""
 
     of_possible_atoms: Bools
     of_atoms: Bools
@@ -48,8 +49,8 @@ class Answer(NamedTuple):
 class Groups:
     """The groups after the commands of a log, as sets of possible atoms.
 
-    `columns` (n,) are those of the dump by their names, id, type, mol, as far as it has them;
-    `count` is its number of atoms.
+    `columns` holds those of the columns id, type and mol (n,) that the dump has; `count` is its
+    number of atoms.
     """
 
     def __init__(self, columns: Mapping[str, Ints], count: int) -> None:
@@ -70,7 +71,7 @@ class Groups:
         count: int,
         names: Iterable[str],
     ) -> Groups:
-        """Return the groups with these names after the lines of a history.
+        """Return the groups with these names after all lines of a history.
 
         Raises InputError if the groups depend on too many regions and types.
         """
@@ -94,14 +95,14 @@ class Groups:
         return self.members[name]
 
     def may_contain_atoms(self, chosen: Bools) -> bool:
-        """Tell whether some atom of the dump may be one of the `chosen` possible atoms."""
+        """Tell whether any atom of the dump may be one of the `chosen` possible atoms."""
         key_of_likely, key_of_atom = self._keys(np.flatnonzero(chosen & self.possible))
         return bool(np.isin(key_of_likely, key_of_atom).any())
 
     def of_dumped_atoms(self, values: Bools) -> Bools | None:
-        """Return the values (n, k) of the atoms of the dump, from those (p, k) of possible atoms.
+        """Return values (n, k) for the atoms of the dump from values (p, k) for possible atoms.
 
-        None if the log leaves open, for some atom, which of several different values it has.
+        The result is None if, for some atom, the log leaves several different values possible.
         """
         likely = np.flatnonzero(self.possible)
         key_of_likely, key_of_atom = self._keys(likely)
@@ -118,7 +119,7 @@ class Groups:
         return count > 0
 
     def _keys(self, likely: Ints) -> tuple[Ints, Ints]:
-        """Return one number for all answers of each likely possible atom, and of each atom (n,)."""
+        """Return a number that encodes all answers, for each likely possible atom and each atom."""
         key_of_likely = np.zeros(len(likely), int)
         key_of_atom = np.zeros(self.count, int)
         for k, answer in enumerate(self.answers.values()):
@@ -146,7 +147,7 @@ class Groups:
         return np.arange(2 * size) >= size
 
     def _follow(self, words: Sequence[str]) -> None:
-        """Apply a command to the groups, or take note of a printed count."""
+        """Apply a command to the groups, or use a printed number of atoms."""
         match words:
             case ["group", name, style, *rest]:
                 self._define(name, style, rest)
@@ -165,7 +166,7 @@ class Groups:
                 self.growing.discard(name)
 
     def _add_atoms(self, groups: Sequence[str]) -> None:
-        """Add atoms that were in no group before, and are in these groups from now on."""
+        """Add newly created atoms, which belong to these groups from the start."""
         for group in groups:
             self.possible_members(group)
         later = self._add_question()
@@ -179,7 +180,7 @@ class Groups:
         self.later.append(later)
 
     def _define(self, name: str, style: str, words: Sequence[str]) -> None:
-        """Apply a `group` command of this style."""
+        """Apply a `group` command of the given style."""
         match style:
             case "delete":
                 self.members.pop(name, None)
@@ -219,7 +220,7 @@ class Groups:
         return parts[0] & ~subtracted
 
     def _answer(self, style: str, words: Sequence[str]) -> Bools | None:
-        """Return which atoms (n,) of the dump are in a group by type or number; None if unknown.
+        """Return which atoms (n,) of the dump a `group` command by type or number selects, or None.
 
         While atoms are inserted, it is unknown which of them existed when the group was defined.
         """
@@ -239,7 +240,7 @@ class Groups:
         return chosen
 
     def _apply_count(self, name: str, number: int) -> None:
-        """Exclude possible atoms by a printed size of a group that is none or all of the atoms."""
+        """Exclude possible atoms, if the printed size of a group is none or all of the atoms."""
         if name not in self.members:
             return
         if name in self.answers and number != self.answers[name].of_atoms.sum():
@@ -251,14 +252,14 @@ class Groups:
 
 
 def _double(flags: Bools) -> Bools:
-    """Return the flags of possible atoms for both answers to a new question."""
+    """Repeat the flags of possible atoms, once for each answer to a new question."""
     return np.concatenate([flags, flags])
 
 
 def _is_in_range(column: Ints, word: str) -> Bools:
     """Tell which numbers (n,) are in a range FIRST, FIRST:LAST or FIRST:LAST:STEP.
 
-    Raises ValueError if the word is no range.
+    Raises ValueError if the word is not a range.
     """
     numbers = [int(number) for number in word.split(":")]
     first, last, step = (numbers + [0, 0])[:3]
@@ -268,7 +269,7 @@ def _is_in_range(column: Ints, word: str) -> Bools:
 
 
 def _find_parts(history: Sequence[Sequence[str]], names: Iterable[str]) -> set[str]:
-    """Return these groups and all groups that they are made of."""
+    """Return the named groups and all groups that their definitions use."""
     relevant = set(names)
     size = 0
     while len(relevant) > size:

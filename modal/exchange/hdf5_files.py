@@ -48,7 +48,7 @@ MAX_LISTED_GROUPS = 6
 
 
 def refuse_other_hdf5(path: Path) -> None:
-    """Raise InputError, which says what the file is, for an HDF5 file that is not a network."""
+    """Raise InputError for an HDF5 file that is not a network; the message says what it is."""
     with open_h5(path) as file, complete(path):
         schema = file.attrs.get("schema")
         groups = list(file)

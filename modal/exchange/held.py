@@ -1,15 +1,15 @@
 """Find which motions a LAMMPS or LIGGGHTS script takes from spheres at the step of a dump.
 
 A script holds spheres in two ways: by fixes (setforce, freeze, move, ...), and by integrating only
-some of the spheres (`fix ID GROUP nve/sphere`), or all without their rotations (`fix nve`). Held
-motions go to the column `fixed` of a network. What a fix does beyond holding, as springs to places
-do, has no place in a network and is refused.
+some of the spheres (`fix ID GROUP nve/sphere`), or by not integrating rotations (`fix nve`). Held
+motions go to the column `fixed` of a network. Fixes that do more than hold, such as springs to
+fixed places, cannot be stored in a network and are refused.
 
-The run that wrote the dump decides. The fixes that hold spheres are those during this run. Which
-spheres are integrated is read from the last run, up to this one, that integrates any: scripts often
-end with the integrating fix removed and with `run 0`, which moves nothing. Such a run does not show
-which spheres are integrated; nor does a script that only reads a state and dumps it, nor a `run 0`
-with rigid bodies alone.
+Only the run that wrote the dump matters: the fixes of this run hold the spheres. The integrated
+spheres are read from the last run, up to this one, that integrates any: scripts often remove the
+integrating fix and end with `run 0`, which moves nothing and does not show which spheres are
+integrated. Nor is it shown by a script that only reads a state and dumps it, or by a `run 0` with
+rigid bodies alone.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Run:
     is_over: bool = False
 
     def includes(self, step: int) -> bool:
-        """Tell whether the run went through a step, as far as steps were printed."""
+        """Tell whether the run included a step, as far as its printed steps show."""
         if not self.steps:
             return False
         return self.steps[0] <= step and (step <= self.steps[-1] or not self.is_over)
@@ -124,7 +124,7 @@ turns about them. None for words with which the fix does more than to hold."""
 def _components_of_zero(words: Sequence[str]) -> Bools | None:
     """Return the motions that `setforce` holds: components of zero; those that are NULL are free.
 
-    Another force moves spheres, or has a value that the log does not show. Torques are not set.
+    A component other than zero moves spheres or is unknown: it holds nothing. Torques are not set.
     """
     held = np.zeros(6, bool)
     for axis, word in enumerate(words[:3]):
@@ -152,7 +152,7 @@ def _moved(words: Sequence[str]) -> Bools | None:
 
 
 def _along_axis(words: Sequence[str]) -> Bools | None:
-    """Return the displacement along the axis that the first three numbers point to, if they do."""
+    """Return the motion along a coordinate axis that the first three numbers give, if they do."""
     try:
         direction = np.array(words[:3], float)
     except ValueError:
@@ -163,7 +163,7 @@ def _along_axis(words: Sequence[str]) -> Bools | None:
 
 
 def _across_axis(words: Sequence[str]) -> Bools | None:
-    """Return the displacements across the axis that the first three numbers point to."""
+    """Return the motions across the axis given by the first three numbers."""
     along = _along_axis(words)
     if along is None:
         return None
@@ -171,7 +171,7 @@ def _across_axis(words: Sequence[str]) -> Bools | None:
 
 
 class Hold(NamedTuple):
-    """How a fix holds spheres: a description, and the motions that it holds; None for unknown."""
+    """How a fix holds spheres: a description, and the motions held; None if these are unknown."""
 
     description: str
     motions: MotionsOf = lambda words: None
@@ -217,9 +217,9 @@ def hold_of(fix: Fix) -> Hold | None:
 def find_runs_of_dump(runs: Sequence[Run], step: int) -> list[int]:
     """Return the indices of the runs that may have written a step; the last run if none is known.
 
-    The last step of one run is the first step of the next. Of two such runs the first one that
-    could dump has written the step; if the log shows no dump, the later run has. Several runs are
-    left where `reset_timestep` lets steps be counted again.
+    The last step of one run is the first step of the next. Of two such runs the first one with a
+    dump wrote the step; if the log shows no dump, the later run did. Several runs remain if
+    `reset_timestep` restarts the count of steps.
     """
     candidates = [k for k, run in enumerate(runs) if run.includes(step)]
     dumping = [k for k in candidates if runs[k].dumps]
@@ -236,10 +236,10 @@ def _is_boundary(runs: Sequence[Run], k: int, step: int) -> bool:
 
 
 class HeldMotions(NamedTuple):
-    """What a script takes from the spheres of a dump.
+    """The motions that a script takes from the spheres of a dump.
 
-    fixed: (n, 6), which motions each sphere of the dump's rows cannot make; None if all are free.
-    groups: names of groups all of whose spheres are held in all motions.
+    fixed (n, 6): motions that each sphere cannot make, in the order of the dump's rows; None if all
+    are free. groups: names of the groups whose spheres are all held in all motions.
     """
 
     fixed: Bools | None = None
@@ -253,9 +253,9 @@ class HeldMotions(NamedTuple):
 
 
 class _History(NamedTuple):
-    """Lines of a log that define groups, columns of the dump, and groups that are asked about.
+    """The part of a log that defines groups, with columns of the dump and requested groups.
 
-    The arguments are those of `find_held_motions`.
+    The fields are the arguments of `find_held_motions`.
     """
 
     lines: Sequence[Sequence[str]]
@@ -274,8 +274,8 @@ def find_held_motions(
 ) -> HeldMotions:
     """Return the held motions of the spheres of a dump, from the runs and the groups of a log.
 
-    Raises InputError if a fix does more than to hold, if the log does not show which spheres of the
-    dump it acts on, or if all are held.
+    Raises InputError if a fix does more than hold spheres, if the log does not show which spheres a
+    fix acts on, or if all spheres are held.
 
     Parameters
     ----------
@@ -290,7 +290,7 @@ def find_held_motions(
     count : int
         Number of spheres in the dump.
     other_groups : iterable of str
-        Further groups of which to tell whether all spheres are held.
+        Further groups to examine: are all of their spheres held?
     """
     if not runs:
         return HeldMotions()
@@ -310,7 +310,7 @@ def find_held_motions(
 
 
 def _find_in_run(runs: Sequence[Run], index: int, parts: _History) -> HeldMotions:
-    """Return the held motions of the spheres of a dump that the run of this index wrote."""
+    """Return the held motions of the spheres of a dump that the run with this index wrote."""
     informing = [run for run in runs[: index + 1] if run.shows_integration]
     holding: dict[str, Fix] = {}
     for name, fix in runs[index].fixes.items():
@@ -379,7 +379,7 @@ def _not_integrated(groups: Groups, movers: Mapping[str, Fix]) -> Bools:
 def _held_by_fix(groups: Groups, name: str, fix: Fix) -> Bools:
     """Return the motions (p, 6) of possible atoms that a fix holds.
 
-    Raises InputError if it does more than to hold some sphere.
+    Raises InputError if the fix does more than hold spheres.
     """
     hold = hold_of(fix)
     members = groups.possible_members(fix.group)

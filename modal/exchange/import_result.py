@@ -2,9 +2,9 @@
 
 Overlaps come from the positions, or from the forces if these determine them better; stiffnesses
 follow from the law. Where a law computes stiffnesses from overlaps, the positions must determine
-the overlaps, and the error of the overlaps is noted in the network (`modal.packing.precision`).
-Where a table has the stiffnesses, positions only determine the normals. `ImportResult` also holds
-what the import has found and assumed.
+the overlaps, and the error of the overlaps is noted in the network (`modal.packing.precision`). If
+a table lists the stiffnesses, positions only determine the normals. `ImportResult` also records
+findings and assumptions of the import.
 """
 
 from dataclasses import dataclass, field, replace
@@ -50,7 +50,7 @@ OverlapSource = Literal["positions", "forces"]
 
 @dataclass
 class ImportResult:
-    """The network of an import, with what was found and assumed.
+    """The network of an import, with findings and assumptions.
 
     Attributes
     ----------
@@ -61,11 +61,11 @@ class ImportResult:
     law : ndarray (m,)
         Index of each contact's law among `laws`.
     told : dict
-        Figures by name: `overlap_over_error_of_digits`, `overlaps_from`, `error_of_overlaps`.
+        Findings by name: `overlap_over_error_of_digits`, `overlaps_from`, `error_of_overlaps`.
     remarks : list of str
-        What was assumed where the files do not say it.
+        Assumptions made where the files give no information.
     sought : bool
-        Whether contacts were sought among the positions, so that none is missing.
+        Whether contacts were found from the positions, so that none is missing.
     """
 
     network: Network
@@ -79,7 +79,7 @@ class ImportResult:
 class _ContactState(NamedTuple):
     """Overlaps, forces and columns of m contacts that follow from the contact law.
 
-    overlap_error: error of the overlaps divided by their median, 0 where it does not matter.
+    overlap_error: error of the overlaps divided by their median, 0 if the error does not matter.
     sliding (m,): contacts at their limit of friction, or None if shear forces are unknown.
     """
 
@@ -104,9 +104,10 @@ def build_network(
     packing : Packing
         The spheres.
     contacts : Contacts or None
-        The contacts; None seeks them among the positions.
+        The contacts; None finds them from the positions.
     pair_law : callable or None
-        The law between two types of sphere; None if the contacts have their stiffnesses.
+        Function that returns the law between two types of sphere; None if the contacts have their
+        own stiffnesses.
     bodies : Bodies or None
         Masses and tensors of rigid bodies; None computes them from the members.
 
@@ -152,7 +153,7 @@ def _keep_stiffnesses(
 ) -> _ContactState:
     """Return the state of contacts whose stiffnesses are listed in the file.
 
-    Raises InputError if few digits of positions would turn the normals too far.
+    Raises InputError if the positions have too few digits for the directions of the normals.
     """
     if abs(geometry.overlap).max() >= MIN_OVERLAP_IN_ERRORS * error:
         reach, _ = packing.reach(listed.i, listed.j)
@@ -170,8 +171,8 @@ def _apply_laws(
 ) -> _ContactState:
     """Return the overlaps, forces and stiffnesses of contacts by their laws.
 
-    This turns the normals of `geometry` to the lines of the contacts if overlaps follow from
-    forces.
+    If overlaps follow from forces, the normals of `geometry` are turned to the lines of the
+    contacts.
     """
     overlap = geometry.overlap
     overlaps_from: OverlapSource = "positions"
@@ -257,9 +258,9 @@ def _assign_laws(contacts: Contacts, packing: Packing, pair_law: PairLaw) -> Con
 def _select_contacts(listed: Contacts, packing: Packing, overlap: Floats) -> Bools:
     """Return which (m,) of the listed pairs are contacts.
 
-    Pairs in one rigid body are not contacts, nor are held spheres that overlap, nor spheres that
-    do not touch, unless a table lists the pair. Raises InputError, with the line, for two spheres
-    in one place, and for a contact of spheres that lie apart.
+    Pairs in one rigid body are not contacts, nor are held spheres that overlap, nor spheres that do
+    not touch, unless a table lists the pair. Raises InputError, with the line of the file, for two
+    spheres at the same place, and for a listed contact of spheres that do not touch.
     """
     reach, _ = packing.reach(listed.i, listed.j)
     body_i = packing.body[listed.i]
@@ -297,7 +298,7 @@ def _select_contacts(listed: Contacts, packing: Packing, overlap: Floats) -> Boo
 
 
 def _name_ends(contacts: Contacts, packing: Packing, row: int) -> str:
-    """Return the two ends of a contact by the numbers of the program."""
+    """Return the names of a contact's two ends, with the numbers that the program gave them."""
     first = packing.number[contacts.i[row]]
     if contacts.j[row] < 0:
         return f"sphere {first} and the wall"
@@ -326,9 +327,9 @@ def _overlap_error(packing: Packing, error: float, laws: ContactLaws, overlap: F
 def _refuse_few_digits(
     packing: Packing, error: float, share: float, size: Floats, name: str, other_remedy: str = ""
 ) -> None:
-    """Raise InputError if the `error` of distances, m, exceeds a share of the median `size`, m.
+    """Raise InputError if the `error` of distances, m, exceeds `share` times the median `size`, m.
 
-    `name` says in the message what `size` is; `other_remedy` is added to the remedy.
+    `name` describes `size` in the message; `other_remedy` is added to the remedy.
     """
     median = float(np.median(size))
     if error <= share * median:
@@ -349,7 +350,7 @@ def _refuse_few_digits(
 
 
 def _refuse_other_units(overlap_of_forces: Floats, overlap: Floats, name: str) -> None:
-    """Raise InputError if forces and positions give overlaps of different sizes."""
+    """Raise InputError if forces and positions give overlaps that differ much in size."""
     factor = float(overlap_of_forces.mean() / max(overlap.mean(), SMALLEST_NUMBER))
     if not 1 / MAX_OVERLAP_FACTOR < factor < MAX_OVERLAP_FACTOR:
         refuse(
@@ -364,7 +365,8 @@ def _refuse_other_units(overlap_of_forces: Floats, overlap: Floats, name: str) -
 def _turn_to_lines(normal: Floats, line: Floats) -> None:
     """Turn normals (m, 3) in place to lines (m, 3) that are not zero; their senses are kept.
 
-    Six digits of a force give a better direction than six digits of a position.
+    The direction of a force with six digits is more exact than that of two positions with six
+    digits.
     """
     size = np.linalg.norm(line, axis=1)
     known = size > 0

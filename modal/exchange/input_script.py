@@ -1,8 +1,8 @@
 """Read the commands that matter from a log of LAMMPS or LIGGGHTS, with variables replaced.
 
-These programs write a line that has variables (`$E`, `${name}`, `$(formula)`) as it stands in the
-script, and again each time that a variable is replaced. The last of these lines is used. If it is
-absent, as in a script that never ran, the value is not known.
+These programs print a line with variables (`$E`, `${name}`, `$(formula)`) first as it stands in the
+script, then again each time that a variable is replaced. The last of these lines is used. In a
+script that never ran, this line is absent, and the value is not known.
 """
 
 import re
@@ -75,12 +75,12 @@ class Exclusion(NamedTuple):
 
 @dataclass
 class Script:
-    """What the commands of a log have set at its end.
+    """The settings of a log at its end, after all its commands.
 
     Attributes
     ----------
     place : str
-        The file or the option that has the law, for messages.
+        The file or the option that the law comes from, for messages.
     units : str
         Name of the system of units; empty if no line names it.
     style : tuple of str
@@ -92,7 +92,7 @@ class Script:
     computes : dict
         Columns of the computes that a dump local may have, by ID.
     refused : dict
-        Refusals of fixes that a network has nothing for, by ID.
+        Refusals of fixes that a network cannot represent, by ID.
     groups : dict
         Groups of the walls and bodies, by ID.
     properties : dict
@@ -112,11 +112,11 @@ class Script:
     created : int
         Number of atoms that were created so far.
     has_all_tables : bool
-        False for a part of a log, in which a run ends whose table is absent.
+        False for a truncated log, in which the table of a run is absent.
     changed : int
         Last step before the law or a wall changed.
     place_of_plane : str
-        File and line of `dimension 2`; empty for spheres that move in space.
+        File and line of `dimension 2`; empty for motion in three dimensions.
     remarks : list of str
         Assumptions where the log says nothing.
     """
@@ -150,7 +150,7 @@ class Script:
         return len(laws) > 1 or any(len(values) > 1 for values in self.properties.values())
 
     def refuse_other_run(self, path: str | Path, step: int, atoms: int) -> None:
-        """Raise InputError if a dump has a step or a number of atoms that no run of the log had."""
+        """Raise InputError if no run of the log had the step and the number of atoms of a dump."""
         # A job that was killed in its last run may have gone on for an unknown time.
         was_killed = bool(self.steps) and not self.runs[-1].is_over
         if self.has_all_tables:
@@ -164,7 +164,7 @@ class Script:
         self._refuse_part(path, step, atoms)
 
     def _refuse_part(self, path: str | Path, step: int, atoms: int) -> None:
-        """Raise InputError if the log printed another number of atoms at the step of the dump."""
+        """Raise InputError if the log printed, at the step of the dump, another number of atoms."""
         runs = [run for run in self.runs if step in run.steps]
         printed = {run.atoms.get(step, atoms) for run in runs}
         if printed and atoms not in printed:
@@ -206,10 +206,10 @@ class Script:
 
 
 def read_log(path: str | Path | None, units: str) -> Script:
-    """Return what the commands of a log have set at its end; an empty script without a log.
+    """Return the settings after all commands of a log; without a log, an empty script.
 
-    `units` are those of the program, for a log that names none. Raises InputError for a fix that a
-    network has nothing for, and for variables without a value.
+    `units` is the program's default, for a log that names no units. Raises InputError for a fix
+    that a network cannot represent, and for variables without a value.
     """
     if path is None:
         return Script()
@@ -266,12 +266,12 @@ def _read_row(script: Script, row: Mapping[str, str]) -> None:
 
 
 def _is_of_kind(style: str, kind: str) -> bool:
-    """Tell whether a style is of a kind, also with further words after a slash."""
+    """Tell whether a style is of a kind; the style may have further words after a slash."""
     return f"{style}/".startswith(f"{kind}/")
 
 
 def _apply_command(script: Script, words: list[str], place: str) -> None:
-    """Apply one line to the script."""
+    """Apply one command to the settings of the script."""
     _note_motion(script, words, place)
     _note_atoms(script, words)
     _note_exclusions(script, words, place)
@@ -313,7 +313,7 @@ def _apply_command(script: Script, words: list[str], place: str) -> None:
 
 
 def _note_motion(script: Script, words: list[str], place: str) -> None:
-    """Store fixes, dumps and runs, which show which atoms move when."""
+    """Record fixes, dumps and runs, which show which atoms move when."""
     match words:
         case ["fix", name, group, style, *rest]:
             script.fixes[name] = Fix(group, ACCELERATED.sub("", style), tuple(rest), place)
@@ -449,13 +449,13 @@ def _read_commands(path: str | Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def _match_replaced(text: str) -> re.Pattern[str]:
-    """Return a pattern of a line after its variables were replaced, perhaps by nothing."""
+    """Return a pattern that matches a line once its variables are replaced, perhaps by nothing."""
     parts = [re.escape(part.strip()) for part in VARIABLE.split(text)]
     return re.compile(r"\s*.*".join(parts))
 
 
 def _may_count(words: list[str]) -> bool:
-    """Tell whether a line with variables may be one of the commands that are read."""
+    """Tell whether a line with variables may be one of the commands that are interpreted."""
     command = words[0]
     style = words[3] if len(words) > 3 else ""
     if command == "fix" and INTEGRATING.fullmatch(style):

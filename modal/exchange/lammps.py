@@ -2,8 +2,8 @@
 
 The known laws are `granular` with hooke, hertz, hertz/material and dmt, tangential linear_history,
 mindlin and their variants, rolling sds, twisting sds and marshall; gran/hooke, gran/hooke/history
-and gran/hertz/history; `fix wall/gran` in the same words. Other cohesion is refused by name:
-contacts of jkr act across gaps that a dump does not show.
+and gran/hertz/history; `fix wall/gran` with the same styles. Other models of cohesion are refused:
+contacts of jkr act across gaps, which a dump does not list.
 
 As in LAMMPS a type of pair_coeff is a number or a range (`*`, `n*`, `*n`, `m*n`), a range stands
 for pairs of rising types alone, and the last line that covers a pair holds. A pair that no line
@@ -39,7 +39,7 @@ from modal.tools.arrays import Floats, Ints
 
 
 class TangentialModel(NamedTuple):
-    """A tangential model: number of coefficients, growth of its stiffness with a, and its memory.
+    """A tangential model: number of coefficients, whether its stiffness grows with a, history.
 
     a is the radius of the circle of contact.
     """
@@ -65,7 +65,7 @@ NORMAL = {"hooke": 2, "hertz": 2, "hertz/material": 3, "dmt": 4}
 
 
 class OlderStyle(NamedTuple):
-    """An older style of LAMMPS: the normal and the tangential model of `granular` that it means."""
+    """An older style of LAMMPS: the normal and tangential model of `granular` that it equals."""
 
     normal: str
     tangential: str
@@ -123,8 +123,7 @@ class _GranularOptions:
 def parse_granular(words: Sequence[str], place: str, arms: LeverArms, units: Units) -> ProgramLaw:
     """Return the law of `pair_style granular`, from its words after the types.
 
-    `place` names the file and line in messages. Raises InputError for words that are not those of a
-    known law.
+    `place` names the file and line in messages. Raises InputError for an unknown law.
     """
     line = Words(words, place, "give the whole line, with values")
     model = line.take("the normal model", NORMAL)
@@ -208,7 +207,8 @@ def _parse_options(line: Words) -> _GranularOptions:
 def _take_sds_stiffness(line: Words, name: str) -> float:
     """Remove stiffness, damping and limit of an sds model from the line; return its stiffness.
 
-    Without a limit above 0 the spring has no force; a negative stiffness is returned to be refused.
+    The stiffness is 0 if the limit is not above 0: the spring then bears no force. A negative
+    stiffness is returned unchanged, so that the caller refuses it.
     """
     stiffness, _, limit = line.take_numbers(name, 3, null=True)
     if limit > 0:
@@ -219,7 +219,7 @@ def _take_sds_stiffness(line: Words, name: str) -> float:
 def parse_older_style(style: str, words: Sequence[str], place: str, units: Units) -> ProgramLaw:
     """Return the law of one of `OLDER_STYLES`, from its words Kn Kt gn gt mu dampflag.
 
-    The law is one of `granular` with other words, with lever arms as long as the radii.
+    The law equals one of `granular`, except that its lever arms are as long as the radii.
     """
     line = Words(words, place, "give Kn Kt gamma_n gamma_t xmu dampflag")
     normal, tangential, _, _, friction = line.take_numbers(style, 5, null=True)
@@ -238,7 +238,7 @@ def parse_law(
 ) -> ProgramLaw:
     """Return the law of a style and its words; accelerated variants, as /omp, have the same law.
 
-    Raises InputError for a style that is not known.
+    Raises InputError for an unknown style.
     """
     base = re.sub("/(omp|kk|intel|opt|gpu)$", "", style)
     if base == "granular":
@@ -256,7 +256,7 @@ def parse_law(
 def check_material(young: float, poisson: float, place: str) -> Elasticity:
     """Return a material of Young's modulus, Pa, and Poisson's ratio.
 
-    Raises InputError if no material has them.
+    Raises InputError if the values are physically impossible.
     """
     low, high = YOUNG_RANGE_PA
     if not low <= young <= high:
@@ -270,7 +270,7 @@ def check_material(young: float, poisson: float, place: str) -> Elasticity:
 
 
 class _PairCoefficients(NamedTuple):
-    """One line of pair_coeff: the types of its two sides, and their law."""
+    """One line of pair_coeff: the types on its two sides, and their law."""
 
     first: range
     second: range
@@ -294,7 +294,7 @@ def read_pair_law(script: Script, units: Units) -> PairLaw:
 
 
 def _read_pair_coefficients(script: Script, units: Units) -> list[_PairCoefficients]:
-    """Return the lines of pair_coeff, after the line of an older style for all types."""
+    """Return the lines of pair_coeff; an older style counts as a first line for all types."""
     style, *shared_words = script.style
     lines = list(script.pair_coefficients)
     if shared_words and style.startswith("gran/"):
@@ -320,14 +320,14 @@ def _read_pair_coefficients(script: Script, units: Units) -> list[_PairCoefficie
 
 
 def read_wall_law(line: Words, script: Script, units: Units, pair_law: PairLaw) -> WallLaw:
-    """Return the law of a wall, whose words stand before zplane; it is the same for all types."""
+    """Return the law of a wall from the words before `zplane`; it is the same for all types."""
     style, *words = line.remaining
     law = parse_law(style, words[: words.index("zplane")], line.place, units, is_wall=True)
     return lambda kind: law
 
 
 def parse_types(word: str, place: str) -> range:
-    """Return the types that a word of pair_coeff stands for; raise InputError if it is no range."""
+    """Return the types that a word of pair_coeff stands for; InputError if it is not a range."""
     match = re.fullmatch(r"([0-9]*)(\*?)([0-9]*)", word)
     low = 0
     high = 0
@@ -368,9 +368,9 @@ def find_wall_contacts(
 ) -> WallContacts:
     """Return the contacts with walls, from the columns f_ID[1] to f_ID[4] of the spheres.
 
-    `fixes` are the IDs of the log's walls. If a dump has the columns of none of them, it is older
-    than the log's end, or the IDs are not known: then all columns of this form are used. Raises
-    InputError for columns that are missing, or that are not those of a wall.
+    `fixes` are the IDs of the log's walls. If a dump lacks the columns of all these fixes, it is
+    older than the end of the log, or the IDs are not known: then all columns of this form are used.
+    Raises InputError for columns that are missing, or that do not belong to a wall.
     """
     order = np.argsort(frame.rows.read("id")[:, 0], kind="stable")
     parts = [

@@ -1,13 +1,13 @@
 """Describe contact laws of other programs: force and stiffness of an overlap, memory of shear.
 
 The normal force is N = k overlap, or k sqrt(R*) overlap^(3/2) (Hertz), with R* = R_i R_j / (R_i +
-R_j), at a flat wall R. The tangential stiffness is a constant, or grows with the radius a = sqrt(R*
-overlap) of the circle of contact. Programs differ in what a contact remembers of its shear. If it
-is the force, as in this project's YADE runs, the force stays when the overlap changes. If it is the
-displacement, the force changes with the circle of contact although nothing shears. They differ in
-the lever arms of motion and torque, too. Some laws resist rolling, by a spring on arcs of the
-radius R*, and twisting, by a spring on the angle, on arcs of R*, or (Marshall) by half the
-tangential coefficient times a^2.
+R_j), and R* = R at a flat wall. The tangential stiffness is a constant, or grows with the radius a
+= sqrt(R* overlap) of the circle of contact. Programs differ in the history of shear that a contact
+stores. If it stores the force, as in this project's YADE runs, the force stays constant when the
+overlap changes. If it stores the displacement, the force changes with the circle of contact even
+without shear. Programs also differ in the lever arms of motion and torque. Some laws resist
+rolling, by a spring on arcs of the radius R*, and twisting, by a spring on the angle, on arcs of
+R*, or (Marshall) by half the tangential coefficient times a^2.
 """
 
 from __future__ import annotations
@@ -92,25 +92,28 @@ class ProgramLaw:
         Tangential stiffness, N/m, or Pa if `grows`. It is set to 0 if `friction` is 0: the limit of
         a shear force is 0 then, and no spring is left.
     grows : bool
-        Whether the tangential stiffness is `tangential` times the radius of the circle of contact.
+        Whether the tangential stiffness is `tangential` times the radius a of the circle of
+        contact.
     friction : float
         Coefficient of friction.
     shear_memory : ShearMemory
-        What a contact remembers of its shear.
+        Whether a contact stores its shear force or its shear displacement.
     motion_arm, torque_arm : LeverArm
-        Lever arms of a rotation's motion at the contact, and of the torque of its force.
+        Lever arm by which a rotation moves the contact point, and lever arm of the torque of a
+        force.
     rolling, twisting_arc : float
         Stiffnesses against rolling and twisting, N/m, on arcs of the radius R*.
     rolling_share, twisting_share : float
-        Such stiffnesses as shares of the tangential stiffness.
+        Stiffnesses against rolling and twisting divided by the tangential stiffness.
     cohesion : float
-        Attraction of DMT contacts divided by 4 pi R*, N/m: half the work of adhesion. Friction
-        bears on the normal force plus twice the attraction.
+        Attraction of DMT contacts divided by 4 pi R*, N/m: half the work of adhesion. The friction
+        limit is proportional to the normal force plus twice the attraction.
     twisting : float
         Stiffness against twisting, N m/rad.
     marshall : float
-        Twisting by Marshall's law: this factor, a number or m, times `tangential` and a^2 is a
-        stiffness, N m/rad, beside `twisting`.
+        Factor of Marshall's law of twisting: times `tangential` and a^2 it is a stiffness, N m/rad,
+        which adds to `twisting`. It has no unit, or the unit m if the tangential stiffness is a
+        constant.
     """
 
     normal: float
@@ -172,14 +175,14 @@ class ContactLaws:
         return np.array([getattr(law, name) for law in self.laws])[self.index]
 
     def force(self, overlap: Floats, effective_radius: Floats) -> Floats:
-        """Return the normal forces (m,), N, of elasticity and attraction; 0 without touch."""
+        """Return the normal forces (m,), N, elastic plus attractive; 0 for spheres apart."""
         depth = np.maximum(overlap, 0)
         root = np.where(self.values("hertz"), np.sqrt(effective_radius * depth), 1.0)
         attraction = np.where(overlap > 0, self.attraction(effective_radius), 0.0)
         return self.values("normal") * root * depth - attraction
 
     def attraction(self, effective_radius: Floats) -> Floats:
-        """Return the attraction (m,), N; 0 of laws without cohesion."""
+        """Return the attraction (m,), N; 0 for laws without cohesion."""
         return 4 * np.pi * self.values("cohesion") * effective_radius
 
     def overlap(self, force: Floats, effective_radius: Floats) -> Floats:
@@ -192,7 +195,7 @@ class ContactLaws:
     def network_columns(self, overlap: Floats, effective_radius: Floats) -> dict[str, Floats]:
         """Return the columns (m,) of a network that follow from the laws, by their names.
 
-        These are the stiffnesses, and the terms of the law that no spring has. Stiffnesses against
+        These are the stiffnesses, and the terms of the law beyond springs. Stiffnesses against
         rolling and twisting are left out if no contact resists them.
         """
         area = effective_radius * np.maximum(overlap, 0)
@@ -225,8 +228,8 @@ class ContactLaws:
     def are_sliding(self, force: Floats, shear: Floats, effective_radius: Floats) -> Bools:
         """Tell which contacts (m,) are at their limit of friction.
 
-        A contact without friction has no spring that could slip. `force` (m,) and `shear` (m, 3)
-        are in N.
+        A contact without friction is not counted: it has no tangential spring. `force` (m,) and
+        `shear` (m, 3) are in N.
         """
         pressed = force + 2 * self.attraction(effective_radius)
         limit = self.values("friction") * pressed

@@ -1,4 +1,4 @@
-"""Read restart files of old versions of MercuryDPM (restart_version 3) in the words of new ones.
+"""Translate restart files of old versions of MercuryDPM (restart_version 3) to the new format.
 
 Old lines have numbers without names: a particle is its kind (BP, or TSP BP), position, velocity,
 radius, angles, angular velocity, 1/mass, 1/inertia and species. A species is a linear law, `k`,
@@ -23,9 +23,9 @@ SPECIES_NAME = "LinearViscoelasticSlidingFriction"
 
 
 def is_old(head: bytes) -> bool:
-    """Tell whether a file that begins with `head` has numbers without names.
+    """Tell whether a file that begins with `head` is of the old format, with numbers without names.
 
-    Version 1.0, which came after version 3, begins with the old word but has names.
+    Version 1.0, which came after version 3, begins with the old keyword but has names.
 
     >>> is_old(b"restart_version 3")
     True
@@ -36,7 +36,7 @@ def is_old(head: bytes) -> bool:
 
 
 def new_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the number and the text of each line, as a new file has it."""
+    """Yield the number and the text of each line, translated to the new format."""
     section = ""
     remaining = 0
     count = 0
@@ -71,7 +71,7 @@ def new_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def _species(line: Words, number: int) -> str:
-    """Return the line of the law of a species with itself."""
+    """Return the line, in the new format, of the law of a species with itself."""
     if line.optional_number_after("dim_particle") == 2:
         line.refuse(
             "two_dimensions",
@@ -83,7 +83,7 @@ def _species(line: Words, number: int) -> str:
 
 
 def _mixed_species(line: Words, number: int, species: int) -> str:
-    """Return the line of the law between a species and an earlier one."""
+    """Return the line, in the new format, of the law between a species and an earlier one."""
     return f"{SPECIES_NAME}MixedSpecies idMixed {number} {species} {_law(line)}"
 
 
@@ -97,7 +97,7 @@ def _law(line: Words) -> str:
 
 
 def _member(line: Words, section: str, number: int) -> str:
-    """Return the line of a wall, a boundary or a particle."""
+    """Return the line, in the new format, of a wall, a boundary or a particle."""
     if section == "Walls":
         return _wall(line, number)
     if section == "Particles":
@@ -109,7 +109,7 @@ def _member(line: Words, section: str, number: int) -> str:
 
 
 def _wall(line: Words, number: int) -> str:
-    """Return the line of a wall; the position of a flat one is a point of it."""
+    """Return the line, in the new format, of a wall; a flat wall is given by a point on it."""
     kind = line.remaining[0]
     if kind == "numFiniteWalls":
         faces = line.number_after("numFiniteWalls")
@@ -125,7 +125,7 @@ def _wall(line: Words, number: int) -> str:
 
 
 def _particle(line: Words, number: int) -> str:
-    """Return the line of a particle."""
+    """Return the line, in the new format, of a particle."""
     words = line.remaining
     while words and words[0] in PARTICLE_KINDS:
         words = words[1:]

@@ -38,9 +38,9 @@ class Cell:
     walls : tuple of two floats, m
         z of the source wall and of the receiver wall; NaN for a wall that is absent.
     rounding : ndarray (3,), m
-        Unit of the last digit of bounds that the program has rounded; 0 for bounds in full.
+        Unit of the last digit of the bounds, if the program has rounded them; otherwise 0.
     tilt : ndarray (3,), m
-        By how far the period along y leans along x, that along z along x, and along y.
+        Lean of the period along y in x, of the period along z in x, and of the period along z in y.
     """
 
     low: Floats
@@ -57,14 +57,14 @@ class Cell:
 
     @property
     def periods(self) -> Floats:
-        """Return the periods (3,), m, or (3, 3) at angles; 0 along an axis without one."""
+        """Return the periods, m: (3,), or (3, 3) for a tilted cell; 0 along an axis without one."""
         if not self.tilt.any():
             return np.where(self.periodic, self.high - self.low, 0.0)
         return np.where(self.periodic[:, None], self.edges, 0.0)
 
     @property
     def shortest_periods(self) -> Floats:
-        """Return the lengths (3,), m, of the shortest sums of periods with one step along each."""
+        """Return the lengths (3,), m, of the shortest lattice vectors with each period once."""
         if not self.tilt.any():
             return self.high - self.low
         shortest = np.linalg.norm(self.edges, axis=1)
@@ -79,7 +79,7 @@ class Cell:
         return vector @ np.linalg.inv(self.edges)
 
     def nearest_shift(self, branch: Floats) -> Ints:
-        """Return the periods (m, 3) to add to branch vectors (m, 3), m, to make them shortest."""
+        """Return the periods (m, 3) that make branch vectors (m, 3), m, shortest when added."""
         if not self.tilt.any():
             period = np.where(self.periodic, self.high - self.low, np.inf)
             return (-np.round(branch / period)).astype(np.int32)
@@ -97,7 +97,7 @@ class Cell:
 
     @property
     def planes(self) -> tuple[float, float]:
-        """Return z of the two walls, m; the end of the cell for a wall that is absent."""
+        """Return z of the two walls, m; the end of the cell takes the place of an absent wall."""
         bounds = (self.low[2], self.high[2])
         low, high = np.where(np.isnan(self.walls), bounds, self.walls)
         return float(low), float(high)
@@ -179,8 +179,8 @@ class Packing:
         """Return the spheres of these rows, in the order of their numbers.
 
         `step` is the unit of the last digit, in the file's unit of length; by default that of
-        `digits` of the positions. Raises InputError for spheres that no cell can have, and for a
-        number that stands twice.
+        `digits` of the positions. Raises InputError for invalid spheres, such as a radius that is
+        not positive, and for a sphere number that occurs twice.
         """
         number = rows.to_integers(columns.number, "id")
         order = rows.sort_unique(
@@ -211,7 +211,7 @@ class Packing:
         return replace(packing, position=packing._wrap_positions())
 
     def _wrap_positions(self) -> Floats:
-        """Return the positions (n, 3), m, with those outside of a period moved into it."""
+        """Return the positions (n, 3), m, moved into the cell along its periods."""
         low = self.cell.low
         high = self.cell.high
         if self.cell.tilt.any():
@@ -222,7 +222,7 @@ class Packing:
         return np.where(self.cell.periodic & outside, wrapped, self.position)
 
     def _check(self) -> None:
-        """Raise InputError for spheres that no cell can have."""
+        """Raise InputError for invalid spheres, such as a radius that is not positive."""
         if len(self.position) == 0:
             refuse(self.name, "no_spheres", "no spheres", remedy="dump those of the packing")
         for name, column in (("radius", self.radius), ("mass", self.mass)):
@@ -252,7 +252,7 @@ class Packing:
                 )
 
     def refuse(self, wrong: Bools, code: str, problem: str, remedy: str) -> None:
-        """Raise InputError, with its number, for the first sphere where `wrong` (n,) is True."""
+        """Raise InputError for the first sphere with `wrong` (n,) True; name its number."""
         if wrong.any():
             sphere = self.number[np.argmax(wrong)]
             refuse(self.name, code, f"sphere {sphere} {problem}", remedy=remedy)
@@ -268,7 +268,7 @@ class Packing:
             return between(ends, self.position, self.cell.periods, planes, self.radius)
 
     def distance_error(self, shift: Ints) -> Floats:
-        """Return the errors (m,), m, of the distances of contacts, from the digits of positions.
+        """Return the errors (m,), m, of contact distances that the digits of positions cause.
 
         `shift` (m, 3) are the periods that the contacts cross.
 
@@ -279,7 +279,7 @@ class Packing:
         return np.hypot(self.step, from_bounds) / np.sqrt(6)
 
     def split_forces(self, i: Ints, j: Ints, force: Floats) -> tuple[Floats, Floats]:
-        """Split forces (m, 3), N, on i into normal forces (m,) and shear forces (m, 3).
+        """Split forces (m, 3), N, on spheres i into normal forces (m,) and shear forces (m, 3).
 
         Compression is positive.
         """
@@ -300,7 +300,7 @@ class Packing:
         return total, effective
 
     def touching(self) -> Contacts:
-        """Return all contacts: overlapping pairs, also through periods, and overlaps with walls."""
+        """Return all contacts: spheres that overlap, also through periods, or overlap walls."""
         low = np.where(self.cell.periodic, self.cell.low, self.position.min(axis=0))
         walls = np.array(self.cell.walls)
         with np.errstate(invalid="ignore", divide="ignore"):  # two in one place are refused later
@@ -315,7 +315,8 @@ class Contacts:
     Attributes
     ----------
     i, j : ndarray (m,)
-        Indices of the spheres; j may be the code of a wall. The nearest image of j counts.
+        Indices of the spheres; j may be the code of a wall. The contact is with the nearest image
+        of j.
     force : ndarray (m,), N, or None
         Normal forces, compression positive; NaN for a force that follows from the law. None if no
         force is known.
@@ -340,7 +341,7 @@ class Contacts:
     listed: Rows | None = None
 
     def select(self, selected: Bools) -> Contacts:
-        """Return the `selected` (m,) contacts, in their order, without their rows."""
+        """Return the `selected` (m,) contacts, in their order, without rows of the file."""
         return Contacts(
             i=self.i[selected],
             j=self.j[selected],
@@ -353,7 +354,8 @@ class Contacts:
     def with_walls(self, i: Ints, j: Ints, force: Floats, shear: Floats | None) -> Contacts:
         """Return these contacts, followed by k contacts with walls.
 
-        Forces are those of `Contacts`. There are no shear forces if those at the walls are absent.
+        The arguments are as in `Contacts`. Without shear forces at the walls the result has no
+        shear forces at all.
         """
         along_z = np.tile([0.0, 0.0, 1.0], (len(i), 1))
         return replace(
@@ -370,8 +372,8 @@ class Contacts:
     ) -> None:
         """Raise InputError for the first contact where `wrong` (m,) is True.
 
-        `problem` is a function of the contact's index. The message begins with the line of the
-        contact, or with `name` if the contact is not listed.
+        `problem` is a function of the contact's index. The message begins with the line of the file
+        that lists the contact, or else with `name`.
         """
         if self.listed is not None:
             self.listed.refuse(wrong[: len(self.listed.texts)], code, problem, remedy=remedy)
@@ -411,7 +413,8 @@ def find_ends(
     Raises
     ------
     InputError
-        With the line, for a number that no sphere has, and for a pair that stands twice.
+        For a number that no sphere has, and for a pair that is listed twice; the message has the
+        line.
     """
     i = _find_end(rows, number, ids[0], columns[0], ())
     j = _find_end(rows, number, ids[1], columns[1], codes)

@@ -1,13 +1,13 @@
-"""Pictures of a packing: fields on spheres, frames of motion, contacts as lines; VTK, extended XYZ.
+"""Write pictures of a packing: fields on spheres, frames of motion, contacts as lines.
 
-In VTK (by meshio), for ParaView and others, spheres are NAME.vtu, one point each, fields as point
-data; a Glyph filter of spheres, its scale array `radius` and factor 2, draws them. Contacts are
-NAME.contacts.vtu. Frames are NAME_0000.vtu and so on, and NAME.pvd, which lists them with their
-times.
+VTK files are written by meshio, for ParaView and others. Spheres are points in NAME.vtu, and fields
+are point data; to draw spheres use a Glyph filter with the scale array `radius` and the factor 2.
+Contacts are NAME.contacts.vtu. Frames are NAME_0000.vtu and so on, and NAME.pvd, which lists them
+with their times.
 
 In extended XYZ, which OVITO reads, a line of names stands before the rows of each frame. `Lattice`
-and `Origin` are the cell as OVITO's manual has them, `pbc` its periods. meshio does not know the
-format, and common writers of it round positions to 8 decimals; here they have 17 digits.
+and `Origin` are the cell as OVITO's manual has them, `pbc` its periods. meshio cannot write this
+format, and common writers of it round positions to 8 decimals; here positions have 17 digits.
 """
 
 import io
@@ -60,9 +60,9 @@ class SphereMotion(NamedTuple):
 def read_sphere_motion(
     product: str | Path, chosen: list[int] | None, *, any_source: bool = False
 ) -> SphereMotion:
-    """Return how every sphere moves in a wave or in modes of a file.
+    """Return the motion of every sphere in a wave or in modes of a file.
 
-    `chosen` are the numbers of modes, from 1, by default all; `any_source` is that of
+    `chosen` are the numbers of modes, from 1, by default all; `any_source` is passed to
     `read_signals`. Raises InputError for another product, for one without the motion of every
     sphere, and for numbers of modes that the file does not have.
     """
@@ -116,7 +116,7 @@ def sphere_fields(network: Network) -> Fields:
 
 
 def sphere_stress(network: Network) -> Floats:
-    """Return the symmetric part of the stress of spheres, (n, 6), Pa; see `sphere_fields`."""
+    """Return the symmetric part of the stress of spheres, (n, 6), Pa, as in `sphere_fields`."""
     force_on_j = -contact_forces(network, "stress of spheres")
     is_pair = ~network.with_wall
     virial = np.zeros((network.n_particles, 3, 3))
@@ -129,7 +129,7 @@ def sphere_stress(network: Network) -> Floats:
 
 
 def _add_products(total: Floats, spheres: Array, lever: Floats, force: Floats) -> None:
-    """Add the products (m, 3, 3) of levers and forces (m, 3) to the sums (n, 3, 3) of spheres."""
+    """Add the outer products of levers and forces (m, 3) to the sums (n, 3, 3) of their spheres."""
     np.add.at(total, spheres, lever[:, :, None] * force[:, None, :])
 
 
@@ -152,8 +152,8 @@ def contact_lines(network: Network) -> tuple[Floats, Fields]:
 def animate_mode(shape: Floats, frequency: float, count: int) -> Motion:
     """Return one period of a mode at `count` evenly spaced times.
 
-    `shape` (n, 6) is the mode, `frequency` its frequency, Hz; a motion without frequency takes 1 s
-    a frame.
+    `shape` (n, 6) is the mode, `frequency` its frequency, Hz; for a frequency of zero each frame
+    takes 1 s.
     """
     rate = frequency if frequency > 0 else 1 / count
     displacement = shape[:, :3]
@@ -217,7 +217,7 @@ def write_vtk(path: Path, network: Network, frames: Frames, *, series: bool) -> 
 
 
 def _write_mesh(path: Path, points: Floats, shape: str, cells: Array, fields: Fields) -> None:
-    """Write a mesh of vertices or lines; fields are of the points, or of the lines."""
+    """Write a mesh of vertices with fields of the points, or of lines with fields of the lines."""
     try:
         import meshio  # only needed for VTK
     except ImportError:
@@ -265,9 +265,10 @@ def write_xyz(path: Path, network: Network, frames: Frames, *, series: bool) -> 
 def _describe_cell(network: Network) -> str:
     """Return `Lattice`, `Origin` and `pbc` of extended XYZ.
 
-    The cell reaches along z from wall to wall, across from 0, or from the lowest centre if a cell
-    from 0 does not hold all centres: a network does not keep where its lateral period began in
-    another program's file. Along an axis without a size the cell is as wide as the spheres.
+    Along z the cell reaches from wall to wall. Along x and y it starts at 0, or at the lowest
+    centre if a cell from 0 does not contain all centres: a network does not store where the lateral
+    periods began in another program's file. Along an axis without a size the cell is as wide as the
+    spheres.
     """
     position = network.position
     radius = network.radius[:, None]

@@ -1,8 +1,9 @@
-"""Read the spheres of a model part of Kratos (*.mdpa): DEM particles, spheres alone.
+"""Read the spherical DEM particles of a model part of Kratos (*.mdpa).
 
 The blocks that are read: `Nodes` (number, x, y, z), `NodalData RADIUS` (node, fixed, value), and
 `Elements` whose name has `Spheric`, each with a number, its properties and a node. Materials are in
-other files of Kratos; type the law. Clusters, and inlets without elements, are refused.
+other files of Kratos, so that the law must be typed. Clusters, and inlets without elements, are
+refused.
 """
 
 from collections.abc import Sequence
@@ -33,9 +34,9 @@ def sniff(path: Path, head: bytes) -> bool:
 def read(
     path: Path, scales: Sequence[float] | None = None, **sphere_options: Unpack[SphereKeywords]
 ) -> ImportResult:
-    """Return the packing of a file; the options are those of `SphereOptions`.
+    """Return the packing of a file; `options` are described at `SphereOptions`.
 
-    Raises InputError if elements are no spheres, or lack a centre or a radius.
+    Raises InputError if elements are not spheres, or lack a centre or a radius.
     """
     options = SphereOptions(scales=scales, **sphere_options)
     blocks = _read_blocks(path)

@@ -1,10 +1,10 @@
 """Packings of LAMMPS and LIGGGHTS: dump custom, dump local, and the log that explains them.
 
-The law is the user's own line of input. Contacts, if dumped, come from `compute property/local` and
-`compute pair/local` with `cutoff radius`. Walls are those of one or more `fix wall/gran` at low and
-high z; their forces come with the spheres, in the columns f_ID[1] to f_ID[4] of `fix ID ...
-contacts`. Spheres of a `fix rigid` become its bodies. What is particular to each of the two
-programs is in `modal.exchange.lammps` and `modal.exchange.liggghts`.
+The contact law is read from the user's own input line of LAMMPS. Contacts, if dumped, come from
+`compute property/local` and `compute pair/local` with `cutoff radius`. Walls are those of one or
+more `fix wall/gran` at low and high z; their forces come with the spheres, in the columns f_ID[1]
+to f_ID[4] of `fix ID ... contacts`. Spheres of a `fix rigid` become its bodies. Features of only
+one of the two programs are in `modal.exchange.lammps` and `modal.exchange.liggghts`.
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ BODY_NUMBERS = 11
 
 
 class Request(NamedTuple):
-    """The files and lines that were given beside the dump, by the names of `OPTIONS`."""
+    """The files and lines that were given beside the dump, by their names in `OPTIONS`."""
 
     contacts: str | Path | None = None
     log: str | Path | None = None
@@ -75,8 +75,8 @@ def read(
 ) -> ImportResult:
     """Return the packing of a dump; arguments are the `OPTIONS`.
 
-    The dump is taken for one of LIGGGHTS if the log or the typed law is of LIGGGHTS. Raises
-    InputError for what is missing or damaged, and for what a network cannot have.
+    The dump counts as one of LIGGGHTS if the log or the typed law is of LIGGGHTS. Raises InputError
+    for missing or damaged input, and for features that a network cannot represent.
     """
     request = Request(contacts, log, pair, wall, step, scales, bodies)
     is_liggghts = _is_of_liggghts(request)
@@ -129,7 +129,7 @@ def _is_of_liggghts(request: Request) -> bool:
 
 
 def _apply_typed_lines(script: Script, request: Request) -> None:
-    """Replace the law and the walls of the log by those typed on the command line."""
+    """Replace the law and the walls of the log by those that were typed."""
     if request.pair:
         words = request.pair.split()
         script.place = "--pair"
@@ -140,7 +140,7 @@ def _apply_typed_lines(script: Script, request: Request) -> None:
 
 
 def _join_laws(pair_law: PairLaw, walls: dump.Walls) -> PairLaw:
-    """Return the law between two types, or between a wall, by its code, and a type."""
+    """Combine the laws between spheres and at walls into one function of two types."""
 
     def find_law(first: int, second: int) -> ProgramLaw:
         if first < 0:
@@ -169,7 +169,7 @@ def _refuse_free_in_plane(script: Script, held: HeldMotions) -> None:
 
 
 def _refuse_exclusions(script: Script, request: Request, held: HeldMotions) -> None:
-    """Raise InputError if `neigh_modify exclude` removes contacts that are sought from positions.
+    """Raise InputError if `neigh_modify exclude` removes contacts that are found from positions.
 
     A dump of contacts lacks such pairs already. Pairs inside one rigid body are not contacts here
     either, nor are pairs of held spheres.
@@ -200,9 +200,9 @@ def _read_spheres(
     request: Request,
     fixed: Bools | None,
 ) -> Packing:
-    """Return the spheres, of which motions are `fixed` (n, 6), in the order of the dump's rows.
+    """Return the spheres of a dump, in the order of its rows; `fixed` (n, 6) are held motions.
 
-    Raises InputError if it is unclear which of them are one body.
+    Raises InputError if it is unclear which spheres form one rigid body.
     """
     if request.bodies and not script.bodies:
         problem = "no fix rigid is known"
@@ -230,7 +230,7 @@ def _read_spheres(
 
 
 def _refuse_walls_of_groups(script: Script, request: Request) -> None:
-    """Raise InputError if a wall acts on some spheres only, and the contacts are not given."""
+    """Raise InputError if a wall acts on some spheres only and wall contacts are not dumped."""
     if request.contacts is not None or request.wall is not None:
         return
     for name in script.walls:
@@ -242,7 +242,7 @@ def _refuse_walls_of_groups(script: Script, request: Request) -> None:
 
 
 def find_held_motions_of_spheres(script: Script, frame: dump.Frame) -> HeldMotions:
-    """Return which motions of the spheres of a dump are held, as the log says."""
+    """Return the held motions of the spheres of a dump, read from the log."""
     rows = frame.rows
     columns = {}
     for name in COLUMNS.values():

@@ -38,7 +38,7 @@ def sniff(path: Path, head: bytes) -> bool:
 def read(
     path: Path, scales: Sequence[float] | None = None, **sphere_options: Unpack[SphereKeywords]
 ) -> ImportResult:
-    """Return the packing of a data file; the options are those of `SphereOptions`."""
+    """Return the packing of a data file; `options` are described at `SphereOptions`."""
     options = SphereOptions(scales=scales, **sphere_options)
     lines = read_lines(path)
     first_line = next(lines)[1]
@@ -111,7 +111,7 @@ def _units_of(first_line: str, path: Path, remarks: list[str]) -> Units:
 
 
 def _choose_periods(options: SphereOptions, remarks: list[str]) -> Bools:
-    """Return the axes (3,) with a period: those typed, or all but that of typed walls."""
+    """Return the periodic axes (3,): those typed, or all except the axis of typed walls."""
     axes = options.periodic
     if axes is None:
         axes = "xy" if options.wall else "xyz"

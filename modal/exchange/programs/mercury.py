@@ -1,6 +1,6 @@
 """Read MercuryDPM's restart files: species, walls, periods, spheres and interactions.
 
-Each line begins with a word for what it is, and has a name before each number. A network has one
+Each line begins with a keyword for its kind, and has a name before each number. A network has one
 flat wall at low z and one at high z. Other walls may be in the file as long as no sphere touches
 them; the list of interactions, if there is one, shows whether a sphere does. Files of old versions
 are translated first (`modal.exchange.old_mercury`).
@@ -114,7 +114,7 @@ class Restart:
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Tell whether a file is a restart file, by the program's name or, of old ones, a version."""
+    """Tell whether a file is a restart file, by the program's name or, if old, by a version."""
     return head.startswith((b"MercuryDPM", old_mercury.BEGINNING))
 
 
@@ -196,7 +196,7 @@ def _plane_height(walls: dict[int, Wall], inner: dict[Side, int], side: Side) ->
 def read_restart(path: Path, units: Units) -> Restart:
     """Return the sections of a restart file.
 
-    Raises InputError for a file that ends early, and for particles that are no spheres.
+    Raises InputError for a file that ends early, and for particles that are not spheres.
     """
     section = ""
     announced: dict[str, float] = {}
@@ -239,7 +239,7 @@ def _refuse_other_dimensions(line: Words) -> None:
 
 
 def _refuse_other_particles(line: Words) -> None:
-    """Raise InputError for a particle that is no sphere."""
+    """Raise InputError for a particle that is not a sphere."""
     kind = line.remaining[0]
     if kind not in SPHERES:
         remedy = "only single spheres are known"
@@ -255,7 +255,7 @@ class SpeciesName(NamedTuple):
 
 
 def _parse_species_name(line: Words) -> SpeciesName:
-    """Return the parts of the name of a species; raise InputError for one that is not known."""
+    """Return the parts of the name of a species; raise InputError for an unknown name."""
     full_name = line.remaining[0]
     name = full_name.removesuffix("Species")
     is_mixed = name.endswith("Mixed")
@@ -313,9 +313,9 @@ def _read_species_numbers(line: Words, name: SpeciesName) -> tuple[int, int]:
 def _add_turning(law: ProgramLaw, line: Words, units: Units) -> ProgramLaw:
     """Return the law with the springs of its species against rolling and torsion.
 
-    The torque is D^2 k times the difference of the turns, across (rolling) or along (torsion) the
-    normal, with D = 2 R*; k is the stiffness that the species states; with Mindlin's law it is 8 G
-    a, which is 3/2 of the tangential stiffness.
+    The torque is D^2 k times the relative rotation across (rolling) or along (torsion) the normal,
+    with D = 2 R*. The stiffness k is given by the species; with Mindlin's law it is 8 G a, which is
+    3/2 of the tangential stiffness.
     """
     rolls = _resists(line, "rolling")
     twists = _resists(line, "torsion")
