@@ -127,6 +127,14 @@ def build_network(
         state = _keep_stiffnesses(packing, listed, geometry, error)
     else:
         laws = _assign_laws(listed, packing, pair_law)
+        if contacts is None and laws.values("acts_across_gaps").any():
+            refuse(
+                packing.name,
+                "contacts_across_gaps",
+                "JKR contacts act across gaps once they have touched",
+                "positions do not tell which have",
+                "give the contacts with their forces (--contacts)",
+            )
         state = _apply_laws(packing, listed, geometry, laws, error)
     figures: dict[str, Any] = {
         "overlap_over_error_of_digits": float(
@@ -194,9 +202,10 @@ def _apply_laws(
         force = np.where(np.isnan(listed.force), force_of_positions, listed.force)
         overlap_of_forces = laws.overlap(force, effective_radius)
         _refuse_other_units(overlap_of_forces, overlap, packing.name)
-        if error > MAX_RELATIVE_POSITION_ERROR * np.median(overlap_of_forces):
+        if error > MAX_RELATIVE_POSITION_ERROR * np.median(abs(overlap_of_forces)):
             overlaps_from = "forces"
-            overlap = np.where(overlap_of_forces > 0, overlap_of_forces, overlap)
+            has_overlap = (overlap_of_forces > 0) | laws.values("acts_across_gaps")
+            overlap = np.where(has_overlap, overlap_of_forces, overlap)
             if listed.line is not None:
                 _turn_to_lines(geometry.normal, listed.line)
     sliding = None
@@ -351,13 +360,15 @@ def _refuse_few_digits(
 
 def _refuse_other_units(overlap_of_forces: Floats, overlap: Floats, name: str) -> None:
     """Raise InputError if forces and positions give overlaps that differ much in size."""
-    factor = float(overlap_of_forces.mean() / max(overlap.mean(), SMALLEST_NUMBER))
+    size_of_forces = float(abs(overlap_of_forces).mean())
+    size_of_positions = float(abs(overlap).mean())
+    factor = size_of_forces / max(size_of_positions, SMALLEST_NUMBER)
     if not 1 / MAX_OVERLAP_FACTOR < factor < MAX_OVERLAP_FACTOR:
         refuse(
             name,
             "other_units",
-            f"the law makes overlaps of {overlap_of_forces.mean():.3g} m of the forces, "
-            f"positions and radii {overlap.mean():.3g} m",
+            f"the law makes overlaps of {size_of_forces:.3g} m of the forces, "
+            f"positions and radii {size_of_positions:.3g} m",
             remedy="give stiffnesses, forces and lengths in one system of units (import --scales)",
         )
 

@@ -1,9 +1,9 @@
 """Read what is particular to LAMMPS: its laws of contact, and its columns of contacts and walls.
 
-The known laws are `granular` with hooke, hertz, hertz/material and dmt, tangential linear_history,
-mindlin and their variants, rolling sds, twisting sds and marshall; gran/hooke, gran/hooke/history
-and gran/hertz/history; `fix wall/gran` with the same styles. Other models of cohesion are refused:
-contacts of jkr act across gaps, which a dump does not list.
+The known laws are `granular` with hooke, hertz, hertz/material, dmt and jkr, tangential
+linear_history, mindlin and their variants, rolling sds, twisting sds and marshall; gran/hooke,
+gran/hooke/history and gran/hertz/history; `fix wall/gran` in the same words. Other cohesion is
+refused by name.
 
 As in LAMMPS a type of pair_coeff is a number or a range (`*`, `n*`, `*n`, `m*n`), a range stands
 for pairs of rising types alone, and the last line that covers a pair holds. A pair that no line
@@ -60,8 +60,12 @@ TANGENTIAL = {
     "mindlin_rescale/force": TangentialModel(3, True, SHRINKING_DISPLACEMENT),
 }
 """Tangential models of `granular`."""
-NORMAL = {"hooke": 2, "hertz": 2, "hertz/material": 3, "dmt": 4}
+NORMAL = {"hooke": 2, "hertz": 2, "hertz/material": 3, "dmt": 4, "jkr": 4}
 """Normal models of `granular`, and the number of coefficients of each."""
+ADHESIVE = ("dmt", "jkr")
+"""Normal models whose last coefficient is the cohesion, half the work of adhesion."""
+MATERIAL = ("hertz/material", *ADHESIVE)
+"""Normal models whose coefficients are Young's modulus, damping and Poisson's ratio."""
 
 
 class OlderStyle(NamedTuple):
@@ -132,18 +136,18 @@ def parse_granular(words: Sequence[str], place: str, arms: LeverArms, units: Uni
     normal = coefficients[0]
     poisson = coefficients[min(2, len(coefficients) - 1)]
     cohesion = 0.0
-    if model == "dmt":
+    if model in ADHESIVE:
         cohesion = units.stiffness * coefficients[3]
     normal = (units.stiffness if is_hooke else units.pressure) * normal
     material = None
-    if model in ("hertz/material", "dmt"):
+    if model in MATERIAL:
         material = check_material(normal, poisson, place)
         normal = 4 / 3 * material.effective_young
     options = _parse_options(line)
     tangential = options.tangential * (units.pressure if options.grows else units.stiffness)
     if math.isnan(tangential):
         if material is None:
-            problem = "tangential NULL needs hertz/material or dmt"
+            problem = f"tangential NULL needs {', '.join(MATERIAL)}"
             line.refuse("no_stiffness", problem, remedy="give its stiffness")
         tangential = 8 * material.moduli.effective_shear
     rolling = units.stiffness * options.rolling
@@ -173,6 +177,7 @@ def parse_granular(words: Sequence[str], place: str, arms: LeverArms, units: Uni
         twisting=twisting,
         marshall=marshall,
         cohesion=cohesion,
+        acts_across_gaps=model == "jkr",
     )
 
 
@@ -420,7 +425,9 @@ def _read_wall_contacts(
     force = units.force * table[order][spheres, 1:]
     # The wall that pushes; a sphere between two walls of one fix would need two rows.
     code = np.where(force[:, 2] > 0, *WALLS)
-    normal_force = abs(force[:, 2])
+    if any(wall.law(kind).cohesion for wall in walls.values() for kind in set(packing.kind)):
+        code = _nearest_walls(packing.position[spheres, 2], walls)
+    normal_force = np.where(code == WALLS[0], 1, -1) * force[:, 2]
     force[:, 2] = 0
     codes_of_fix = {code for code, wall in walls.items() if wall.name == name} or set(walls)
     pushed_by_absent_wall = spheres[~np.isin(code, list(codes_of_fix))]
@@ -431,3 +438,11 @@ def _read_wall_contacts(
         f"mend {TYPED_WALL}, or bring the packing to rest",
     )
     return WallContacts(spheres.astype(np.int32), code.astype(np.int32), normal_force, force)
+
+
+def _nearest_walls(height: Floats, walls: Walls) -> Ints:
+    """Return the codes (k,) of the walls that are nearest to z (k,): adhesive walls may pull."""
+    codes = np.array(list(walls))
+    planes = np.array([wall.z for wall in walls.values()])
+    nearest: Ints = codes[abs(height[:, None] - planes).argmin(axis=1)]
+    return nearest

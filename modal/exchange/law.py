@@ -18,6 +18,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from modal.packing.contact_models import jkr
 from modal.tools.arrays import Array, Bools, Floats, Ints
 from modal.tools.errors import InputError
 
@@ -106,8 +107,10 @@ class ProgramLaw:
     rolling_share, twisting_share : float
         Stiffnesses against rolling and twisting divided by the tangential stiffness.
     cohesion : float
-        Attraction of DMT contacts divided by 4 pi R*, N/m: half the work of adhesion. The friction
-        limit is proportional to the normal force plus twice the attraction.
+        Half the work of adhesion of DMT or JKR contacts, N/m. The friction limit is proportional to
+        the normal force plus twice the largest pull.
+    acts_across_gaps : bool
+        Whether the adhesion is that of JKR, whose contacts act across gaps; otherwise that of DMT.
     twisting : float
         Stiffness against twisting, N m/rad.
     marshall : float
@@ -131,6 +134,7 @@ class ProgramLaw:
     rolling_share: float = 0.0
     twisting_share: float = 0.0
     cohesion: float = 0.0
+    acts_across_gaps: bool = False
 
     def __post_init__(self) -> None:
         if self.friction == 0:
@@ -156,7 +160,8 @@ class ProgramLaw:
             ("twisting", self.marshall, "of the tangential one times the circle's area / pi"),
         )
         if self.cohesion:
-            text += f"; DMT attraction, cohesion {self.cohesion:.6g} N/m"
+            model = "JKR" if self.acts_across_gaps else "DMT"
+            text += f"; {model} adhesion, cohesion {self.cohesion:.6g} N/m"
         for motion, stiffness, unit in springs:
             if stiffness:
                 text += f"; {motion} {stiffness:.6g} {unit}"
@@ -175,22 +180,45 @@ class ContactLaws:
         return np.array([getattr(law, name) for law in self.laws])[self.index]
 
     def force(self, overlap: Floats, effective_radius: Floats) -> Floats:
-        """Return the normal forces (m,), N, elastic plus attractive; 0 for spheres apart."""
+        """Return the normal forces (m,), N, of elasticity and attraction.
+
+        Only JKR contacts have a force across a gap.
+        """
         depth = np.maximum(overlap, 0)
         root = np.where(self.values("hertz"), np.sqrt(effective_radius * depth), 1.0)
-        attraction = np.where(overlap > 0, self.attraction(effective_radius), 0.0)
-        return self.values("normal") * root * depth - attraction
+        attraction = np.where(overlap > 0, self.largest_pull(effective_radius), 0.0)
+        force: Floats = self.values("normal") * root * depth - attraction
+        rows, law = self._jkr
+        force[rows] = law.normal_force(overlap[rows], effective_radius[rows])
+        return force
 
-    def attraction(self, effective_radius: Floats) -> Floats:
-        """Return the attraction (m,), N; 0 for laws without cohesion."""
-        return 4 * np.pi * self.values("cohesion") * effective_radius
+    def largest_pull(self, effective_radius: Floats) -> Floats:
+        """Return the largest pulls (m,), N: 2 pi w R* of DMT, 3/2 pi w R* of JKR, or 0."""
+        factor = np.where(self.values("acts_across_gaps"), 1.5, 2.0)
+        return factor * np.pi * 2 * self.values("cohesion") * effective_radius
 
     def overlap(self, force: Floats, effective_radius: Floats) -> Floats:
-        """Return the overlaps (m,), m, that have these normal forces (m,), N."""
-        elastic = force + self.attraction(effective_radius)
-        linear = np.maximum(elastic, 0) / self.values("normal")
+        """Return the overlaps (m,), m, that have these normal forces (m,), N.
+
+        JKR contacts have two, of which this is the stable one under a given force.
+        """
+        largest_pull = self.largest_pull(effective_radius)
+        elastic = np.maximum(force + largest_pull, 0)
+        linear = elastic / self.values("normal")
         hertzian = (linear / np.sqrt(effective_radius)) ** (2 / 3)
-        return np.where(self.values("hertz"), hertzian, linear)
+        overlap: Floats = np.where(self.values("hertz"), hertzian, linear)
+        rows, law = self._jkr
+        reached = (elastic - largest_pull)[rows]
+        overlap[rows] = law.overlap_of_force(reached, effective_radius[rows])
+        return overlap
+
+    @property
+    def _jkr(self) -> tuple[Ints, jkr.Jkr]:
+        """Return the indices of the JKR contacts, and their law."""
+        (rows,) = np.nonzero(self.values("acts_across_gaps"))
+        young = 0.75 * self.values("normal")[rows]
+        shear = self.values("tangential")[rows] / 8
+        return rows, jkr.Jkr(young, shear, 2 * self.values("cohesion")[rows])
 
     def network_columns(self, overlap: Floats, effective_radius: Floats) -> dict[str, Floats]:
         """Return the columns (m,) of a network that follow from the laws, by their names.
@@ -201,14 +229,22 @@ class ContactLaws:
         area = effective_radius * np.maximum(overlap, 0)
         circle = np.sqrt(area)
         normal = self.values("normal")
+        stiffness_normal = np.where(self.values("hertz"), 1.5 * normal * circle, normal)
+        growth = np.divide(0.5, overlap, out=np.zeros_like(overlap), where=overlap != 0)
+        rows, law = self._jkr
+        geometry = law.effective_young, law.work_of_adhesion, overlap[rows], effective_radius[rows]
+        stiffness_normal[rows] = law.stiffness_normal(overlap[rows], effective_radius[rows])
+        circle[rows] = jkr.contact_radius(*geometry)
+        growth[rows] = jkr.relative_growth(*geometry)
+        area[rows] = circle[rows] ** 2
         tangential = self.values("tangential")
         grows = self.values("grows")
         growth_counts = grows & (self.values("shear_memory") != FORCE)
         tangential_stiffness = tangential * np.where(grows, circle, 1.0)
         springs = {
-            "stiffness_normal": np.where(self.values("hertz"), 1.5 * normal * circle, normal),
+            "stiffness_normal": stiffness_normal,
             "stiffness_tangential": tangential_stiffness,
-            "shear_growth": np.where(growth_counts, 0.5 / overlap, 0.0),
+            "shear_growth": np.where(growth_counts, growth, 0.0),
             "motion_shortening": 0.5 * (self.values("motion_arm") == MIDDLE_ARM),
             "torque_shortening": 0.5 * (self.values("torque_arm") == MIDDLE_ARM),
         }
@@ -231,7 +267,7 @@ class ContactLaws:
         A contact without friction is not counted: it has no tangential spring. `force` (m,) and
         `shear` (m, 3) are in N.
         """
-        pressed = force + 2 * self.attraction(effective_radius)
+        pressed = force + 2 * self.largest_pull(effective_radius)
         limit = self.values("friction") * pressed
         size = np.linalg.norm(shear, axis=1)
         return (size >= limit * (1 - RELATIVE_LIMIT_TOLERANCE)) & (limit > 0)

@@ -58,7 +58,7 @@ LAMMPS = [
         "(7, 7)",
         "--step",
     ),
-    (Replaced("log", "hertz/material 6e10", "jkr 6e10"), "unknown_word", "log.lammps:", "'jkr'"),
+    (Replaced("log", "hertz/material 6e10", "mdr 6e10"), "unknown_word", "log.lammps:", "'mdr'"),
     (Replaced("log", "0.3\n", "0.3 rolling coulomb 1 1 1\n"), "unknown_word", "rolling 'coulomb'"),
     (Replaced("log", "style granular", "style gran/shm 1 2"), "unknown_law", "'gran/shm'"),
     (Replaced("log", END, "fix r all rigid/small molecule\n"), "no_column", "line 9, column mol:"),

@@ -7,6 +7,7 @@ to f_ID[4] of `fix ID ... contacts`. Spheres of a `fix rigid` become its bodies.
 one of the two programs are in `modal.exchange.lammps` and `modal.exchange.liggghts`.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -107,6 +108,7 @@ def read(
     _refuse_walls_of_groups(script, request)
     touching = None
     if contacts is not None:
+        _refuse_short_cutoff(script)
         dumped = dump.read_contacts(contacts, frame, packing, script, program.END_COLUMNS)
         touching = program.convert_contacts(dumped, packing, units)
         if walls:
@@ -227,6 +229,21 @@ def _read_spheres(
         remedy = "make single spheres no part of its group"
         refuse(path, "unknown_bodies", problem, remedy=remedy)
     return packing
+
+
+def _refuse_short_cutoff(script: Script) -> None:
+    """Raise InputError if the computes of a log leave out the contacts of JKR across gaps."""
+    acts_across_gaps = any("jkr" in words for words in (script.style, *script.pair_coefficients))
+    for name, words in script.computes.items():
+        cutoff = list(itertools.dropwhile(lambda word: word != "cutoff", words))
+        if acts_across_gaps and cutoff[1:2] == ["radius"]:
+            refuse(
+                script.place,
+                "contacts_across_gaps",
+                f"compute {name} ends at cutoff radius",
+                "JKR contacts act across gaps",
+                "write cutoff type (variable cutoff string type, before write_contacts.lmp)",
+            )
 
 
 def _refuse_walls_of_groups(script: Script, request: Request) -> None:

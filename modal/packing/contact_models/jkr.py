@@ -12,7 +12,11 @@ of the radius L at touch, L^3 = 2 pi w R*^2 / E*, y = sqrt(a / L) is the larger 
 y^4 - y = overlap R* / L^2, which has a closed form.
 
 Without slip kt = 8 G* a. Friction bears on the force plus twice the largest pull (C. Thornton,
-J. Phys. D 24, 1942, 1991), as in LAMMPS's `granular jkr`, whose cohesion is w / 2.
+J. Phys. D 24, 1942, 1991).
+
+LAMMPS's `granular jkr`, whose cohesion is w / 2, has the same force and limit of friction, but
+breaks at the overlap of the largest pull, as under a given force; here contacts act up to the
+longest gap, as under a given displacement.
 """
 
 from collections.abc import Sequence
@@ -52,6 +56,18 @@ def solve_contact(young: Any, work: Any, overlap: Any, radius: Any) -> Any:
     """Return y = sqrt(a / L), and L, m."""
     at_touch = radius_at_touch(young, work, radius)
     return reduced_radius(overlap * radius / (at_touch * at_touch)), at_touch
+
+
+def contact_radius(young: Any, work: Any, overlap: Any, radius: Any) -> Any:
+    """Return the radius a = L y^2 of the circle of contact, m."""
+    y, at_touch = solve_contact(young, work, overlap, radius)
+    return at_touch * y * y
+
+
+def relative_growth(young: Any, work: Any, overlap: Any, radius: Any) -> Any:
+    """Return the derivative of a by the overlap, divided by a, 1/m."""
+    y, at_touch = solve_contact(young, work, overlap, radius)
+    return 2 * radius / (at_touch * at_touch * y * (4 * y * y * y - 1))
 
 
 def adhesive_force(young: Any, work: Any, overlap: Any, radius: Any) -> Any:
