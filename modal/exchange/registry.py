@@ -1,9 +1,9 @@
 """The programs whose packings can be read: each is one module in `modal.exchange.programs`.
 
-A module needs to be named nowhere else. It has NAME, what people call the program; OPTIONS, what
-its files need beside the given one, by name; `sniff(path, head)`, which tells whether a file with
-these first bytes is of this program; and `read(path, **options)`, which returns its packing.
-`modal.read`, the command `import` and all commands that take a packing use this registry.
+A module needs to be named nowhere else. It has NAME, the usual name of the program; OPTIONS, the
+further files and numbers that its packings need, by name; `sniff(path, head)`, which tells whether
+a file with these first bytes is of this program; and `read(path, **options)`, which returns its
+packing. `modal.read`, the command `import` and all commands that take a packing use this registry.
 
 Another package adds a program by an entry point of the group `granular_modes.programs`, whose value
 is such a module:
@@ -75,8 +75,8 @@ COMMON_OPTIONS = {
 def all_programs() -> Iterator[ModuleType]:
     """Yield the modules of all programs; a file belongs to at most one of them.
 
-    This project's own module comes first: for its files no other is loaded. Those of other packages
-    come last.
+    This project's own module comes first, so that its files load no other module. Modules of other
+    packages come last.
     """
     names = [name for _, name, _ in pkgutil.iter_modules(programs.__path__)]
     for name in sorted(names, key=lambda name: name != "own"):
@@ -86,7 +86,7 @@ def all_programs() -> Iterator[ModuleType]:
 
 
 def _load_entry(entry: EntryPoint) -> ModuleType:
-    """Return the module of an entry point; raise InputError if it is no program."""
+    """Return the module of an entry point; raise InputError if it is not a reader."""
     try:
         program: ModuleType = entry.load()
     except ImportError as error:
@@ -108,7 +108,7 @@ def read_beginning(path: str | Path) -> bytes:
 
 
 def find_program(path: Path) -> ModuleType:
-    """Return the program of a file; raise InputError, which names its kind, if there is none."""
+    """Return the program of a file; raise InputError, which names the file's kind, if none fits."""
     head = read_beginning(path)
     for program in all_programs():
         if program.sniff(path, head):
@@ -139,7 +139,7 @@ def find_program(path: Path) -> ModuleType:
 def all_options() -> dict[str, Option]:
     """Return the options of all programs by name.
 
-    If several programs have an option of one name, the first is returned.
+    If several programs have an option of the same name, the first one is returned.
     """
     options: dict[str, Option] = {}
     for program in all_programs():
@@ -148,10 +148,11 @@ def all_options() -> dict[str, Option]:
 
 
 def import_packing(path: str | Path, **options: object) -> ImportResult:
-    """Return the packing of a file, with what was found and assumed.
+    """Return the packing of a file, with the findings and assumptions of the import.
 
     `options` are those of the command `import`; None stands for an option that is not given. Raises
-    InputError for an option that the program of the file does not have, and as `read`.
+    InputError for an option that the program of the file does not have, and for the same reasons as
+    `read`.
     """
     refuse_absent(path)
     typed = {name: value for name, value in options.items() if value is not None}
@@ -186,8 +187,8 @@ def read(path: str | Path, **options: object) -> Network:
     path : str or Path
         The file.
     **options : object
-        What the file of another program needs beside it, by the names of `python -m modal import`:
-        `modal.read("x.atoms", contacts="x.contacts", log="log.lammps")`.
+        Further files and lines that a file of another program needs, by the option names of `python
+        -m modal import`: `modal.read("x.atoms", contacts="x.contacts", log="log.lammps")`.
 
     Returns
     -------
@@ -197,7 +198,7 @@ def read(path: str | Path, **options: object) -> Network:
     Raises
     ------
     InputError
-        One line, for what is missing, damaged, or cannot be a packing.
+        If a file is missing or damaged, or is not a packing; the message is one line.
 
     Examples
     --------
@@ -211,9 +212,9 @@ def read(path: str | Path, **options: object) -> Network:
 
 
 def read_remarked(path: str | Path, say: Callable[[str], None], *, waves: bool = False) -> Network:
-    """Return the packing of a file, as `read`; call `say` with each remark on it.
+    """Return the packing of a file as `read` does; call `say` with each remark on the packing.
 
-    `waves` adds the remarks that only count for waves.
+    `waves` adds the remarks that matter only for waves.
     """
     result = import_packing(path)
     plausible = plausibility(result.network, sought=result.sought, waves=waves)

@@ -1,8 +1,8 @@
-"""Tables of spheres alone: names of columns and units as people and programs write them.
+"""Read tables of spheres alone, with the column names and units that people and programs write.
 
-Known are the columns x, y, z and radius or diameter in many spellings, and mass, density, id, type.
-A unit of length may stand behind a name: `x (mm)`, `x [mm]`, `x_mm`, `x/mm`. Other columns are not
-looked at. Columns are separated by commas, semicolons, tabs or blanks.
+The known columns are x, y, z and radius or diameter, in many spellings, and mass, density, id and
+type. A unit of length may follow a name: `x (mm)`, `x [mm]`, `x_mm`, `x/mm`. Other columns are
+ignored. Columns are separated by commas, semicolons, tabs or blanks.
 """
 
 import re
@@ -77,14 +77,14 @@ SEPARATORS = (",", ";", "\t")
 
 
 class Heading(NamedTuple):
-    """The known name of a column, and the unit behind it, empty if there is none."""
+    """The known name of a column, and the unit after it; the unit is empty if there is none."""
 
     name: str
     unit: str
 
 
 def separator_of(header: str) -> str | None:
-    """Return what separates the names in the first line of a table; None for blanks."""
+    """Return the separator of the names in the first line of a table; None for blanks."""
     for separator in SEPARATORS:
         if separator in header:
             return separator
@@ -92,7 +92,7 @@ def separator_of(header: str) -> str | None:
 
 
 def read_heading(text: str) -> Heading:
-    """Return the known name of a column and its unit; the name is empty if it is not known.
+    """Return the known name of a column and its unit; an unknown name gives an empty one.
 
     >>> read_heading("Position X [mm]"), read_heading("d_um"), read_heading("velocity")
     (Heading(name='x', unit='mm'), Heading(name='diameter', unit='um'), Heading(name='', unit=''))
@@ -121,9 +121,10 @@ def has_spheres(header: str) -> bool:
 
 
 class SphereTable(NamedTuple):
-    """The spheres of a table, and the unit of length in m that its header states, if it does.
+    """The spheres of a table, and the unit of length in m, None if the header states none.
 
-    If it does, the lengths of the spheres are in m, otherwise in the unit of the options.
+    With a unit in the header the lengths of the spheres are in m, otherwise in the unit of the
+    options.
     """
 
     spheres: Spheres
@@ -133,8 +134,8 @@ class SphereTable(NamedTuple):
 def read_sphere_table(rows: Rows) -> SphereTable:
     """Return the spheres of the rows of a table, without a cell.
 
-    Raises InputError if centres or sizes are missing, if a column stands twice, or if a unit is not
-    known.
+    Raises InputError if centres or sizes are missing, if a column occurs twice, or if a unit is
+    unknown.
     """
     headings = [read_heading(name) for name in rows.columns]
     columns: dict[str, str] = {}
@@ -184,9 +185,9 @@ def read_sphere_table(rows: Rows) -> SphereTable:
 
 
 def _unit_of_length(rows: Rows, headings: Sequence[Heading]) -> float | None:
-    """Return the unit of length in m that the header states; None if it states none.
+    """Return the unit of length, m, that the header states; None if it states no unit.
 
-    Raises InputError for a unit that is not known, and for different ones.
+    Raises InputError for an unknown unit, and if columns have different units.
     """
     units = {heading.unit for heading in headings if heading.name in LENGTHS and heading.unit}
     if not units:

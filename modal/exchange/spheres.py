@@ -2,8 +2,8 @@
 
 With overlaps, as a simulation has them, contacts are the pairs that overlap, and the law gives
 forces and stiffnesses. Without overlaps, as in a scan, contacts are the pairs whose gap is below a
-tolerance, and stiffnesses follow from the mean stress (`modal.packing.scan`). Readers of files that
-hold spheres alone end here; `from_spheres` takes arrays.
+tolerance, and stiffnesses follow from the mean stress (`modal.packing.scan`). Readers of files
+without contacts call `import_spheres`; `from_spheres` takes arrays.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ OPTIONS = {
 
 
 class SphereKeywords(TypedDict, total=False):
-    """Keyword arguments of readers of spheres alone, beside the scales."""
+    """Keyword arguments of readers of spheres alone, except the scales of the units."""
 
     pair: str | None
     wall: str | None
@@ -113,13 +113,13 @@ class Spheres:
     position, radius : ndarray (n, 3), (n,)
         Centres and radii.
     number : ndarray (n,) or None
-        Numbers of the program; None counts from 0.
+        Numbers that the program gave the spheres; None counts from 0.
     mass, density : ndarray (n,) or None
         Masses or densities; if both are None, the density of the options.
     kind : ndarray (n,) or None
         Types that choose the law; None if all spheres are of one type.
     cell : Cell or None
-        The cell in m; None if the file does not tell it.
+        The cell in m; None if the file has none.
     digits : int
         Significant digits of positions and radii.
     """
@@ -135,10 +135,10 @@ class Spheres:
 
 
 class TypedLaws(NamedTuple):
-    """The laws of a typed line.
+    """Contact laws from a line that the user typed.
 
-    pair_law: law between two types of sphere. walls: the walls, which have their own laws. notes:
-    friction and, of hertz/material, Young's modulus and Poisson's ratio by name.
+    pair_law: function that returns the law between two types of sphere. walls: the walls with their
+    own laws. notes: friction and, for hertz/material, Young's modulus and Poisson's ratio by name.
     """
 
     pair_law: PairLaw
@@ -147,7 +147,7 @@ class TypedLaws(NamedTuple):
     notes: dict[str, float]
 
     def between(self, first: int, second: int) -> ProgramLaw:
-        """Return the law between two types, or between a wall, by its code, and a type."""
+        """Return the law between two types of sphere, or between a wall and a type."""
         if first < 0:
             return self.walls[first].law(second)
         return self.pair_law(first, second)
@@ -156,7 +156,7 @@ class TypedLaws(NamedTuple):
 def read_typed_laws(pair: str, wall: str | None, units: Units) -> TypedLaws:
     """Return the laws of the lines --pair and --wall, in the words of LAMMPS or LIGGGHTS.
 
-    A wall without a law of its own (`zplane LOW HIGH` alone) has that of the spheres.
+    A wall without a law of its own (only `zplane LOW HIGH`) has the law of the spheres.
     """
     words = pair.split()
     if words and words[0] in lammps.NORMAL:
@@ -194,19 +194,19 @@ def import_spheres(
     path : str or Path
         The file, for messages.
     spheres : Spheres
-        Its spheres.
+        The spheres of the file.
     options : SphereOptions
-        What was given beside the file.
+        Options that were given with the file.
     rows : Rows, optional
-        Its rows, for messages with a line.
+        Rows of the file, for messages with a line number.
     contact_lines : ContactLines, optional
-        Its contacts; if they have stiffnesses, no law is needed. Contacts with walls follow from
-        the positions and the law.
+        Contacts as lines; if they have stiffnesses, no law is needed. Contacts with walls follow
+        from the positions and the law.
 
     Raises
     ------
     InputError
-        If a law is missing, or if no packing can have these spheres.
+        If a law is missing, or if the spheres are invalid.
     """
     if options.pair is None and contact_lines is not None and contact_lines.have_stiffnesses:
         return _import_with_stiffnesses(path, spheres, options, contact_lines)
@@ -248,7 +248,7 @@ def _packing_of(
     remarks: list[str],
     rows: Rows | None = None,
 ) -> Packing:
-    """Return spheres with their cell, masses, numbers and types; `remarks` are added to."""
+    """Return spheres with their cell, masses, numbers and types; add `remarks`."""
     units = options.units
     cell = _choose_cell(spheres, options, walls, units)
     if options.scales is None:
@@ -286,7 +286,7 @@ def _import_with_stiffnesses(
 def _contacts_of(
     contact_lines: ContactLines, packing: Packing, units: Units, remarks: list[str]
 ) -> Contacts:
-    """Return the contacts of lines; `remarks` tell how many lines are left out."""
+    """Return the contacts of lines; add a remark on omitted lines."""
     contacts, left_out = contacts_of_lines(contact_lines, packing, units)
     if left_out:
         remarks.append(
@@ -310,7 +310,7 @@ def _with_walls(contacts: Contacts, packing: Packing) -> Contacts:
 
 
 def _refuse_incomplete_scan(options: SphereOptions) -> None:
-    """Raise InputError for an impossible stress or tolerance, or for a tolerance alone."""
+    """Raise InputError for an invalid stress or tolerance, or for a tolerance without a stress."""
     stress = options.stress
     tolerance = options.tolerance or 0.0
     if stress is not None and not 0 < stress < np.inf:
@@ -340,9 +340,9 @@ def _refuse_large_radii(path: str | Path, radius: Floats) -> None:
 
 
 def _choose_cell(spheres: Spheres, options: SphereOptions, walls: dump.Walls, units: Units) -> Cell:
-    """Return the cell of the options, or that of the file, with these walls.
+    """Return the cell of the options, else the cell of the file, with the given walls.
 
-    Without any cell the surfaces of the outermost spheres, or the walls, are the bounds.
+    If neither has a cell, the bounds are the walls or the surfaces of the outermost spheres.
     """
     cell = spheres.cell
     if options.cell is not None:
@@ -375,7 +375,7 @@ def _choose_cell(spheres: Spheres, options: SphereOptions, walls: dump.Walls, un
 
 
 def _wall_line(cell: Cell | None, units: Units) -> str | None:
-    """Return the line of walls without a law of their own; None if a cell has no walls."""
+    """Return the text of walls without a law of their own; None if a cell has no walls."""
     if cell is None or np.isnan(cell.walls).all():
         return None
     words = ["NULL" if np.isnan(z) else repr(float(z) / units.length) for z in cell.walls]
@@ -395,7 +395,7 @@ def _choose_masses(
 ) -> Floats:
     """Return the masses (n,) of spheres in the units of the file.
 
-    A density that nobody states is that of glass, and `remarks` says so.
+    If no density is given, that of glass is used, and a remark says so.
     """
     if spheres.mass is not None and options.density is None:
         return spheres.mass
@@ -412,7 +412,7 @@ def _choose_masses(
 
 
 def _force_law(laws: TypedLaws, packing: Packing) -> ForceLaw:
-    """Return the stiffnesses of contacts by their force, from the laws of spheres and walls.
+    """Return how contact stiffness depends on the force, by the laws of spheres and walls.
 
     Raises InputError if spheres have several laws, or if a wall has a law of another kind.
     """
@@ -432,10 +432,10 @@ def _force_law(laws: TypedLaws, packing: Packing) -> ForceLaw:
 
 
 def _by_force(law: ProgramLaw) -> tuple[float, float, float, float]:
-    """Return coefficient and power of the normal, then of the tangential stiffness of a law.
+    """Return coefficient and power of the normal, then of the tangential stiffness, by force.
 
-    With the radius of contact a = (R* f / N)^(1/3) of Hertz' law f = N sqrt(R*) overlap^(3/2), the
-    normal stiffness is 3/2 N a, and the tangential one T a.
+    For Hertz' law f = N sqrt(R*) overlap^(3/2) the radius of the circle of contact is a = (R* f /
+    N)^(1/3). The normal stiffness is 3/2 N a, and the tangential stiffness T a.
     """
     if law.hertz:
         power = 1 / 3
@@ -452,7 +452,7 @@ def _by_force(law: ProgramLaw) -> tuple[float, float, float, float]:
 
 
 def _build_scanned_network(packing: Packing, scan: Scan, laws: TypedLaws) -> ImportResult:
-    """Return the network of a packing whose overlaps are not known, and what it is like.
+    """Return the network of a packing with unknown overlaps, and the figures of its scan.
 
     The material and the friction of the law are noted, for a state at rest (`relax --stress`).
     """
@@ -494,9 +494,9 @@ def from_spheres(
     Spheres with overlaps, as a simulation has them, touch where they overlap, and the law gives
     forces and stiffnesses. Spheres without known overlaps, as a scan has them, touch where the gap
     is below `tolerance`, and stiffnesses follow from the mean stress: the mean force of a contact
-    is 3 p V / sum(l), with the volume V and the branch lengths l (`modal.packing.scan`). Velocities
-    and moduli of such a packing have an error that contains what smaller and larger tolerances
-    change.
+    is 3 p V / sum(l), with the volume V and the branch lengths l (`modal.packing.scan`). The error
+    of velocities and moduli of such a packing includes the change under smaller and larger
+    tolerances.
 
     Parameters
     ----------
@@ -505,13 +505,13 @@ def from_spheres(
     radius : float or ndarray (n,)
         Radius of all spheres, or of each, m.
     cell : ndarray (3,) or (3, 2), optional
-        Periods along x, y and z, m, 0 for an axis without one; or bounds of a cell that is periodic
-        along all axes but that of the walls. By default no axis is periodic.
+        Periods along x, y and z, m, with 0 for an axis that is not periodic; or bounds of a cell
+        that is periodic along all axes except that of the walls. By default no axis is periodic.
     walls : sequence of 2 floats, optional
-        z of the flat walls, m; None or NaN for one that is absent.
+        Heights z of the flat walls, m; None or NaN for an absent wall.
     law : str
         The contact law, in the words that follow pair_style in LAMMPS; by default that of glass
-        beads with friction 0.3. Walls have it, too.
+        beads with friction 0.3. It also holds at the walls.
     stress : float, optional
         Mean stress, Pa, of spheres without known overlaps.
     tolerance : float, default 0
@@ -527,7 +527,7 @@ def from_spheres(
     Raises
     ------
     InputError
-        If no two spheres touch, or if no packing can have such spheres.
+        If no two spheres touch, or if the spheres are invalid.
 
     Examples
     --------
@@ -565,7 +565,7 @@ def from_spheres(
 
 
 def _read_planes(walls: ArrayLike | None) -> Floats | None:
-    """Return z of two walls, m, NaN for one that is absent; None without any wall."""
+    """Return the heights of two walls, m, NaN for an absent wall; None without any wall."""
     if walls is None:
         return None
     planes = np.array(walls, float)  # None becomes NaN
@@ -581,8 +581,8 @@ def _cell_of_sides(
 ) -> Cell:
     """Return the cell with these sides (3,) or bounds (3, 2), m, and with walls at these z, m.
 
-    Sides begin at 0, or at the lowest centre if a cell from 0 does not hold all centres. Without a
-    side the cell reaches to the surfaces of the spheres.
+    Sides begin at 0, or at the lowest centre if a cell from 0 does not contain all centres. Along
+    an axis without a side the cell reaches to the surfaces of the spheres.
     """
     planes = (np.nan, np.nan)
     if walls is not None:

@@ -64,7 +64,7 @@ def write_tables(path: Path, network: Network) -> list[str]:
 
 
 def _sphere_columns(network: Network) -> dict[str, Array]:
-    """Return the columns of the spheres; those of other bodies have their tensors of inertia.
+    """Return the columns of the spheres; bodies that are not spheres have their tensors of inertia.
 
     A reader refuses a table with columns that it does not know.
     """

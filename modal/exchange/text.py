@@ -1,4 +1,4 @@
-"""Text files: lines, rows of numbers, and refusals that name file, line and column."""
+"""Read text files by lines and rows of numbers; name file, line and column in errors."""
 
 import gzip
 import io
@@ -60,7 +60,7 @@ def refuse(
     path : str or Path
         The file, or the option that is at fault.
     code, problem, reason, remedy : str
-        Those of `InputError`.
+        As in `InputError`.
     line : int
         Number of the line, from 1; 0 if it is not known.
     column : str
@@ -77,7 +77,7 @@ def refuse(
 class Refusal(NamedTuple):
     """A refusal that is stored until it is clear whether the fault matters.
 
-    place: the file and the line, or the option. The rest is that of `InputError`.
+    place: the file and the line, or the option. The other fields are those of `InputError`.
     """
 
     place: str
@@ -104,7 +104,7 @@ def open_bytes(path: str | Path) -> Iterator[IO[bytes]]:
     """Open a file for reading bytes; unpack it if its name ends in .gz.
 
     Raises InputError if the file cannot be opened, or if reading fails inside the block: a
-    truncated archive shows only at its end.
+    truncated archive is noticed only at its end.
     """
     try:
         with gzip.open(path, "rb") if str(path).endswith(".gz") else open(path, "rb") as file:
@@ -119,7 +119,8 @@ def open_bytes(path: str | Path) -> Iterator[IO[bytes]]:
 def read_lines(path: str | Path) -> Iterator[tuple[int, str]]:
     """Yield the number, from 1, and the text of each line, without a byte order mark.
 
-    Raises InputError for a line that is too long for a line of numbers, before it fills the memory.
+    Raises InputError for a very long line, which cannot be a line of numbers, before it fills the
+    memory.
     """
     with open_bytes(path) as file, io.TextIOWrapper(file, "utf-8-sig", "replace") as text:
         next_part = partial(text.readline, MAX_LINE_CHARACTERS)
@@ -134,8 +135,8 @@ def read_lines(path: str | Path) -> Iterator[tuple[int, str]]:
 def take_rows(path: str | Path, lines: Iterator[tuple[int, str]], count: int) -> list[str]:
     """Return the texts of the next `count` lines, or of all lines that are left.
 
-    A line that begins with ITEM: ends the rows, as the next header of a dump. Raises InputError if
-    the rows do not fit into the memory; a short archive may unpack to any length.
+    A line that begins with ITEM: ends the rows, because it is the next header of a dump. Raises
+    InputError if the rows do not fit into the memory; a short archive may unpack to any length.
     """
     allowed_bytes = MAX_MEMORY_SHARE * memory_at_hand()
     used_bytes = 0
@@ -187,7 +188,7 @@ class Rows:
     def require(self, names: Iterable[str], remedy: str, known: Iterable[str] = ()) -> None:
         """Raise InputError, with the line of the header, for the first column that is missing.
 
-        `known` are the names that the message lists as existing columns; by default those of the
+        `known` are the column names that the message lists as existing; by default those of the
         header.
         """
         columns = tuple(known) or self.columns
@@ -228,8 +229,8 @@ class Rows:
     ) -> Ints:
         """Return the order (n,) that sorts the keys (n,).
 
-        Raises InputError, with the line of the second one, if two rows have one key; `problem` is a
-        function of the first one's index.
+        Raises InputError, with the line of the second row, if two rows have the same key; `problem`
+        is a function of the first row's index.
         """
         order = np.argsort(keys, kind="stable")
         repeated = np.flatnonzero(np.diff(keys[order]) == 0)
@@ -243,7 +244,7 @@ class Rows:
         return order
 
     def read(self, *names: str) -> Floats:
-        """Return the numbers (n, k) of these k columns.
+        """Return the numbers (n, k) of the k named columns.
 
         Raises InputError, with line and column, for the first entry that is not a finite number.
         """
@@ -365,8 +366,8 @@ def count_written_digits(texts: Iterable[str]) -> int:
 def are_rounded_to_single_precision(values: Floats) -> bool:
     """Tell whether numbers (n,) were rounded to single precision.
 
-    All numbers must fit into single precision, and one must need the end of its mantissa: numbers
-    such as 8 or 0.375 fit into any precision and show nothing.
+    All numbers must fit into single precision, and at least one must use the last bits of its
+    mantissa: numbers such as 8 or 0.375 are exact in any precision and prove nothing.
     """
     if (values.astype(np.float32) != values).any():
         return False
@@ -396,9 +397,9 @@ class Words:
     remaining : list of str
         The words that have not been taken.
     place : str
-        Where the line stands, for messages.
+        File and line, for messages.
     remedy : str
-        What a message tells to do, unless a refusal has another remedy.
+        The remedy of error messages, unless a call of `refuse` has another one.
 
     Examples
     --------
@@ -422,8 +423,8 @@ class Words:
     def take(self, name: str, known: Iterable[str] = ()) -> str:
         """Remove the next word and return it.
 
-        `name` says in a message what the word is. Raises InputError if there is no word, or if it
-        is none of the `known` ones.
+        `name` describes the word in error messages. Raises InputError if there is no word, or if it
+        is not one of the `known` words.
         """
         if not self.remaining:
             self.refuse("missing_word", f"ends where {name} should stand")
@@ -464,7 +465,7 @@ class Words:
         return self.numbers_after(name, 1)[0]
 
     def optional_number_after(self, *names: str) -> float:
-        """Return the number after the first of these names that the line has; 0 without any."""
+        """Return the number after the first of these names that the line has; 0 if it has none."""
         for name in names:
             if name in self.remaining:
                 return self.number_after(name)

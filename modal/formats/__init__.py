@@ -1,1 +1,1 @@
-"""HDF5 files that are whole or absent, with checksums, and what a file was made from."""
+"""HDF5 files that are complete or absent, with checksums and provenance."""

@@ -1,7 +1,7 @@
 """Attributes of HDF5 files: texts and numbers by name, as notes without a fixed list of names.
 
 Programs in Fortran or C leave texts as bytes, and MATLAB a number as an array of one member. Other
-kinds of attribute (references, records, lists of unequal length) are no notes and are ignored.
+kinds of attribute (references, records, lists of unequal length) are ignored.
 """
 
 import math
@@ -27,7 +27,7 @@ NUMBER_KINDS = "biufc"
 def number_noted(notes: Mapping[str, Any], name: str) -> float | None:
     """Return the finite number with a name in the notes; None if there is none.
 
-    Free notes may be anything: a text, a list, True or a number that is not finite does not count.
+    Notes may have any type: a text, a list, True or a number that is not finite gives None.
 
     >>> number_noted({"stress": 1e5, "mu_comp": "0.1"}, "stress")
     100000.0
@@ -47,7 +47,8 @@ def number_noted(notes: Mapping[str, Any], name: str) -> float | None:
 def read_attributes(node: h5py.Group | h5py.Dataset) -> dict[str, Any]:
     """Return the attributes of a group or dataset by their names, texts as `str`.
 
-    Kinds of attributes that are no notes are left out. Raises InputError for one that is too large.
+    Attributes that are neither text, number nor list are left out. Raises InputError for an
+    attribute that is too large.
     """
     notes: dict[str, Any] = {}
     for name in node.attrs:
@@ -58,7 +59,7 @@ def read_attributes(node: h5py.Group | h5py.Dataset) -> dict[str, Any]:
 
 
 def _read(node: h5py.Group | h5py.Dataset, name: str) -> Any:
-    """Return one attribute; None if it is of a kind that is no note."""
+    """Return one attribute; None if it is neither a text, a number nor a list of them."""
     attribute = node.attrs.get_id(name)
     if attribute.get_space().get_simple_extent_type() == h5py.h5s.NULL:
         return None
@@ -96,8 +97,8 @@ def _to_text(note: Any) -> Any:
 def write_attributes(node: h5py.Group, notes: Mapping[str, Any]) -> None:
     """Write notes as attributes; notes that are None are left out.
 
-    Raises InputError for a name that is no text, and for a note that is neither a text nor a number
-    nor a list of them.
+    Raises InputError for a name that is not a text, and for a note that is neither a text nor a
+    number nor a list of them.
     """
     for name, note in notes.items():
         label = f"the note {name!r} of {node.name}"
@@ -108,7 +109,7 @@ def write_attributes(node: h5py.Group, notes: Mapping[str, Any]) -> None:
 
 
 def _to_stored(note: Any, label: str) -> Any:
-    """Return a note in a form that HDF5 stores; raise InputError, with the label, if it cannot."""
+    """Return a note in a form that HDF5 stores; raise InputError, with the label, else."""
     if isinstance(note, bytes):
         note = note.decode(errors="replace")
     if isinstance(note, str):
@@ -134,7 +135,7 @@ def _to_stored(note: Any, label: str) -> Any:
 
 
 def _is_storable(text: str) -> bool:
-    """Tell whether HDF5 can store the text: as UTF-8, which ends at the first NUL."""
+    """Tell whether HDF5 can store the text: valid UTF-8 without NUL, which would end the text."""
     try:
         return "\0" not in text and len(text.encode()) <= MAX_NOTE_BYTES
     except UnicodeEncodeError:

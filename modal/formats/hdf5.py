@@ -1,8 +1,9 @@
-"""HDF5 files that are complete or absent, and have all of their numbers in themselves.
+"""Read and write HDF5 files that are complete or absent, and contain all of their own numbers.
 
-All parts of a file have checksums, so that a flipped bit is noticed when the file is read: the data
-by HDF5's fletcher32 filter and by zlib, names, shapes and attributes by the format of HDF5 1.10.
-Files of other programs are read with or without checksums.
+All parts of a file have checksums, so that a flipped bit is noticed when the file is read. The
+checksums of data are those of HDF5's fletcher32 filter and of zlib; those of names, shapes and
+attributes belong to the format of HDF5 1.10. Files of other programs are read with or without
+checksums.
 """
 
 import errno
@@ -59,7 +60,7 @@ def atomic_h5(path: str | Path) -> Iterator[h5py.File]:
 def open_h5(path: str | Path) -> Iterator[h5py.File]:
     """Open an HDF5 file for reading; raise InputError if it is missing or damaged.
 
-    Exceptions of the block itself are no damage of the file and reach the caller as they are;
+    Exceptions of the block itself do not mean a damaged file, and reach the caller unchanged;
     exceptions that HDF5 raises in the block become InputError.
     """
     path = Path(path)
@@ -87,7 +88,7 @@ def _is_from_h5py(error: Exception) -> bool:
 
 
 def _unreadable(path: Path, error: Exception) -> InputError:
-    """Return the error for a file that HDF5 does not read, from the exception of HDF5."""
+    """Return the error for a file that HDF5 cannot read, from the exception that HDF5 raised."""
     reason = " ".join(str(error).split())
     if isinstance(error, MemoryError):
         problem = f"{path}: not enough memory to read it"
@@ -103,7 +104,7 @@ def _unreadable(path: Path, error: Exception) -> InputError:
 
 
 def _is_in_use(error: Exception) -> bool:
-    """Tell whether HDF5 has refused a file for its lock, or for the mark of a writer in it."""
+    """Tell whether HDF5 refused a file because it is locked, or marked as open for writing."""
     if isinstance(error, BlockingIOError) or getattr(error, "errno", None) in _NO_LOCK_ERRORS:
         return True
     # HDF5 has no error number for a file that this process, or a killed one, has open.
@@ -112,7 +113,7 @@ def _is_in_use(error: Exception) -> bool:
 
 @contextmanager
 def complete(path: str | Path) -> Iterator[None]:
-    """Raise InputError if an attribute that the block reads is absent or not of its kind."""
+    """Raise InputError if an attribute that the block reads is absent or has the wrong type."""
     try:
         yield
     except InputError:
@@ -124,7 +125,7 @@ def complete(path: str | Path) -> Iterator[None]:
 
 @contextmanager
 def named(path: str | Path) -> Iterator[None]:
-    """Put the name of a file before the problem of each InputError of the block."""
+    """Put the name of a file before the problem of each InputError that the block raises."""
     try:
         yield
     except InputError as error:
@@ -135,8 +136,9 @@ def named(path: str | Path) -> Iterator[None]:
 def _refuse_endless_heap(path: Path) -> None:
     """Raise InputError for a file whose texts HDF5 (up to 2.0) would read for ever.
 
-    Texts of attributes are in global heaps, the one structure without a checksum. The library steps
-    from entry to entry; after a damaged length it may meet an empty entry of size zero.
+    Texts of attributes are in global heaps, the only structure without a checksum. The library
+    steps from entry to entry; after a damaged length it may reach an empty entry of size zero,
+    where it stays for ever.
     """
     if path.stat().st_size == 0:
         return
@@ -169,7 +171,8 @@ def _has_empty_entry(raw: mmap.mmap, heap: int) -> bool:
 def put(file: h5py.File | h5py.Group, name: str, data: Array, units: str) -> None:
     """Write one dataset with its units.
 
-    Small datasets are compressed, too: fletcher32 takes 0xFFFF for zero, zlib's Adler-32 does not.
+    Small datasets are compressed, too, for the checksum of zlib: fletcher32 does not notice if
+    0xFFFF becomes zero.
     """
     if np.size(data) > 0:
         dataset = file.create_dataset(

@@ -1,6 +1,6 @@
-"""A product: an HDF5 file of one schema, described by one table of its columns and attributes.
+"""Define a product: an HDF5 file with a schema, in a table of its columns and attributes.
 
-The table is all that a format needs: it determines how files are written, read and refused.
+The table defines the format completely: how files are written, read and refused.
 
 >>> track = Product(
 ...     "granular-track",
@@ -46,8 +46,8 @@ FORMAT_ATTRIBUTES = ("schema", "schema_version", "creator", PACKING_DIGEST)
 class NumberType(NamedTuple):
     """How a kind of number is read and written.
 
-    accepted: kinds of NumPy arrays that are read. description: for messages. in_memory, in_file:
-    types of the numbers there.
+    accepted: kinds of NumPy arrays that are read. description: words for messages. in_memory,
+    in_file: NumPy types of the numbers in memory and in a file.
     """
 
     accepted: str
@@ -79,10 +79,10 @@ fit."""
 class Column(NamedTuple):
     """A dataset of a format.
 
-    dataset: its path in the file. kind: the kind of its numbers. shape: lengths; a length with a
-    name is the same in all columns of a file. unit: SI unit. optional: whether a file may lack it.
-    finite: whether all numbers must be finite. since: lowest version of a file that has the column;
-    a program of an earlier version refuses such a file.
+    dataset: path of the dataset in the file. kind: kind of the numbers. shape: lengths; a length
+    with a name is the same in all columns of a file. unit: SI unit. optional: whether a file may
+    lack it. finite: whether all numbers must be finite. since: lowest version of a file that has
+    the column; a program of an earlier version refuses such a file.
     """
 
     dataset: str
@@ -96,8 +96,8 @@ class Column(NamedTuple):
     def check(self, name: str, data: Any, lengths: dict[int | str, int]) -> None:
         """Raise InputError if an array or a dataset has another kind or shape than this column.
 
-        `lengths` are those of the names so far; new ones are added. No number of a dataset is read,
-        whatever size it declares.
+        `lengths` are the lengths with a name that are known so far; new ones are added. No numbers
+        are read, so that a dataset may declare any size.
         """
         number_type = NUMBER_TYPES[self.kind]
         if data.dtype.kind not in number_type.accepted:
@@ -117,10 +117,10 @@ class Column(NamedTuple):
     def array(
         self, name: str, data: Any, lengths: dict[int | str, int], indices: Any = ()
     ) -> Array:
-        """Return a dataset, or what is like an array, as an array of this column.
+        """Return a dataset, or an array-like object, as an array of this column.
 
-        `indices` select the part that is read. Lengths with a name must be those in `lengths`; new
-        names are added to it. Integers of 4 bytes keep their width in memory. Raises InputError if
+        `indices` select the part that is read. Lengths with a name must agree with `lengths`; new
+        names are added there. Integers of 4 bytes keep their width in memory. Raises InputError if
         the data do not fit the column.
         """
         is_stored = isinstance(data, h5py.Dataset)
@@ -157,7 +157,7 @@ def _shape_fits(shape: tuple[int, ...], expected: tuple[int | str, ...]) -> bool
 
 
 def _to_array(data: Any) -> Array:
-    """Return data as an array; data that are no numbers give an array that no column accepts."""
+    """Return data as an array; data other than numbers give an array that every column refuses."""
     try:
         return np.asarray(data)
     except (TypeError, ValueError):  # rows of different lengths, or members that are no numbers
@@ -185,8 +185,8 @@ class Product:
     versions : tuple of int
         Versions that are read.
     since : mapping
-        Attributes that need a version: they are written only if they differ from their default,
-        and such a file is of that version at least.
+        Attributes that need a version: they are written only if they differ from their default, and
+        the file then has at least that version.
     """
 
     schema: str
@@ -201,7 +201,7 @@ class Product:
     def write(
         self, path: str | Path, values: Mapping[str, Any], made: Provenance | None = None
     ) -> None:
-        """Write the file whole, or leave the previous one; optional columns may be None or absent.
+        """Write the complete file, or leave the previous one; optional columns may be absent.
 
         `made` is the provenance.
         """
@@ -237,8 +237,8 @@ class Product:
     ) -> dict[str, Any]:
         """Return all values by name; absent columns are None.
 
-        Columns to `leave` are not read, and are None. Of columns in `parts` only the elements with
-        these indices are read. Raises InputError for anything wrong.
+        Columns in `leave` are not read, and are None. `parts` maps columns to the indices of the
+        elements to be read. Raises InputError for any fault of the file.
         """
         with open_h5(path) as file:
             with named(path):
@@ -287,9 +287,10 @@ class Product:
             _refuse_units(read_attributes(file[folder or "/"]), folder or "the file", "1")
 
     def _refuse_other_file(self, file: h5py.File) -> None:
-        """Raise InputError for another schema or version, and for columns that are not known.
+        """Raise InputError for another schema or version, and for unknown columns.
 
-        A column of a later program may change the answer; in version 1 there is none.
+        An unknown column, written by a later version of the program, may change the answer. Files
+        of version 1 have no such columns.
         """
         attributes = read_attributes(file)
         schema = attributes.get("schema")
@@ -360,7 +361,7 @@ def product_of(
     versions: tuple[int, ...] = (1,),
     since: Mapping[str, int] = MappingProxyType({}),
 ) -> Product:
-    """Return the format of a class.
+    """Return the file format of a dataclass.
 
     Its columns are the stored fields of the class and further `columns`; its attributes are the
     texts and floating-point numbers of the class and further `attributes`. Attributes that a file
@@ -378,9 +379,10 @@ def product_of(
 
 
 def _to_integers(name: str, data: Array, *, keep_width: bool) -> Array:
-    """Return integers with a sign, of the width that computing needs, 8 bytes.
+    """Return signed integers of 8 bytes, which the computations need.
 
-    With `keep_width` those of 4 bytes or more in the machine's own order are returned as they are.
+    With `keep_width` integers of 4 bytes or more, in the byte order of the machine, are returned
+    unchanged.
     """
     is_native = data.dtype.itemsize >= MIN_INTEGER_BYTES and data.dtype.isnative
     if keep_width and data.dtype.kind == "i" and is_native:
@@ -397,7 +399,7 @@ def _to_integers(name: str, data: Array, *, keep_width: bool) -> Array:
 
 
 def _refuse_other_than_yes_or_no(name: str, data: Array) -> None:
-    """Raise InputError for a number that is neither 0 nor 1: letters are numbers too in HDF5."""
+    """Raise InputError for a number that is neither 0 nor 1, the numbers for no and yes."""
     is_other = (data != 0) & (data != 1)
     if is_other.any():
         problem = f"{name} is {data[is_other][0]}, neither 0 nor 1"
@@ -417,7 +419,7 @@ def _find_dataset(file: h5py.File, column: Column) -> h5py.Dataset:
 def _read_column(
     file: h5py.File, column: Column, lengths: dict[int | str, int], indices: Any
 ) -> Array:
-    """Return the numbers of a column, or a part; refuse a number that stands for a missing one."""
+    """Return the numbers of a column, or a part; refuse values that mark a missing number."""
     name = column.dataset
     dataset = _find_dataset(file, column)
     attributes = read_attributes(dataset)
@@ -441,7 +443,7 @@ def _write_column(file: h5py.File, column: Column, name: str, value: Any) -> Non
 
 
 def _refuse_units(attributes: Mapping[str, Any], name: str, unit: str) -> None:
-    """Raise InputError if the attributes of a dataset say that its numbers are no plain SI."""
+    """Raise InputError if the attributes of a dataset say that its numbers are not in SI units."""
     for attribute, value in attributes.items():
         if attribute.lower() not in UNIT_ATTRIBUTES:
             continue
@@ -460,7 +462,7 @@ def _refuse_units(attributes: Mapping[str, Any], name: str, unit: str) -> None:
 
 
 def _to_text(value: Any) -> str:
-    """Return the value of an attribute as a text; of a list of one member, that member."""
+    """Return the value of an attribute as a text; for a list of one member, return that member."""
     if isinstance(value, list | np.ndarray) and len(value) == 1:
         value = value[0]
     return str(value)

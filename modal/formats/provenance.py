@@ -1,8 +1,8 @@
-"""What a file was made from: its command, its source files and the settings that shaped it.
+"""Record the origin of a file: its command, its source files and the settings that shaped it.
 
-This module alone defines the group `provenance` of every product, when two files belong together,
-and when a product is stale. It imports neither scipy nor anything that computes, so that it also
-runs inside YADE's Python.
+Only this module defines the group `provenance` of a product. It decides whether two files belong
+together, and whether a product is stale. It imports neither scipy nor anything that computes, so
+that it also runs inside YADE's Python.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Source:
 
     @staticmethod
     def of(role: str, path: str | Path) -> Source:
-        """Return the file as it is now; raise InputError if there is none."""
+        """Return the present file as a source; raise InputError if there is none."""
         refuse_absent(path)
         return Source(role, Path(path).name, sha256(path))
 
@@ -63,18 +63,18 @@ class Source:
 
 @dataclass(frozen=True)
 class Provenance:
-    """How a product came about.
+    """The origin of a product: command, settings, sources and versions.
 
     Attributes
     ----------
     command : str
         The command as it was typed.
     settings : mapping or None
-        Numbers, texts, booleans and lists of them by name: all that changes the product. None if a
-        file does not say it (files of earlier versions and of other programs).
+        Numbers, texts, booleans and lists of them by name: everything that changes the product.
+        None if a file does not contain them (files of earlier versions and of other programs).
     sources : tuple of Source
-        The files that it was made from. Of several sources in the role `PACKING` the first is the
-        file that was read.
+        The files that the product was made from. The first of several sources in the role `PACKING`
+        is the file that was read.
     versions : str
         Versions of Python and of the packages.
     """
@@ -100,7 +100,7 @@ class Provenance:
 
     @property
     def packing(self) -> tuple[Source, ...]:
-        """Return the packing that the product is of; empty if the file does not say it."""
+        """Return the packing of the product; empty if the file does not name it."""
         return tuple(source for source in self.sources if source.role == PACKING)
 
     def attributes(self) -> dict[str, str]:
@@ -143,7 +143,8 @@ def versions(**others: str) -> str:
 def command_line(program: str, arguments: Sequence[str]) -> str:
     """Return the command as it was typed, for a shell, with files without their folders.
 
-    A word with a blank, such as the line of a contact law, is a file only if its folder exists.
+    A word with a blank, such as the line of a contact law, counts as a file only if its folder
+    exists.
     """
     words = []
     for argument in arguments:
@@ -159,10 +160,10 @@ def command_line(program: str, arguments: Sequence[str]) -> str:
 
 
 def read_provenance(path: str | Path) -> Provenance:
-    """Return what a product was made from.
+    """Return the origin of a product.
 
-    Files of earlier versions name their packing at least. Raises InputError for a file whose digest
-    is not that of the packing among its sources.
+    Files of earlier versions name at least their packing. Raises InputError for a file whose digest
+    differs from that of the packing among its sources.
     """
     with open_h5(path) as file:
         group = read_attributes(file[GROUP]) if GROUP in file else {}
@@ -199,9 +200,9 @@ def _parse_source(attributes: Mapping[str, Any]) -> Source:
 
 
 def made_by(command: str, options: Mapping[str, Any], arguments: Sequence[str]) -> Provenance:
-    """Return the provenance of what a command of modal writes, from its parsed options.
+    """Return the provenance of a product of a command of modal, from its parsed options.
 
-    Names of files to write, and options that only change what is printed, are no settings. A file
+    Names of files to write, and options that only change what is printed, are not settings. A file
     that an option names is recorded as a source, not as a setting.
     """
     settings = {}
@@ -234,7 +235,7 @@ _NOT_SETTINGS = {*_ROLES, "command", "network", "output", "json", "skip_current"
 
 
 def packing_of(path: str | Path) -> tuple[Source, ...]:
-    """Return a packing's file as the source of a product, and what it was exported from."""
+    """Return the file of a packing as a source, and the source that it was exported from."""
     source = Source.of(PACKING, path)
     if not h5py.is_hdf5(path):  # a file of another program does not say what it was made from
         return (source,)
@@ -244,10 +245,10 @@ def packing_of(path: str | Path) -> tuple[Source, ...]:
 def require_same_packing(product: str | Path, packing: tuple[Source, ...]) -> str:
     """Raise InputError, which names both files, if a product was made from another packing.
 
-    `packing` is that of `packing_of`. A product made from a sample belongs to a network that was
-    exported from that sample, and the other way round. A product of one network does not belong to
-    another network, even if both were exported from one sample. Returns a note if the product does
-    not say what it was made from, and an empty text otherwise.
+    `packing` is the result of `packing_of`. A product made from a sample belongs to a network that
+    was exported from that sample, and the other way round. A product of one network does not belong
+    to another network, even if both were exported from one sample. Returns a note if the product
+    does not say what it was made from, and an empty text otherwise.
     """
     recorded = read_provenance(product).packing
     if not recorded:
@@ -268,9 +269,9 @@ def require_same_packing(product: str | Path, packing: tuple[Source, ...]) -> st
 
 @dataclass(frozen=True)
 class Change:
-    """A difference between what a product was made from and what it should be made from.
+    """A difference between the sources and settings of a product and those it should have.
 
-    kind: "no_settings" if the product does not say its settings; "setting" and "source" for a
+    kind: "no_settings" if the product does not contain its settings; "setting" and "source" for a
     setting or a source that differs. name: name of the setting, or role of the source. old, new:
     values before and now; "absent" if there is none.
     """
@@ -287,7 +288,7 @@ class Change:
 
 
 def changes(path: str | Path, wanted: Provenance) -> list[Change]:
-    """Return why an existing product is stale: all settings and sources that differ.
+    """Return all settings and sources of an existing product that differ: why it is stale.
 
     The list is empty if the product was made from equal sources with equal settings. Of several
     sources with one role, such as a network and its sample, the first is compared.
@@ -320,7 +321,7 @@ def is_current(
     say: Callable[[str], object] = print,
     read: Callable[[Path], object] | None = None,
 ) -> bool:
-    """Tell whether a product exists and need not be made again.
+    """Tell whether a product exists and is current, so that it need not be made again.
 
     `say` is called with the reason why an existing product is made again; `read` is a reader that
     refuses a damaged file.

@@ -1,8 +1,8 @@
 """Refuse HDF5 files whose numbers are in other files, were never written, or are far too many.
 
-A product is one file that holds all of its numbers, so that its checksum covers all of them. HDF5
-lets a dataset stand for numbers in other files (external links, external storage, virtual
-datasets), and returns fill values, zeros mostly, for whatever a killed writer has not written.
+A product is one file that contains all of its numbers, so that its checksum covers all of them. In
+HDF5 the numbers of a dataset may be in other files (external links, external storage, virtual
+datasets), and numbers that a killed writer has not written are read as fill values, mostly zeros.
 """
 
 import math
@@ -25,7 +25,7 @@ PLAIN_LINKS = (h5py.HardLink, h5py.SoftLink)
 
 
 def refuse_links(file: h5py.File) -> None:
-    """Raise InputError for links that lead out of the file, and for a group with two names."""
+    """Raise InputError for links to other files, and for a group with two names."""
     for _ in walk(file):
         pass
 
@@ -33,8 +33,8 @@ def refuse_links(file: h5py.File) -> None:
 def walk(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset | None]]:
     """Yield the path and the node of everything in a file; None for a node of another kind.
 
-    Raises InputError for a link out of the file, and for a group with a second name, or in a
-    circle: its datasets would have further paths that are not checked.
+    Raises InputError for a link to another file, for a group with a second name, and for a circle
+    of groups: their datasets would have further paths, which are not checked.
     """
     groups: list[tuple[str, h5py.Group]] = [("", file)]
     seen = {_address(file)}
@@ -54,7 +54,7 @@ def walk(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset | Non
 
 
 def _node(group: h5py.Group, name: str, path: str) -> h5py.Group | h5py.Dataset | None:
-    """Return the node of a name; raise InputError for a link that leads out of the file."""
+    """Return the node with a name; raise InputError for a link that leads to another file."""
     try:
         link = group.get(name, getlink=True)
     except TypeError:  # of a kind that a program has made up
@@ -74,12 +74,12 @@ def _node(group: h5py.Group, name: str, path: str) -> h5py.Group | h5py.Dataset 
 
 
 def _is_soft(group: h5py.Group, name: str) -> bool:
-    """Tell whether a name is a link to another name, under which its node is met, too."""
+    """Tell whether a name is a soft link: its node is also found under another name."""
     return isinstance(group.get(name, getlink=True), h5py.SoftLink)
 
 
 def _address(group: h5py.Group) -> tuple[int, ...]:
-    """Return the number of the file and the address of a group, which no other group has."""
+    """Return the number of the file and the address of a group, which identify the group."""
     info = h5py.h5o.get_info(group.id)
     return info.fileno, info.addr
 
@@ -87,7 +87,7 @@ def _address(group: h5py.Group) -> tuple[int, ...]:
 def refuse_hidden(dataset: h5py.Dataset, name: str) -> None:
     """Raise InputError if some numbers of a dataset are not in the file, or if there are too many.
 
-    Too many are more than the stored bytes can hold with any compression.
+    Too many means: more than the stored bytes can contain under any compression.
     """
     if dataset.shape is None:
         problem = f"{name} is empty, without a shape"
@@ -113,7 +113,7 @@ def refuse_hidden(dataset: h5py.Dataset, name: str) -> None:
 
 
 def _is_written(dataset: h5py.Dataset) -> bool:
-    """Tell whether every number of the dataset has a place in the file."""
+    """Tell whether storage in the file is allocated for every number of the dataset."""
     count = math.prod(dataset.shape)
     if count == 0:
         return True

@@ -1,4 +1,4 @@
-"""Results as tables of pandas and xarray, which are imported when they are asked for."""
+"""Return results as tables of pandas and xarray, which are imported only when needed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MAX_HTML_ROWS = 20
 
 
 def load_optional(name: str, purpose: str) -> ModuleType:
-    """Return an optional module; raise UnavailableError, which says what to install, without it.
+    """Return an optional module; raise UnavailableError, with the way to install it, if absent.
 
     >>> load_optional("no_such_package", "tables")
     Traceback (most recent call last):
@@ -57,10 +57,10 @@ def html_table(header: list[str], rows: list[list[str]], more: int = 0) -> str:
 
 
 class Tabular:
-    """A dataclass with stored columns, which can be taken as tables of pandas and xarray.
+    """A dataclass with stored columns, which can be converted to tables of pandas and xarray.
 
-    `DIMENSIONS` names the lengths of its columns, `ROWS` the dimension along which the rows of a
-    table lie, and `INDEX` the column that is its index, empty to count the rows from 1.
+    `DIMENSIONS` names the lengths of the columns, `ROWS` the dimension of the rows of a table, and
+    `INDEX` the column that is its index; if empty, rows are counted from 1.
     """
 
     DIMENSIONS: ClassVar[Mapping[int | str, str]] = {}
@@ -68,7 +68,7 @@ class Tabular:
     INDEX: ClassVar[str] = ""
 
     def to_pandas(self) -> pd.DataFrame:
-        """Return the columns with one number a row as a pandas DataFrame; units are in `attrs`."""
+        """Return the columns with one number per row as a pandas DataFrame, units in `attrs`."""
         pandas = load_optional("pandas", "tables")
         columns = {}
         units = {}
@@ -100,7 +100,7 @@ class Tabular:
         return dataset
 
     def _labelled(self) -> dict[str, tuple[tuple[str, ...], Array, str]]:
-        """Return names of dimensions, numbers and unit of each column that is present."""
+        """Return, for each column that is present, names of dimensions, numbers and unit."""
         labelled = {}
         columns = columns_of(type(self))
         for field in fields(self):  # type: ignore[arg-type]

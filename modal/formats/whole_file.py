@@ -1,8 +1,8 @@
-"""Files of which other processes see the old state or the new one, never a part.
+"""Write files so that other processes see the old state or the new one, never a part.
 
 All files of this project are written by `write_whole`: a partial file in the folder of the final
-one, under a name that nobody can foresee, is renamed when it is complete. Its writer holds a lock
-on it, so that partial files without a lock are known to be left by a killed process.
+one, under an unpredictable name, is renamed when it is complete. Its writer holds a lock on it, so
+that partial files without a lock are known to be left by a killed process.
 """
 
 import errno
@@ -40,10 +40,10 @@ LockState = Literal["ours", "held", "none"]
 
 
 def write_whole(path: str | Path, data: bytes | memoryview) -> None:
-    """Write a file of which other processes see the old state or the new one, never a part.
+    """Write a file so that other processes see the old state or the new one, never a part.
 
-    A link of the user is followed to its file. Raises InputError for a link of another user, for a
-    device or a pipe, and if the file cannot be written.
+    A link of the user is followed, and its target is written. Raises InputError for a link of
+    another user, for a device or a pipe, and if the file cannot be written.
     """
     refuse_unwritable(path)
     place = Path(os.path.realpath(path))
@@ -65,7 +65,7 @@ def write_whole(path: str | Path, data: bytes | memoryview) -> None:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a text whole or not at all."""
+    """Write a text file completely or not at all."""
     write_whole(path, text.encode())
 
 
@@ -120,7 +120,7 @@ def sha256(path: str | Path) -> str:
 
 
 def _refuse_foreign_link(path: Path) -> None:
-    """Raise InputError if the name is a link that another user has put there.
+    """Raise InputError if the name is a link that another user has made.
 
     In a folder to which several users may write such a link could lead to any file of the user who
     follows it. Links of the folder's owner are accepted, as Linux does in /tmp.
@@ -141,13 +141,13 @@ def _refuse_foreign_link(path: Path) -> None:
 
 
 def _partial_name(place: Path) -> Path:
-    """Return a name that no other process uses or can foresee."""
+    """Return an unpredictable name that no other process uses."""
     return place.with_name(f".{place.name}.{HOST}.{secrets.token_hex(RANDOM_BYTES)}.part")
 
 
 @contextmanager
 def _partial_file(place: Path) -> Iterator[tuple[Path, BinaryIO]]:
-    """Yield a new partial file, its name and the open file; remove it if it is still there."""
+    """Yield the name and the open file of a new partial file; remove it if it still exists."""
     partial, file = _new_partial_file(place)
     try:
         yield partial, file
@@ -163,8 +163,8 @@ def _partial_file(place: Path) -> Iterator[tuple[Path, BinaryIO]]:
 def _new_partial_file(place: Path) -> tuple[Path, BinaryIO]:
     """Return the name of a new partial file, and the file, open and locked.
 
-    Between its creation and its lock a file looks abandoned. If another process has removed it
-    then, a new one is created.
+    Between its creation and its lock a file looks abandoned. If another process removes it in this
+    moment, a new one is created.
     """
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
     flags |= getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
@@ -196,10 +196,10 @@ def _lock(descriptor: int) -> LockState:
 
 
 def _remove_abandoned(place: Path) -> None:
-    """Remove the partial files of this file that killed processes of this machine have left.
+    """Remove the partial files of this file that killed processes have left.
 
-    A partial file whose lock can be taken is abandoned. Numbers of processes would not show it:
-    they differ between containers, locks do not.
+    A partial file whose lock can be taken is abandoned. Process IDs would not show this, because
+    they differ between containers; locks do not.
     """
     random = f"[0-9a-f]{{{2 * RANDOM_BYTES}}}"
     pattern = re.compile(rf"\.{re.escape(place.name)}\.{HOST}\.{random}\.part")

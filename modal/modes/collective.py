@@ -1,11 +1,12 @@
 """Find all zero modes, also those that the structure of the contacts does not show.
 
-Spheres that have three contacts each are held one by one; together they may still move without
-energy, which the structure of the contacts does not show: in packings with few springs, and in
-crystals, whose contacts repeat. No test of the structure alone excludes such motions. The number of
-eigenvalues of A up to the threshold of zero does, but takes a factorisation. It is computed where
-this takes seconds, and in larger packings where the structure is doubtful (`doubtful`). Elsewhere
-only the zero modes that the structure shows are returned, and `counted` is False.
+Spheres with three contacts each cannot move singly without energy; together they may still do so.
+The structure of the contacts does not show such collective motions, which occur in packings with
+few springs, and in crystals, whose contacts repeat. No test of the structure alone excludes them.
+Only the number of eigenvalues of A up to the threshold of zero does, which takes a factorisation.
+It is computed where this takes seconds, and in larger packings where the structure is doubtful
+(`doubtful`). Elsewhere only the zero modes that the structure shows are returned, and `counted` is
+False.
 """
 
 from contextlib import suppress
@@ -41,11 +42,11 @@ CACHE_NAME = "counted zero modes"
 
 
 def every_floppy(system: LinearSystem) -> FloppyModes:
-    """Return the zero modes, counted where this is easy or where their structure is doubtful.
+    """Return the zero modes, counted where this is cheap or where their structure is doubtful.
 
-    Elsewhere the zero modes are those that the structure shows: where a count would take too much
-    memory or time, and if K is not symmetric, so that no count is possible. Raises InputError if K
-    may have negative directions that cannot be counted.
+    Otherwise only the zero modes that the structure shows are returned. This also happens if a
+    count would take too much memory or time, and if K is not symmetric, so that no count is
+    possible. Raises InputError if K may have negative directions that cannot be counted.
     """
     floppy = by_structure(system)
     if not system.symmetric:
@@ -72,8 +73,8 @@ def summary_at_zero(system: LinearSystem) -> dict[str, Any]:
 def counted_floppy(system: LinearSystem, at_zero: Floats | None = None) -> FloppyModes:
     """Return the zero modes, their number confirmed by an exact count; kept with the network.
 
-    A complete list of modes from zero on passes the zero modes `at_zero` (size, c) that it has
-    found beside those of the structure: the count at its end leaves room for no others.
+    A complete list of modes from zero on contains all zero modes. Its caller passes as `at_zero`
+    (size, c) those that the structure does not show, and no further count is made.
     """
     return system.cached_recent(CACHE_NAME, None, lambda: _count(system, at_zero), lambda _: 0.0)
 
@@ -108,11 +109,11 @@ def _find(
     *,
     definite: bool = True,
 ) -> sp.csc_matrix:
-    """Find `count` zero or unstable modes beside the `known` ones; orthonormal, (size, count).
+    """Find `count` zero or unstable modes beside the `known` modes; orthonormal, (size, count).
 
-    Zero modes are sought about a shift sigma just below zero, unstable modes about a shift below
-    all of them, so that A - sigma is positive definite. Raises InputError if the modes do not fit
-    into the memory, or if not all are found.
+    Zero modes are found about a shift sigma just below zero, unstable modes about a shift below all
+    of them, so that A - sigma is positive definite. Raises InputError if the modes do not fit into
+    the memory, or if not all are found.
     """
     if count <= 0:
         return sp.csc_matrix((system.size, 0))
@@ -151,7 +152,7 @@ def _find(
 
 
 def easy(system: LinearSystem) -> bool:
-    """Tell whether an exact count is known already, or is estimated to take a few seconds."""
+    """Tell whether an exact count is already known, or should take only a few seconds."""
     counted = bool(system.cached(CACHE_NAME, dict))
     return counted or factorisation(system, kept=False).operations <= MAX_EASY_OPERATIONS
 

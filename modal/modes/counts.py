@@ -32,8 +32,8 @@ frequency where none is possible."""
 def check_count(system: LinearSystem, count: int, available_modes: int) -> None:
     """Raise InputError unless `count` is whole and 1 <= `count` <= `available_modes`.
 
-    `available_modes` is the number of modes that can be listed: all degrees of freedom, less the
-    zero modes where these are not listed.
+    `available_modes` is the number of modes that can be listed: all degrees of freedom minus the
+    zero modes, if these are not listed.
     """
     if available_modes < 1 or not system.diagonal.any():
         raise UnavailableError(
@@ -85,10 +85,10 @@ def count_modes(
 ) -> Ints | int:
     """Count the natural frequencies of a packing below each of some frequencies, exactly.
 
-    Motions without energy count, as they lie at zero, and so do unstable ones, whose omega^2 is
-    negative: at 0 Hz only the latter are counted. Nothing is estimated: the count follows from the
-    signs of the pivots of a factorised K - omega^2 M (Sylvester's law of inertia). Round-off hides
-    on which side of a frequency a mode lies if the two omega^2 differ by less than 1e-11 of the
+    Motions without energy, at zero, and unstable ones, whose omega^2 is negative, are included; at
+    0 Hz only the unstable ones are counted. Nothing is estimated: the count follows from the signs
+    of the pivots of a factorised K - omega^2 M (Sylvester's law of inertia). Round-off hides on
+    which side of a frequency a mode lies if the two omega^2 differ by less than 1e-11 of the
     largest diagonal entry of M^-1 K. A mode so close to zero counts as one without energy; any
     other frequency so close to a mode is refused.
 
@@ -127,7 +127,7 @@ def count_modes(
 
 
 def counts_below(system: LinearSystem, frequency: ArrayLike) -> Ints:
-    """Count the modes of a system as `count_modes` does, in the shape of `frequency`, Hz."""
+    """Count the modes of a system below each frequency, Hz; the counts have its shape."""
     limits = frequencies(frequency)
     if system.solver is not None:
         choose(shape_of(system), system.solver, kept=False)  # refuses one that counts no modes
@@ -141,14 +141,14 @@ def count_below(system: LinearSystem, frequency: float, *, apart: bool = False) 
     """Count the modes below `frequency`, Hz, exactly, unstable and zero-energy ones included.
 
     The count is the number of negative eigenvalues of K - omega^2 M (Sylvester's law), read from
-    the pivots of a factorisation. No factorisation can tell the sides of an omega^2 below
-    `zero_threshold` of the system: all modes so low are zero modes. Therefore a count above 0 Hz is
-    made above that threshold, and the count at 0 Hz, of the unstable modes alone, below minus the
-    threshold. A factorisation may be uncertain at a frequency, because a pivot may vanish although
-    no mode is near. Then counts are made a little below and a little above, and are taken if they
-    agree; otherwise those of the blocks are tried. Raises InputError if no method is certain, if K
-    is not symmetric, and, where modes must be `apart` from the frequency, if one is nearer than
-    round-off.
+    the pivots of a factorisation. No factorisation can resolve an omega^2 below the
+    `zero_threshold` of the system: all modes below it count as zero modes. Therefore a count above
+    0 Hz is made above this threshold, and the count at 0 Hz, of the unstable modes alone, below
+    minus the threshold. A factorisation may be uncertain at a frequency, because a pivot may vanish
+    although no mode is near. Then counts are made a little below and a little above, and are taken
+    if they agree; otherwise the factorisation by blocks is tried. Raises InputError if no method is
+    certain, if K is not symmetric, and, where modes must be `apart` from the frequency, if one is
+    nearer than round-off.
     """
     if not system.symmetric:
         raise InputError(
@@ -186,9 +186,6 @@ def _counts_by_method(
 
     The counts are made at the `square` itself, in 1/s^2, or below and above it if modes must be
     `apart`. The factorisations are the chosen one, then the blocks.
-
-    The places are the square itself, or one below and one above; the factorisations are the chosen
-    one, then the blocks.
     """
     cost = factorisation(system, kept=False)
     refuse_endless_search(system, cost, "an exact count takes", "take the density of states")
@@ -207,8 +204,6 @@ def _count_negative(system: LinearSystem, square: float, solver: str, apart: boo
 
     The result is also None if modes must be `apart` from the square and one is not. The result is
     kept with the network.
-
-    The result is also None if modes must be `apart` and one is not. It is kept with the network.
     """
 
     def count() -> int | None:

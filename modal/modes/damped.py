@@ -3,8 +3,8 @@
 (lambda^2 M + lambda C + K) phi = 0, lambda = -gamma + i omega. The modes near a frequency are found
 by Arnoldi's method on the inverse of the state-space matrix about a shift, with one complex
 factorisation of lambda^2 + lambda C + A (F. Tisseur and K. Meerbergen, SIAM Review 43, 235, 2001).
-If the packing is too large for this, `modal.modes.first_order.decay_rates` computes the decay of
-the elastic modes to first order in the damping.
+For a packing that is too large for this, `modal.modes.first_order.decay_rates` computes the decay
+of the elastic modes to first order in the damping.
 """
 
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ DECAY_RATES = "take decay_rates of elastic modes"
 
 @dataclass(frozen=True, repr=False)
 class DampedModes:
-    """k modes that oscillate, in ascending order of their frequencies.
+    """The k oscillating modes of a damped packing, in ascending order of their frequencies.
 
     Attributes
     ----------
@@ -92,8 +92,8 @@ def damped_modes(
 
     The distance is that of the rate lambda from 2 pi i `near` in the complex plane: a mode that
     decays fast is far from its own frequency. Motions that do not oscillate, because they are
-    overdamped or without energy, are left out. No count confirms that the list is complete: of
-    several modes with one rate, as crystals have, the list of a large packing may lack some.
+    overdamped or without energy, are left out. No count confirms that the list is complete: in a
+    large packing some of several modes with the same rate, as crystals have, may be missing.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Find all modes, or any part of them, from dense matrices (Otsubo et al. 2017, Eq. 1).
 
-Small networks are solved as a whole. If a network consists of equal cells side by side, K falls
+Small networks are solved at once. If a network consists of equal cells side by side, K separates
 into blocks, one for each lateral wave vector q: U^H K U, where U spreads the motion of a cell over
 all cells with the phase q. This is exact, and q and -q have equal frequencies.
 """
@@ -46,12 +46,12 @@ class SolvedBlock(NamedTuple):
 
     @property
     def modes_each(self) -> int:
-        """Modes of each eigenvector: two of a complex wave, which stands for q and -q."""
+        """Number of modes per eigenvector: two if it is complex, one for q and one for -q."""
         return 2 if np.iscomplexobj(self.vector) else 1
 
 
 def dense_modes(system: LinearSystem, choice: Choice) -> ModeSet:
-    """Find the modes of a choice from the dense eigenproblems of all modes.
+    """Find the modes of a choice by solving dense eigenproblems for all modes.
 
     Raises InputError if the network is too large.
     """

@@ -1,12 +1,13 @@
 """Estimate the density of states of a packing from products with K alone: kernel polynomials.
 
-With omega = omega_max x every mode counts half at x and half at -x. The density is then even, only
-even Chebyshev polynomials take part, and T_2k(x) = T_k(2 omega^2 / omega_max^2 - 1) follows from
-products with A = M^-1/2 K M^-1/2. Therefore the resolution is the same at low frequency, where an
-expansion in omega^2 loses it (Y. M. Beltukov, C. Fusco, D. A. Parshin, A. Tanguy, Phys. Rev. E 93,
-023006, 2016). The traces of T_2k are estimated with random vectors of signs; the Jackson kernel
-keeps the density positive (A. Weisse, G. Wellein, A. Alvermann, H. Fehske, Rev. Mod. Phys. 78, 275,
-2006, Eqs. 71 and 74). The format "granular-density-of-states", version 1, is defined here.
+With omega = omega_max x every mode is counted by half at x and by half at -x. The density is then
+even, only even Chebyshev polynomials contribute, and T_2k(x) = T_k(2 omega^2 / omega_max^2 - 1)
+follows from products with A = M^-1/2 K M^-1/2. Therefore the resolution at low frequency is as good
+as elsewhere; an expansion in omega^2 would lose it (Y. M. Beltukov, C. Fusco, D. A. Parshin, A.
+Tanguy, Phys. Rev. E 93, 023006, 2016). The traces of T_2k are estimated with random vectors of
+signs; the Jackson kernel keeps the density positive (A. Weisse, G. Wellein, A. Alvermann, H.
+Fehske, Rev. Mod. Phys. 78, 275, 2006, Eqs. 71 and 74). The format "granular-density-of-states",
+version 1, is defined here.
 """
 
 from collections.abc import Callable
@@ -85,19 +86,19 @@ class DensityOfStates(Drawn):
     ----------
     moments : ndarray (vectors, 6, N)
         Estimated traces of P_c T_2k(omega / omega_max), k < N, where P_c keeps one component, u_x,
-        u_y, u_z, theta_x, theta_y, theta_z; a single row where the traces are exact.
+        u_y, u_z, theta_x, theta_y, theta_z; a single row if the traces are exact.
     highest : float
         The frequency of x = omega / omega_max = 1, Hz.
     zero_modes : ndarray (6,)
-        Shares of the components in the zero modes, which were split off exactly.
+        Shares of the components in the zero modes, which were separated exactly.
     resolution : float
         The full width at half height of a single mode at low frequency, Hz; it falls as
         sqrt(1 - x^2) towards the top.
     products : int
         Number of products with A = M^-1/2 K M^-1/2.
     counted : bool, default True
-        Whether an exact count confirms that these are all zero modes; in large sound packings they
-        are those that the contacts show.
+        Whether an exact count confirms that these are all zero modes; in large packings without
+        doubt only the zero modes that the structure of the contacts shows are found.
 
     Examples
     --------
@@ -127,7 +128,7 @@ class DensityOfStates(Drawn):
         )
 
     def draw(self, ax: Any) -> None:
-        """Draw the modes per kHz over frequency: all, translations and rotations."""
+        """Draw the modes per kHz against frequency: all, translations and rotations."""
         frequency = self.grid()
         per_hz, error_per_hz = self.density(frequency)
         value = 1e3 * per_hz
@@ -145,7 +146,7 @@ class DensityOfStates(Drawn):
 
         Returns values and standard errors, 1/Hz, (nf, 7): the six components, then their sum; (7,)
         for a single frequency. They are zero from `highest` on. Raises InputError if a frequency is
-        negative or no number.
+        negative or NaN.
         """
         weight = jackson(self.moments.shape[2])
         weight[1:] *= 2
@@ -194,8 +195,7 @@ class DensityOfStates(Drawn):
     def grid(self) -> Floats:
         """Return frequencies, Hz, from zero to just below `highest`, four to a resolution.
 
-        If the resolution is coarser than a hundredth of `highest`, there are four frequencies to a
-        hundredth.
+        The spacing is at most a quarter of a hundredth of `highest`.
         """
         width = min(self.resolution, RESOLUTION * self.highest)
         return np.arange(0, self.highest, width / 4)
@@ -230,8 +230,9 @@ def density_of_states(
 ) -> DensityOfStates:
     """Estimate how the 6n natural frequencies of a packing are distributed, without finding each.
 
-    Small networks would need so many random vectors that the whole spectrum costs less; then the
-    only error is the width of the kernel. Motions without energy are split off, at zero.
+    For small networks the whole spectrum is cheaper than the random vectors; it is then computed,
+    and the only error is the width of the kernel. Motions without energy are counted separately, at
+    zero.
 
     Parameters
     ----------
@@ -309,7 +310,7 @@ def density_of(
 def _estimate(
     system: LinearSystem, resolution: float, tolerance: float, seed: int, counting: bool
 ) -> DensityOfStates:
-    """Estimate the density as `density_of` does, without the cache."""
+    """Estimate the density of states as `density_of` does, without the cache."""
     size = system.size
     top, products = system.spectral_bound_and_cost
     if top <= 0:
@@ -365,9 +366,9 @@ def _refuse_endless(
     vectors: int,
     exact: bool,
 ) -> None:
-    """Raise InputError if the moments of random `vectors`, or exact ones, take too much.
+    """Raise InputError if moments, by random `vectors` or exact, take too much time or memory.
 
-    `count` is the number of moments; too much is more time or memory than allowed.
+    `count` is the number of moments.
     """
     size = system.size
     if exact:
@@ -387,7 +388,7 @@ def _refuse_endless(
 
 
 def _multiplied_vectors(size: int, vectors: int) -> int:
-    """Return the number of vectors multiplied if `vectors` are filled up to whole blocks."""
+    """Return the number of vectors after rounding `vectors` up to whole blocks."""
     width = block_width(size)
     return width * int(np.ceil(vectors / width))
 
@@ -464,10 +465,9 @@ def read_density(path: str | Path) -> tuple[Floats, Floats, Floats]:
     """Read frequencies (nf,), Hz, modes per Hz (nf,), and numbers of modes below (nf,).
 
     The modes per Hz are without the zero modes, the numbers of modes with them. Translations and
-    rotations are taken together.
+    rotations are added up, as `write_density` has written them.
 
-    Motions of all kinds are taken together, as `write_density` has written them. Raises InputError
-    if the file is not valid.
+    Raises InputError if the file is not valid.
     """
     columns = FORMAT.read(path)
     return columns["frequency"], columns["all/density"], columns["all/count_below"]

@@ -1,7 +1,7 @@
-"""Estimate what a search for modes takes before it starts, and refuse it if that is too much.
+"""Estimate the time and memory of a search for modes before it starts, and refuse it if too much.
 
-Multiplications are counted, and all of them taken at one rate: the estimate of time is good to a
-factor of two or three, and equal on any machine.
+Multiplications are counted, and divided by one fixed rate: the estimate of time is right within a
+factor of two or three, and is the same on any machine.
 """
 
 from dataclasses import replace
@@ -35,7 +35,7 @@ wave vectors share one complex eigenproblem, which costs about as much as two re
 def shape_of(system: LinearSystem) -> Shape:
     """Return the shape of A without assembling it.
 
-    Layers of rows follow each other along the longest side.
+    The rows are ordered in layers along the longest side.
     """
     network = system.network
     diameter = 2 * network.radius.mean()
@@ -48,7 +48,7 @@ def shape_of(system: LinearSystem) -> Shape:
 def factorisation(system: LinearSystem, *, kept: bool) -> Cost:
     """Estimate the cost of a factorisation of A and of the matrix itself.
 
-    The factor is `kept` for solutions, or gives the inertia alone.
+    The factor is `kept` in memory for solutions, or gives the inertia alone.
     """
     shape = shape_of(system)
     cost = choose(shape, system.direct_solver, kept=kept).cost(shape, kept)
@@ -56,7 +56,7 @@ def factorisation(system: LinearSystem, *, kept: bool) -> Cost:
 
 
 def _lanczos(system: LinearSystem, vectors: int, operations_each: float) -> Cost:
-    """Estimate the cost of a basis of `vectors`, each of which takes `operations_each`."""
+    """Estimate the cost of a Lanczos basis of `vectors`, each of which takes `operations_each`."""
     orthogonal = ORTHOGONALISATION_OPERATIONS * system.size * vectors
     return Cost(8.0 * system.size * vectors, vectors * (operations_each + orthogonal))
 
@@ -80,7 +80,7 @@ def near_a_shift(system: LinearSystem, count: int) -> Cost:
 
 
 def by_multigrid(system: LinearSystem, count: int) -> Cost:
-    """Estimate the cost of the `count` lowest modes by multigrid, without a count."""
+    """Estimate the cost of the `count` lowest modes by multigrid, without an exact count."""
     shape = shape_of(system)
     solver = named("multigrid").cost(shape, True)
     search = _lanczos(system, VECTORS_PER_MODE * count + MORE_VECTORS, solver.each)
@@ -101,7 +101,7 @@ def below_an_edge(system: LinearSystem, count: int, degree: int) -> Cost:
 
 
 def from_the_top(system: LinearSystem, count: int) -> Cost:
-    """Estimate the cost of the `count` highest modes by products with A, without a count."""
+    """Estimate the cost of the `count` highest modes by products with A, without an exact count."""
     if count == 1:
         # Two passes of three vectors (`modal.solvers.spectrum`); then as many hold its observables.
         return Cost(80.0 * system.size, 400.0 * system.size * PRODUCT_OPERATIONS)

@@ -1,8 +1,8 @@
 """Find the modes of a packing: the lowest, the highest, those of an interval, or all.
 
-Floppy and unstable modes are held out, so that the lowest modes, and those of an interval, are the
-elastic ones. The exact counts of `modal.modes.counts` tell whether a list is complete; where modes
-did not converge the list ends early, and `missing` is the number that it lacks.
+Floppy and unstable modes are excluded from the search, so that the lowest modes, and those of an
+interval, are elastic. The exact counts of `modal.modes.counts` tell whether a list is complete; if
+modes did not converge, the list ends early, and `missing` is the number of modes that it lacks.
 """
 
 from collections.abc import Callable, Iterator
@@ -67,11 +67,11 @@ def eigenmodes(
     """Find natural frequencies and mode shapes of a packing, and tell whether any is missing.
 
     They solve K phi = omega^2 M phi (Otsubo et al. 2017, Eq. 1), with three displacements and three
-    rotations a sphere. Motions without energy are counted (`floppy_modes` of the result), and so
-    are those that release energy (`unstable_modes`); the lowest modes, and those of an interval,
-    are without both. With the shear forces (`pre_stress` "full" or "law") K is not symmetric:
-    omega^2 may be complex, the frequency is that of the real part of omega, and with more than
-    3,000 degrees of freedom the lowest and the highest modes come without a certificate.
+    rotations a sphere. The result has the numbers of motions without energy (`floppy_modes`) and of
+    motions that release energy (`unstable_modes`); both are left out of the lowest modes and of
+    intervals. With the shear forces (`pre_stress` "full" or "law") K is not symmetric: omega^2 may
+    be complex, the frequency is that of the real part of omega, and with more than 3,000 degrees of
+    freedom the lowest and the highest modes come without a certificate.
 
     Parameters
     ----------
@@ -97,10 +97,11 @@ def eigenmodes(
     shapes : bool, default True
         Keep the mode shapes, if they take no more than 2 GB.
     certify : bool, default True
-        Count the modes exactly; False is possible with `lowest` and `highest`. Where a count does
-        not fit, the lowest modes come without it, beside an estimate of their number.
+        Count the modes exactly; False is possible with `lowest` and `highest`. If a count does not
+        fit into the memory, the lowest modes are returned without it, with an estimate of their
+        number.
     hours : float, default 24
-        Longest estimated time of the search.
+        Longest estimated time of the search, hours; a longer search is refused.
 
     Returns
     -------
@@ -253,12 +254,10 @@ def _find_at_end(
 
 
 def _beside_zero_modes(system: LinearSystem, find: Callable[[FloppyModes], ModeSet]) -> ModeSet:
-    """Return the list of modes that `find` makes beside the zero modes.
+    """Return the list of modes that `find` makes while the zero modes are excluded.
 
-    If the zero modes were not counted and the list is not complete, they are counted, and the list
-    is made again.
-
-    If these are not counted, and the list is not complete, they are counted and it is made again.
+    If the list is incomplete and the zero modes were not counted exactly, they are counted, and the
+    list is made again.
     """
     modes = find(every_floppy(system))
     if not modes.certified and not every_floppy(system).counted:
@@ -270,7 +269,7 @@ def _beside_zero_modes(system: LinearSystem, find: Callable[[FloppyModes], ModeS
 def _find_lowest(
     system: LinearSystem, choice: Choice, floppy: FloppyModes, solver: str | None = None
 ) -> ModeSet:
-    """Find the lowest modes beside the `floppy` ones, about a shift just below zero."""
+    """Find the lowest modes besides the `floppy` ones, about a shift just below zero."""
     sigma = -SHIFT_BELOW_ZERO * system.diagonal.max()
     source = AboutShift(system, sigma, definite=not floppy.unstable, by=solver)
     search = Search(system, source, floppy.basis)
@@ -300,7 +299,7 @@ def _find_uncounted(system: LinearSystem, choice: Choice, reason: str) -> ModeSe
 
 
 def _find_highest(system: LinearSystem, choice: Choice, certify: bool) -> ModeSet:
-    """Find the highest modes; zero modes, far from the top, need not be held out.
+    """Find the highest modes; zero modes are far from the top and need not be excluded.
 
     An exact count takes a factorisation, which costs more than a few modes; it is left out without
     `certify`, or if the factorisation does not fit into the memory.
@@ -324,7 +323,7 @@ def _find_highest(system: LinearSystem, choice: Choice, certify: bool) -> ModeSe
 
 
 def _list_found(search: Search, choice: Choice, missing: int, reason: str = "") -> ModeSet:
-    """Return the modes of a choice that a search has found, less those that are `missing`.
+    """Return the modes of a choice that a search has found, without those that are `missing`.
 
     `reason` tells why no exact count was made.
     """
@@ -338,11 +337,11 @@ def _list_found(search: Search, choice: Choice, missing: int, reason: str = "") 
 
 
 def _find_interval(system: LinearSystem, interval: Choice, choice: Choice) -> ModeSet:
-    """Find every elastic mode with low <= f < high, Hz, certified by counts beside both ends.
+    """Find every elastic mode with low <= f < high, Hz, certified by counts just outside both ends.
 
-    The counts are made outside of the interval, farther than round-off moves a mode. An interval
-    may therefore end on a mode, whose computed frequency decides whether it is in the list. If the
-    `choice` is that of the lowest modes, the list has no more than these.
+    The distance from the ends is larger than the round-off of a mode. An interval may therefore end
+    on a mode; the computed frequency of this mode decides whether it is in the list. If the
+    `choice` is that of the lowest modes, the list is cut at their number.
     """
     if ModeRequest(system, interval, 0, system.degrees_of_freedom).method == "dense":
         return dense_modes(system, interval)
@@ -366,7 +365,7 @@ def _find_between(
     choice: Choice,
     floppy: FloppyModes,
 ) -> ModeSet:
-    """Find every mode of an `interval`, counted between the `ends`, Hz, beside the `floppy` ones.
+    """Find every mode of an `interval`, counted between the `ends`, Hz, besides `floppy` ones.
 
     The list has no more modes than the `choice`.
     """
@@ -430,7 +429,7 @@ def _slices(
     """Cut [low, high) until exact counts leave `Limits.slice` modes or fewer in each slice.
 
     Each cut is in the middle of f^3, because the number of waves grows with f^3; a cluster of equal
-    frequencies that cannot be cut stays whole. The counts are added to `below`.
+    frequencies cannot be cut and stays in one slice. The counts are added to `below`.
     """
     count = below[high] - below[low]
     if count <= system.limits.slice or high - low < MIN_RELATIVE_WIDTH * high:

@@ -1,11 +1,11 @@
 """Perturb modes to first order: small changes of the springs, or small damping.
 
 A mass-normalised mode phi of K phi = omega^2 M phi moves by d(omega^2) = phi . dK phi if dK is
-added to K, and decays at the rate phi . C phi / 2 with dashpots. The terms that are left out are of
-second order, except between modes that are nearer to each other than their shifts: modes of equal
-frequency may be mixed otherwise than dK would mix them, but the sum of their shifts is right. The
-contact law of another program has a tangent that is not symmetric, which Lanczos' method does not
-take; the modes here are those of the springs, whose left and right eigenvectors are equal.
+added to K, and decays at the rate phi . C phi / 2 with dashpots. The neglected terms are of second
+order, except between modes that are nearer to each other than their shifts. The shifts of modes of
+equal frequency may be wrong singly, because dK mixes these modes, but their sum is right. The
+tangent of another program's contact law is not symmetric, so that Lanczos' method does not apply.
+The modes here are those of the springs, whose left and right eigenvectors are equal.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ from modal.tools.arrays import Floats
 
 
 def shift_by_law(network: Network, modes: ModeSet) -> Floats | None:
-    """Compute what the law of an imported packing adds to the frequencies of its springs.
+    """Compute the shift of frequencies by the terms of an imported packing's law beyond springs.
 
     Returns the shifts (k,), Hz; None if the network does not know its law or its shear forces, or
     the modes have no shapes.
@@ -36,7 +36,7 @@ def shift_by_law(network: Network, modes: ModeSet) -> Floats | None:
 
 
 def decay_rates(modes: ModeSet, network: Network, damping: ContactDamping) -> Floats:
-    """Compute the decay rates of elastic modes whose shapes the damping does not change.
+    """Compute the decay rates of elastic modes, for damping too small to change their shapes.
 
     Parameters
     ----------
@@ -71,6 +71,6 @@ def decay_rates(modes: ModeSet, network: Network, damping: ContactDamping) -> Fl
 
 
 def _project(modes: ModeSet, operator: ContactOperator) -> Floats:
-    """Return phi . K phi of each mode shape, (k,)."""
+    """Return phi . B phi, (k,), for each mode shape phi and the matrix B of an operator."""
     phi = np.ascontiguousarray(modes.shapes().reshape(len(modes.frequency), -1).T)
     return np.einsum("ik,ik->k", phi, operator.apply(phi))

@@ -50,7 +50,7 @@ class Choice:
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """The attributes in a file: kind of the request, its limits, and both as `interval`."""
+        """Attributes for a file: the request as `choice` with its numbers, and as `interval`."""
         attributes: dict[str, Any] = {"interval": self.kind, "choice": self.kind}
         if self.kind == "between":
             attributes["interval"] = f"{self.low:g} {self.high:g}"
@@ -63,7 +63,7 @@ class Choice:
 
     @classmethod
     def of_attributes(cls, attributes: Mapping[str, Any]) -> Choice:
-        """Read the attributes of a file; if it has `interval` alone, read its words.
+        """Read the attributes of a file; if only `interval` exists, parse its words.
 
         Raises ValueError if a number cannot be read.
         """
@@ -79,7 +79,7 @@ class Choice:
 
     @classmethod
     def of_interval(cls, low: float, high: float) -> Choice:
-        """Return the choice of modes from `low` to below `high`, Hz; InputError if it is empty."""
+        """Return the choice of modes from `low` to below `high`, Hz; InputError if low >= high."""
         if high == np.inf:
             raise InputError("interval", "an interval without an end", remedy="ask for all modes")
         low, high = map(float, frequencies((low, high)))
@@ -132,12 +132,13 @@ class ModeSet(Drawn, Tabular):
     resonance_frequency, resonance_wavenumber : ndarray (r,), Hz and 1/m, or None
         Frequencies of the P-wave resonances r = 1, 2, ..., and wave numbers pi r / L (Eq. 4).
     resonance_shape : ndarray (r, nc), kg^-1/2, or None
-        Displacements of the resonances along z, of the particles of the chain.
+        Displacements along z of the particles of the chain in the resonances.
     attributes : dict
-        The request, as words (interval) and as choice, count, low, high; certified, whether an
-        exact count confirms that the list is complete; uncertified_because, why it does not;
-        missing, the number of requested modes that were not found; solver; floppy_modes,
-        unstable_modes; shapes_left_out, why there are no mode shapes although they were requested.
+        `interval`: the request in words; `choice`, `count`, `low`, `high`: the request as numbers.
+        `certified`: whether an exact count confirms that the list is complete;
+        `uncertified_because`: the reason if not. `missing`: number of requested modes that were not
+        found. `solver`: its name. `floppy_modes`, `unstable_modes`: numbers of such modes.
+        `shapes_left_out`: why there are no mode shapes although they were requested.
 
     Examples
     --------
@@ -173,7 +174,7 @@ class ModeSet(Drawn, Tabular):
 
     @property
     def bytes(self) -> int:
-        """Memory of the arrays."""
+        """Memory of the arrays, bytes."""
         return sum(data.nbytes for data in vars(self).values() if isinstance(data, np.ndarray))
 
     @property
@@ -211,7 +212,7 @@ class ModeSet(Drawn, Tabular):
     def shapes(self, network: Network | None = None) -> Floats:
         """Return the mode shapes (k, n, 6), kg^-1/2.
 
-        Raises InputError if they were not kept, or are those of another packing than `network`.
+        Raises InputError if the shapes were not kept, or belong to another packing than `network`.
         """
         if self.mode_shape is None:
             raise InputError(
@@ -255,7 +256,7 @@ class ModeSet(Drawn, Tabular):
         return f"{text}; {self.floppy_modes} floppy modes>"
 
     def draw(self, ax: Any) -> None:
-        """Draw chi_z of each mode over its frequency, and the P-wave resonances apart."""
+        """Draw chi_z of each mode against its frequency, with the P-wave resonances marked."""
         ax.plot(self.frequency / 1e3, self.chi_z, ".", markersize=3, label="modes")
         if self.resonance_frequency is not None and len(self.resonance_frequency):
             resonances = self.resonance_frequency / 1e3
@@ -273,8 +274,8 @@ def chi_z(shape: Array, particles: Ints | slice = slice(None), axis: int = 2) ->
 
     The displacement of each particle is normalised by its own size; 1 therefore means that every
     particle moves along z only. The mean is over the particles that move (`MIN_MOTION_SQUARED`).
-    Another `axis`, 0 or 1, gives the share along x or y, which tells S-waves as chi_z tells
-    P-waves.
+    Another `axis`, 0 or 1, gives the share along x or y, which identifies S-waves as chi_z
+    identifies P-waves.
     """
     squares = np.abs(shape[:, particles, :3]) ** 2
     total = squares.sum(axis=2)
@@ -287,9 +288,9 @@ def participation_ratio(shape: Array, root: RootMass) -> Floats:
     """Compute the share of the particles that take part in modes of shapes (k, n, 6), (k,).
 
     This is (sum e)^2 / (n sum e^2), with the kinetic energy e of each particle, rotations included,
-    and the number n of particles that are not held:
-    1 if all move alike, 2/3 in a plane standing wave, 1/n if one moves alone (R. J. Bell and P.
-    Dean, Discuss. Faraday Soc. 50, 55, 1970). `root` is M^1/2.
+    and the number n of particles that are not held. The ratio is 1 if all move alike, 2/3 in a
+    plane standing wave, 1/n if one moves alone (R. J. Bell and P. Dean, Discuss. Faraday Soc. 50,
+    55, 1970). `root` is M^1/2.
     """
     count, n, _ = shape.shape
     scaled = root.times(np.ascontiguousarray(shape.reshape(count, -1).T)).T
@@ -335,7 +336,7 @@ def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
     path : str or Path
         `*.modes.h5`.
     shapes : bool, default True
-        Read the mode shapes, too, which are nearly all of a file.
+        Whether to read the mode shapes, which make up nearly all of a file.
 
     Returns
     -------
@@ -345,7 +346,7 @@ def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
     Raises
     ------
     InputError
-        If the file is not valid, with one line about the first fault.
+        If the file is not valid; the message names the first fault.
 
     Examples
     --------
@@ -375,8 +376,8 @@ def read_modes(path: str | Path, *, shapes: bool = True) -> ModeSet:
 def read_z_shapes(path: str | Path) -> Floats | None:
     """Read the displacements along z of the mode shapes, (k, n), kg^-1/2; None without shapes.
 
-    They are a sixth of the data: files hold the components apart. Raises InputError if the file is
-    not valid.
+    This reads a sixth of the data, because files store the components separately. Raises InputError
+    if the file is not valid.
     """
     others = FORMAT.columns.keys() - {"frequency", "mode_shape"}
     along_z = {"mode_shape": np.s_[:, :, 2]}

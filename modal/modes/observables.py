@@ -71,12 +71,12 @@ def pure_waves(table: Floats, shape: Array, chain: Ints | None) -> Floats:
 
 
 def resonances(waves: Floats, network: Network) -> dict[str, Any]:
-    """Return the `resonance_` columns of a `ModeSet` from all its `pure_waves`: r = 1, 2, ...
+    """Return the `resonance_` columns of a `ModeSet`, for r = 1, 2, ..., from all its `pure_waves`.
 
-    r is 1 plus the number of sign changes along the chain. This is exact for planar modes of a
-    layered crystal: they are the eigenvectors of a Jacobi matrix, whose r-th has r - 1 sign changes
-    (Sturm). Of several modes with the same r the one with the largest amplitude is taken. The wave
-    number is pi r / L (Eqs. 3 and 4).
+    The number r of a resonance is 1 plus the number of sign changes along the chain. This is exact
+    for planar modes of a layered crystal: they are the eigenvectors of a Jacobi matrix, and the
+    r-th of these has r - 1 sign changes (Sturm). If several modes have the same r, the one with the
+    largest amplitude is taken. The wave number is pi r / L (Eqs. 3 and 4).
     """
     frequency = waves[:, 0]
     z = waves[:, 1:]
@@ -104,9 +104,9 @@ class Piece(NamedTuple):
         parts, times sqrt(2), are two standing waves of one frequency, each with its place; a wave
         whose place is -1 is not listed.
     unit : callable
-        Returns the unit eigenvectors of A, (size, s), for a slice of s modes.
+        Function that returns the unit eigenvectors of A, (size, s), for a slice of s modes.
     planar : bool
-        Whether there may be pure P-waves among them.
+        Whether the part may contain pure P-waves.
     """
 
     square: Floats
@@ -118,7 +118,7 @@ class Piece(NamedTuple):
 def found_modes(
     system: LinearSystem, pieces: Iterable[Piece], count: int, choice: Choice
 ) -> ModeSet:
-    """Return a list of modes with observables, and with shapes if these fit in `Limits.shapes`.
+    """Return a list of modes with observables, and with shapes if `Limits.shapes` allows them.
 
     The places of all pieces are 0 to `count` - 1 at most, without a gap. `choice` is the request.
     `Limits.together` modes are computed at a time, which bounds the memory.

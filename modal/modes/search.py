@@ -2,9 +2,9 @@
 
 The search is about a shift, from the lower end of the spectrum, or from the top.
 
-Each round searches orthogonally to the modes that the rounds before have found. A block of start
-vectors sees as many modes of one frequency as it has columns; if an exact count says that some are
-missing, another round finds them.
+Each round searches orthogonally to the modes of earlier rounds. A block of start vectors finds as
+many modes of equal frequency as it has columns; if an exact count says that some are missing,
+another round finds them.
 """
 
 from collections.abc import Callable
@@ -53,7 +53,7 @@ above the shift."""
 class AboutShift:
     """Search for the modes nearest to a shift `sigma` in omega^2, 1/s^2, by solving A - sigma.
 
-    `by` names the solver; by default it is the factorisation of the system, or the fastest one.
+    `by` names the solver; the default is the factorisation chosen for the system, else the fastest.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class AboutShift:
         return self.factor
 
     def near(self, count: int, held: Held) -> Nearest:
-        """Find the `count` nearest modes beside those that are held out."""
+        """Find the `count` nearest modes besides those already excluded."""
         return modes_nearest(self.factorised().solve, count, self.sigma, held)
 
     def release(self) -> None:
@@ -102,7 +102,7 @@ class FromBelow:
         self.solver = f"lanczos, {low_end.degree} products a vector"
 
     def near(self, count: int, held: Held) -> Nearest:
-        """Find the `count` lowest modes beside those that are held out."""
+        """Find the `count` lowest modes besides those already excluded."""
         return modes_below(self.low_end, count, held)
 
     def release(self) -> None:
@@ -123,7 +123,7 @@ class FromTop:
         self.about: AboutShift | None = None
 
     def near(self, count: int, held: Held) -> Nearest:
-        """Find the `count` highest modes beside those that are held out.
+        """Find the `count` highest modes besides those already excluded.
 
         Raises InputError if products do not suffice and a factorisation would take too much.
         """
@@ -147,7 +147,7 @@ class FromTop:
         return self.about.near(count, held)
 
     def _find_by_products(self, count: int, held: Held) -> Nearest:
-        """Find the highest modes as far as a limited number of products does."""
+        """Find as many of the highest modes as a limited number of products allows."""
         max_products = self._max_products(count)
         if count == 1 and held.free == self.system.degrees_of_freedom:
             operator = self.system.renumbered
@@ -157,7 +157,7 @@ class FromTop:
         return modes_from_top(self.system.operator.apply, count, held, max_products)
 
     def _max_products(self, count: int) -> int:
-        """Return how many products with A cost as much as the factor that could replace them."""
+        """Return how many products with A cost as much as a factorisation instead."""
         factor = factorisation(self.system, kept=True)
         affordable = factor.operations / (PRODUCT_OPERATIONS * self.system.size)
         if factor.bytes > memory_at_hand():

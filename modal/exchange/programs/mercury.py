@@ -362,8 +362,8 @@ def _read_wall(line: Words, units: Units) -> Wall:
 def _read_cell(file: Restart, planes: tuple[float, float]) -> Cell:
     """Return the cell that the domain and the periods define, with walls at z of `planes`, m.
 
-    The domain does not confine spheres: along an axis without a period the cell reaches to the
-    surfaces of spheres that lie outside.
+    In MercuryDPM the domain does not confine spheres: along an axis without a period the cell
+    reaches to the surfaces of spheres that lie outside.
     """
     bounds = np.zeros((3, 2))
     periodic = np.zeros(3, bool)
@@ -396,7 +396,7 @@ def _read_cell(file: Restart, planes: tuple[float, float]) -> Cell:
 
 
 def _refuse_shear(line: Words) -> None:
-    """Raise InputError if controlled periods are sheared: they are then at an angle."""
+    """Raise InputError if the stress control shears the periods, which are then oblique."""
     for name in ("stressGoal", "strainRate"):
         row_of_x = line.numbers_after(name, 3)
         if row_of_x[1]:
@@ -405,7 +405,7 @@ def _refuse_shear(line: Words) -> None:
 
 
 def _read_period_axis(line: Words) -> int:
-    """Return the axis of a period; raise InputError for one that is not along x, y or z."""
+    """Return the axis of a period; raise InputError for an oblique period."""
     normal = np.array(line.numbers_after("normal", 3))
     shift = np.array(line.numbers_after("shift", 3))
     if not (normal.any() and shift.any()):
@@ -433,8 +433,8 @@ def _enclose_spheres(file: Restart, bounds: Floats, periodic: Bools) -> tuple[Fl
 def _read_spheres(file: Restart, cell: Cell) -> Packing:
     """Return the spheres of the file in a cell.
 
-    MercuryDPM holds a particle in all motions by a mass without end (invMass 0); its mass, which
-    then has no effect, is that of its species' density.
+    MercuryDPM holds a particle in all motions by an infinite mass (invMass 0). Such a particle gets
+    the mass of its species' density, which has no effect.
     """
     radius = file.numbers("Particles", "radius", 1)[:, 0]
     kind = file.numbers("Particles", "indSpecies", 1)[:, 0].astype(int)
@@ -497,7 +497,8 @@ def _refuse_other_walls(packing: Packing, walls: dict[int, Wall], inner: tuple[i
 
     Overlaps up to the last digit of positions are allowed.
 
-    A wall that is not an infinite plane is refused, too: its contacts do not follow from positions.
+    Also raise InputError for a wall that is not an infinite plane: its contacts cannot be found
+    from positions.
     """
     for number, wall in walls.items():
         if wall.kind != "InfiniteWall":

@@ -1,6 +1,6 @@
 """This project's own contact networks and samples; see `docs/formats.md`.
 
-The contacts of a sample are sought when it is read.
+The contacts of a sample are found from its positions when it is read.
 """
 
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ def is_sample(path: str | Path) -> bool:
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Tell whether a file is HDF5, or has the name of an HDF5 file."""
+    """Tell whether a file is HDF5, or has the ending of an HDF5 file."""
     return path.name.endswith(".h5") or head.startswith(HDF5_SIGNATURE)
 
 

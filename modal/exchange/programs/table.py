@@ -2,9 +2,10 @@
 
 Three lines that begin with # above the spheres describe the cell: `# cell XLO XHI YLO YHI ZLO ZHI`,
 `# periodic x y` and `# walls ZLOW ZHIGH`, in small or capital letters, with or without a colon;
-other such lines are comments. The contacts have their stiffnesses, so that no law is needed and
-each row is a contact, whatever its force and overlap; -1 for the second sphere is the wall at low
-z, -2 the wall at high z. A column that is not known is refused, as it may change the answer.
+other lines that begin with # are comments. The table of contacts has their stiffnesses, so that no
+law is needed, and each row counts as a contact, whatever its force and overlap. The second sphere
+is -1 for the wall at low z, and -2 for the wall at high z. An unknown column is refused, because it
+may change the answer.
 """
 
 import itertools
@@ -80,7 +81,7 @@ def sniff(path: Path, head: bytes) -> bool:
 
 
 def _without_comment_sign(line: str) -> str:
-    """Return the names of a line that begins with #, as numpy, or with #format, as YADE writes."""
+    """Return the names in a line that begins with # (as numpy writes) or #format (as YADE does)."""
     if line.startswith("#format "):
         return line.removeprefix("#format ").replace("_", " ")
     return line.lstrip("# ")
@@ -94,7 +95,8 @@ def read(
 ) -> ImportResult:
     """Return a packing of two tables, or of spheres alone.
 
-    `sphere_options` are those of `SphereOptions`, which only spheres alone may have.
+    `sphere_options` are described at `SphereOptions`; they are allowed only without a table of
+    contacts.
     """
     if contacts is None:
         return _read_spheres_alone(path, SphereOptions(scales=scales, **sphere_options))
@@ -149,7 +151,7 @@ def _read_sphere_rows(path: Path) -> tuple[Rows, SphereTable, KeyLines]:
 
 
 def read_numbers(path: Path) -> Spheres:
-    """Return the spheres of a table in its units, without a cell."""
+    """Return the spheres of a table in the units of the table, without a cell."""
     return _read_sphere_rows(path)[1].spheres
 
 
@@ -158,7 +160,7 @@ def _read_table(
 ) -> tuple[Rows, KeyLines]:
     """Return the rows of a table with these columns, and the lines after # for the cell.
 
-    Raises InputError for columns that are missing or not known, and for a table without rows.
+    Raises InputError for columns that are missing or unknown, and for a table without rows.
     """
     rows, key_lines = _read_rows(path, needed)
     names = ",".join(needed)
@@ -203,8 +205,8 @@ def _refuse_long_rows(rows: Rows) -> None:
 def _read_rows(path: str | Path, needed: tuple[str, ...]) -> tuple[Rows, KeyLines]:
     """Return the rows of a table, and the lines after # for the cell.
 
-    Raises InputError for a table without names or rows; `needed` are the names that a message
-    proposes.
+    Raises InputError for a table without names or rows; `needed` are the names that the error
+    message proposes.
     """
     key_lines: KeyLines = {}
     header = ""

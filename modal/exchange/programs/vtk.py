@@ -1,8 +1,8 @@
 """Read VTK files by the library vtk: points with radii (.vtp, .vtu, legacy .vtk), spheres alone.
 
 LIGGGHTS, YADE (VTKRecorder and VTKExporter), MFiX, Lethe, JaxDEM and this project's `export` write
-them. Points carry the radius or the diameter under many names. Such a file has no law and no cell.
-A second file may have the contacts as lines with forces or stiffnesses as data.
+them. The radius or the diameter of the points has many names. Such a file has no contact law and no
+cell. A second file may have the contacts as lines with forces or stiffnesses as data.
 """
 
 import re
@@ -40,7 +40,7 @@ MAX_DIGITS = 17
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Tell whether a file is one of VTK, by its first line or its root element."""
+    """Tell whether a file is in a VTK format, by its first line or its root element."""
     return head.startswith(b"# vtk DataFile") or b"<VTKFile" in head[:500]
 
 
@@ -50,7 +50,7 @@ def read(
     contacts: str | Path | None = None,
     **sphere_options: Unpack[SphereKeywords],
 ) -> ImportResult:
-    """Return the packing of a file; the options are those of `SphereOptions`.
+    """Return the packing of a file; `options` are described at `SphereOptions`.
 
     `contacts` is a file with lines between the centres.
     """
@@ -84,8 +84,8 @@ def read(
 def read_contact_lines(path: Path) -> ContactLines:
     """Return the lines of a file, each from centre to centre, with their data.
 
-    Raises InputError if lines are absent or have more than two points, or if there is not one
-    number of each datum for each line.
+    Raises InputError if lines are absent or have more than two points, or if the data of some lines
+    are missing.
     """
     data = _read_with_library(path)
     lines = getattr(data, "GetLines", lambda: None)()

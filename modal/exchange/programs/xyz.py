@@ -1,7 +1,7 @@
 """Read extended XYZ: spheres alone, in the cell of `Lattice`, `Origin` and `pbc`.
 
 The line before the rows of a frame names the columns: `Properties=species:S:1:pos:R:3:radius:R:1`.
-OVITO, ASE and this project's `export` write the format. A file of XYZ without radii is refused.
+OVITO, ASE and this project's `export` write the format. An XYZ file without radii is refused.
 """
 
 import re
@@ -35,7 +35,7 @@ def sniff(path: Path, head: bytes) -> bool:
 def read(
     path: Path, scales: Sequence[float] | None = None, **sphere_options: Unpack[SphereKeywords]
 ) -> ImportResult:
-    """Return the packing of a file with one frame; the options are those of `SphereOptions`."""
+    """Return the packing of a file with one frame; `options` are described at `SphereOptions`."""
     options = SphereOptions(scales=scales, **sphere_options)
     lines = read_lines(path)
     count = int(next(lines)[1])
