@@ -1,4 +1,4 @@
-"""Motions of a source in time: pulses, sine bursts, square waves, chirps, steps, recorded signals.
+"""Provide motions of a source in time: pulses, bursts, chirps, steps, recorded signals.
 
 >>> import modal
 >>> from modal.motions import SineBurst

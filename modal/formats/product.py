@@ -327,7 +327,7 @@ def stored(
 ) -> Column:
     """Return a column in a `folder` of the file, with the name of its field or this `name`.
 
-    The folder "" is the file's root. The other arguments are those of `Column`.
+    The folder "" is the file's root.
 
     The other arguments are those of `Column`.
     """

@@ -170,8 +170,6 @@ class FromTop:
 
         If not all eigenvalues of A - sigma are negative, a mode lies above the shift sigma, which
         is then raised. All are in 1/s^2.
-
-        If not all eigenvalues of A - sigma are negative, a mode lies above; the shift is raised.
         """
         distance = max(distance, MIN_DISTANCE_ABOVE * highest)
         while True:
@@ -189,11 +187,10 @@ class FromTop:
 
 
 class Search:
-    """The modes that the rounds have found: omega^2 (k,), 1/s^2, and unit vectors (size, k) of A.
+    """The modes found so far: omega^2 (k,), 1/s^2, and unit eigenvectors (size, k) of A.
 
-    The orthonormal modes `null` (size, z) are held out of all rounds, as are the motions that
-    bodies cannot make. The omega^2 of a motion without energy that is not among them is exactly
-    zero.
+    The orthonormal modes `null` (size, z) are excluded from all rounds, and so are held motions. A
+    mode without energy that is not in `null` is given an omega^2 of exactly zero.
     """
 
     def __init__(
@@ -208,12 +205,13 @@ class Search:
         self.vector = np.empty((null.shape[0], 0))
 
     def search_until(self, wanted: int, inside: Callable[[Floats], Bools]) -> int:
-        """Search until `wanted` modes are found, or a round finds none that converges and counts.
+        """Search until `wanted` modes are found, or a round finds no further converged mode inside.
 
-        Only modes whose omega^2 fulfil `inside` count; it takes omega^2 (k,) and returns bool (k,).
-        As the nearest modes come first, a round that finds only others has seen all that are
-        inside, unless it found zero modes, which lie below the lowest. Returns how many are
-        missing: 0 if all were found, negative if more were found than wanted.
+        Only modes inside a range count: the function `inside` takes omega^2 (k,) and returns bool
+        (k,). The nearest modes are found first. Therefore a round that finds only modes outside
+        shows that none inside is left, unless it found zero modes, which lie below the lowest.
+        Returns the number of missing modes: 0 if all were found, negative if more were found than
+        wanted.
         """
         going = True
         while going:
@@ -228,11 +226,11 @@ class Search:
     def complete(self, count: int, direction: int, exact_count: Callable[[float], int]) -> int:
         """Search until an exact count confirms the `count` lowest or highest modes.
 
-        `direction` is 1 for the lowest modes beside those at zero, and -1 for the highest ones.
+        `direction` is 1 for the lowest modes except those at zero, and -1 for the highest ones.
         `exact_count` returns the number of modes below (for -1: above) a frequency in Hz. The list
-        is complete if it has as many modes beyond its last frequency; of several modes at that
-        frequency it may have a part. The search ends early if a round finds none that converges.
-        Returns how many modes are missing, as `search_until` does.
+        is complete if it contains as many modes as were counted up to its last frequency; of
+        several modes at that frequency it may contain a part. The search ends early if no mode of a
+        round converges. Returns how many modes are missing, as `search_until` does.
         """
 
         def listed(square: Floats) -> Bools:
@@ -283,7 +281,7 @@ class Search:
         return order[(frequency >= low) & (frequency < high)]
 
     def piece(self, indices: Ints, first: int = 0) -> Piece:
-        """Return modes, in ascending order, as a piece of a list from its place `first` on."""
+        """Return modes, in ascending order, as a piece of a list that begins at place `first`."""
         places = first + np.arange(len(indices))
         return Piece(self.square[indices], places, lambda some: self.vector[:, indices[some]])
 
@@ -293,5 +291,5 @@ class Search:
         return self.vector[:, self.square == 0]
 
     def _held(self) -> Held:
-        """Return all modes that the next round holds out."""
+        """Return all modes that the next round excludes."""
         return Held(self.null, self.vector)

@@ -1,4 +1,4 @@
-"""How each contact's stiffness moves the natural frequencies."""
+"""Compute how each contact's stiffness changes the natural frequencies."""
 
 import numpy as np
 
@@ -14,8 +14,8 @@ def frequency_sensitivity(network: Network, modes: ModeSet) -> Floats:
     """Compute the derivatives of natural frequencies with respect to each contact's stiffnesses.
 
     A mode phi with phi . M phi = 1 stores in a contact the energy of its slip d along the normal n
-    and across it, so that d(omega^2)/dkn = (n . d)^2 and d(omega^2)/dkt = |d|^2 - (n . d)^2. Of
-    modes of equal frequency only the sum is a derivative.
+    and across it, so that d(omega^2)/dkn = (n . d)^2 and d(omega^2)/dkt = |d|^2 - (n . d)^2. For
+    modes of equal frequency only the sum of these values is a derivative.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The motions of a packing that cost little energy or none, as an iterative solver needs them."""
+"""Collect the motions of a packing that cost little or no energy, for an iterative solver."""
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,9 +13,9 @@ from modal.tools.errors import InputError
 def soft_motions(system: LinearSystem) -> SoftMotions:
     """Return the rigid motions of a packing, and its motions without energy.
 
-    The latter are those that the structure of the contacts shows (`modal.modes.zero_modes`), and
-    those that bodies cannot make, whose rows of K are empty. Raises
-    InputError for translations alone, whose blocks have three rows.
+    Motions without energy are those that the structure of the contacts shows
+    (`modal.modes.zero_modes`), and held motions, whose rows of K are empty. Raises InputError for a
+    system of translations alone, whose blocks have three rows.
     """
     if system.dof != 6:
         raise InputError(

@@ -1,9 +1,9 @@
-"""Search for the lowest modes where no exact count is made, and say what speaks for the list.
+"""Search for the lowest modes without an exact count, and estimate whether the list is complete.
 
 Block Lanczos converges from the low end, so that a mode is missed only if the start block was
-nearly orthogonal to it. Two things tell: a second search, from other vectors and orthogonal to all
-modes of the first, finds what was missed; and the density of states, from products with random
-vectors, estimates how many modes lie up to the last one.
+nearly orthogonal to it. Two tests show missing modes. A second search, from other vectors and
+orthogonal to all modes of the first, finds what the first one missed. The density of states, from
+products with random vectors, gives an estimate of the number of modes up to the last one.
 """
 
 from typing import NamedTuple
@@ -24,11 +24,11 @@ as near to the last one."""
 
 
 class UncountedSearch(NamedTuple):
-    """A search without a count, and what speaks for it.
+    """The result of a search without a count, with evidence that it is complete.
 
     missing: number of modes that did not converge. new: modes below the last one that only the
-    second search found. expected, error: number of elastic modes up to the last one by moments, and
-    its standard error.
+    second search found. expected, error: number of elastic modes up to the last one, estimated from
+    the density of states, and its standard error.
     """
 
     search: Search
@@ -39,7 +39,7 @@ class UncountedSearch(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, float]:
-        """Return the attributes that a `ModeSet` has in addition."""
+        """Return the additional attributes for the `ModeSet`."""
         return {
             "expected_modes": self.expected,
             "expected_modes_error": self.error,
@@ -48,7 +48,7 @@ class UncountedSearch(NamedTuple):
 
     @property
     def evidence(self) -> str:
-        """Return the sentence that follows the reason why no count was made."""
+        """Return the sentence on completeness that follows the reason why no count was made."""
         return (
             f"up to the last mode moments expect {self.expected:.1f} +- {self.error:.1f}, and a "
             f"second search from other vectors found {self.new} that the first had missed"

@@ -1,8 +1,8 @@
-"""Find modes where K is not symmetric: with the shear forces that the contacts carry.
+"""Find modes where K is not symmetric, because contacts carry shear forces.
 
 The frequencies are still those of K phi = omega^2 M phi, but omega^2 may come in complex pairs, and
-no law of inertia counts them. Small packings are solved with whole matrices, the ends of the
-spectrum of larger ones by ARPACK's version of Arnoldi's method, without a certificate.
+inertia counts do not apply. Small packings are solved with dense matrices. For larger ones both
+ends of the spectrum are found by Arnoldi's method (ARPACK), without a certificate.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ modes."""
 
 
 def real_part(square: Array) -> Floats:
-    """Return real values (k,) for omega^2: the square of the real part of a complex omega."""
+    """Return real values (k,) in place of omega^2: the square of the real part of omega."""
     omega = np.sqrt(square.astype(complex))
     return np.where(square.imag != 0, omega.real**2, square.real)
 
@@ -34,8 +34,8 @@ def real_part(square: Array) -> Floats:
 def real_spectrum(square: Array, vector: Array) -> tuple[Floats, Floats]:
     """Return real omega^2 (k,), ascending, and unit vectors (size, k), from complex eigenpairs.
 
-    A complex pair has one frequency twice, the real part of omega / 2 pi, and its two vectors span
-    the plane in which the motion turns; their residual shows how far they are from being modes.
+    A complex pair gives the same frequency twice, the real part of omega / 2 pi. Its two vectors
+    span the plane in which the motion turns. They are not exact modes, as their residual shows.
     """
     real = real_part(square)
     vectors = np.where(square.imag < 0, vector.imag, vector.real)
@@ -45,7 +45,7 @@ def real_spectrum(square: Array, vector: Array) -> tuple[Floats, Floats]:
 
 
 def at_zero(system: LinearSystem, square: Floats) -> tuple[int, int]:
-    """Return the number of omega^2 that are zero to round-off, and the number of negative ones."""
+    """Return how many values of omega^2 are zero to round-off, and how many are negative."""
     floppy = abs(square) <= system.zero_threshold
     unstable = square < -system.zero_threshold
     return int(floppy.sum()), int(unstable.sum())

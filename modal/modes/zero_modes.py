@@ -3,13 +3,13 @@
 A sphere with fewer than three contacts can turn or swing freely: six motions without a contact,
 three about a single contact point, one about the line through two. Removing such spheres with their
 contacts leaves others with fewer than three, so that loose parts are peeled off layer by layer.
-With the remaining spheres fixed, each connected loose part is a small matrix. Its null space,
-padded with zeros, is a null space of K: K has no negative direction, and no energy means no
-stretched contact. A cluster that no wall holds also moves as a whole. Whether the remaining spheres
-really are rigid is found by the exact count of `modal.modes.collective`.
+With the remaining spheres fixed, each connected loose part has a small stiffness matrix. Its null
+space, padded with zeros, belongs to the null space of K: K has no negative direction, so that a
+motion without energy stretches no contact. A cluster that no wall holds also moves as a whole. The
+exact count of `modal.modes.collective` shows whether the remaining spheres are really rigid.
 
-Held bodies are walls: they hold the clusters that touch them. Bodies of which some motions are held
-keep the others, and only these count.
+Held bodies are walls: they hold the clusters that touch them. If only some motions of a body are
+held, its other motions remain degrees of freedom.
 """
 
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ CONTACTS_OF_HELD_SPHERE = 3
 
 @dataclass(frozen=True)
 class FloppyModes:
-    """The zero modes of a packing, and its unstable modes, which lists also leave out.
+    """The zero modes and unstable modes of a packing, which lists of elastic modes leave out.
 
     Attributes
     ----------
@@ -73,15 +73,15 @@ class FloppyModes:
 
     @property
     def held(self) -> int:
-        """Number of zero and unstable modes, which are held out of lists of elastic modes."""
+        """Number of zero and unstable modes, excluded from lists of modes."""
         return int(self.basis.shape[1])
 
 
 def by_structure(system: LinearSystem) -> FloppyModes:
     """Return the zero modes that the structure of the contacts shows; kept with the network.
 
-    Where motions may release energy, springs may balance each other, and only the motions that no
-    contact resists are returned. `modal.modes.collective` counts the others.
+    If some motion may release energy, negative and positive stiffnesses may cancel, and only the
+    motions that no contact resists are returned. `modal.modes.collective` counts the others.
     """
     return system.cached("floppy modes", lambda: _find_by_structure(system))
 
@@ -160,7 +160,7 @@ def _pieces(parts: list[Ints], max_size: int) -> list[Ints]:
 def _adjacency(network: Network) -> sp.csr_matrix:
     """Return a matrix (n, n) with an entry at i, j for each contact of two spheres.
 
-    Contacts with held bodies are left out, as those with walls are.
+    Contacts with walls and with held bodies are left out.
     """
     is_pair = ~network.with_held
     n = network.n_particles
@@ -174,7 +174,7 @@ def _rows(spheres: Ints, dof: int) -> Ints:
 
 
 def _stiffness_among(system: LinearSystem, spheres: Ints) -> sp.csr_matrix:
-    """Return M^-1/2 K M^-1/2 in the rows and columns of some spheres, all others held fast."""
+    """Return M^-1/2 K M^-1/2 in the rows and columns of some spheres, all other spheres fixed."""
     network = system.network
     chosen = np.zeros(network.n_particles, bool)
     chosen[spheres] = True
@@ -185,7 +185,7 @@ def _stiffness_among(system: LinearSystem, spheres: Ints) -> sp.csr_matrix:
 
 
 def _loose_parts(touching: sp.csr_matrix, loose: Bools) -> list[Ints]:
-    """Return the connected parts of the loose spheres, as indices, with neighbours together."""
+    """Return the connected parts of the loose spheres, as indices with neighbours adjacent."""
     spheres = np.flatnonzero(loose)
     if len(spheres) == 0:
         return []
@@ -230,7 +230,7 @@ def _rigid_motions(system: LinearSystem, touching: sp.csr_matrix, members: Bools
 def _unwrap_positions(network: Network, touching: sp.csr_matrix, members: Bools) -> Floats:
     """Return positions (n, 3), m, of a cluster's spheres, joined across the periods.
 
-    They are followed from contact to contact.
+    The positions are joined by following the contacts from sphere to sphere.
     """
     is_pair = ~network.with_held
     i = network.particle_i[is_pair]

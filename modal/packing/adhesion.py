@@ -1,4 +1,4 @@
-"""The work of adhesion of two surfaces, as the words of a contact model give it."""
+"""Read the work of adhesion of two surfaces from the numbers of a contact model."""
 
 from collections.abc import Sequence
 
@@ -10,11 +10,11 @@ larger numbers stand for glues."""
 
 
 def read_work_of_adhesion(model: str, numbers: Sequence[float], wall: bool) -> float:
-    """Return the work of adhesion of a contact, J/m^2, by the numbers behind a model's name.
+    """Return the work of adhesion of a contact, J/m^2, from the numbers after a model's name.
 
-    `numbers` are the work between two spheres and, if it differs, that between sphere and wall.
-    It is the energy that parts a unit area, twice the surface energy of equal bodies. InputError
-    for other numbers of them, or a number outside `WORK_RANGE`.
+    `numbers` are the work between two spheres and, if it differs, that between sphere and wall. The
+    work of adhesion is the energy that separates a unit area, twice the surface energy of equal
+    bodies. Raises InputError for more or fewer numbers, or a number outside `WORK_RANGE`.
 
     >>> read_work_of_adhesion("dmt", [0.1, 0.2], wall=True)
     0.2

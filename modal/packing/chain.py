@@ -18,8 +18,8 @@ def wall_to_wall_chain(network: Network) -> Ints:
 
     This is the path through the contacts that stays closest to a vertical line: a step costs its
     length times 1 + (lateral distance from the line / diameter)^2. The line starts at the particle
-    at the source wall nearest to the middle of the cross-section. UnavailableError if there is no
-    path.
+    at the source wall nearest to the middle of the cross-section. Raises UnavailableError if there
+    is no path.
     """
     return network.cached("chain", lambda: _chain(network))
 
@@ -58,7 +58,8 @@ def _find_cheapest_path(
 ) -> Ints:
     """Return the cheapest path from `first` to one of `goal`; UnavailableError if there is none.
 
-    A step costs the `length` (m,) of its contact, m, times the `weight` (n,) of its end.
+    A step costs the `length` (m,) of its contact, m, times the `weight` (n,) of the particle that
+    it reaches.
     """
     import scipy.sparse as sp  # the DEM program's own Python may lack scipy
     from scipy.sparse.csgraph import dijkstra
@@ -109,7 +110,7 @@ def _find_cheapest_path(
 
 
 def _round_ties(distance: Floats, scale: float) -> Floats:
-    """Return distances in units in which those that differ by round-off alone are equal."""
+    """Return distances rounded so that those that differ only by round-off become equal."""
     if scale <= 0:
         return distance
     return np.round(distance / (scale * TIE_TOLERANCE))

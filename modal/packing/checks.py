@@ -1,11 +1,11 @@
-"""Check, when a network is made, that a packing can have it, and refuse it if not.
+"""Check that a new network is physically possible, and refuse it if not.
 
-A network says most things twice: the branch vector follows from the positions, from radii and
-overlap, and from normal and levers. An exporter that permutes a column, takes another unit or
-writes the contacts of another packing breaks that. Each bound below lies between what sound
-networks show (positions of 7 digits over 400 radii, levers that end anywhere in the overlap) and
-what such mistakes make; `docs/formats.md` has the table. What is unusual but possible is reported
-by `modal.packing.plausibility`.
+Most data of a network are redundant: the branch vector follows from the positions, from radii and
+overlap, and from normal and levers. If an exporter permutes a column, uses another unit or writes
+the contacts of another packing, the data contradict each other. Each bound below lies between the
+values of sound networks (positions of 7 digits in a packing 400 radii long, levers that end
+anywhere in the overlap) and those that such mistakes cause; `docs/formats.md` has the table.
+Unusual but possible values are reported by `modal.packing.plausibility`.
 """
 
 from collections.abc import Iterable, Mapping
@@ -101,11 +101,11 @@ def convert_columns(columns: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Fault(NamedTuple):
-    """A possible fault: which particles or contacts have it, and the refusal if any has.
+    """A possible fault: which particles or contacts have it, and the error to raise if any does.
 
-    subject: the kind of thing, as "contact", or "" for the whole network. wrong: which of these
-    things (k,) are at fault, or a single bool. The other fields are those of `InputError`; the
-    message names the first thing that is wrong.
+    subject: what the fault is about, such as "contact", or "" for the whole network. wrong: which
+    particles or contacts (k,) are at fault, or a single bool. The other fields are those of
+    `InputError`; the message names the first particle or contact at fault.
     """
 
     subject: str
@@ -120,9 +120,9 @@ Faults = Iterable[Fault]
 
 
 def refuse_first(faults: Faults, offset: int = 0) -> None:
-    """Raise InputError for the first fault that applies; `offset` is added to its number.
+    """Raise InputError for the first fault that applies; add `offset` to the number in its message.
 
-    The faults may come from a generator: those after the first one are then not computed.
+    If `faults` is a generator, later faults are not computed.
     """
     for fault in faults:
         if np.any(fault.wrong):
@@ -252,7 +252,7 @@ def _check_cell(network: Columns) -> Faults:
 
 
 def _check_vectors(vectors: Floats, cell: Floats, periodic: Bools) -> Faults:
-    """Check the periods (3, 3) of a cell at angles against its sides (3,)."""
+    """Check the periods (3, 3) of a sheared cell against its sides (3,)."""
     disagrees = abs(np.diag(vectors) - cell) > MAX_VECTOR_ERROR * abs(vectors).max()
     yield Fault(
         "",
@@ -306,7 +306,7 @@ def density_of(network: Columns) -> Floats:
 
 
 def _check_bodies(network: Columns) -> Faults:
-    """Check that each inertia tensor is that of some body."""
+    """Check that each inertia tensor is physically possible."""
     tensor = network.inertia_tensor
     assert tensor is not None
     largest_entry = abs(tensor).max(axis=(1, 2))
@@ -466,7 +466,7 @@ def _check_pairs(network: Columns) -> Faults:
 
 
 def force_ratio(network: Columns) -> Floats:
-    """Return force / (stiffness times overlap) of the contacts that push; empty where unknown."""
+    """Return force / (stiffness times overlap) of compressed contacts; empty if unknown."""
     if network.force_normal is None or network.overlap is None:
         return np.empty(0)
     force = network.force_normal
@@ -516,7 +516,7 @@ def _check_forces(network: Columns) -> Faults:
 
 
 def _median_is_outside(values: Floats, bounds: tuple[float, float]) -> bool:
-    """Return whether the median lies outside of the bounds; found by counting, which is faster."""
+    """Return whether the median lies outside of the bounds; found by counting, not sorting."""
     low, high = bounds
     below = np.count_nonzero(values < low)
     above = np.count_nonzero(values > high)

@@ -1,7 +1,7 @@
-"""Clumps: grains of overlapping spheres, their template, and the solid that their spheres fill.
+"""Describe clumps: grains of overlapping spheres, their template, and their mass properties.
 
 A template is a table of spheres. Its mass, centre and tensor of inertia are those of the union of
-the spheres, each part of which counts once, however many spheres overlap there.
+the spheres, in which a volume counts once, however many spheres overlap there.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ class Clumps:
     body : ndarray of int (n,)
         Number of each sphere's clump, from 0 on.
     arm : ndarray (n, 3)
-        From the centre of mass of its clump to each sphere, m.
+        Vector from the centre of mass of its clump to each sphere, m.
     mass : ndarray (k,)
-        kg.
+        Masses of the clumps, kg.
     tensor : ndarray (k, 3, 3)
         Tensors of inertia about the centres of mass, in the axes of the packing, kg m^2.
     """
@@ -56,7 +56,7 @@ class Clumps:
 
 @dataclass(frozen=True)
 class ClumpTemplate:
-    """The spheres of a clump, about the centre of mass of their union.
+    """The spheres of a clump, relative to the centre of mass of their union.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class ClumpTemplate:
     volume : float
         Volume of the union, m^3.
     tensor : ndarray (3, 3)
-        Tensor of inertia of the union about its centre, divided by the density, m^5.
+        Tensor of inertia of the union about its centre of mass, divided by the density, m^5.
     """
 
     arm: Floats
@@ -81,7 +81,7 @@ class ClumpTemplate:
         return float((np.linalg.norm(self.arm, axis=1) + self.radius).max())
 
     def scaled(self, radius: float) -> ClumpTemplate:
-        """Return the template whose union has the volume of a sphere of this radius, m."""
+        """Return the template scaled to the volume of a sphere of this radius, m."""
         factor = (4 / 3 * np.pi * radius**3 / self.volume) ** (1 / 3)
         return ClumpTemplate(
             factor * self.arm,
@@ -94,7 +94,7 @@ class ClumpTemplate:
 def clump_template(position: Floats, radius: Floats) -> ClumpTemplate:
     """Return the template of spheres at `position` (s, 3) with `radius` (s,), m.
 
-    The union is integrated along parallel rays, exactly on each of them.
+    The union is integrated over parallel rays; the integral along each ray is exact.
 
     >>> one = clump_template(np.zeros((1, 3)), np.ones(1))
     >>> round(one.volume / (4 / 3 * np.pi), 4), round(one.tensor[0, 0] / one.volume, 4)
@@ -145,9 +145,9 @@ def _integrals_of_union(start: Floats, end: Floats) -> tuple[Floats, Floats, Flo
 
 
 def read_template(path: str | Path) -> list[str]:
-    """Return the numbers x y z radius of each sphere of a template, from a table, *.csv, as words.
+    """Return x y z radius of each sphere of a template, as words, from a table (*.csv).
 
-    A first line of names is skipped. InputError for anything else.
+    A first line of names is skipped. Raises InputError for any other file.
     """
     try:
         text = Path(path).read_text()
@@ -166,9 +166,9 @@ def read_template(path: str | Path) -> list[str]:
 
 
 def parse_template(words: Sequence[str]) -> ClumpTemplate:
-    """Return the template of the numbers x y z radius of each sphere.
+    """Return the template given by the numbers x y z radius of each sphere, as words.
 
-    Raises InputError for other words, unequal spheres, or spheres that do not hang together.
+    Raises InputError for words that are not such numbers, and for spheres not joined by overlaps.
     """
     try:
         table = np.array([float(word) for word in words]).reshape(-1, 4)

@@ -1,4 +1,4 @@
-"""The columns of a contact network, and what follows from them alone."""
+"""Define the columns of a contact network, and quantities that follow from them alone."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -74,11 +74,11 @@ class Columns:
     _cache: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the columns without cached results, for a copy or a pickle."""
+        """Return the columns without cached results, to copy or pickle the network."""
         return {**vars(self), "_cache": {}}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take over columns and notes as arrays that nobody can write to, and copies of dicts."""
+        """Restore columns and notes: arrays become read-only, dictionaries are copied."""
         for name, value in state.items():
             vars(self)[name] = _lock_or_copy(value) if isinstance(value, np.ndarray) else value
         vars(self)["study"] = dict(state["study"])
@@ -87,7 +87,7 @@ class Columns:
     def cached(self, name: str, compute: Callable[[], Cached]) -> Cached:
         """Return the cached result of this name, after the first call of `compute`.
 
-        The name has to contain everything besides the network that the result depends on. A cached
+        The name must contain everything that the result depends on besides the network. A cached
         array cannot be written to.
         """
         if name not in self._cache:
@@ -135,7 +135,7 @@ class Columns:
 
     @property
     def with_held(self) -> Bools:
-        """Whether each contact (m,) is with a wall or with a body that is held as a wall is."""
+        """Whether each contact (m,) is with a wall or with a held body."""
         if self.fixed is None:
             return self.with_wall
         held = self.held
@@ -167,13 +167,13 @@ class Columns:
 
     @property
     def cell_widths(self) -> Floats:
-        """Distances (3,), m, of opposite faces of the cell; its sides unless it is at angles."""
+        """Distances (3,), m, of opposite faces of the cell; its sides unless it is sheared."""
         if self.cell_vectors is None:
             return self.cell_size
         return 1 / np.linalg.norm(np.linalg.inv(self.cell_vectors), axis=0)
 
     def in_periods(self, vector: Floats) -> Floats:
-        """Return vectors (k, 3), m, in units of the periods; zero along an axis without one."""
+        """Return vectors (k, 3), m, in units of the periods; zero along a non-periodic axis."""
         if self.cell_vectors is None:
             period = np.where(self.cell_periodic & (self.cell_size > 0), self.cell_size, np.inf)
             return vector / period
@@ -181,7 +181,7 @@ class Columns:
 
     @property
     def _difference_of_positions(self) -> Floats:
-        """Position of j less that of i (m, 3), m, without periods."""
+        """Position of j minus position of i (m, 3), m, without periods."""
         difference = self.position.take(self.partner, axis=0)
         difference -= self.position.take(self.particle_i, axis=0)
         return difference
@@ -208,7 +208,8 @@ class Columns:
     def unchecked(self, **columns: Array | None) -> Self:
         """Return a copy of the network with other columns, without checking them.
 
-        This is for columns that follow from checked ones; `dataclasses.replace` checks its result.
+        Use this only for columns that follow from checked ones; `dataclasses.replace` checks its
+        result.
         """
         network = object.__new__(type(self))
         network.__setstate__(self.__getstate__() | columns)
@@ -227,7 +228,7 @@ class Columns:
         return self._present(PARTICLES)
 
     def _present(self, names: list[str]) -> dict[str, Any]:
-        """Return the columns of these names that are not absent."""
+        """Return those columns with these names that are present."""
         columns = {name: getattr(self, name) for name in names}
         return {name: data for name, data in columns.items() if data is not None}
 
@@ -256,21 +257,21 @@ unlock it again."""
 
 
 def frozen(**columns: Array) -> dict[str, Any]:
-    """Lock new arrays that nobody else refers to, so that a network takes them without a copy."""
+    """Make new arrays read-only, so that a network takes them without a copy."""
     for data in columns.values():
         _lock(data)
     return columns
 
 
 def _lock(data: Array) -> None:
-    """Lock a new array for good; a view is only flagged, and copied when a network takes it."""
+    """Make a new array read-only for good; a view is copied later, when a network takes it."""
     data.flags.writeable = False
     if data.base is None:
         _LOCKED[id(data)] = data
 
 
 def _lock_or_copy(data: Array) -> Array:
-    """Return a view of an array that was locked here, or of a locked copy of any other."""
+    """Return a view of an array that `_lock` made read-only, or of a read-only copy of another."""
     owner = data
     while isinstance(owner.base, np.ndarray):
         owner = owner.base

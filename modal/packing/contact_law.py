@@ -1,6 +1,6 @@
-"""Elastic materials of spheres and walls, and the moduli of a contact between two of them.
+"""Define elastic materials of spheres and walls, and the moduli of a contact between two.
 
-The laws that make forces of these moduli are the classes of `modal.packing.contact_models`.
+The force laws that use these moduli are the classes of `modal.packing.contact_models`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ HERTZ_MINDLIN = "hertz-mindlin"
 
 
 class Moduli(NamedTuple):
-    """Effective moduli of one contact of two bodies, Pa, or of many (m,); see `Elasticity`."""
+    """Effective moduli E* and G*, Pa, of one contact or of many (m,), as in `Elasticity`."""
 
     effective_young: Any
     effective_shear: Any
@@ -48,7 +48,7 @@ class Elasticity:
         return Moduli(self.effective_young, shear)
 
     def against(self, other: Elasticity) -> Moduli:
-        """Return E* and G*, Pa, of a contact with a body of another material: compliances add.
+        """Return E* and G*, Pa, of a contact with a body of another material; compliances add up.
 
         1/E* = (1 - nu^2)/E + (1 - nu'^2)/E', 1/G* = (2 - nu)/G + (2 - nu')/G'.
         """
@@ -72,7 +72,8 @@ class Material(Elasticity):
     def sphere(self, radius: Any, densities: Floats | None = None) -> tuple[Any, Any]:
         """Return the mass, kg, and the moment of inertia, kg m^2, of a sphere, or of many (n,).
 
-        `radius` is a number or (n,), m; `densities` (n,), kg/m^3, replace that of the material.
+        `radius` is a number or (n,), m; `densities` (n,), kg/m^3, replace the density of the
+        material.
         """
         density = self.density if densities is None else densities
         mass = density * 4 / 3 * np.pi * radius**3

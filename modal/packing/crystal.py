@@ -1,4 +1,4 @@
-"""Build packings known in closed form: the FCC crystal under isotropic stress, a column.
+"""Build packings with closed solutions: the FCC crystal under isotropic stress, a column.
 
 The crystal stands with [001] along z: square layers of spacing d (the contact distance), each
 shifted by half a cell, at layer distance l = d / sqrt(2). Each sphere has twelve contacts of equal
@@ -45,11 +45,11 @@ class FccPacking:
     Attributes
     ----------
     stress : float
-        Pa.
+        Isotropic stress, Pa.
     radius : float
-        m.
+        Radius of the spheres, m.
     material : Material
-        Of spheres and walls.
+        Material of spheres and walls.
     """
 
     stress: float = 1e5
@@ -107,7 +107,7 @@ class FccPacking:
 
     @property
     def wall_overlap(self) -> float:
-        """Return the overlap of a sphere with a flat wall, m, under the force stress d^2."""
+        """Return the overlap of a sphere with a flat wall, m, under the force stress times d^2."""
         force = self.stress * self.spacing**2
         return float(self.laws[1].overlap_of_force(force, self.radius))
 
@@ -153,7 +153,7 @@ def fcc(
     material : Material, default glass
         60 GPa, Poisson's ratio 0.2, 2,230 kg/m^3.
     periodic_z : bool, default False
-        Whether there is a period along z in place of the walls; it takes an even number of layers.
+        Whether z is periodic, without walls; this needs an even number of layers.
 
     Returns
     -------
@@ -163,7 +163,7 @@ def fcc(
     Raises
     ------
     InputError
-        If there is no such crystal.
+        If a number is impossible, such as a stress at which the spheres overlap too far.
 
     Examples
     --------
@@ -242,7 +242,7 @@ def fcc(
 
 
 def column(particles: int = 3, force: float = 0.5, radius: float = RADIUS) -> Network:
-    """Return a column of glass spheres between two flat walls under `force`, N, known exactly."""
+    """Return a column of glass spheres between two flat walls under `force`, N."""
     pair, wall = laws_of(GLASS)
     overlap = float(pair.overlap_of_force(force, radius / 2))
     wall_overlap = float(wall.overlap_of_force(force, radius))

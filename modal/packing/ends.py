@@ -1,9 +1,9 @@
-"""Find what holds a packing at its two ends along z: flat walls, or rough walls of held bodies.
+"""Find the walls at both ends of a packing along z: flat walls, or rough walls of held bodies.
 
 A rough wall consists of bodies that are held in all six motions (`Network.fixed`), from the lowest
 or the highest surface of the packing on, without a gap in height wider than the largest diameter.
-It is no wall of that end if it reaches beyond the middle of the bodies that move, as spheres held
-along a side do. Bodies without a contact are not looked at.
+Held bodies that reach beyond the middle of the bodies that move, such as spheres held along a side,
+are not a wall of an end. Bodies without a contact are ignored.
 """
 
 from typing import Literal
@@ -84,7 +84,7 @@ def has_two_ends(network: Network) -> bool:
 
 
 def end_heights(network: Network) -> Floats:
-    """Return where the space of the bodies that move begins and ends along z, (2,), m.
+    """Return the heights (2,), m, between which bodies can move.
 
     A flat wall is at its plane. A rough wall ends at the centre of its innermost body.
     """

@@ -1,9 +1,9 @@
-"""Anisotropy of contacts and of their forces, and the stress that follows from both.
+"""Measure the anisotropy of contacts and forces, and the stress that follows from both.
 
 L. Rothenburg and R. J. Bathurst, Geotechnique 39, 601 (1989), in three dimensions as by N. Guo and
 J. Zhao, Comput. Geotech. 47, 1 (2013). With the unit normals n of m contacts, their normal forces f
-and shear forces t, all to second order in n, the density of contacts and the mean forces vary with
-direction as
+and shear forces t, all to second order in n, the distribution of contacts and the mean forces vary
+with direction as
 
     E(n) = (1 + n . a_c n) / (4 pi)
     f(n) = f_0 (1 + n . a_n n)
@@ -22,7 +22,7 @@ from modal.tools.arrays import Floats
 
 
 class ForceFabric(NamedTuple):
-    """The tensors (3, 3) of the anisotropy of contacts, of normal and of shear forces.
+    """Tensors (3, 3) of the anisotropy of contacts, normal forces and shear forces.
 
     mean_force: f_0, N.
     """
@@ -34,7 +34,7 @@ class ForceFabric(NamedTuple):
 
     @property
     def stress_ratio(self) -> Floats:
-        """Deviatoric stress (3, 3) divided by the mean stress, by the identity."""
+        """Deviatoric stress (3, 3) divided by mean stress, by the stress-force-fabric identity."""
         total: Floats = self.contacts + self.normal_forces + 1.5 * self.shear_forces
         return 0.4 * total
 
@@ -55,8 +55,7 @@ def force_fabric(network: Network) -> ForceFabric:
 def fabric_of_forces(normal: Floats, normal_force: Floats, shear: Floats) -> ForceFabric:
     """Return the anisotropy of contacts with normals (m, 3), and forces (m,) and (m, 3), N.
 
-    Forces are those on the body that the normal does not come from; compression presses it along
-    the normal.
+    Forces act on the body to which the normal points; compression is positive.
     """
     count = max(len(normal), 1)
     contacts = 7.5 * _deviator(normal.T @ normal / count)
@@ -74,15 +73,16 @@ def fabric_of_forces(normal: Floats, normal_force: Floats, shear: Floats) -> For
 
 
 def size_of(anisotropy: Floats) -> float:
-    """Return sqrt(3/2 a : a) of a tensor (3, 3), negative if its zz is: vertical against lateral.
+    """Return sqrt(3/2 a : a) of a tensor (3, 3), with the sign of its component zz.
 
-    For a tensor that is axial about z this is a_zz - a_xx, the ratio q / p of a stress ratio.
+    For a tensor symmetric about z this is a_zz - a_xx; for a deviatoric stress divided by the mean
+    stress it is q / p.
     """
     size = float(np.sqrt(1.5 * (anisotropy**2).sum()))
     return float(np.copysign(size, anisotropy[2, 2]))
 
 
 def _deviator(tensor: Floats) -> Floats:
-    """Return a tensor (3, 3) without its mean diagonal."""
+    """Return the deviator of a tensor (3, 3): the tensor minus the mean of its diagonal."""
     deviator: Floats = tensor - np.trace(tensor) / 3 * np.eye(3)
     return deviator

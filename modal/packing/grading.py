@@ -1,4 +1,4 @@
-"""Grading curves: how much of the mass of a packing is finer than a diameter."""
+"""Compute and read grading curves: the share of the mass that is finer than a diameter."""
 
 import csv
 from collections.abc import Sequence
@@ -22,10 +22,11 @@ FORM = "two columns: diameter in m, and per cent finer by mass, both rising, fro
 def finer_diameters(
     diameter: Floats, mass: Floats, percent: Sequence[float] = PERCENTILES
 ) -> Floats:
-    """Return the diameters (k,), m, than which `percent` (k,) of the mass is finer.
+    """Return the diameters (k,), m, at which `percent` (k,) of the mass is finer.
 
     `diameter`, m, and `mass`, kg, are those of the spheres (n,). Between two spheres of different
-    sizes the curve is a straight line over the diameter; each sphere counts with half its mass.
+    sizes the curve is linear in the diameter; at its own diameter half of a sphere's mass counts as
+    finer.
 
     >>> finer_diameters(np.array([1.0, 2.0, 3.0]), np.ones(3), [50]).tolist()
     [2.0]
@@ -40,7 +41,7 @@ def read_grading(path: str | Path) -> list[str]:
     """Return the words of a mixture, "curve" and pairs of numbers, from a table of a grading curve.
 
     The table, *.csv, has two columns: diameters, m, and per cent finer by mass. A first line of
-    names is skipped. InputError for anything else.
+    names is skipped. Raises InputError for any other table.
     """
     try:
         text = Path(path).read_text()
@@ -81,9 +82,9 @@ def check_curve(numbers: Sequence[float], name: str) -> None:
 def radii_of_curve(spheres: int, numbers: Sequence[float]) -> Floats:
     """Return the radii (n,), m, ascending, of spheres whose masses follow a grading curve.
 
-    Between its points the mass finer than d grows with ln d. The number of spheres per mass is
-    proportional to 1 / d^3; radii are the quantiles of the distribution by number at (k + 1/2) / n,
-    so that few spheres leave out the coarsest part of a wide curve.
+    Between the points of the curve the mass finer than d is linear in ln d. The number of spheres
+    per mass is proportional to 1 / d^3; radii are the quantiles of the distribution by number at (k
+    + 1/2) / n, so that a small packing lacks the coarsest part of a wide curve.
     """
     check_curve(numbers, CURVE)
     diameter, percent = np.reshape(numbers, (-1, 2)).T

@@ -1,6 +1,6 @@
 """Average over layers: the firmly held particles in slabs along the wave.
 
-The coherent wave is in these means; single particles of a random packing scatter about them.
+These means show the coherent wave; single particles of a random packing scatter about them.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ the slab above, so that round-off does not decide where a layer of a crystal bel
 
 
 class Layers:
-    """Equal slabs from wall to wall, or of a period along z, about one mean diameter thick.
+    """Slabs of equal thickness, about a mean diameter, from wall to wall or over a period along z.
 
     Slabs without firmly held particles are left out.
 

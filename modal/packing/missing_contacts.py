@@ -1,9 +1,8 @@
 """Count places where spheres, or a sphere and a wall, overlap without a contact in the network.
 
-If a file has lost contacts, or a program wrote the contacts of one kind only, the network is a
-sound one of a softer packing: only the positions of its spheres show what is missing. Such a
-network is not refused, since contacts that were plastic or have just opened may overlap without a
-force.
+If a file lacks contacts, or a program wrote only contacts of one kind, the network looks like that
+of a softer packing: only the positions of its spheres show that contacts are missing. Such a
+network is not refused, since spheres may overlap without a force after plastic contact.
 """
 
 from itertools import product
@@ -50,12 +49,12 @@ class MissingContacts(NamedTuple):
 
 
 def missing_contacts(network: Columns) -> MissingContacts:
-    """Return how many contacts are missing; none for bodies that are not spheres."""
+    """Return how many contacts are missing; zero for bodies that are not spheres."""
     return network.cached("missing contacts", lambda: _missing_contacts(network))
 
 
 def least_overlap(network: Columns, overlap: Floats) -> float:
-    """Return the least overlap, m, that is counted, from the overlaps (m,), m, of the contacts."""
+    """Return the least overlap, m, that is counted, from the contacts' overlaps (m,), m."""
     round_off = 8 * float(np.spacing(abs(network.position).max() + 2 * network.radius.max()))
     mean = float(abs(overlap).mean()) if len(overlap) else 0.0
     return max(MIN_DEPTH_IN_MEAN_OVERLAPS * mean, round_off)
@@ -91,7 +90,7 @@ def _missing_contacts(network: Columns) -> MissingContacts:
 def _count_at_walls(network: Columns, depth: float) -> int:
     """Count spheres that move and overlap a wall by more than `depth`, m.
 
-    Walls in one place are not walls: their packing is periodic or has none.
+    Two walls at the same height mean that there are none.
     """
     low, high = network.wall_position
     if network.cell_periodic[2] or not high > low:

@@ -25,7 +25,7 @@ not 0, because no contact crosses a hundred periods."""
 
 @dataclass
 class ContactList:
-    """Contacts of spheres in canonical order (i, then j, then shift); see `touching`.
+    """Contacts of spheres, sorted by i, then j, then shift, as `touching` returns them.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class ContactList:
     normal : ndarray (m, 3)
         Unit vectors from i towards j or the wall.
     overlap : ndarray (m,)
-        m, negative across a gap.
+        Overlaps, m, negative across a gap.
     """
 
     particle_i: Ints
@@ -116,10 +116,9 @@ def periodic_pairs(position: Floats, side: Floats, distance: float) -> tuple[Int
     """Return pairs (i, j, shift) of points at most `distance` apart, one for each image.
 
     `position` is (n, 3); x and y lie inside the periodic cell of `side` (2,), and z as well if
-    `side` is (3,). Of a cell at angles `side` has the edges as rows (3, 3). All lengths have one
-    unit. The results are (p,), (p,) and (p, 3) with i <= j,
-    and a pair of a point and its own image is listed once. InputError if the pairs would not fit
-    into the free memory.
+    `side` is (3,). For a sheared cell `side` has its edges as rows (3, 3). All lengths have the
+    same unit. The results are (p,), (p,) and (p, 3) with i <= j. A pair of a point and its own
+    image is listed once. Raises InputError if the pairs would not fit into the free memory.
     """
     n = len(position)
     if side.ndim == 2:
@@ -180,7 +179,7 @@ def _images_at_angles(
 ) -> tuple[Floats, Ints, Ints]:
     """Return the images as `images_within` does, for a cell with these `edges` (3, 3), m, as rows.
 
-    What lies within `distance` of the cell lies so near to all of its faces.
+    An image within `distance` of the cell is within this distance of each of its faces.
     """
     inverse = np.linalg.inv(edges)
     margin = distance * np.linalg.norm(inverse, axis=0)
@@ -262,12 +261,12 @@ def touching(
     Parameters
     ----------
     position : ndarray (n, 3)
-        m.
+        Centres, m.
     low, periods : ndarray (3,)
-        Where the periods begin, and their lengths, m; 0 along an axis without a period. `periods`
-        at angles are rows (3, 3), of zeros for an axis without a period.
+        Start and length of the periods, m; length 0 for an axis without a period. For a sheared
+        cell `periods` has them as rows (3, 3), with zeros for an axis without a period.
     walls : ndarray (2,)
-        z of the flat walls, m; NaN where there is none. They are ignored if z is periodic.
+        Heights z of the flat walls, m; NaN for an absent wall. They are ignored if z is periodic.
     radius : float or ndarray (n,)
         Radius of all spheres, or of each, m.
     gap : float, default 0

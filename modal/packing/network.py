@@ -1,7 +1,7 @@
 """The contact network: particles, contacts, periodic cell and walls; and its file.
 
-This module is the one definition of the format "granular-contact-network". The columns are in
-`modal.packing.columns`; `modal.packing.checks` says which networks are refused.
+Only this module defines the format "granular-contact-network". The columns are in
+`modal.packing.columns`; `modal.packing.checks` decides which networks are refused.
 """
 
 from __future__ import annotations
@@ -37,21 +37,20 @@ class Network(Columns):
     """A packing at rest, n particles and m contacts, SI units; see `docs/formats.md`.
 
     A network is checked when it is made and does not change; `dataclasses.replace` makes another
-    one. Results that follow from it are kept with it (`cached`). Data of the contacts that a
-    program does not know are None, the default, which is not zero. Contacts that resist rolling and
-    twisting, as bonds do, exert on i the moment -(kr (1 - n n^T) + kw n n^T)(theta_i - theta_j); a
-    wall does not turn.
+    one. Results that follow from it are kept with it (`cached`). Unknown data of the contacts are
+    None, the default, and not zero. Contacts that resist rolling and twisting, as bonds do, exert
+    on i the moment -(kr (1 - n n^T) + kw n n^T)(theta_i - theta_j); a wall does not turn.
 
     Parameters
     ----------
     position, radius, mass, inertia : ndarray (n, 3) m, (n,) m, (n,) kg, (n,) kg m^2
-        Particles; the position of a body that is no sphere is its centre of mass.
+        Particles; the position of a body that is not a sphere is its centre of mass.
     particle_i, particle_j : ndarray of int (m,)
         Ends of the contacts; j < 0 is a wall.
     normal : ndarray (m, 3)
         Unit vectors from i towards j or the wall.
     lever_i, lever_j : ndarray (m, 3)
-        From the centre of each end to the contact point, m; zero for a wall.
+        Vector from the centre of each end to the contact point, m; zero for a wall.
     stiffness_normal, stiffness_tangential : ndarray (m,)
         Contact stiffnesses, N/m.
     cell_size, cell_periodic, wall_position : ndarray (3,) m, (3,) bool, (2,) m
@@ -65,26 +64,27 @@ class Network(Columns):
     shear_growth : ndarray (m,), optional
         Relative growth of the shear force with the overlap, 1/m, in the law of another program.
     motion_shortening, torque_shortening : ndarray (m,), optional
-        In such a law, lever arms are shorter than the radius by this share of the overlap.
+        Share of the overlap by which lever arms are shorter than the radius, in such a law.
     stiffness_rolling, stiffness_twisting : ndarray (m,), optional
         Rolling and twisting stiffnesses kr and kw, N m/rad.
     moment : ndarray (m, 3), optional
-        Moment on i, N m, of contacts that resist rolling and twisting, beside that of its force.
+        Moment on i, N m, of contacts that resist rolling and twisting, in addition to the moment of
+        their force.
     inertia_tensor : ndarray (n, 3, 3), optional
-        Of bodies such as clumps, in the axes of the packing, kg m^2; `inertia` is a third of its
-        trace.
+        Inertia tensors of bodies such as clumps, in the axes of the packing, kg m^2; `inertia` is a
+        third of its trace.
     fixed : ndarray of bool (n, 6), optional
-        Motions that a body cannot make: along x, y, z, and turns about them. A body that can make
-        none is a part of a wall; by default all bodies move freely.
+        Motions that a body cannot make: along x, y, z, and turns about them. A body that cannot
+        move at all is a part of a wall; by default all bodies move freely.
     cell_vectors : ndarray (3, 3), optional
-        Periods along x, y and z as rows, m, of a cell at angles; its diagonal is `cell_size`.
+        Periods of a sheared cell as rows, m; the diagonal is `cell_size`.
     study, provenance : dict, optional
         Free attributes.
 
     Raises
     ------
     InputError
-        If no packing can have such columns.
+        If the columns contradict each other or are physically impossible.
 
     Examples
     --------
@@ -114,18 +114,18 @@ class Network(Columns):
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of every column, by which a result in memory or in a file names its network.
+        """SHA-256 of every column; results in memory or in a file identify their network by it.
 
-        It contains all that a result can depend on, to the last bit: particles, contacts, cell and
-        walls. The notes in `study` and `provenance` and the widths of integers are not in it, so a
-        network that was written and read has the same fingerprint.
+        The hash covers everything that a result can depend on, to the last bit: particles,
+        contacts, cell and walls. It does not cover the notes in `study` and `provenance` and the
+        widths of integers, so that a network keeps its fingerprint when it is written and read.
         """
         return self.cached("fingerprint", lambda: _digest(self._present(list(COLUMNS))))
 
     def matches(self, fingerprint: str) -> bool:
-        """Return whether the fingerprint in a result is that of this network.
+        """Return whether a fingerprint belongs to this network.
 
-        The digest of the spheres alone, which files of version 0.1.0 hold, is accepted too.
+        The digest of the spheres alone, as in files of version 0.1.0, is accepted, too.
         """
         return fingerprint in (self.fingerprint, self._digest_of_spheres)
 
@@ -144,7 +144,7 @@ class Network(Columns):
     def area(self) -> float:
         """Cross-section, m^2, to which stresses refer; UnavailableError if there is none.
 
-        Times the length it is the volume of the cell.
+        The cross-section times the `length` is the volume of the cell.
         """
         area = float(self.cell_size[0] * self.cell_size[1])
         if self.cell_vectors is not None:
@@ -163,7 +163,7 @@ class Network(Columns):
         return [name for name in OPTIONAL_CONTACT_COLUMNS if getattr(self, name) is None]
 
     def refuse_angles(self, purpose: str) -> None:
-        """Raise UnavailableError for a cell at angles, of which there is no `purpose`."""
+        """Raise UnavailableError for a sheared cell, which `purpose` does not support."""
         if self.cell_vectors is not None:
             raise UnavailableError(
                 "triclinic_cell",
@@ -174,7 +174,7 @@ class Network(Columns):
     def require(self, name: str, purpose: str) -> Array:
         """Return the optional column `name` of the contacts; UnavailableError if it is absent.
 
-        `purpose` names in the message what cannot be computed without the column.
+        `purpose` is the part of the message that says what needs the column.
         """
         data: Array | None = getattr(self, name)
         if data is None:
@@ -188,7 +188,8 @@ class Network(Columns):
     def with_contacts(self, selection: Bools | Ints | slice) -> Network:
         """Return the network with the selected contacts and all particles.
 
-        `selection` is (m,) bool, indices or a slice. InputError if it has a contact twice.
+        `selection` is (m,) bool, indices or a slice. Raises InputError if it selects a contact
+        twice.
         """
         rows = np.arange(self.n_contacts)[selection]
         if np.bincount(rows).max(initial=0) > 1:
@@ -201,7 +202,7 @@ class Network(Columns):
 
 
 def _digest(columns: Mapping[str, Array]) -> str:
-    """Return the SHA-256 of columns: their names, shapes and numbers, whatever their widths."""
+    """Return the SHA-256 of columns: names, shapes and numbers, independent of integer width."""
     digest = sha256()
     for name, data in sorted(columns.items()):
         width = np.float64 if data.dtype.kind == "f" else np.int64
@@ -217,9 +218,9 @@ def write_network(path: str | Path, network: Network) -> None:
     Parameters
     ----------
     path : str or Path
-        `*.network.h5`, replaced if it is there.
+        `*.network.h5`, replaced if it exists.
     network : Network
-        The network; it was checked when it was made.
+        The network, which was checked when it was made.
 
     Raises
     ------
@@ -238,7 +239,7 @@ def write_network(path: str | Path, network: Network) -> None:
 
 
 def read_network(path: str | Path) -> Network:
-    """Read and validate a network; raise InputError with one line for anything wrong."""
+    """Read and validate a network; raise InputError for any fault."""
     values = FORMAT.read(path)
     columns = {name: values[name] for name in COLUMNS if values[name] is not None}
     with named(path):

@@ -1,4 +1,4 @@
-"""The contact laws that the notes of a packing name, and the force on which its friction bears."""
+"""Read contact laws from the notes of a packing, and compute the force that bounds friction."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,7 +19,7 @@ WALL_ELASTIC = ("wall_young", "wall_poisson")
 
 
 def noted_material(study: Mapping[str, Any]) -> Material:
-    """Return the material in the notes of a network; what they lack is that of glass."""
+    """Return the material in the notes of a network; missing constants are those of glass."""
     constants = {}
     for name in (*ELASTIC, "density"):
         number = number_noted(study, name)
@@ -55,9 +55,9 @@ def wall_material(notes: Mapping[str, float | None]) -> Elasticity | None:
 def friction_bearing_force(network: Network) -> Floats:
     """Return the force (m,), N, whose product with the friction bounds each shear force.
 
-    It is the normal force, or, by an adhesive contact model that the notes name, the one that
-    presses the surfaces together. UnavailableError if forces or, for such a model, overlaps are
-    absent; InputError for an unknown model.
+    This is the normal force or, if the notes name an adhesive contact model, the force that presses
+    the surfaces together. UnavailableError if forces or, for such a model, overlaps are absent;
+    InputError for an unknown model.
     """
     purpose = "share of friction"
     force = network.require("force_normal", purpose)

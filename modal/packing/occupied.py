@@ -1,9 +1,9 @@
 """Find the part of a cell that a packing with free surfaces or free sides fills.
 
-The void ratio of such a packing is the mean over cubes, a little wider than a sphere, all of whose
-neighbours contain spheres too, so that neither a wall nor a surface is near. Its error follows from
-the scatter of the cubes. The volume of the packing is that of its spheres at this void ratio, and a
-surface lies where it would be if the packing were equally dense up to it (the dividing surface of
+The void ratio of such a packing is the mean over cubes a little wider than a sphere. Only cubes
+count whose neighbours all contain spheres, so that neither a wall nor a surface is near. The error
+follows from the scatter of the cubes. The volume of the packing is that of its spheres at this void
+ratio. A surface is placed as if the packing were equally dense up to it (the dividing surface of
 Gibbs).
 """
 
@@ -43,19 +43,19 @@ END_NAMES = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 
 @dataclass(frozen=True)
 class Occupied:
-    """The space that a packing with free ends fills.
+    """The part of the cell that a packing with free ends fills.
 
     Attributes
     ----------
     void_ratio, void_ratio_error : float
         Void ratio of the packing's core, and its error.
     volume : float
-        m^3.
+        Volume of the packing, m^3.
     cubes : int
         Number of cubes in the core; 0 if the packing is too small for one. Void ratio and volume
         are then those of the space up to the outermost spheres.
     low, high : float
-        Ends along z, m.
+        Lower and upper end of the packing along z, m.
     free : ndarray of bool (3, 2)
         Whether the lower and the upper end along each axis are free.
     """
@@ -83,8 +83,8 @@ def free_ends(network: Network) -> Bools:
     """Return which ends (3, 2) of the packing along x, y and z are free surfaces.
 
     An end along z is free if nothing touches its wall and no held bodies are there. Both ends along
-    x or y are free if there is no period and the cell is wider than the packing. A cell without a
-    width has no free ends there, and spheres without any contact have none at all.
+    x or y are free if there is no period and the cell is wider than the packing. Along an axis
+    without a width there are no free ends. Spheres without any contact have no free ends at all.
     """
     free = np.zeros((3, 2), bool)
     if not network.n_contacts:
@@ -132,7 +132,7 @@ def _occupied_part(network: Network) -> Occupied | None:
 
 
 def _extent(network: Network, free: Bools) -> Floats:
-    """Return where the packing begins and ends along each axis (3, 2), m."""
+    """Return the lower and upper end (3, 2), m, of the packing along each axis."""
     radius = network.radius[:, None]
     spheres = np.column_stack(
         [(network.position - radius).min(axis=0), (network.position + radius).max(axis=0)]
@@ -155,7 +155,7 @@ def _volume_of_extent(network: Network, free: Bools) -> tuple[float, float]:
 
 
 def _ends_along_z(network: Network, free: Bools, volume: float) -> tuple[float, float]:
-    """Return where the packing begins and ends along z, m."""
+    """Return the lower and upper end of the packing along z, m."""
     low, high = _extent(network, free)[2]
     if free[:2].any() or not free[2].any():
         return float(low), float(high)
@@ -169,7 +169,7 @@ def _ends_along_z(network: Network, free: Bools, volume: float) -> tuple[float, 
 
 
 def core_solid_fractions(network: Network) -> Floats:
-    """Return the solid fractions (k,) of the cubes with neither wall nor surface beside them."""
+    """Return the solid fractions (k,) of the cubes that are not next to a wall or a surface."""
     periodic = network.cell_periodic
     low = np.where(periodic, 0.0, (network.position - network.radius[:, None]).min(axis=0))
     high = (network.position + network.radius[:, None]).max(axis=0)
@@ -205,7 +205,7 @@ def _sphere_points(network: Network) -> Iterator[tuple[Floats, Floats]]:
 
 
 def _surrounded(full: Bools, periodic: Bools) -> Bools:
-    """Return which cubes are full and have full neighbours only; none is full outside the cell."""
+    """Return which cubes are full and have only full neighbours, counting outer ones as empty."""
     widths = [(0, 0) if wraps else (1, 1) for wraps in periodic]
     around = np.pad(full, widths)
     for axis in range(3):

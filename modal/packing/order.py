@@ -1,9 +1,10 @@
 """Find crystalline order among equal spheres, which overcompression and flat walls favour.
 
-The neighbourhood of a sphere is a vector of the spherical harmonics of degree 6, averaged over its
-neighbours. Two neighbours whose vectors nearly agree are joined by a solid bond, and a sphere with
-many such bonds sits in a crystal (ten Wolde, Ruiz-Montero, Frenkel, J. Chem. Phys. 104, 9932,
-1996). FCC and HCP count alike; a random packing has a few such spheres by chance.
+The neighbourhood of a sphere is described by the vector of spherical harmonics of degree 6,
+averaged over its neighbours. Two neighbours whose vectors nearly agree are joined by a solid bond,
+and a sphere with many such bonds sits in a crystal (ten Wolde, Ruiz-Montero, Frenkel, J. Chem.
+Phys. 104, 9932, 1996). FCC and HCP are not distinguished; a random packing has a few such spheres
+by chance.
 """
 
 from collections.abc import Iterator
@@ -31,7 +32,7 @@ DEGREE = 6
 def crystalline(network: Network) -> Bools:
     """Return which spheres (n,) have crystalline surroundings, in a cell periodic along x and y.
 
-    Walls are no neighbours: a sphere of an FCC layer at a wall has 8 or 9 solid bonds.
+    Walls do not count as neighbours: a sphere of an FCC layer at a wall has 8 or 9 solid bonds.
     """
     return network.cached("crystalline", lambda: _crystalline(network))
 
@@ -76,8 +77,6 @@ def _harmonics(direction: Floats) -> Iterator[Complex]:
 
     Y_6m with a negative m is the conjugate of the one with -m. The functions with m > 0 therefore
     have an additional factor sqrt(2).
-
-    Those of negative m are conjugates, for which the others have a factor sqrt(2).
     """
     x, y, z = direction.T
     power: Complex = np.ones(len(z), complex)

@@ -1,8 +1,8 @@
-"""Report what is unusual in a network but may be right, so that no check can refuse it.
+"""Report unusual but possible features of a network, which no check can refuse.
 
-Nothing is refused here. Contact laws that this project does not know are sound, packings under
-gravity are not in balance without it, and bodies of several densities exist; but a permuted column
-of stiffnesses, or a mass in another unit, shows in these numbers and nowhere else.
+Nothing is refused here. Contact laws that this project does not know may be sound, contact forces
+of packings under gravity do not balance, and bodies may have several densities. But only these
+numbers show a permuted column of stiffnesses or a mass in another unit.
 """
 
 from collections.abc import Iterator
@@ -74,10 +74,10 @@ DENSITY_RANGE_KG_PER_M3 = (100.0, 25_000.0)
 
 
 class Remark(NamedTuple):
-    """Something unusual that may hold for a network.
+    """An unusual feature that a network may have.
 
-    code: the kind of remark, for programs and tests. applies: whether the remark holds. text: the
-    sentence for a reader. number: the number that the remark is about, NaN without one.
+    code: the kind of remark, for programs and tests. applies: whether the network has the feature.
+    text: the sentence for a reader. number: the number that the remark is about, NaN without one.
     """
 
     code: str
@@ -87,21 +87,21 @@ class Remark(NamedTuple):
 
 
 class Findings(NamedTuple):
-    """Numbers by name, and remarks, those that do not apply included."""
+    """Numbers by name, and remarks, including those that do not apply."""
 
     numbers: dict[str, Any]
     remarks: list[Remark]
 
 
 def plausibility(network: Network, *, sought: bool = False, waves: bool = False) -> dict[str, Any]:
-    """Return numbers that show whether a network is plausible, and remarks on what is unusual.
+    """Return numbers that show whether a network is plausible, and remarks on unusual features.
 
-    The numbers: which data are absent, how many contacts pull, the contact law, the balance of
-    forces, the densities. A list of three numbers holds the smallest, the median and the largest
-    value. Numbers whose data are absent are left out; the balance needs shear forces. `remarks` is
-    a list of texts, one for each unusual observation. If `sought`, contacts are known to be
-    complete, as those of a sample are, and missing ones are not looked for. If `waves`, the length
-    of the packing is judged, too.
+    The numbers are: absent data, number of contacts in tension, contact law, balance of forces,
+    densities. A list of three numbers holds the smallest, the median and the largest value. Numbers
+    whose data are absent are left out; the balance needs shear forces. `remarks` is a list of
+    texts, one for each unusual observation. `sought` says that the contacts were found from
+    positions, as those of a sample are, so that none can be missing. With `waves` the length of the
+    packing is checked, too.
     """
     findings = examine(network, sought=sought, waves=waves)
     texts = [remark.text for remark in findings.remarks]
@@ -152,7 +152,7 @@ def _remark_on_digits(network: Network) -> Remark:
 
 
 def _remark_on_densities(density: Floats) -> list[Remark]:
-    """Remark on densities of no solid, and on several densities."""
+    """Remark on densities that no solid has, and on several densities."""
     low, median, high = _spread(density)
     return [
         Remark(
@@ -170,7 +170,7 @@ def _remark_on_densities(density: Floats) -> list[Remark]:
 
 
 def is_of_a_solid(density: float) -> bool:
-    """Return whether a solid has this density, kg/m^3; in grams and centimetres none has.
+    """Return whether a density, kg/m^3, is one of solids; values in g/cm^3 are not.
 
     >>> is_of_a_solid(2500.0), is_of_a_solid(2.5)
     (True, False)
@@ -180,14 +180,14 @@ def is_of_a_solid(density: float) -> bool:
 
 
 def median_density(network: Network) -> float:
-    """Return the density of the median sphere, kg/m^3."""
+    """Return the median of the spheres' densities, kg/m^3."""
     return float(np.median(density_of(network)))
 
 
 def _remark_on_shape(network: Network, waves: bool) -> list[Remark]:
     """Remark on crystalline order, and on a cell that is too narrow, or for `waves` too short.
 
-    A lattice, whose springs are all equal, may have any width: its periods are its own.
+    The width of a lattice, whose springs are all equal, is not checked.
     """
     diameter = 2 * float(network.radius.mean())
     shares: dict[str, float] = {}
@@ -232,7 +232,7 @@ def _remark_on_shape(network: Network, waves: bool) -> list[Remark]:
 
 
 def remark_on_thirds(network: Network) -> Remark:
-    """Remark on springs or masses that change along z: no number then holds for all."""
+    """Remark on springs or masses that change along z: one velocity cannot describe the packing."""
     diameter = 2 * float(network.radius.mean())
     excess = 0.0
     if network.length > MIN_LENGTH_FOR_THIRDS_IN_DIAMETERS * diameter:
@@ -245,7 +245,7 @@ def remark_on_thirds(network: Network) -> Remark:
 
 
 def _remark_on_depth(network: Network) -> Remark:
-    """Remark on overlaps that are too deep for the theory of contacts."""
+    """Remark on overlaps that are too large for the theory of contacts."""
     radius_i = network.radius[network.particle_i]
     radius_j = network.radius[network.partner]
     pair = ~network.with_wall
@@ -262,7 +262,7 @@ def _remark_on_depth(network: Network) -> Remark:
 
 
 def _remark_on_free_ends(network: Network) -> Iterator[Remark]:
-    """Remark on free surfaces, and on the part of the packing that the void ratio is of."""
+    """Remark on free surfaces, and on the part of the packing that the void ratio refers to."""
     occupied = occupied_part(network)
     if occupied is None:
         return
@@ -318,7 +318,7 @@ def _examine_geometry(network: Network) -> Findings:
 
 
 def _examine_stiffnesses(network: Network) -> Findings:
-    """Examine the ratio of stiffnesses, and the law that stiffness, force and overlap follow."""
+    """Examine the ratio of stiffnesses, and the law between stiffness, force and overlap."""
     numbers: dict[str, Any] = {}
     remarks = []
     ratio = stiffness_ratio(network)
@@ -363,7 +363,7 @@ def _examine_stiffnesses(network: Network) -> Findings:
 
 
 def _examine_forces(network: Network) -> Findings:
-    """Examine which contacts pull or slide, and whether forces on the particles balance."""
+    """Examine contacts in tension, sliding contacts, and the balance of forces on particles."""
     force = network.force_normal
     if force is None:
         return Findings({}, [])

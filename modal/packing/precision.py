@@ -2,9 +2,9 @@
 
 Positions that were rounded when they were written change each overlap by a random amount.
 Velocities and moduli, which are sums over many contacts, hardly change; a single low mode, which
-depends on the weakest places, does: in a packing of 3,000 spheres at 100 kPa an error of 1e-3 of
-the overlaps changes V_P by less than 1e-5 and one of the lowest eight modes by 2 %. Of spheres from
-a scan (`modal.packing.scan`) no overlap is known at all.
+depends on the weakest places, changes more: in a packing of 3,000 spheres at 100 kPa an error of
+1e-3 of the overlaps changes V_P by less than 1e-5 and one of the lowest eight modes by 2 %. For
+spheres from a scan (`modal.packing.scan`) no overlap is known at all.
 """
 
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ lost or false, and V_P is wrong by 4 %."""
 
 
 def overlap_error(network: Network) -> float:
-    """Return the error of the overlaps divided by their median; 0 if they are exact."""
+    """Return the error of the overlaps divided by their median; 0 if the overlaps are exact."""
     return network.noted(OVERLAP_ERROR) or 0.0
 
 
@@ -49,10 +49,10 @@ def is_exact(network: Network) -> bool:
 
 
 def other_packings(network: Network) -> Iterator[Network]:
-    """Yield packings that may as well be the real one, from which errors follow.
+    """Yield packings that are as likely as the given one; their scatter gives errors.
 
-    They have perturbed overlaps or, of a scan, other tolerances and forces. There are none if
-    overlaps are known exactly.
+    The packings have perturbed overlaps or, for a scan, other tolerances and forces. None is
+    yielded if overlaps are known exactly.
     """
     if is_scanned(network):
         for other in alternatives(network):
@@ -96,11 +96,11 @@ def taken_as_exact(network: Network) -> Network:
 
 
 def with_perturbed_overlaps(network: Network, random: np.random.Generator) -> Network:
-    """Return the network with its overlaps changed once more by random errors of the same size.
+    """Return the network with its overlaps changed by further random errors of the same size.
 
     Stiffnesses follow the contact law: k is proportional to overlap^p, where p follows from the
-    ratio 1 / (1 + p) of force to stiffness times overlap. Contacts that open are left out; those
-    that close cannot be known. UnavailableError if forces or overlaps are absent.
+    ratio 1 / (1 + p) of force to stiffness times overlap. Contacts that open are left out; contacts
+    that would close are not known. UnavailableError if forces or overlaps are absent.
     """
     overlap = network.require("overlap", "error by the digits of positions")
     force = network.require("force_normal", "error by the digits of positions")

@@ -14,8 +14,9 @@ neighbours by more than a wave moves them."""
 def keeping_contacts(network: Network, least: int) -> Bools:
     """Return which particles (n,) remain when those with fewer than `least` contacts are removed.
 
-    A particle's contacts are removed with it, so this is repeated until all remaining particles
-    have at least `least` contacts with each other and with walls. Held bodies remain, as walls do.
+    A particle's contacts are removed with it, so the removal is repeated until all remaining
+    particles have at least `least` contacts with each other and with walls. Held bodies remain, as
+    walls do.
     """
     return network.cached(f"keeping {least} contacts", lambda: _keeping_contacts(network, least))
 
@@ -46,10 +47,10 @@ def contacts_that_move(network: Network) -> Bools:
 def force_bearing(network: Network) -> Bools:
     """Return which particles (n,) bear force: they have two contacts with other such particles.
 
-    A particle with a single contact cannot be in balance under a force; it is a rattler. Rattlers
-    are also all particles of a cluster that touches no wall and is not the largest. A cluster with
-    a contact through a period is taken for one that spans the cell. Held bodies are walls: they
-    support others, and are not among the particles that bear force.
+    A particle with a single contact cannot be in balance under a force; it is a rattler. All
+    particles of a cluster that touches no wall and is not the largest are rattlers, too. A cluster
+    with a contact through a period counts as spanning the cell. Held bodies are walls: they support
+    others, and are not among the particles that bear force.
     """
     return network.cached("force-bearing", lambda: _force_bearing(network))
 
@@ -72,9 +73,9 @@ def _force_bearing(network: Network) -> Bools:
 
 
 def _find_clusters(n: int, i: Ints, j: Ints) -> Ints:
-    """Return the lowest particle (n,) in the cluster of each, where i and j (m,) touch.
+    """Return for each particle the lowest particle (n,) of its cluster; i and j (m,) touch.
 
-    In each round the label of a cluster drops to the lowest label that its members touch.
+    In each round the label of a cluster becomes the lowest label that its members touch.
     """
     label = np.arange(n)
     while True:
@@ -90,7 +91,7 @@ def _find_clusters(n: int, i: Ints, j: Ints) -> Ints:
 
 
 def firmly_held(network: Network) -> Bools:
-    """Return which particles (n,) bear force, at least one contact force above a limit.
+    """Return which particles (n,) bear force and have at least one contact force above a limit.
 
     The limit is `MIN_FORCE_IN_MEAN_FORCES`. If the forces are not known, all force-bearing
     particles count as firmly held.

@@ -1,10 +1,10 @@
 """Find the equal parts along x and y of which a packing consists.
 
-A wave that a wall sends by moving as a whole is the same in each part. One part, in the smaller
-cell, then carries the whole wave: spheres across its edges touch their own images, and a sphere
-that touches an image of itself has both sides of the contact (P^T K P / n, where P repeats a motion
-n times, contact by contact). A shift by 1/p of a period, p a prime, is sought that maps every
-sphere and every contact onto another one; then a further shift of the resulting part is sought.
+A wave from a wall that moves as a whole is the same in each part. Therefore one part in a smaller
+cell is enough: its spheres touch images across the edges, and its matrix is P^T K P / n, where P
+repeats a motion n times. The search looks for a shift by 1/p of a period, p a prime, that maps
+every sphere and every contact onto another one. The resulting part is then searched in the same
+way.
 """
 
 from dataclasses import dataclass
@@ -47,16 +47,16 @@ class Repeats:
     part : Network
         One part, in the smallest cell that was found, without `cell_shift`.
     first : ndarray (n / count,)
-        The sphere of the network that each sphere of the part is.
+        Index in the network of each sphere of the part.
     member : ndarray (n,)
-        The sphere of the part that moves as each sphere of the network does.
+        Index in the part of the sphere that moves like each sphere of the network.
     count : int
         Number of parts.
     difference : float
-        Upper bound of the difference of the parts: half that of the contacts' stiffnesses and of
-        the spheres' masses, relative, and three times that of normals and levers, relative to 1 and
-        to the smallest radius. By at most this share of itself the motion of a wave differs after
-        1 / omega_max from that in a network of equal parts (`modal.waves.forced_system`).
+        Upper bound of the difference of the parts: half the relative difference of stiffnesses and
+        of masses, plus three times that of normals and of levers divided by the smallest radius. It
+        bounds the relative difference, after a time 1 / omega_max, of the motion from that in a
+        network of exactly equal parts (`modal.waves.forced_system`).
     """
 
     part: Network
@@ -69,8 +69,8 @@ class Repeats:
 def lateral_repeats(network: Network, *, pre_stress: bool = False) -> Repeats:
     """Return the equal parts of which a network consists; the network itself if it has none.
 
-    For most random packings the common divisors of the numbers of spheres and contacts decide, for
-    others the spheres that touch the source wall.
+    Most random packings are excluded by the common divisors of the numbers of spheres and contacts,
+    the others by the spheres that touch the source wall.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def lateral_repeats(network: Network, *, pre_stress: bool = False) -> Repeats:
     Returns
     -------
     Repeats
-        One part, their number, and their difference, at most `SAME`.
+        One part, the number of parts, and their difference, at most `SAME`.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def lateral_repeats(network: Network, *, pre_stress: bool = False) -> Repeats:
 
 
 def undivided(network: Network) -> Repeats:
-    """Return the network as the one part of itself."""
+    """Return the network as a single part, without repeats."""
     every: Ints = np.arange(network.n_particles)
     return Repeats(network, every, every, 1, 0.0)
 
@@ -104,7 +104,7 @@ def undivided(network: Network) -> Repeats:
 def _find_finest(network: Network, pre_stress: bool) -> Repeats | None:
     """Return the parts as `lateral_repeats` does, but None if there is one part only.
 
-    A network then keeps no copy of itself.
+    Thus a network does not store a copy of itself.
     """
     if any(getattr(network, name) is not None for name in BOND_COLUMNS):
         return None  # bonds and clumps are not compared
@@ -143,7 +143,7 @@ def _prime_factors(number: int) -> list[int]:
 
 
 def _divide(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> Repeats | None:
-    """Return the repeats of a `prime`-th of the width along an axis, or None if there are none.
+    """Return the repeats of 1/`prime` of the width along an axis, or None if there are none.
 
     `columns` are the properties of contacts that must be equal.
     """
@@ -188,7 +188,7 @@ def _divide(whole: Repeats, axis: int, prime: int, columns: tuple[str, ...]) -> 
 
 
 def _lowest_image(image: Ints, times: int) -> Ints:
-    """Return the lowest number (k,) that repeated application of a map leads each number to.
+    """Return the lowest number (k,) that each number reaches if a map is applied repeatedly.
 
     `image` (k,) is the map, which is applied up to `times` times.
     """
@@ -201,9 +201,9 @@ def _lowest_image(image: Ints, times: int) -> Ints:
 
 
 def _match_spheres(network: Network, spheres: Ints, axis: int, parts: int) -> Ints | None:
-    """Return onto which of the `spheres` (k,) each one falls, or None if one falls onto none.
+    """Return the sphere (k,) onto which a shift maps each of the `spheres`, or None.
 
-    They are shifted along the axis by the cell's width divided by `parts`.
+    The shift along the axis is the cell's width divided by `parts`.
     """
     from scipy.spatial import KDTree  # not at import: most packings have no parts
 
@@ -225,8 +225,8 @@ def _match_spheres(network: Network, spheres: Ints, axis: int, parts: int) -> In
 class _ContactImage(NamedTuple):
     """Contacts and their images.
 
-    row (m,): the contact onto which each one falls. contact, image (m,): the same pairs in another
-    order. sign (m, 1): -1 if the ends of contact and image are exchanged.
+    row (m,): the contact onto which the shift maps each contact. contact, image (m,): the same
+    pairs in another order. sign (m, 1): -1 if the ends of contact and image are exchanged.
     """
 
     row: Ints
@@ -236,9 +236,9 @@ class _ContactImage(NamedTuple):
 
 
 def _match_contacts(network: Network, image: Ints) -> _ContactImage | None:
-    """Return onto which contact each one falls, or None if one falls onto none.
+    """Return the contact onto which a shift maps each contact, or None without a match.
 
-    `image` (n,) is the sphere onto which each one falls.
+    `image` (n,) is the sphere onto which the shift maps each sphere.
     """
     i = network.particle_i
     j = network.particle_j
@@ -259,7 +259,7 @@ def _match_contacts(network: Network, image: Ints) -> _ContactImage | None:
 def _largest_difference(
     network: Network, image: Ints, contacts: _ContactImage, columns: tuple[str, ...]
 ) -> float:
-    """Return the `difference`, as in `Repeats`, between spheres and contacts and their images."""
+    """Return the `difference` (see `Repeats`) of spheres and contacts from their images."""
     if network.fixed is not None and (network.fixed[image] != network.fixed).any():
         return np.inf
     _, here, there, sign = contacts
@@ -292,5 +292,5 @@ def _largest_difference(
 
 
 def _largest(difference: Array, scale: Array | float) -> float:
-    """Return the largest size of a difference relative to a scale; 0 if there is none."""
+    """Return the largest absolute difference divided by a scale; 0 for an empty array."""
     return float(abs(difference / scale).max(initial=0.0))

@@ -1,7 +1,8 @@
-"""Join spheres that move as one into rigid bodies, such as the clumps of DEM programs.
+"""Join spheres that move together into rigid bodies, such as the clumps of DEM programs.
 
-A clump has the mass and the tensor of inertia of its members, each at its place, unless the program
-gives other values; its contacts are those of its members, with levers from its centre of mass.
+A clump has the mass and the tensor of inertia of its members, each at its own place, unless the
+program gives other values; its contacts are those of its members, with levers from its centre of
+mass.
 """
 
 from dataclasses import dataclass, replace
@@ -27,7 +28,7 @@ class Bodies:
     number : ndarray (k,)
         Numbers of the bodies, from 1 on.
     mass : ndarray (k,)
-        kg.
+        Masses, kg.
     centre : ndarray (k, 3)
         Centres of mass, m.
     tensor : ndarray (k, 3, 3)
@@ -49,11 +50,11 @@ def joined(network: Network, body: Ints, properties: Bodies | None = None) -> Ne
     Parameters
     ----------
     network : Network
-        Of spheres.
+        Network of spheres.
     body : ndarray (n,)
         Number of each sphere's body; below 1 for spheres that remain as they are.
     properties : Bodies, optional
-        Masses, centres and tensors of all bodies in place of those that follow from the members.
+        Masses, centres and tensors of all bodies; by default they follow from the members.
     """
     n = network.n_particles
     number = np.where(body > 0, body, -1 - np.arange(n))
@@ -138,10 +139,10 @@ def joined(network: Network, body: Ints, properties: Bodies | None = None) -> Ne
 
 
 def _fixed_of_bodies(network: Network, index: Ints, count: int) -> Bools | None:
-    """Return the held motions (count, 6) of bodies, of which each sphere's is in `index` (n,).
+    """Return the held motions (count, 6) of bodies; `index` (n,) is the body of each sphere.
 
-    Raises InputError if members of a body are held differently, or in a part of their motions:
-    those of a sphere about its own centre are not those of the body.
+    Raises InputError if members of a body are held differently or only partly: a rotation of a
+    sphere about its own centre is not a rotation of the body.
     """
     if network.fixed is None:
         return None

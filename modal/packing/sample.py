@@ -1,8 +1,8 @@
 """Store a sample of spheres compactly: its contact network is rebuilt from positions.
 
-This module is the one definition of the format "granular-sample", versions 1 to 5. Overlaps,
-normals and stiffnesses follow from the positions; only what depends on history is stored: shear
-forces, as two components in a frame that follows from the normal, and moments.
+Only this module defines the format "granular-sample", versions 1 to 5. Overlaps, normals and
+stiffnesses follow from the positions; only what depends on history is stored: shear forces, as two
+components in a frame that follows from the normal, and moments.
 """
 
 from dataclasses import dataclass, field, replace
@@ -77,7 +77,7 @@ class Sample:
     Parameters
     ----------
     position : ndarray (n, 3)
-        m, x and y inside the cell.
+        Centres, m; x and y lie inside the cell.
     side, walls : ndarray (2,)
         Sides of the lateral cell, and z of source and receiver wall, m.
     friction : float
@@ -85,17 +85,17 @@ class Sample:
     shear : ndarray (m, 2), optional
         Shear force on i of each contact in canonical order along `neighbours.tangents`, N.
     acting : ndarray of bool (p,), optional
-        Which of the `pairs_in_reach` are contacts; by default those that overlap. Only for contact
-        models whose contacts act across a gap once they have formed.
+        Which of the `pairs_in_reach` are contacts; by default those that overlap. Needed only for
+        contact models whose contacts still act across a gap.
     rolling, twisting : float, default 0
-        Coefficients: their product with the effective radius and the force on which friction bears
-        bounds the moment of a contact across and along its normal, whose stiffnesses are those of
-        `modal.packing.contact_models.turning_stiffnesses`. At 0 only models with a stiffness
-        against turns of their own have moments.
+        Coefficients of rolling and twisting friction. Times the effective radius and the force that
+        bounds friction they are the largest moments across and along the normal of a contact. The
+        stiffnesses are those of `modal.packing.contact_models.turning_stiffnesses`. If both are 0,
+        only contact models that resist turning have moments.
     moment : ndarray (m, 3), optional
         Moment on i of each contact in canonical order, N m.
     velocity, angular_velocity, strain_rate : ndarray (n, 3), (n, 3), (3,), optional
-        m/s, rad/s, and 1/s of the cell; only for a sample in motion.
+        Velocities, m/s and rad/s, and strain rate of the cell, 1/s; only for a sample in motion.
     radius, radii : float, default 1.27e-3, and ndarray (n,), optional
         Radius of all spheres, m, or, if they differ, the mean radius and that of each sphere.
     material, densities : Material, default glass, and ndarray (n,) kg/m^3, optional
@@ -103,9 +103,9 @@ class Sample:
     wall_material : Elasticity, optional
         Elastic constants of the walls; by default those of the spheres.
     periodic_z : bool, default False
-        Whether there are no walls and `walls` are the ends of a period along z.
+        Whether z is periodic without walls; `walls` are then the ends of the period.
     periodic_sides : tuple of 2 bool, default (True, True)
-        Whether x and y are periodic. A packing with free sides can be written to no file.
+        Whether x and y are periodic. A sample with free sides cannot be written to a file.
     fixed : ndarray of bool (n, 6), optional
         Motions that a sphere cannot make, as in a network; by default all spheres move freely.
     body, arm, body_mass, body_tensor : optional
@@ -159,7 +159,7 @@ class Sample:
 
     @property
     def sizes(self) -> float | Floats:
-        """Radius of all spheres, or that of each (n,), m."""
+        """Radius of all spheres, or of each sphere (n,), m."""
         return self.radius if self.radii is None else self.radii
 
     @property
@@ -169,15 +169,15 @@ class Sample:
 
     @property
     def resists_turning(self) -> bool:
-        """Whether contacts have moments, by their coefficients or by their model."""
+        """Whether contacts have moments, by coefficients or by their model."""
         return self.rolling > 0 or self.twisting > 0 or resists_turning(self.laws[0])
 
     @property
     def constants(self) -> dict[str, Any]:
         """Constants of the materials and contacts by name, as in the `study` of a network.
 
-        There is no density if those of the spheres differ, no name of the default contact model,
-        and no coefficient that is 0.
+        The density is left out if spheres differ in density, and so are the default contact model
+        and coefficients that are 0.
         """
         names = list(ELASTIC)
         if self.material.contact_model != HERTZ_MINDLIN:
@@ -192,7 +192,7 @@ class Sample:
 
     @property
     def wall_constants(self) -> dict[str, float]:
-        """Elastic constants of the walls by name; empty if they are those of the spheres."""
+        """Elastic constants of the walls by name; empty if equal to those of the spheres."""
         walls = self.wall_material
         if walls is None:
             return {}
@@ -217,7 +217,7 @@ class Sample:
         return Clumps(self.body, self.arm, self.body_mass, self.body_tensor)
 
     def refuse_clumps(self, purpose: str) -> None:
-        """Raise UnavailableError if the spheres are parts of clumps, for which a purpose is not."""
+        """Raise UnavailableError for a sample of clumps, which `purpose` does not support."""
         if self.body is not None:
             raise UnavailableError(
                 "clumps",
@@ -228,7 +228,7 @@ class Sample:
 
     @property
     def grains(self) -> int:
-        """Number of bodies that move: clumps, or spheres."""
+        """Number of grains: clumps, or single spheres."""
         return len(self.position) if self.body_mass is None else len(self.body_mass)
 
     @property
@@ -284,7 +284,7 @@ class Sample:
         return pairs.some(self.acting)
 
     def pairs_in_reach(self) -> ContactList:
-        """Return the pairs in canonical order that overlap or that a contact could still join."""
+        """Return the pairs, in canonical order, that overlap or may have a contact across a gap."""
         periodic = np.array([*self.periodic_sides, self.periodic_z])
         low = np.where(periodic, [0.0, 0.0, self.walls[0]], 0.0)
         periods = periodic * self.lengths
@@ -301,7 +301,7 @@ class Sample:
         return pairs.some(pairs.overlap > -rupture_distance(law, self._effective_radius(pairs)))
 
     def _effective_radius(self, contact: ContactList) -> Floats:
-        """Return R1 R2 / (R1 + R2) of each contact (m,), m, and R of those with a wall."""
+        """Return R1 R2 / (R1 + R2) of each contact (m,), m; at a wall the radius R."""
         radius = np.broadcast_to(self.sizes, len(self.position))
         radius_i = radius[contact.particle_i]
         radius_j = radius[np.maximum(contact.particle_j, 0)]
@@ -309,7 +309,7 @@ class Sample:
         return np.where(contact.particle_j < 0, radius_i, effective)
 
     def network(self) -> Network:
-        """Return the contact network of the grains: of spheres (`sphere_network`), or of clumps."""
+        """Return the contact network of the grains: clumps, or spheres (`sphere_network`)."""
         network = self.sphere_network()
         clumps = self.clumps
         if clumps is None:
@@ -329,12 +329,12 @@ class Sample:
     def sphere_network(self, contact: ContactList | None = None) -> Network:
         """Return the contact network of the spheres: springs of the model at the present overlaps.
 
-        The contacts are sought unless `contact` gives them. A contact point lies in the middle of
-        the overlap, also at a wall. The relative error of an overlap is eps times diameter divided
-        by overlap, 1e-12 at 100 kPa. A contact that pulls beyond its largest pull, or across a
-        gap by a liquid, has a negative normal stiffness: the network has 0 in its place, and the
-        number of these contacts among its notes. InputError if the shear forces are not those of
-        the contacts.
+        The contacts are found from the positions unless `contact` gives them. A contact point lies
+        in the middle of the overlap, also at a wall. The relative error of an overlap is eps times
+        diameter divided by overlap, 1e-12 at 100 kPa. A contact beyond its largest tension, or with
+        a liquid bridge across a gap, has a negative normal stiffness: the network has 0 instead,
+        and the number of these contacts in its notes. Raises InputError if there are not as many
+        shear forces as contacts.
         """
         if contact is None:
             contact = self.contacts()
@@ -393,7 +393,7 @@ class Sample:
     def _compute_turning(
         self, contact: ContactList, law: ContactLaw, effective: Floats
     ) -> dict[str, Array]:
-        """Return the stiffnesses against turns and the moments of contacts as columns."""
+        """Return the stiffnesses against rolling and twisting, and the moments, as columns."""
         rolling, twisting = turning_stiffnesses(
             law, contact.overlap, effective, self.rolling, self.twisting
         )
@@ -460,10 +460,10 @@ FORMAT = Product(
 
 
 def sample_of_network(network: Network, friction: float) -> Sample:
-    """Return the compact form of a network of spheres, whose contacts are then in canonical order.
+    """Return the sample of a network of spheres, with the contacts in canonical order.
 
-    Moduli and contact model are those in the `study` of the network, or those of glass. InputError
-    if stiffnesses are those of another law or of other moduli, or if there are other contacts.
+    Moduli and contact model are taken from the `study` of the network, or are those of glass.
+    Raises InputError if the stiffnesses or the list of contacts do not follow from them.
     """
     sample = bare_sample(network, friction)
     shift = network.require("cell_shift", "sample with its contacts in order")
@@ -489,7 +489,7 @@ def sample_of_network(network: Network, friction: float) -> Sample:
 
 
 def bare_sample(network: Network, friction: float) -> Sample:
-    """Return the sample of a network without shear forces."""
+    """Return the sample of a network as `sample_of_network` does, but without shear forces."""
     network.refuse_angles("sample")
     radius = network.radius
     radii_are_equal = bool((radius == radius[0]).all())
@@ -541,7 +541,7 @@ def write_sample(path: str | Path, sample: Sample) -> None:
     Parameters
     ----------
     path : str or Path
-        `*.sample.h5`, replaced if it is there.
+        `*.sample.h5`, replaced if it exists.
     sample : Sample
         Spheres, their contact model, and the shear forces of their contacts.
 
@@ -573,7 +573,7 @@ def write_sample(path: str | Path, sample: Sample) -> None:
 
 
 def read_sample(path: str | Path) -> Sample:
-    """Read and validate a sample; raise InputError with one line for anything wrong."""
+    """Read and validate a sample; raise InputError for any fault."""
     values = FORMAT.read(path)
     wall_constants = {name: values.pop(name) for name in WALL_ELASTIC}
     with named(path):
@@ -595,7 +595,7 @@ def validate(sample: Sample, name: str = "sample") -> None:
 
 
 def _check_sample(sample: Sample) -> Faults:
-    """Check numbers, material, cell and, last as they take longest, the positions."""
+    """Check numbers, material and cell; then the positions, whose check takes longest."""
     for column in COLUMNS:
         data = getattr(sample, column)
         if data is not None:
@@ -651,7 +651,7 @@ def _check_constants(sample: Sample) -> Faults:
 
 
 def _check_positions(sample: Sample) -> Faults:
-    """Check that the spheres lie inside the cell, each in its own place."""
+    """Check that the spheres lie inside the cell, and that no two have the same centre."""
     low, high = sample.walls
     lateral = sample.position[:, :2]
     z = sample.position[:, 2]

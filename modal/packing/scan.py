@@ -1,6 +1,6 @@
-"""Contacts of spheres whose overlaps are not known, as in a scan by tomography.
+"""Estimate contacts of spheres whose overlaps are not known, as in a scan by tomography.
 
-A scan shows centres to about a percent of a radius, and overlaps are a hundredth of that. So
+A scan measures centres to about a percent of a radius, and overlaps are a hundred times smaller. So
 spheres whose gap is below a tolerance count as contacts. The mean stress p of a packing with the
 volume V is the mean product of contact forces and branch vectors l, which determines the mean
 normal force f (Love; Christoffersen, Mehrabadi and Nemat-Nasser, J. Appl. Mech. 48, 339, 1981):
@@ -13,9 +13,8 @@ them by the contact law; both of Hertz and Mindlin grow as (R* f)^(1/3). Equal f
 mean-field assumption of Digby (J. Appl. Mech. 48, 803, 1981) and Walton (J. Mech. Phys. Solids 35,
 213, 1987), make V_P 10 % larger.
 
-Which tolerance is right is not known, nor which contact carries which force. So `alternatives`
-yields the packing at other tolerances, and with equal forces; how far these move an answer is its
-error.
+Neither the right tolerance nor the force of a single contact is known. Therefore `alternatives`
+yields the packing at other tolerances, and with equal forces; the change of a result is its error.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ COEFFICIENTS = (
 
 @dataclass(frozen=True)
 class ForceLaw:
-    """Stiffnesses of contacts by their normal force f: k = coefficient (R* f)^power.
+    """Stiffness of contacts as a function of the normal force f: k = coefficient (R* f)^power.
 
     Attributes
     ----------
@@ -85,7 +84,7 @@ class ForceLaw:
 
 @dataclass(frozen=True)
 class Scan:
-    """What is assumed of a packing whose overlaps are not known.
+    """Assumptions on a packing whose overlaps are not known.
 
     Attributes
     ----------
@@ -94,7 +93,7 @@ class Scan:
     stress : float
         Mean stress, Pa.
     law : ForceLaw
-        Stiffnesses by the force of a contact.
+        Stiffness as a function of the force of a contact.
     """
 
     tolerance: float
@@ -114,7 +113,7 @@ class Scan:
 
     @property
     def notes(self) -> dict[str, float]:
-        """The notes of a network from which `of` makes the scan again."""
+        """The notes of a network from which `Scan.of` restores the scan."""
         coefficients = zip(COEFFICIENTS, vars(self.law).values(), strict=True)
         return {TOLERANCE: self.tolerance, STRESS: self.stress, **dict(coefficients)}
 
@@ -128,7 +127,7 @@ class ScannedSpheres:
     bodies : mapping
         Columns of the particles by name.
     cell_size, cell_periodic, wall_position : ndarray (3,) m, (3,) bool, (2,) m
-        Those of `Network`.
+        As in `Network`.
     has_wall : ndarray (2,) of bool
         Whether there is a wall at low and at high z.
     """
@@ -152,7 +151,7 @@ class ScannedSpheres:
         )
 
     def contacts(self, tolerance: float) -> ContactList:
-        """Return the pairs, and the spheres at walls, with gaps up to a tolerance, m."""
+        """Return the contacts of spheres, and with walls, whose gap is at most a tolerance, m."""
         position = self.bodies["position"]
         periods = np.where(self.cell_periodic, self.cell_size, 0.0)
         walls = np.where(self.has_wall, self.wall_position, np.nan)
@@ -171,7 +170,7 @@ class ScannedSpheres:
         Parameters
         ----------
         scan : Scan
-            The assumptions, which are noted in the network beside `study`.
+            The assumptions, which are noted in the network together with `study`.
         study : mapping
             Further notes.
         equal_forces : bool
@@ -180,7 +179,7 @@ class ScannedSpheres:
         Raises
         ------
         InputError
-            If no gap is below the tolerance, or if no packing can have such spheres.
+            If no gap is below the tolerance, or if the spheres are invalid.
         """
         contacts = self.contacts(scan.tolerance)
         if len(contacts.overlap) == 0:
@@ -222,8 +221,8 @@ class ScannedSpheres:
 def mean_contact_force(stress: float, volume: float, lengths: Floats) -> float:
     """Return the normal force, N, of contacts with branch vectors of these lengths (m,), m.
 
-    `stress` is the mean stress, Pa, and `volume` that of the packing, m^3. If forces differ, each
-    length counts as often as its force is larger than the mean one.
+    `stress` is the mean stress, Pa, and `volume` that of the packing, m^3. If forces differ,
+    multiply each length by its force divided by the mean force.
 
     >>> round(mean_contact_force(1e5, 1e-6, np.full(100, 2e-3)), 9)
     1.5
@@ -239,10 +238,10 @@ def draw_force_shares(count: int) -> Floats:
 
 
 def alternatives(network: Network) -> Iterator[Network]:
-    """Yield a scanned packing with what is not known of it chosen otherwise.
+    """Yield a scanned packing under other assumptions.
 
-    These are the packing at smaller and larger tolerances (`TOLERANCE_FACTORS`), and with equal
-    forces. There are none if the network is not from a scan.
+    The assumptions are smaller and larger tolerances (`TOLERANCE_FACTORS`), and equal forces. None
+    is yielded if the network is not from a scan.
     """
     scan = Scan.of(network.study)
     if scan is None:

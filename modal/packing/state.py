@@ -40,7 +40,7 @@ class Profile:
     Attributes
     ----------
     edges : ndarray (k + 1,)
-        m.
+        Edges of the layers, m.
     stress : ndarray (k, 3) or None
         Normal stresses along x, y, z, Pa, compression positive; None if forces are absent.
     void_ratio, coordination : ndarray (k,)
@@ -79,13 +79,13 @@ def volume_between_walls(network: Network) -> float:
 
 
 def contact_forces(network: Network, purpose: str) -> Floats:
-    """Return the force (m, 3), N, of each contact on its i; `purpose` as in `Network.require`."""
+    """Return the force (m, 3), N, of each contact on i; `purpose` as in `Network.require`."""
     normal_force, tangential_force = (network.require(name, purpose) for name in FORCES)
     return tangential_force - normal_force[:, None] * network.normal
 
 
 def _virials(network: Network) -> tuple[Floats, Floats]:
-    """Return force times branch vector (m, 3, 3), N m, and the z of the branch (m,), m.
+    """Return force times branch vector (m, 3, 3), N m, and the z of the branch vector (m,), m.
 
     Compression is positive. The branch vector of a contact with a wall ends on the wall's plane.
     """
@@ -103,8 +103,8 @@ def stress_tensor(network: Network) -> Floats:
 def void_ratio(network: Network) -> float:
     """Return the volume of voids divided by that of spheres, from wall to wall.
 
-    The volume of an overlap is counted as solid twice. For a packing with free ends the void ratio
-    is that of its core (`modal.packing.occupied`). UnavailableError if there is no volume.
+    The volume of an overlap counts twice as solid. For a packing with free ends the void ratio is
+    that of its core (`modal.packing.occupied`). UnavailableError if there is no volume.
     """
     occupied = occupied_part(network)
     if occupied:
@@ -128,7 +128,7 @@ def contacts_per_particle(network: Network) -> Ints:
 
 
 def fabric_tensor(network: Network) -> Floats:
-    """Return the mean (3, 3) of n n^T over contacts between particles; unity / 3 if isotropic."""
+    """Return the mean (3, 3) of n n^T over contacts between particles; I / 3 if isotropic."""
     normal = network.normal[~network.with_wall]
     return normal.T @ normal / max(len(normal), 1)
 
@@ -148,10 +148,10 @@ def coordination_without_rattlers(network: Network) -> tuple[float, int]:
 
 
 def mobilised_per_particle(network: Network) -> float:
-    """Return the number of contacts at the friction limit divided by that of bearing particles.
+    """Return n_m: contacts at the friction limit divided by force-bearing particles.
 
-    Only contacts that `coordination_without_rattlers` counts are counted. UnavailableError if the
-    network does not know which contacts are at their limit.
+    Only contacts that `coordination_without_rattlers` counts are counted. Raises UnavailableError
+    if the network does not contain which contacts slide.
     """
     at_limit = network.require("sliding", "number of mobilised contacts")
     bearing = force_bearing(network)
@@ -160,12 +160,12 @@ def mobilised_per_particle(network: Network) -> float:
 
 
 def isostatic_coordination(mobilised: float) -> float:
-    """Return the coordination number 4 + 2 n_m / 3 at which forces follow from their balance.
+    """Return the isostatic coordination number 4 + 2 n_m / 3: forces follow from balance alone.
 
     Spheres with friction have six equations of balance each, and three forces at each of z / 2
-    contacts, less one at each of `mobilised` n_m contacts at the friction limit (K. Shundyak, M.
-    van Hecke, W. van Saarloos, Phys. Rev. E 75, 010301, 2007; S. Henkes, M. van Hecke, W. van
-    Saarloos, EPL 90, 14003, 2010).
+    contacts, minus one for each of the n_m = `mobilised` contacts at the friction limit (K.
+    Shundyak, M. van Hecke, W. van Saarloos, Phys. Rev. E 75, 010301, 2007; S. Henkes, M. van Hecke,
+    W. van Saarloos, EPL 90, 14003, 2010).
 
     >>> isostatic_coordination(0.0)
     4.0
@@ -174,10 +174,10 @@ def isostatic_coordination(mobilised: float) -> float:
 
 
 def friction_used(network: Network, friction: float) -> Floats:
-    """Return the shear force of each contact (m,) divided by the force that friction can bear.
+    """Return the shear force of each contact (m,) divided by its friction limit.
 
-    This is the friction times `modal.packing.noted_laws.friction_bearing_force`. The result is 1 at
-    the friction limit and 0 without shear. UnavailableError if forces are absent.
+    The limit is the friction times `modal.packing.noted_laws.friction_bearing_force`. The result is
+    1 at the friction limit and 0 without shear. UnavailableError if forces are absent.
     """
     limit = friction * friction_bearing_force(network)
     shear = np.linalg.norm(network.require("force_tangential", "share of friction"), axis=1)
@@ -205,8 +205,8 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
     """Compute the state of layers from wall to wall, or to a free surface.
 
     Layers are about `thickness`, m, thick, by default one mean diameter. The volume of a sphere is
-    split at the edges into spherical caps. Volume and force beyond a wall are counted to the last
-    layer; those beyond a period are counted to the layer at the other end of the cell.
+    split at the edges into spherical caps. Volume and force beyond a wall count in the last layer;
+    those beyond a period count in the layer at the other end of the cell.
     """
     edges, bulk = layer_edges(network, thickness)
     count = len(bulk)
@@ -239,7 +239,7 @@ def profile(network: Network, thickness: float | None = None) -> Profile:
 def share_below(clearance: Floats, radius: Floats) -> Floats:
     """Return the share of each sphere's volume below a plane `clearance` above its centre.
 
-    It is that of a spherical cap; both arguments are (..., n), m.
+    This part of a sphere is a spherical cap; both arguments are (..., n), m.
 
     >>> share_below(np.array([-2.0, 0.0, 0.5, 1.0]), np.ones(4))
     array([0.     , 0.5    , 0.84375, 1.     ])
@@ -250,14 +250,14 @@ def share_below(clearance: Floats, radius: Floats) -> Floats:
 
 
 def _inner_edges(network: Network, count: int) -> range:
-    """Return the range of the numbers of edges that can cut a sphere or a branch vector."""
+    """Return the range of the inner edges, which can cut a sphere or a branch vector."""
     if network.cell_periodic[2]:
         return range(count + 1)
     return range(1, count)
 
 
 def _images(height: Floats, network: Network) -> Floats:
-    """Return heights (1, k), m; with a period along z, also those below and above, (3, k)."""
+    """Return heights (1, k), m; with a period along z, also their images, (3, k)."""
     period = network.cell_size[2]
     shifts = np.array([-period, 0.0, period] if network.cell_periodic[2] else [0.0])
     return height + shifts[:, None]
@@ -309,7 +309,7 @@ def write_profile(
 def net_forces(network: Network) -> Floats:
     """Return force and torque (n, 6), N and N m, of the contacts on each sphere.
 
-    They are zero along held motions, whose holder takes them up.
+    They are zero along held motions, because the support balances them.
     """
     force = contact_forces(network, "balance")
     load = np.zeros((network.n_particles, 6))
@@ -362,7 +362,7 @@ def affine_stiffness(network: Network) -> Floats:
 
 
 def unevenness(network: Network) -> float:
-    """Return by how much V_P in the fastest third exceeds that in the slowest, relatively.
+    """Return the relative excess of V_P in the fastest third over that in the slowest.
 
     V^2 is taken as proportional to the mean of stiffness times squared branch vector, divided by
     the mean mass. The result is infinite if a third has no springs.
@@ -381,7 +381,7 @@ def unevenness(network: Network) -> float:
 
 
 def _means_of_thirds(network: Network, height: Floats, values: Floats) -> Floats:
-    """Return the means (3,) of values (k,) at heights (k,), m, in the thirds of the length."""
+    """Return the means (3,) of values (k,) at heights (k,), m, in each third of the length."""
     share_of_length = (height - network.wall_position[0]) / network.length % 1
     # Just below the source wall round-off makes the share 1.
     third = (3 * share_of_length).astype(int) % 3
@@ -391,7 +391,7 @@ def _means_of_thirds(network: Network, height: Floats, values: Floats) -> Floats
 def affine_velocity(network: Network) -> float:
     """Return the P-wave velocity, m/s, of affine motion, rattlers included.
 
-    It is used to estimate travel times in packings of any size. Since n layers have n - 1
-    distances, the result for a crystal is sqrt(1 - 1/n) times the velocity in its bulk.
+    It is used to estimate travel times in packings of any size. For a crystal of n layers the
+    result is sqrt(1 - 1/n) times the velocity in its bulk, because n layers have n - 1 distances.
     """
     return float(np.sqrt(affine_stiffness(network).sum() / network.mass.sum()))

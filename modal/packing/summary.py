@@ -17,11 +17,11 @@ from modal.tools.errors import UnavailableError
 def summary(network: Network, friction: float | None = None) -> dict[str, Any]:
     """Return stresses, densities, coordination, fabric and order of a packing by name.
 
-    The numbers serve the `study` attributes and the command line. If `friction`, the coefficient of
-    the contacts, is given, the largest share of it that a contact uses is among them. Deviations
-    along z are standard deviations over the layers of the bulk, relative to their mean. Numbers
-    that need forces are left out if forces are absent, and those that need a volume if the cell has
-    none.
+    The numbers are used for the `study` attributes and by the command line. With `friction`, the
+    coefficient of the contacts, they include the largest share of it that a contact uses.
+    Deviations along z are standard deviations over the layers of the bulk, divided by their mean.
+    Numbers that need forces are left out if forces are absent, and those that need a volume if the
+    cell has none.
     """
     bearing, rattlers = state.coordination_without_rattlers(network)
     result = {
@@ -72,8 +72,8 @@ def _summarise_volume(network: Network) -> dict[str, Any]:
 def crystalline_shares(network: Network) -> dict[str, float]:
     """Return the share of crystalline spheres, of all and of the bulk if there is one.
 
-    The result is empty unless spheres are equal and the cell is periodic along x and y, at right
-    angles.
+    The result is empty unless all spheres are equal and the cell is rectangular and periodic along
+    x and y.
     """
     periodic = bool(network.cell_periodic[0] and network.cell_periodic[1])
     if (

@@ -1,8 +1,8 @@
-"""Make larger packings by repeating one that is periodic sideways.
+"""Make larger packings by repeating one that is periodic along x or y.
 
-A plane wave in the copies is that of the small packing, so that a test of size needs no larger DEM
-run. The copies are numbered along z, those of one particle one after the other, so that the loops
-over contacts, which go along z, pass through memory once and straight ahead.
+A plane wave in the copies equals that in the small packing, so that a test of the size needs no
+larger DEM run. The particles are numbered along z, with the copies of a particle next to each
+other, so that the loops over contacts, which go along z, read memory in order.
 """
 
 from dataclasses import replace
@@ -18,7 +18,7 @@ from modal.tools.errors import InputError
 def repeat(network: Network, times_x: int, times_y: int) -> Network:
     """Return `times_x` by `times_y` copies of a network, side by side in a larger cell.
 
-    InputError if the network is not periodic along an axis along which it is to be repeated.
+    Raises InputError if an axis of repetition is not periodic.
     """
     times = np.array([times_x, times_y, 1])
     if min(times) < 1 or (~network.cell_periodic & (times > 1)).any():
@@ -64,9 +64,9 @@ def repeat(network: Network, times_x: int, times_y: int) -> Network:
 
 
 def repeat_sample(sample: Sample, times_x: int, times_y: int) -> Sample:
-    """Return copies of a sample side by side, with the shear forces of its contacts; see `repeat`.
+    """Return copies of a sample side by side, with its shear forces, as `repeat` does.
 
-    InputError for a sample in motion.
+    Raises InputError for a sample in motion.
     """
     if sample.velocity is not None or sample.strain_rate is not None:
         raise InputError(

@@ -1,9 +1,9 @@
-"""Know the gravity of a packing: noted by whoever made it, or recognised in the contact forces.
+"""Find the gravity of a packing: from its notes, or from its contact forces.
 
-In a packing at rest in a box under gravity the net force of its contacts on each sphere carries its
-weight: net forces are parallel, and in proportion to the masses. Direction and size of gravity
-follow from these forces, and so does the part of them that is not balanced. A noted gravity
-(`NOTE` in the group `study`) is taken as it is, and what it does not balance shows.
+In a packing at rest under gravity the net contact force on each sphere balances its weight: net
+forces are parallel, and proportional to the masses. Direction and size of gravity follow from these
+forces by a fit, and the residual is the unbalanced part. A noted gravity (`NOTE` in the group
+`study`) is used without a fit.
 """
 
 from dataclasses import replace
@@ -32,7 +32,7 @@ MIN_WEIGHT_IN_MEAN_FORCES = 1e-6
 def with_gravity(network: Network, acceleration: ArrayLike) -> Network:
     """Return a network in which the acceleration by gravity (3,), m/s^2, is noted.
 
-    InputError unless it is three finite numbers.
+    Raises InputError unless the acceleration is three finite numbers.
 
     >>> import modal
     >>> noted_gravity(with_gravity(modal.fcc(cells=(1, 1, 2)), (0, 0, -9.81)))
@@ -47,7 +47,7 @@ def with_gravity(network: Network, acceleration: ArrayLike) -> Network:
 
 
 def noted_gravity(network: Network) -> Floats | None:
-    """Return the noted acceleration (3,), m/s^2; None if there is none, or if it is no vector."""
+    """Return the noted acceleration (3,), m/s^2; None if it is absent or not a vector."""
     note = np.asarray(network.study.get(NOTE, ()))
     if note.shape != (3,) or note.dtype.kind not in "iuf" or not np.isfinite(note).all():
         return None
@@ -55,10 +55,10 @@ def noted_gravity(network: Network) -> Floats | None:
 
 
 def gravity_of(network: Network) -> Floats | None:
-    """Return the acceleration (3,), m/s^2, that is noted or explains the net forces, or None.
+    """Return the acceleration (3,), m/s^2, from the notes or the net forces; None without gravity.
 
-    It is fitted to the spheres with contacts by least squares if it is not noted. UnavailableError
-    if it is not, and contact forces are absent.
+    If it is not noted, it is fitted to the net forces on spheres with contacts by least squares.
+    Raises UnavailableError if it is not noted and contact forces are absent.
     """
     noted = noted_gravity(network)
     if noted is not None:

@@ -18,11 +18,10 @@ and `overlap_of_force` returns the overlap of a force, N. A model may have more:
 - `stiffness_rolling` and `stiffness_twisting`, N m/rad, with `rolling_limit` and `twisting_limit`,
   N m: the springs of a contact that resists turns by itself, and the moments at which they yield.
 
-They are plain functions of numbers or
-arrays, from which the loop over moving contacts is compiled, too: they may call functions of their
-module, but no other methods. A model with numbers behind its name makes its own parameters of them
-in `own_numbers`. Networks, crystals, pre-stress and samples from files take the laws from
-`laws_of`; nothing else knows which models there are.
+All methods are plain functions of numbers or arrays, because the loop over moving contacts is
+compiled from them: they may call functions of their module, but no other methods. `own_numbers`
+converts the numbers after a model's name to its parameters. Networks, crystals, pre-stress and
+samples from files get the laws from `laws_of`, the only function that knows all models.
 """
 
 import importlib
@@ -45,8 +44,8 @@ ContactLaw = Any
 def laws_of(spheres: Material, walls: Elasticity | None = None) -> tuple[ContactLaw, ContactLaw]:
     """Return the contact law between two spheres, and between a sphere and a wall.
 
-    Walls are of the spheres' material by default. InputError for an unknown contact model, or
-    numbers that it does not take.
+    Walls are of the spheres' material by default. Raises InputError for an unknown contact model,
+    or for a wrong number of parameters.
 
     >>> from modal.packing.contact_law import GLASS
     >>> pair, wall = laws_of(GLASS)
@@ -88,7 +87,7 @@ def laws_of(spheres: Material, walls: Elasticity | None = None) -> tuple[Contact
 
 
 def friction_force(law: ContactLaw, overlap: Any, radius: Any) -> Any:
-    """Return the force, N, of which friction bears a share: that of the law, or the normal force.
+    """Return the force, N, that friction is proportional to: by the law, or the normal force.
 
     `overlap` and effective `radius`, m, are numbers or (m,).
     """
@@ -98,14 +97,14 @@ def friction_force(law: ContactLaw, overlap: Any, radius: Any) -> Any:
 
 
 def rupture_distance(law: ContactLaw, radius: Any) -> Any:
-    """Return the gap, m, up to which contacts act that have formed; 0 for most models."""
+    """Return the gap, m, up to which existing contacts act; 0 for most models."""
     if hasattr(law, "rupture_distance"):
         return law.rupture_distance(radius)
     return 0.0 * radius
 
 
 def acts_across_gaps(law: ContactLaw) -> bool:
-    """Return whether contacts of a law depend on whether the spheres have touched before."""
+    """Return whether existing contacts of a law still act across a gap."""
     return hasattr(law, "rupture_distance")
 
 
@@ -114,9 +113,10 @@ def turning_stiffnesses(
 ) -> tuple[Any, Any]:
     """Return the stiffnesses against rolling and twisting, N m/rad, each a number or (m,).
 
-    They are those of the law, or, as between rough or angular grains, the tangential stiffness on
-    arcs of the effective radius (K. Iwashita, M. Oda, J. Eng. Mech. 124, 285, 1998; J. Ai et al.,
-    Powder Technol. 206, 269, 2011). There a coefficient of 0, `rolling` or `twisting`, leaves none.
+    If the law has none, the stiffnesses are those of rough or angular grains: the tangential
+    stiffness on arcs of the effective radius (K. Iwashita, M. Oda, J. Eng. Mech. 124, 285, 1998; J.
+    Ai et al., Powder Technol. 206, 269, 2011). In this case a coefficient `rolling` or `twisting`
+    of 0 gives no stiffness.
     """
     if resists_turning(law):
         return law.stiffness_rolling(overlap, radius), law.stiffness_twisting(overlap, radius)
@@ -125,19 +125,19 @@ def turning_stiffnesses(
 
 
 def turning_limits(law: ContactLaw, overlap: Any, radius: Any) -> tuple[Any, Any]:
-    """Return the moments, N m, that a law bears in rolling and twisting by itself; 0 for most."""
+    """Return the law's own limits, N m, of rolling and twisting moments; 0 for most laws."""
     if resists_turning(law):
         return law.rolling_limit(overlap, radius), law.twisting_limit(overlap, radius)
     return 0.0 * radius, 0.0 * radius
 
 
 def resists_turning(law: ContactLaw) -> bool:
-    """Return whether contacts of a law resist rolling and twisting by themselves."""
+    """Return whether a law itself, without coefficients, resists rolling and twisting."""
     return hasattr(law, "stiffness_rolling")
 
 
 def law_of_each(laws: tuple[ContactLaw, ContactLaw], wall: Bools) -> ContactLaw:
-    """Return the law of many contacts; `wall` (m,) says which of them are with a wall."""
+    """Return the law with parameters of each contact; `wall` (m,) marks contacts with a wall."""
     pair_law, wall_law = laws
     columns = [
         np.where(wall, wall_number, pair_number)

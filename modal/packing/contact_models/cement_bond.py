@@ -1,4 +1,4 @@
-"""Model contacts of cemented spheres: Hertz's contact, and beside it a circular beam of cement.
+"""Model contacts of cemented spheres: Hertz's contact in parallel with a beam of cement.
 
 The beam is the parallel bond of D. O. Potyondy, P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41,
 1329 (2004), eqs. 11 to 17. With the radius r and the length L of the beam, Young's modulus E_c of
@@ -10,11 +10,11 @@ the cement and the ratio q of normal to shear stiffness, its springs are
 Two spheres of the radius R have L = 2 R and r = share R; a sphere and a wall L = R. For unequal
 spheres R is 2 R*, the harmonic mean of both radii.
 
-The beam is without stress at touch, where it forms; it bears pulls until its tensile stress is the
-strength s, at the gap s L / E_c, and breaks. Shear slips at the friction coefficient times Hertz's
-force and s A: Coulomb's law with cohesion. Moments that would stress the beam's outer fibre beyond
-s, s I / r in rolling and s J / r in twisting, make it yield. What breaks the beam is tension alone,
-and a new touch makes a new beam, as between spheres coated with soft cement.
+The beam forms at touch without stress. It bears tension until the tensile stress reaches the
+strength s, at the gap s L / E_c, and then breaks. Shear slips at the friction coefficient times
+Hertz's force and s A: Coulomb's law with cohesion. The beam yields at moments that stress its outer
+fibre to s: s I / r in rolling and s J / r in twisting. Only tension breaks the beam. A new touch
+makes a new beam, as between spheres coated with soft cement.
 """
 
 from collections.abc import Sequence
@@ -60,8 +60,9 @@ def beam_stiffness(young: Any, radius_share: Any, length_share: Any, radius: Any
 class CementBond(NamedTuple):
     """A cemented contact, or many; numbers or (m,).
 
-    E* and G* of the grains, Pa; Young's modulus and tensile strength of the cement, Pa; normal over
-    shear stiffness; radius and length of the beam divided by the effective radius R*.
+    E* and G* of the grains, Pa; Young's modulus and tensile strength of the cement, Pa; normal
+    stiffness divided by shear stiffness; radius and length of the beam divided by the effective
+    radius R*.
     """
 
     effective_young: Any
@@ -74,10 +75,11 @@ class CementBond(NamedTuple):
 
     @staticmethod
     def own_numbers(numbers: Sequence[float], wall: bool) -> tuple[float, ...]:
-        """Return modulus and strength, Pa, ratio of stiffnesses, radius and length over R*.
+        """Return modulus and strength, Pa, ratio of stiffnesses, radius / R* and length / R*.
 
-        `numbers` are Young's modulus, Pa, radius of the beam over that of the spheres, tensile
-        strength, Pa, and, if it is not `STIFFNESS_RATIO`, normal over shear stiffness.
+        `numbers` are Young's modulus, Pa, radius of the beam divided by that of the spheres,
+        tensile strength, Pa, and optionally normal stiffness divided by shear stiffness, by default
+        `STIFFNESS_RATIO`.
         """
         young, share, strength, ratio = (*numbers, 0.0, 0.0, 0.0, STIFFNESS_RATIO)[:4]
         if len(numbers) == 3:
@@ -105,16 +107,16 @@ class CementBond(NamedTuple):
         return young, strength, ratio, radius_share, length_share
 
     def rupture_distance(self, radius: Any) -> Any:
-        """Return the gap, m, at which the tensile stress of the beam is its strength."""
+        """Return the gap, m, at which the tensile stress of the beam reaches its strength."""
         return self.strength / self.cement_young * self.length_share * radius
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
-        """Return Hertz's force and that of the beam, E_c A / L times the overlap."""
+        """Return Hertz's force plus that of the beam, E_c A / L times the overlap, N."""
         beam = beam_stiffness(self.cement_young, self.radius_share, self.length_share, radius)
         return hertz_force(self.effective_young, overlap, radius) + beam * overlap
 
     def friction_force(self, overlap: Any, radius: Any) -> Any:
-        """Return Hertz's force and the largest pull s A of the beam."""
+        """Return Hertz's force plus the tensile strength s A of the beam, N."""
         hertz = hertz_force(self.effective_young, overlap, radius)
         return hertz + self.strength * beam_area(self.radius_share, radius)
 
@@ -125,12 +127,12 @@ class CementBond(NamedTuple):
         return 0.4 * hertz * np.maximum(overlap, 0.0) + 0.5 * beam * overlap * overlap
 
     def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
-        """Return kn = 2 E* a + E_c A / L."""
+        """Return kn = 2 E* a + E_c A / L, N/m."""
         beam = beam_stiffness(self.cement_young, self.radius_share, self.length_share, radius)
         return 2 * self.effective_young * np.sqrt(radius * np.maximum(overlap, 0.0)) + beam
 
     def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
-        """Return kt = 8 G* a + E_c A / (q L)."""
+        """Return kt = 8 G* a + E_c A / (q L), N/m."""
         beam = beam_stiffness(self.cement_young, self.radius_share, self.length_share, radius)
         circle = np.sqrt(radius * np.maximum(overlap, 0.0))
         return 8 * self.effective_shear * circle + beam / self.stiffness_ratio

@@ -20,7 +20,7 @@ class HertzMindlin(NamedTuple):
     effective_shear: Any
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
-        """Return the normal force N = 4/3 E* a overlap."""
+        """Return the normal force N = 4/3 E* a overlap, in N."""
         return 4 / 3 * self.effective_young * np.sqrt(radius * overlap) * overlap
 
     def elastic_energy(self, overlap: Any, radius: Any) -> Any:
@@ -29,11 +29,11 @@ class HertzMindlin(NamedTuple):
         return 0.4 * force * overlap
 
     def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
-        """Return kn = 2 E* a."""
+        """Return kn = 2 E* a, N/m, with the radius a of the circle of contact."""
         return 2 * self.effective_young * np.sqrt(radius * overlap)
 
     def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
-        """Return kt = 8 G* a."""
+        """Return kt = 8 G* a, N/m, with the radius a of the circle of contact."""
         return 8 * self.effective_shear * np.sqrt(radius * overlap)
 
     def overlap_of_force(self, force: Any, radius: Any) -> Any:

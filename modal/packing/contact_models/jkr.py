@@ -53,7 +53,7 @@ def reduced_radius(depth: Any) -> Any:
 
 
 def solve_contact(young: Any, work: Any, overlap: Any, radius: Any) -> Any:
-    """Return y = sqrt(a / L), and L, m."""
+    """Return the reduced radius y = sqrt(a / L), and the radius at touch L, m."""
     at_touch = radius_at_touch(young, work, radius)
     return reduced_radius(overlap * radius / (at_touch * at_touch)), at_touch
 
@@ -86,7 +86,7 @@ class Jkr(NamedTuple):
 
     @staticmethod
     def own_numbers(numbers: Sequence[float], wall: bool) -> tuple[float]:
-        """Return the work of adhesion, J/m^2; see `read_work_of_adhesion`."""
+        """Return the work of adhesion, J/m^2, as `read_work_of_adhesion` does."""
         return (read_work_of_adhesion("jkr", numbers, wall),)
 
     def rupture_distance(self, radius: Any) -> Any:
@@ -95,11 +95,11 @@ class Jkr(NamedTuple):
         return DEEPEST_GAP * at_touch * at_touch / radius
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
-        """Return the force on the branch that is stable at a given overlap."""
+        """Return the force, N, on the branch that is stable at a given overlap."""
         return adhesive_force(self.effective_young, self.work_of_adhesion, overlap, radius)
 
     def friction_force(self, overlap: Any, radius: Any) -> Any:
-        """Return the force plus twice the largest pull, 3 pi w R*."""
+        """Return the force plus twice the largest tension, 3 pi w R*, in N."""
         force = adhesive_force(self.effective_young, self.work_of_adhesion, overlap, radius)
         return force + 3 * np.pi * self.work_of_adhesion * radius
 
@@ -112,18 +112,18 @@ class Jkr(NamedTuple):
         return 2 * np.pi * self.work_of_adhesion * at_touch * at_touch * integral
 
     def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
-        """Return kn = 2 E* a (4 y^3 - 3) / (4 y^3 - 1)."""
+        """Return kn = 2 E* a (4 y^3 - 3) / (4 y^3 - 1), N/m; the module explains a and y."""
         y, at_touch = solve_contact(self.effective_young, self.work_of_adhesion, overlap, radius)
         cube = 4 * y * y * y
         return 2 * self.effective_young * at_touch * y * y * (cube - 3) / (cube - 1)
 
     def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
-        """Return kt = 8 G* a."""
+        """Return kt = 8 G* a, N/m, with the radius a of the circle of contact."""
         y, at_touch = solve_contact(self.effective_young, self.work_of_adhesion, overlap, radius)
         return 8 * self.effective_shear * at_touch * y * y
 
     def overlap_of_force(self, force: Any, radius: Any) -> Any:
-        """Return the overlap of a force of at least -3/2 pi w R*, N: y^3 solves a quadratic."""
+        """Return the overlap, m, of a force >= -3/2 pi w R*, N; y^3 solves a quadratic equation."""
         at_touch = radius_at_touch(self.effective_young, self.work_of_adhesion, radius)
         load = force / (2 * np.pi * self.work_of_adhesion * radius)
         y = np.cbrt(0.75 * (1 + np.sqrt(1 + 4 / 3 * load)))

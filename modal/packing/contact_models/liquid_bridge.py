@@ -7,13 +7,13 @@ form for small bridges: two spheres of the radius R a distance S apart attract e
 
 with the surface tension gamma, the contact angle theta and the volume V of the bridge. For unequal
 spheres R is Derjaguin's mean 2 R1 R2 / (R1 + R2) = 2 R*; a wall counts as a sphere without
-curvature. In contact S = 0. The form suits bridges that are small against the spheres, and angles
-below 50 degrees.
+curvature. In contact S = 0. The formula holds for bridges that are small compared with the spheres,
+and for angles below 50 degrees.
 
 A bridge forms at touch and breaks at S = (1 + theta / 2) V^(1/3) (G. Lian, C. Thornton, M. J.
 Adams, J. Colloid Interface Sci. 161, 138, 1993). Each contact has a bridge of the same volume.
-Across a gap there is no tangential stiffness, kn is negative, and viscous forces are left out.
-Friction bears on Hertz's force.
+Across a gap there is no tangential stiffness, kn is negative, and viscous forces are left out. The
+friction limit is proportional to Hertz's force.
 """
 
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ def pull_in_contact(tension: Any, radius: Any) -> Any:
 
 
 def reduced_gap(overlap: Any, radius: Any, volume: Any) -> Any:
-    """Return s; 0 in contact."""
+    """Return the reduced gap s = S sqrt(R / V); 0 in contact."""
     return np.maximum(-overlap, 0.0) * np.sqrt(2 * radius / volume)
 
 
@@ -70,8 +70,8 @@ class LiquidBridge(NamedTuple):
     def own_numbers(numbers: Sequence[float], wall: bool) -> tuple[float, float, float]:
         """Return gamma cos(theta), N/m, the volume, m^3, and the gap of rupture, m.
 
-        `numbers` are surface tension, N/m, volume of a bridge, m^3, and, if it is not 0, the
-        contact angle, degrees.
+        `numbers` are surface tension, N/m, volume of a bridge, m^3, and optionally the contact
+        angle, degrees, by default 0.
         """
         tension, volume, angle = (*numbers, 0.0, 0.0, 0.0)[:3]
         low, high = TENSION_RANGE
@@ -93,13 +93,13 @@ class LiquidBridge(NamedTuple):
         return self.rupture_gap + 0 * radius
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
-        """Return Hertz's force less the attraction of the bridge."""
+        """Return Hertz's force minus the attraction of the bridge, N."""
         s = reduced_gap(overlap, radius, self.volume)
         pull = pull_in_contact(self.tension, radius) / (1 + LINEAR * s + QUADRATIC * s * s)
         return hertz_force(self.effective_young, overlap, radius) - pull
 
     def friction_force(self, overlap: Any, radius: Any) -> Any:
-        """Return Hertz's force, by which the two surfaces are pressed together."""
+        """Return Hertz's force, N, which presses the two surfaces together."""
         return hertz_force(self.effective_young, overlap, radius)
 
     def elastic_energy(self, overlap: Any, radius: Any) -> Any:
@@ -113,7 +113,7 @@ class LiquidBridge(NamedTuple):
         return hertz - pull * depth + stretched
 
     def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
-        """Return the derivative of the force: 2 E* a in contact, negative across a gap."""
+        """Return the derivative of the force, N/m: 2 E* a in contact, negative across a gap."""
         depth = np.maximum(overlap, 0.0)
         s = reduced_gap(overlap, radius, self.volume)
         polynomial = 1 + LINEAR * s + QUADRATIC * s * s
@@ -124,11 +124,11 @@ class LiquidBridge(NamedTuple):
         return 2 * self.effective_young * np.sqrt(radius * depth) - across * bridge
 
     def stiffness_tangential(self, overlap: Any, radius: Any) -> Any:
-        """Return kt = 8 G* a; 0 across a gap."""
+        """Return kt = 8 G* a, N/m; 0 across a gap."""
         return 8 * self.effective_shear * np.sqrt(radius * np.maximum(overlap, 0.0))
 
     def overlap_of_force(self, force: Any, radius: Any) -> Any:
-        """Return the overlap in contact of a force of at least that at touch, N."""
+        """Return the overlap in contact, m, of a force, N, not below the force at touch."""
         pressed = force + pull_in_contact(self.tension, radius)
         return (0.75 * pressed / (self.effective_young * np.sqrt(radius))) ** (2 / 3)
 

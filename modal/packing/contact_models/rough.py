@@ -1,27 +1,28 @@
-"""Model contacts of rough spheres: asperities first, then a transition, then Hertz's contact.
+"""Model contacts of rough spheres: first asperities, then a transition, then Hertz's contact.
 
-Three power laws follow each other, after M. Otsubo, C. O'Sullivan, K. J. Hanley, W. W. Sim,
-"The influence of particle surface roughness on elastic stiffness and dynamic response",
-Geotechnique 67, 452 (2017), doi 10.1680/jgeot.16.P.050, and of Otsubo et al., Geotechnique 65, 694
-(2015). S is the combined roughness, sqrt(S1^2 + S2^2), where S1 and S2 are the root mean
-squares of both surfaces; d is the overlap from the touch of the asperities on:
+Three power laws follow each other, after M. Otsubo, C. O'Sullivan, K. J. Hanley, W. W. Sim, "The
+influence of particle surface roughness on elastic stiffness and dynamic response", Geotechnique 67,
+452 (2017), doi 10.1680/jgeot.16.P.050, and of Otsubo et al., Geotechnique 65, 694 (2015). S is the
+combined roughness, sqrt(S1^2 + S2^2), where S1 and S2 are the root mean squares of both surfaces; d
+is the overlap, counted from the first touch of asperities:
 
     N = N1 (d / d_T1)^c                          up to N1 = S E* sqrt(2 R* S)
     N = N2 ((d - d1) / (d_T2 - d1))^b            up to N2 = 100 N1
     N = 4/3 E* sqrt(R*) (d - d1 - d2)^(3/2)      beyond
 
-with d1 = 0.82 S, d2 = 1.24 S. d_T2, b = 1.58, d_T1 and c = 2.59 follow, as the tangent is
-continuous. In units of N1 and S this is one curve. Along the contact Mindlin's ratio holds,
-kt / kn = 4 G* / E* = 2 (1 - nu) / (2 - nu).
+with d1 = 0.82 S, d2 = 1.24 S. d_T2, b = 1.58, d_T1 and c = 2.59 follow from a continuous tangent.
+In units of N1 and S all contacts have the same curve. Along the contact Mindlin's ratio holds, kt /
+kn = 4 G* / E* = 2 (1 - nu) / (2 - nu).
 
 The equations are those of the authors' own program, geoLAMMPS (github.com/geoLAMMPS/geoLAMMPS,
 `PairGranCMHistory` in src/GRANULAR/pair_gran_CM_history.cpp at 8328d78, which names the paper of
-2017 as its reference): 0.82, 1.24, 1 and 100, exponents, energy and ratio of stiffnesses; numbers
-agree to the 13 digits that were compared. There a wall is smooth: `rough S 1e-12`.
+2017 as its reference): 0.82, 1.24, 1 and 100, exponents, energy and ratio of stiffnesses; the
+results agree to all 13 digits that were compared. In that program walls are smooth: `rough S
+1e-12`.
 
-J. A. Greenwood, K. L. Johnson, E. Matsubara, Wear 100, 47 (1984), abstract: Hertz's theory
-errs by no more than about 7 % where alpha = S R* / a0^2 (a0: Hertz's radius of contact) is below
-0.05. Here alpha is 0.045 at N2, from where on the stiffness is Hertz's, and 0.96 at N1.
+J. A. Greenwood, K. L. Johnson, E. Matsubara, Wear 100, 47 (1984), abstract: Hertz's theory errs by
+no more than about 7 % where alpha = S R* / a0^2 (a0: Hertz's radius of contact) is below 0.05. Here
+alpha is 0.96 at N1 and 0.045 at N2, beyond which the stiffness is Hertz's.
 """
 
 from collections.abc import Sequence
@@ -58,7 +59,7 @@ MAX_ROUGHNESS = 1e-3
 
 
 def select_power_law(beyond_1: Any, beyond_2: Any) -> tuple[Any, ...]:
-    """Return origin, span, exponent, force and earlier work of the power law that holds.
+    """Return origin, span, exponent, force and earlier work of the power law for each overlap.
 
     Lengths are in units of S, forces of N1, works of N1 S. `beyond_1` and `beyond_2` say whether
     the overlap is beyond the first and the second power law.
@@ -77,7 +78,7 @@ def select_power_law(beyond_1: Any, beyond_2: Any) -> tuple[Any, ...]:
 def force_rate_and_energy(
     young: Any, roughness: Any, overlap: Any, radius: Any
 ) -> tuple[Any, Any, Any]:
-    """Return the force, N, its derivative divided by the force, 1/m, and the energy, J."""
+    """Return the force, N, its derivative divided by the force itself, 1/m, and the energy, J."""
     unit = roughness * young * np.sqrt(2 * radius * roughness)
     depth = overlap / roughness
     origin, span, exponent, size, earlier_work = select_power_law(
@@ -115,15 +116,15 @@ class Rough(NamedTuple):
         return (float(np.hypot(numbers[0], other)),)
 
     def normal_force(self, overlap: Any, radius: Any) -> Any:
-        """Return the force of the three power laws."""
+        """Return the force of the three power laws, N."""
         return force_rate_and_energy(self.effective_young, self.roughness, overlap, radius)[0]
 
     def elastic_energy(self, overlap: Any, radius: Any) -> Any:
-        """Return the integral of the force."""
+        """Return the integral of the force, J."""
         return force_rate_and_energy(self.effective_young, self.roughness, overlap, radius)[2]
 
     def stiffness_normal(self, overlap: Any, radius: Any) -> Any:
-        """Return the derivative of the force."""
+        """Return the derivative of the force, N/m."""
         force, rate, _ = force_rate_and_energy(
             self.effective_young, self.roughness, overlap, radius
         )
@@ -137,7 +138,7 @@ class Rough(NamedTuple):
         return force * rate * (4 * self.effective_shear / self.effective_young)
 
     def overlap_of_force(self, force: Any, radius: Any) -> Any:
-        """Return the overlap by the inverse of the power law that holds for the force."""
+        """Return the overlap, m, by the inverse of the power law for the force, N."""
         unit = self.roughness * self.effective_young * np.sqrt(2 * radius * self.roughness)
         load = force / unit
         origin, span, exponent, size, _ = select_power_law(load >= 1, load >= FORCE_RATIO)
