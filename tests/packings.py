@@ -12,7 +12,10 @@ from places import SHEARED
 from modal.packing import crystal as gallery
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL, Network
 from modal.packing.sample import Sample, read_sample
-from modal.preparation.random_packing import pack
+from modal.preparation.mixture import MixtureWords
+from modal.preparation.random_packing import pack, width_of
+from modal.preparation.stress_path import StressPath
+from modal.preparation.study import Study
 from modal.system.linear_system import LinearSystem
 
 YOUNG = 60e9
@@ -125,10 +128,11 @@ def _make_polydisperse(periodic_z: bool, seed: int, n: int) -> Network:
 
 
 def random_sample(spheres, stress, seed=1, aspect=2.5, tolerance=1e-4, **mixture) -> Sample:
-    """Return a packing without friction at a stress, Pa; `mixture` as in `pack`."""
-    settings = {"aspect": aspect, "residual": tolerance, **mixture}
+    """Return a packing without friction at a stress, Pa; `mixture` as in `MixtureWords`."""
+    words = MixtureWords(**mixture).texts()
+    study = Study(0.0, spheres, width_of(spheres, aspect), seed, residual=tolerance, **words)
     with TemporaryDirectory() as folder:
-        ((_, path),) = pack(Path(folder), lambda _: None, spheres, [stress], 0.0, seed, **settings)
+        ((_, path),) = pack(Path(folder), study, StressPath((stress,)), lambda _: None)
         return replace(read_sample(path), study={}, provenance={})
 
 

@@ -21,9 +21,9 @@ from modal.packing.sample import read_sample
 from modal.preparation.cloud import make_cloud
 from modal.preparation.durations import time_step
 from modal.preparation.frictionless import Descent, Pressure
-from modal.preparation.protocol import Study
 from modal.preparation.relax import elastic_motion
 from modal.preparation.strain_control import INERTIAL_NUMBER, Servo
+from modal.preparation.study import Study
 from modal.solvers.same_bits import same_bits_product
 from modal.system.operator import ContactOperator
 from modal.tools import loops, slabs

@@ -13,7 +13,7 @@ import yaml
 from analysis.study.description import Study
 from modal.cli.options import FALLS_SHORT_STATUS
 from modal.cli.pack import option_of
-from modal.preparation.protocol import FRICTION_PARAMETERS
+from modal.preparation.study import FRICTION_PARAMETERS
 from modal.tools.errors import InputError
 
 PYTHON = ".venv/bin/python" if Path(".venv/bin/python").exists() else sys.executable

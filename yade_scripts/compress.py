@@ -25,8 +25,8 @@ from yade.utils import readParamsFromTable
 
 from modal.preparation import protocol
 from modal.preparation.compression import Simulation, compress_to_stresses
-from modal.preparation.protocol import Study
-from modal.preparation.sizes import MIXTURE
+from modal.preparation.mixture import MIXTURE
+from modal.preparation.study import Study
 from modal.tools.errors import InputError
 from yade_scripts.scene import finish, products_folder
 from yade_scripts.servo import Scene

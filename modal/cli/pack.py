@@ -23,10 +23,12 @@ from modal.packing.contact_models import MODELS
 from modal.packing.noted_laws import ELASTIC
 from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import TURNING, read_sample
-from modal.preparation.protocol import FRICTION_PARAMETERS, PEAK, Study, unused_parameters
-from modal.preparation.random_packing import ASPECT
+from modal.preparation.mixture import MIXTURE, MixtureWords
+from modal.preparation.random_packing import ASPECT, sound_aspect, width_of
 from modal.preparation.random_packing import pack as pack_samples
-from modal.preparation.sizes import DENSITIES, KINDS, MIXTURE, WALLS
+from modal.preparation.sizes import DENSITIES, KINDS, WALLS
+from modal.preparation.stress_path import StressPath
+from modal.preparation.study import FRICTION_PARAMETERS, PEAK, Study, unused_parameters
 from modal.tools.errors import InputError
 
 FRICTION_OPTIONS = {
@@ -112,18 +114,10 @@ OPTIONS = (
     Group("with friction alone", COMPRESSION_OPTIONS),
     output_folder("folder; goes on where it was"),
 )
-STUDY_NAMES = (
-    *TURNING,
-    "aspect",
-    "width",
-    "residual",
-    "peak",
-    "dilate",
-    "stress_ratio",
-    *MIXTURE,
-    *FRICTION_PARAMETERS,
-)
-"""Names of options that are passed to a `Study` as arguments of the same names."""
+STUDY_NAMES = (*TURNING, "residual", "dilate", *FRICTION_PARAMETERS)
+"""Names of options that are fields of a `Study` of the same names."""
+CONDITIONAL_NAMES = (*STUDY_NAMES, "clump", "peak", "stress_ratio")
+"""Names of options that have a meaning with some coefficients of friction only."""
 
 
 def option_of(name: str) -> str:
@@ -153,37 +147,30 @@ def shortfall(study: Mapping[str, Any], stress_ratio: float | None) -> str:
 
 def run(options: Options) -> Result:
     """Run or continue a compression; the result has the names of the files of its states."""
-    study_arguments = chosen(options, *STUDY_NAMES)
-    if options.clump is not None:
-        study_arguments["clump"] = " ".join(read_template(options.clump))
-    _refuse_unused(options, study_arguments)
-    files = pack_samples(
-        Path(options.output),
-        say,
-        options.spheres,
-        options.stress or (),
-        options.friction,
-        options.seed,
-        periodic=options.periodic,
-        oedometric=options.oedometric,
-        solid=_solid(options),
-        **study_arguments,
+    _refuse_unused(options)
+    study = _read_study(options)
+    if options.aspect is None and options.width is None:
+        aspect = sound_aspect(options.spheres)
+        say(f"{options.spheres} spheres: length over width {aspect:.3g}")
+    stress_path = StressPath(
+        tuple(options.stress or ()), options.peak, options.stress_ratio, options.oedometric
     )
+    files = pack_samples(Path(options.output), study, stress_path, say)
     notes = {str(path): read_sample(path).study for _, path in files}
     for path in notes:
         read_remarked(path, options.remarks.append)
-    settled = {path: bool(study["settled"]) for path, study in notes.items()}
+    settled = {path: bool(noted["settled"]) for path, noted in notes.items()}
     result: Result = {
         "samples": {str(path): stress for stress, path in files},
         "settled": settled,
         "reached": all(settled.values()),
     }
-    for path, study in notes.items():
-        if not study["settled"]:
-            options.remarks.append(f"{path}: {shortfall(study, options.stress_ratio)}")
+    for path, noted in notes.items():
+        if not noted["settled"]:
+            options.remarks.append(f"{path}: {shortfall(noted, options.stress_ratio)}")
     if options.oedometric or options.stress_ratio is not None:
         name = "k0" if options.oedometric else "stress_ratio"
-        result[name] = {path: float(study["stress_ratio"]) for path, study in notes.items()}
+        result[name] = {path: float(noted["stress_ratio"]) for path, noted in notes.items()}
     # People see the stresses of the samples with their unit.
     shown = {"samples_pa": result["samples"]}
     shown |= {name: value for name, value in result.items() if name != "samples"}
@@ -191,7 +178,24 @@ def run(options: Options) -> Result:
     return result
 
 
-def _refuse_unused(options: Options, study_arguments: Mapping[str, Any]) -> None:
+def _read_study(options: Options) -> Study:
+    """Return the study that the options describe."""
+    width = options.width
+    if width is None:
+        aspect = options.aspect
+        if aspect is None:
+            aspect = sound_aspect(options.spheres)
+        width = width_of(options.spheres, aspect)
+    words = MixtureWords(
+        solid=_solid(options), periodic=options.periodic, **chosen(options, *MIXTURE)
+    )
+    numbers = chosen(options, *STUDY_NAMES)
+    if options.clump is not None:
+        numbers["clump"] = " ".join(read_template(options.clump))
+    return Study(options.friction, options.spheres, width, options.seed, **words.texts(), **numbers)
+
+
+def _refuse_unused(options: Options) -> None:
     """Raise InputError for an option that has no meaning with this friction."""
     unused_names = list(unused_parameters(options.friction, options.dilate or 0.0))
     kind = "with friction"
@@ -200,7 +204,7 @@ def _refuse_unused(options: Options, study_arguments: Mapping[str, Any]) -> None
         unused_names += ["stress_ratio", "clump", *TURNING]
     elif options.dilate:
         kind = "with --dilate"
-    for name in study_arguments.keys() & {*unused_names}:
+    for name in chosen(options, *CONDITIONAL_NAMES).keys() & {*unused_names}:
         raise InputError(
             "unused_option",
             f"{option_of(name)}: has no meaning {kind}",

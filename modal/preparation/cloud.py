@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from modal.packing.clumps import ClumpTemplate
 from modal.packing.sample import Sample
-from modal.preparation.protocol import CLOUD_FRACTION, NOMINAL_FRACTION, Study
+from modal.preparation.study import CLOUD_FRACTION, NOMINAL_FRACTION, Study
 from modal.tools.arrays import Floats, Ints
 from modal.tools.errors import InputError
 

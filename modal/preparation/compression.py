@@ -28,9 +28,9 @@ from modal.preparation.protocol import (
     OLD_CHECKPOINT,
     MovingPacking,
     Stage,
-    Study,
     name_stages,
 )
+from modal.preparation.study import Study
 from modal.tools.display import duration
 from modal.tools.errors import InputError
 from modal.tools.progress import Minute, progress

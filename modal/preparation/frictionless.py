@@ -13,14 +13,9 @@ import numpy as np
 
 from modal.dem.contacts import MovingContacts
 from modal.packing.sample import Sample
-from modal.preparation.protocol import (
-    SQUEEZE,
-    SettlingLimits,
-    Stage,
-    Study,
-    read_target_stress,
-)
+from modal.preparation.protocol import SQUEEZE, SettlingLimits, Stage, read_target_stress
 from modal.preparation.strain_control import Servo
+from modal.preparation.study import Study
 from modal.tools.arrays import Floats
 from modal.tools.loops import by_parts
 from modal.tools.slabs import SLABS

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TypedDict, Unpack
 
 from modal.packing.contact_law import GLASS, HERTZ_MINDLIN, RADIUS, Material
 from modal.packing.contact_models import acts_across_gaps, laws_of
@@ -15,54 +14,25 @@ from modal.packing.plausibility import MIN_WIDTH_IN_DIAMETERS
 from modal.packing.sample import read_sample
 from modal.preparation.compression import WITH_FRICTION, Simulation, compress_to_stresses
 from modal.preparation.frictionless import Descent, Pressure
-from modal.preparation.protocol import JAMMING_STRESS, NOMINAL_FRACTION, PEAK, STRESSES, Study
-from modal.preparation.sizes import (
-    NO_WALLS,
-    Mixture,
-    Words,
-    join_words,
-    parse_solid,
-    sizes_of_file,
-)
-from modal.preparation.unequal_stress import RATIO_RANGE, load_further
+from modal.preparation.mixture import MixtureWords
+from modal.preparation.protocol import JAMMING_STRESS
+from modal.preparation.stress_path import PRESSURES, StressPath
+from modal.preparation.study import NOMINAL_FRACTION, Study
+from modal.preparation.unequal_stress import load_further
 from modal.tools.arguments import checked
 from modal.tools.errors import InputError
 
-PRESSURES = (1e5, 1e6, 1e7)
-"""Pressures, Pa, of states without friction, after the peak."""
-MIN_PRESSURE = 10.0
-"""Lowest stress, Pa, of a state of glass spheres: at lower ones round-off hides the overlaps."""
-MAX_PEAK_RATIO = 10.0
-"""Largest peak pressure that is accepted, divided by the usual peak, `PEAK`."""
 ASPECT = 10.05
 """Default length divided by width: 35,201 spheres then reach 141 to 146 diameters, as in the
 study."""
 WIDTH_SHRINKAGE = 1.08
 """Width at the nominal solid fraction divided by that of a frictionless packing at 10 MPa."""
-MAX_SEED = 2**63 - 1
-"""Largest seed that an attribute of a file holds."""
 DENSE_FOLDER = "dense"
 """Folder of the packing without friction that is dilated, within that of the states."""
 WITHOUT_FRICTION = Simulation(Descent, Pressure)
 """Spheres without friction, which descend to the least enthalpy."""
 COMMAND = "python -m modal pack"
 """Command in the provenance of each packing, which makes it again whoever has called."""
-
-
-class ProtocolNumbers(TypedDict, total=False):
-    """Numbers of the protocol that a caller may change, by their names in `Study`."""
-
-    approach_rate: float
-    agitated_damping: float
-    inertial_number: float
-    fraction: float
-    hot_stress: float
-    damping: float
-    residual: float
-    dilate: float
-    rolling: float
-    twisting: float
-    clump: str
 
 
 def sound_aspect(spheres: int) -> float:
@@ -86,24 +56,7 @@ def width_of(spheres: int, aspect: float) -> float:
 
 
 def pack(
-    folder: Path,
-    say: Callable[[str], None],
-    spheres: int,
-    stresses: Sequence[float],
-    friction: float,
-    seed: int,
-    *,
-    aspect: float | None = None,
-    width: float | None = None,
-    peak: float | None = None,
-    sizes: Words | None = None,
-    densities: Words | None = None,
-    walls: Words | None = None,
-    periodic: bool = False,
-    stress_ratio: float | None = None,
-    oedometric: bool = False,
-    solid: Words | None = None,
-    **protocol: Unpack[ProtocolNumbers],
+    folder: Path, study: Study, path: StressPath, say: Callable[[str], None]
 ) -> list[tuple[float, Path]]:
     """Pack spheres in a folder, and return the (stress, file) pairs of its states.
 
@@ -113,90 +66,27 @@ def pack(
     ----------
     folder : Path
         Folder of the checkpoint and of the states.
+    study : Study
+        Spheres, cell, and numbers of the protocol; a `peak` of the path replaces that of the study.
+    path : StressPath
+        The stresses of the states.
     say : callable
         Shows lines of progress.
-    spheres : int
-        Number of spheres.
-    stresses : sequence of float
-        Pa; if empty, those of the study, multiplied by the hardness of the spheres.
-    friction : float
-        Coefficient of friction, 0 to 1.
-    seed : int
-        Seed of the random numbers.
-    aspect, width : float, optional
-        Length over width of the cell, or its width in diameters.
-    peak : float, optional
-        Peak pressure of packings without friction, Pa.
-    sizes, densities, walls : sequence, optional
-        Words of the mixture, as in `modal.preparation.sizes`.
-    periodic : bool
-        Whether the cell has a period along z instead of walls.
-    stress_ratio : float, optional
-        Lateral stress divided by the axial one, to which each isotropic state is loaded further.
-    oedometric : bool
-        Whether the spheres are compressed along z alone, from a tenth of the first stress to each
-        axial stress.
-    solid : sequence, optional
-        Words of `parse_solid`; the peak and the stresses of the protocol grow with the modulus.
-    **protocol : float
-        Numbers of the protocol, by their names in `Study`.
 
     Raises
     ------
     InputError
-        If a number is outside its range, if arguments exclude each other, or if the folder has
+        If a stress is outside its range, if arguments exclude each other, or if the folder has
         states of another study.
     """
-    hardness = 1.0
-    if solid:
-        hardness = Mixture(*parse_solid(solid)).hardness
-    targets = list(stresses)
-    if not targets:
-        usual_stresses = STRESSES if friction else PRESSURES
-        targets = [stress * hardness for stress in usual_stresses]
-    _refuse_stresses(stresses, hardness)
-    relative_peak = PEAK
-    if peak is not None:
-        _refuse_peak(peak, targets, hardness)
-        relative_peak = peak / hardness
-    _refuse_unequal_stresses(friction, stress_ratio, oedometric)
-    if friction == 0 or protocol.get("dilate"):
-        _refuse_history(solid)
-    if not 0 <= seed <= MAX_SEED:
-        raise InputError("seed", f"seed {seed}", "outside 0 to 2^63 - 1", "give 0, 1, 2 ...")
-    if periodic and walls:
-        raise InputError(
-            "walls_and_periodic",
-            "walls of a cell that is periodic along z",
-            "it has none",
-            "leave one out",
-        )
-    words = join_words(
-        {"sizes": sizes_of_file(sizes), "densities": densities, "walls": walls, "solid": solid}
-    )
-    if periodic:
-        words["walls"] = NO_WALLS
-    default_aspect = None
-    if width is None:
-        if aspect is None:
-            default_aspect = sound_aspect(spheres)
-        width = width_of(spheres, aspect or default_aspect or 0.0)
-    study = Study(
-        friction,
-        spheres,
-        width,
-        seed,
-        peak=relative_peak,
-        sizes=words.get("sizes", ""),
-        densities=words.get("densities", ""),
-        walls=words.get("walls", ""),
-        solid=words.get("solid", ""),
-        **protocol,
-    )
-    if default_aspect:
-        say(f"{spheres} spheres: length over width {default_aspect:.3g}")
+    targets = path.targets(study)
+    hardness = study.mixture.hardness
+    if path.peak is not None:
+        study = replace(study, peak=path.peak / hardness)
+    if study.mu_comp == 0 or study.dilate:
+        _refuse_history(study.mixture.material)
     provenance = study.provenance(COMMAND)
-    if friction == 0:
+    if study.mu_comp == 0:
         return compress_to_stresses(folder, study, targets, provenance, WITHOUT_FRICTION, say)
     dense = None
     if study.dilate:
@@ -210,22 +100,19 @@ def pack(
             say,
         )
     isotropic_stresses = targets
-    if oedometric:
+    if path.oedometric:
         isotropic_stresses = [targets[0] / 10]
     files = compress_to_stresses(
         folder, study, isotropic_stresses, provenance, WITH_FRICTION, say, dense
     )
-    if not oedometric and stress_ratio is None:
+    if path.is_isotropic:
         return files
-    ratio = math.nan if stress_ratio is None else stress_ratio
+    ratio = math.nan if path.stress_ratio is None else path.stress_ratio
     return load_further(folder, study, files, targets, ratio, COMMAND, say)
 
 
-def _refuse_history(solid: Words | None) -> None:
+def _refuse_history(material: Material) -> None:
     """Raise InputError for a contact model whose energy depends on which spheres have touched."""
-    if not solid:
-        return
-    material, _ = parse_solid(solid)
     if acts_across_gaps(laws_of(material)[0]):
         raise InputError(
             "history_without_friction",
@@ -233,54 +120,6 @@ def _refuse_history(solid: Words | None) -> None:
             "packings without friction are minima of an energy of the positions alone, and these "
             "contacts depend on which spheres have touched",
             "give a friction above 0 and no dilation, or take dmt",
-        )
-
-
-def _refuse_stresses(stresses: Sequence[float], hardness: float) -> None:
-    """Raise InputError for a stress, Pa, outside what spheres of this hardness bear."""
-    for stress in stresses:
-        if not MIN_PRESSURE * hardness <= stress <= PEAK * hardness:
-            raise InputError(
-                "stress",
-                f"stress {stress:g} Pa",
-                f"outside {MIN_PRESSURE * hardness:g} Pa to {PEAK * hardness:g} Pa",
-                "give it in Pa",
-            )
-
-
-def _refuse_peak(peak: float, stresses: Sequence[float], hardness: float) -> None:
-    """Raise InputError for a peak, Pa, below one of the stresses, or far above the usual one."""
-    usual = PEAK * hardness
-    if not max(stresses) <= peak <= MAX_PEAK_RATIO * usual:
-        raise InputError(
-            "peak",
-            f"peak {peak:g} Pa",
-            f"below one of the stresses, or above {MAX_PEAK_RATIO * usual:g} Pa",
-            f"{usual:g} is usual",
-        )
-
-
-def _refuse_unequal_stresses(friction: float, stress_ratio: float | None, oedometric: bool) -> None:
-    """Raise InputError for unequal stresses that are contradictory, frictionless or extreme."""
-    if oedometric and stress_ratio is not None:
-        raise InputError(
-            "ratio_and_oedometric",
-            "a stress ratio of one-dimensional compression comes about",
-            remedy="leave one out",
-        )
-    if friction == 0 and (oedometric or stress_ratio is not None):
-        raise InputError(
-            "unequal_stress_without_friction",
-            "unequal stresses need friction, without which spheres flow",
-            remedy="give some",
-        )
-    lowest, highest = RATIO_RANGE
-    if stress_ratio is not None and not lowest <= stress_ratio <= highest:
-        raise InputError(
-            "stress_ratio",
-            f"stress ratio {stress_ratio:g}",
-            f"lateral over axial stress, {lowest:g} to {highest:g}",
-            "few packings hold less than 0.3",
         )
 
 
@@ -362,27 +201,20 @@ def random_packing(
     solid: list[str | float] | None = None
     if material is not None or radius is not None:
         solid = _solid_words(material or GLASS, RADIUS if radius is None else radius)
+    words = MixtureWords(sizes, densities, walls, solid, periodic)
+    study = Study(
+        friction,
+        spheres,
+        width_of(spheres, sound_aspect(spheres) if aspect is None else aspect),
+        seed,
+        rolling=rolling,
+        twisting=twisting,
+        **words.texts(),
+    )
     if stress is None:
-        stress = PRESSURES[0]
-        if solid:
-            stress = PRESSURES[0] * Mixture(*parse_solid(solid)).hardness
+        stress = PRESSURES[0] * study.mixture.hardness
     with TemporaryDirectory() as folder:
-        [(_, path)] = pack(
-            Path(folder),
-            _ignore_progress,
-            spheres,
-            [stress],
-            friction,
-            seed,
-            aspect=aspect,
-            sizes=sizes,
-            densities=densities,
-            walls=walls,
-            periodic=periodic,
-            solid=solid,
-            rolling=rolling,
-            twisting=twisting,
-        )
+        [(_, path)] = pack(Path(folder), study, StressPath((stress,)), _ignore_progress)
         sample = read_sample(path)
     attributes = sample.study
     if not attributes.get("settled", True):

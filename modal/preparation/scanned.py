@@ -22,7 +22,8 @@ from modal.packing.sample import Sample, bare_sample
 from modal.packing.scan import Scan
 from modal.preparation.compression import run_to_checkpoint, start_dynamics
 from modal.preparation.frictionless import Descent, Pressure
-from modal.preparation.protocol import SETTLED, Stage, Study
+from modal.preparation.protocol import SETTLED, Stage
+from modal.preparation.study import Study
 from modal.tools.errors import InputError
 
 MAX_CHECKPOINTS = 100

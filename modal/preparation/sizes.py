@@ -1,12 +1,8 @@
-"""Mixtures: radii, log-normal or of two sizes; densities of the spheres; materials of the walls."""
+"""Radii, densities and materials of spheres and walls, from words as users type them."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Final
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,9 +15,8 @@ from modal.packing.contact_law import (
     Material,
 )
 from modal.packing.contact_models import laws_of
-from modal.packing.grading import CURVE, radii_of_curve, read_grading
-from modal.packing.sample import Sample
-from modal.tools.arrays import Floats, Ints
+from modal.packing.grading import CURVE, radii_of_curve
+from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
 Words = Sequence[str | float]
@@ -31,10 +26,6 @@ MAX_RADIUS_RATIO = 10.0
 """Ratio of the largest to the smallest radius: pairs are sought as far as the largest reach."""
 MAX_LOGNORMAL_SPREAD = 0.7
 """Largest standard deviation of ln R; wider distributions soon exceed `MAX_RADIUS_RATIO`."""
-MIXTURE: Final = ("sizes", "densities", "walls")
-"""Names of what defines a mixture: options of `pack`, fields of a `Study`, columns of tables."""
-NO_WALLS: Final = "none"
-"""Word for the walls of a cell that is periodic along z and has no walls."""
 KINDS = (
     f"lognormal SPREAD (of ln R, 0 to {MAX_LOGNORMAL_SPREAD:g}), two RATIO SHARE (of the large "
     "ones by volume), or a grading curve, *.csv, of diameters in m and per cent finer by mass"
@@ -57,151 +48,6 @@ SOLID = (
     f"({RADIUS_RANGE[0]:g} to {RADIUS_RANGE[1]:g}) of the spheres, and their contact model if it "
     "is another than hertz-mindlin"
 )
-
-
-@dataclass(frozen=True)
-class Mixture:
-    """Spheres and walls of a packing; the defaults are the study's equal glass spheres.
-
-    Attributes
-    ----------
-    material : Material
-        Material of the spheres.
-    radius : float
-        Mean radius, m.
-    radii : ndarray (n,), optional
-        Radius of each sphere, m, in a random order; None where all are equal.
-    densities : ndarray (n,), optional
-        Density of each sphere, kg/m^3; None where all have that of `material`.
-    wall_material : Elasticity, optional
-        Material of the walls; None where it is that of the spheres.
-    periodic : bool
-        Whether the cell has a period along z instead of walls.
-    """
-
-    material: Material = GLASS
-    radius: float = RADIUS
-    radii: Floats | None = None
-    densities: Floats | None = None
-    wall_material: Elasticity | None = None
-    periodic: bool = False
-
-    @classmethod
-    def parse(
-        cls, spheres: int, seed: int, sizes: str, densities: str, walls: str, solid: str
-    ) -> Mixture:
-        """Return the mixture that a study's words describe; empty words mean the defaults.
-
-        Raises InputError for words that `draw_radii`, `assign_densities`, `parse_wall_material` or
-        `parse_solid` refuse.
-        """
-        material = GLASS
-        radius = RADIUS
-        if solid:
-            material, radius = parse_solid(solid.split())
-        radii = None
-        words = sizes.split()
-        if words and words[0] == CURVE:
-            radii = draw_radii(spheres, words, seed)
-            radius = float(radii.mean())
-        elif words:
-            radii = draw_radii(spheres, words, seed) * (radius / RADIUS)
-        sphere_densities = None
-        if densities:
-            sphere_densities = assign_densities(spheres, densities.split(), radii, seed)
-        periodic = walls == NO_WALLS
-        wall_material = None
-        if walls and not periodic:
-            wall_material = parse_wall_material(walls.split())
-        return cls(material, radius, radii, sphere_densities, wall_material, periodic)
-
-    @property
-    def hardness(self) -> float:
-        """E* of the spheres divided by that of glass; the protocol's stresses scale with it."""
-        return self.material.effective_young / GLASS.effective_young
-
-    @property
-    def tempo(self) -> float:
-        """Strain rates of the protocol for these spheres divided by those for the study's glass."""
-        density_ratio = GLASS.density / self.material.density
-        return math.sqrt(self.hardness * density_ratio) * (RADIUS / self.radius)
-
-    @cached_property
-    def mean(self) -> Material:
-        """Material of the spheres with the mixture's mean density, for durations."""
-        if self.densities is None:
-            return self.material
-        weights = None
-        if self.radii is not None:
-            weights = self.radii**3
-        return replace(self.material, density=float(np.average(self.densities, weights=weights)))
-
-    @cached_property
-    def smallest(self) -> float:
-        """Radius, m, of a sphere of the `mean` material that vibrates as fast as any sphere.
-
-        A frequency varies as 1 / (R sqrt(density)), and as E*^(1/3) under a given force.
-        """
-        radius = self.radius
-        if self.radii is not None:
-            radius = float(self.radii.min())
-        if self.densities is not None:
-            radius *= math.sqrt(float(self.densities.min()) / self.mean.density)
-        if self.wall_material:
-            wall_modulus = self.material.against(self.wall_material).effective_young
-            radius *= min(1.0, (self.material.effective_young / wall_modulus) ** (1 / 3))
-        return radius
-
-    def make_sample(
-        self, position: Floats, lengths: Floats, friction: float, order: Ints | None = None
-    ) -> Sample:
-        """Return a sample of the mixture's spheres in a cell.
-
-        Parameters
-        ----------
-        position : ndarray (n, 3)
-            Centres, m.
-        lengths : ndarray (3,)
-            Lengths of the cell, m.
-        friction : float
-            Coefficient of friction.
-        order : ndarray (n,), optional
-            Which sphere of the mixture is at each centre; by default they are in order.
-        """
-        if order is None:
-            order = np.arange(len(position))
-        return Sample(
-            position,
-            lengths[:2],
-            np.array([0.0, lengths[2]]),
-            friction,
-            radius=self.radius,
-            material=self.material,
-            radii=None if self.radii is None else self.radii[order],
-            densities=None if self.densities is None else self.densities[order],
-            wall_material=self.wall_material,
-            periodic_z=self.periodic,
-        )
-
-
-def join_words(fields: Mapping[str, Words | None]) -> dict[str, str]:
-    """Return each list of words and numbers as one text; empty or missing lists are left out.
-
-    >>> join_words({"sizes": ("two", 2, 0.5), "walls": None})
-    {'sizes': 'two 2 0.5'}
-    """
-    texts = {}
-    for name, words in fields.items():
-        if words is not None and len(words):
-            texts[name] = _joined(words)
-    return texts
-
-
-def sizes_of_file(sizes: Words | None) -> Words | None:
-    """Return the words of a mixture, read from its file if they are the name of a grading curve."""
-    if sizes is not None and len(sizes) == 1 and str(sizes[0]).endswith(".csv"):
-        return read_grading(str(sizes[0]))
-    return sizes
 
 
 def draw_radii(spheres: int, sizes: Words, seed: int) -> Floats:
@@ -231,7 +77,7 @@ def draw_radii(spheres: int, sizes: Words, seed: int) -> Floats:
     elif kind == CURVE and numbers:
         radii = radii_of_curve(spheres, numbers)
     else:
-        raise InputError("sizes", f"sizes {_joined(sizes)}", remedy=f"give {KINDS}")
+        raise InputError("sizes", f"sizes {join_words(sizes)}", remedy=f"give {KINDS}")
     size_ratio = float(radii.max() / radii.min())
     if kind == CURVE:
         # Few spheres may leave out the coarsest part of a curve.
@@ -239,7 +85,7 @@ def draw_radii(spheres: int, sizes: Words, seed: int) -> Floats:
     if size_ratio > MAX_RADIUS_RATIO:
         raise InputError(
             "size_ratio",
-            f"sizes {_joined(sizes)}",
+            f"sizes {join_words(sizes)}",
             f"radii from 1 to {size_ratio:.3g}, up to {MAX_RADIUS_RATIO:g} is allowed",
             "take a smaller spread",
         )
@@ -290,7 +136,7 @@ def assign_densities(spheres: int, densities: Words, radii: Floats | None, seed:
     if not values or not all(lowest <= value <= highest for value in values):
         raise InputError(
             "densities",
-            f"densities {_joined(densities)}",
+            f"densities {join_words(densities)}",
             f"allowed are {lowest:g} to {highest:g}",
             f"give {DENSITIES}",
         )
@@ -312,7 +158,7 @@ def parse_wall_material(words: Words) -> Elasticity:
     if len(values) != 2 or not _is_elastic(*values):
         raise InputError(
             "wall_material",
-            f"walls {_joined(words)}",
+            f"walls {join_words(words)}",
             f"allowed are {YOUNG_RANGE_PA[0]:g} to {YOUNG_RANGE_PA[1]:g} Pa, and -1 to 0.5",
             f"give {WALLS}, as 2.1e11 0.3",
         )
@@ -325,7 +171,7 @@ def parse_solid(words: Words) -> tuple[Material, float]:
     Raises InputError for other words, or for a contact model that does not exist.
     """
     values = _parse_numbers(words[:4])
-    model = _joined(words[4:]) or HERTZ_MINDLIN
+    model = join_words(words[4:]) or HERTZ_MINDLIN
     if len(values) == 4:
         young, poisson, density, radius = values
         is_solid = (
@@ -338,7 +184,9 @@ def parse_solid(words: Words) -> tuple[Material, float]:
             laws_of(material)  # refuses an unknown model
             return material, radius
     example = f"{GLASS.young:g} {GLASS.poisson:g} {GLASS.density:g} {RADIUS:g}"
-    raise InputError("solid", f"spheres of {_joined(words)}", remedy=f"give {SOLID}, as {example}")
+    raise InputError(
+        "solid", f"spheres of {join_words(words)}", remedy=f"give {SOLID}, as {example}"
+    )
 
 
 def _is_elastic(young: float, poisson: float) -> bool:
@@ -349,9 +197,13 @@ def _is_elastic(young: float, poisson: float) -> bool:
     )
 
 
-def _joined(words: Words) -> str:
-    """Return words and numbers as one text."""
-    return " ".join(map(str, words))
+def join_words(words: Words | None) -> str:
+    """Return words and numbers as one text; an empty text for None.
+
+    >>> join_words(("two", 2, 0.5))
+    'two 2 0.5'
+    """
+    return "" if words is None else " ".join(map(str, words))
 
 
 def _parse_numbers(words: Words) -> list[float]:

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -19,8 +18,9 @@ from modal.dem.motion import Dynamics
 from modal.formats.provenance import STATE, Provenance, Source, is_current
 from modal.packing.sample import read_sample, write_sample
 from modal.preparation.compression import run_to_checkpoint, start_dynamics
-from modal.preparation.protocol import STRESS_MARGIN, Stage, Study
+from modal.preparation.protocol import STRESS_MARGIN, Stage
 from modal.preparation.strain_control import Servo
+from modal.preparation.study import Study
 from modal.tools.arrays import Floats
 from modal.tools.errors import InputError
 
@@ -29,8 +29,6 @@ RATE_RATIO = 0.1
 FAILURE_STRAIN = 0.15
 """Largest strain along any axis, beyond which a packing that has not reached its stresses counts as
 flowing: dense packings fail at some per cent, loose ones come near their final strength at 0.1."""
-RATIO_RANGE: Final = (0.05, 20.0)
-"""Ratios of lateral to axial stress that are attempted."""
 
 
 def load_further(

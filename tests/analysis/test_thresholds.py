@@ -12,7 +12,7 @@ import modal
 from analysis.packing_data import PackingData
 from analysis.quantities import QUANTITIES
 from modal.packing.plausibility import LONG_FOR_LOW_PASS, LONG_FOR_VELOCITY, MIN_WIDTH_IN_DIAMETERS
-from modal.preparation.protocol import NOMINAL_FRACTION
+from modal.preparation.study import NOMINAL_FRACTION
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -15,8 +15,8 @@ from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.sample import Sample, read_sample, write_sample
 from modal.packing.state import stress_tensor
 from modal.preparation.cloud import make_cloud
-from modal.preparation.protocol import Study
 from modal.preparation.relax import relax
+from modal.preparation.study import Study
 
 TWO = "0 0 -0.5 1 0 0 0.5 1"
 UNEQUAL = "0 0 0 1 0.9 0.2 0 0.7 0.1 1 0.3 0.6"

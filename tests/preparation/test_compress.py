@@ -23,9 +23,11 @@ from modal.packing.sample import read_sample, write_sample
 from modal.packing.state import coordination_without_rattlers
 from modal.packing.summary import summary
 from modal.preparation import frictionless, protocol
+from modal.preparation import study as study_module
 from modal.preparation.cloud import make_cloud
 from modal.preparation.compression import compact_cloud, start_dynamics
-from modal.preparation.protocol import CHECKPOINT, OLD_CHECKPOINT, Study
+from modal.preparation.protocol import CHECKPOINT, OLD_CHECKPOINT
+from modal.preparation.study import CLOUD_FRACTION, Study
 from modal.tools import progress
 
 SHAPE = ["pack", "--spheres", "100", "--aspect", "1.3"]
@@ -68,7 +70,7 @@ def test_cloud_of_a_mixture_has_its_sizes_and_solid_fraction():
     assert np.array_equal(np.sort(sample.radii), np.sort(study.mixture.radii))
     volume = sample.side.prod() * np.ptp(sample.walls)
     solid = (4 / 3 * np.pi * sample.radii**3).sum() / volume
-    assert solid == pytest.approx(protocol.CLOUD_FRACTION, rel=1e-12)
+    assert solid == pytest.approx(CLOUD_FRACTION, rel=1e-12)
 
 
 def test_cloud_of_a_mixture_has_no_contact():
@@ -359,8 +361,8 @@ def test_path_of_another_program_is_not_continued(finished_path, tmp_path, refus
 
 def test_unstable_step_loses_nothing(finished_path, tmp_path, monkeypatch, one_line):
     """Take a step far beyond the limit: the motion explodes, the checkpoint before it stays."""
-    stable_step = protocol.time_step
-    monkeypatch.setattr(protocol, "time_step", lambda *args: 20 * stable_step(*args))
+    stable_step = study_module.time_step
+    monkeypatch.setattr(study_module, "time_step", lambda *args: 20 * stable_step(*args))
     extend_path(finished_path, tmp_path, "1e+06", strain_rate=np.full(3, -10.0))
     checkpoint = tmp_path / CHECKPOINT
     before = checkpoint.read_bytes()

@@ -15,7 +15,7 @@ from modal.packing.sample import read_sample, sample_of_network, write_sample
 from modal.packing.state import stress_tensor
 from modal.packing.tiling import repeat_sample
 from modal.preparation.durations import inertial_time
-from modal.preparation.protocol import Study
+from modal.preparation.study import Study
 
 STEEL = (2.1e11, 0.3)
 MIXTURE = {"sizes": ("two", 2, 0.5), "densities": (2500, 7800), "walls": STEEL}

@@ -8,7 +8,7 @@ from modal.dem.contacts import MovingContacts
 from modal.packing.neighbours import periodic_pairs
 from modal.packing.network import RECEIVER_WALL, SOURCE_WALL
 from modal.preparation.cloud import make_cloud
-from modal.preparation.protocol import Study
+from modal.preparation.study import Study
 from modal.tools.slabs import SLABS
 
 pytestmark = pytest.mark.two_ways

@@ -13,24 +13,29 @@ from modal.dem.motion import Dynamics
 from modal.packing.sample import read_sample, write_sample
 from modal.packing.state import net_forces
 from modal.preparation.durations import time_step
-from modal.preparation.random_packing import pack
+from modal.preparation.mixture import MixtureWords
+from modal.preparation.random_packing import pack, width_of
 from modal.preparation.strain_control import Servo
+from modal.preparation.stress_path import StressPath
+from modal.preparation.study import Study
 
 
-def packed(folder, **options):
-    """Pack 200 spheres at 100 kPa in `folder` and return the sample."""
-    files = pack(folder, lambda text: None, 200, [1e5], seed=2, aspect=1.5, **options)
+def packed(folder, friction):
+    """Pack 200 spheres at 100 kPa in a cell without walls and return the sample."""
+    words = MixtureWords(periodic=True).texts()
+    study = Study(friction, 200, width_of(200, aspect=1.5), seed=2, **words)
+    files = pack(folder, study, StressPath((1e5,)), lambda text: None)
     return read_sample(files[-1][1])
 
 
 @pytest.fixture(scope="module")
 def frictionless(tmp_path_factory):
-    return packed(tmp_path_factory.mktemp("frictionless"), friction=0.0, periodic=True)
+    return packed(tmp_path_factory.mktemp("frictionless"), friction=0.0)
 
 
 @pytest.fixture(scope="module")
 def frictional(tmp_path_factory):
-    return packed(tmp_path_factory.mktemp("frictional"), friction=0.3, periodic=True)
+    return packed(tmp_path_factory.mktemp("frictional"), friction=0.3)
 
 
 @pytest.mark.parametrize("name", ["frictionless", "frictional"])

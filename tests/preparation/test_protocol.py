@@ -10,8 +10,9 @@ from refusals import refusal
 from modal.packing.contact_law import RADIUS, Material
 from modal.preparation import protocol
 from modal.preparation.durations import count_steps, highest_frequency, vibration_duration
-from modal.preparation.protocol import PREPARATION, Stage, Study
+from modal.preparation.protocol import PREPARATION, Stage
 from modal.preparation.strain_control import Servo
+from modal.preparation.study import Study
 from modal.theory.fcc import FccLattice
 
 STUDY = Study(spheres=400, width=4.2)

@@ -15,20 +15,17 @@ from modal.packing.summary import summary
 from modal.preparation import frictionless
 from modal.preparation.cloud import make_cloud
 from modal.preparation.frictionless import Descent, Pressure
-from modal.preparation.protocol import (
-    SettlingLimits,
-    Study,
-    list_intermediate_stresses,
-    name_stages,
-)
+from modal.preparation.mixture import MixtureWords
+from modal.preparation.protocol import SettlingLimits, list_intermediate_stresses, name_stages
 from modal.preparation.random_packing import sound_aspect, width_of
-from modal.preparation.sizes import draw_radii, join_words
+from modal.preparation.sizes import draw_radii
+from modal.preparation.study import Study
 from modal.tools.slabs import SLABS
 
 
 def make_study(spheres, aspect, seed, **mixture):
     """Return the study of a packing without friction."""
-    return Study(0.0, spheres, width_of(spheres, aspect), seed, **join_words(mixture))
+    return Study(0.0, spheres, width_of(spheres, aspect), seed, **MixtureWords(**mixture).texts())
 
 
 def make_points(spheres, aspect, seed, **mixture):

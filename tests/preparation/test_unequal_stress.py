@@ -6,23 +6,27 @@ import pytest
 import modal
 from modal.packing.sample import read_sample
 from modal.preparation import unequal_stress
-from modal.preparation.random_packing import pack
+from modal.preparation.mixture import MixtureWords
+from modal.preparation.random_packing import pack, width_of
+from modal.preparation.stress_path import StressPath
+from modal.preparation.study import Study
 from modal.tools.errors import InputError
 
-PACKING = {"spheres": 300, "friction": 0.3, "seed": 1, "aspect": 1.5, "periodic": True}
+WORDS = MixtureWords(periodic=True).texts()
+PACKING = Study(0.3, 300, width_of(300, aspect=1.5), seed=1, **WORDS)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Return a folder with the isotropic states of all tests, which are made once."""
     folder = tmp_path_factory.mktemp("unequal")
-    pack(folder, lambda text: None, stresses=[1e4, 1e5], **PACKING)
+    pack(folder, PACKING, StressPath((1e4, 1e5)), lambda text: None)
     return folder
 
 
 def load(folder, stresses, **options):
     """Return the samples of a path to stresses, Pa, in a folder."""
-    files = pack(folder, lambda text: None, stresses=stresses, **PACKING, **options)
+    files = pack(folder, PACKING, StressPath(tuple(stresses), **options), lambda text: None)
     return [read_sample(path) for _, path in files]
 
 
