@@ -1,4 +1,4 @@
-"""Sources of waves, and receivers: walls, planes, single spheres, discs of spheres.
+"""Describe sources of waves, and receivers: walls, planes, single spheres, discs of spheres.
 
 >>> import modal
 >>> from modal.sources import Disc

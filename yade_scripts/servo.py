@@ -89,7 +89,7 @@ class Scene:
         deform(self._n, self._control.follow(self.stress()))
 
     def advance(self, count, dt, every):
-        """Take `count` steps of `dt`, s; the control sets the rates once in `every` steps."""
+        """Take `count` steps of `dt`, s; set strain rates every `every` steps."""
         O.dt = dt
         O.labeledEngine("control").iterPeriod = every
         if not self.steps:
@@ -113,5 +113,5 @@ class Scene:
         return unbalancedForce(useMaxForce=False)
 
     def sample(self, *, moving):
-        """Return the present sample; with its velocities and strain rate if it is `moving`."""
+        """Return the present sample; with velocities and strain rate if `moving`."""
         return read_scene(self._sample, moving=moving)

@@ -246,7 +246,7 @@ class Sample:
 
     @property
     def periods(self) -> Floats:
-        """Periods (2,) along x and y, m; without a period, so long that no image is ever near."""
+        """Periods (2,) along x and y, m; for a free side, a length too large for contacts."""
         beyond = np.ptp(self.position[:, :2], axis=0) + 6 * np.max(self.sizes)
         return np.where(self.periodic_sides, self.side, beyond)
 

@@ -84,15 +84,15 @@ def _fit_gravity(network: Network) -> Floats | None:
 
 
 def _free_masses(network: Network) -> Floats:
-    """Return the mass (n, 3), kg, that is free to move along x, y and z."""
+    """Return the mass (n, 3), kg, of each body along x, y and z; 0 along held motions."""
     return network.mass[:, None] * network.free_motions[:, :3]
 
 
 def unbalanced_forces(network: Network) -> Floats:
     """Return the net force and torque of each sphere (n,) divided by the mean normal force.
 
-    The weight is taken off; a sphere without contacts counts as balanced.
-    UnavailableError if contact forces are absent.
+    The weight is subtracted first; a sphere without contacts counts as balanced. UnavailableError
+    if contact forces are absent.
     """
     load = net_forces(network)
     acceleration = gravity_of(network)

@@ -1,5 +1,5 @@
-"""Preparation of random packings, with and without friction, and their relaxation to rest.
+"""Prepare random packings, with and without friction, and relax them to rest.
 
-`protocol` defines the stages of a loading path, `compression` follows it in the motion of YADE or
-of modal, and `frictionless` minimises the enthalpy of spheres without friction.
+`protocol` defines the stages of a loading path, `compression` follows this path with YADE or with
+modal's own time integration, and `frictionless` minimises the enthalpy of spheres without friction.
 """

@@ -1,4 +1,4 @@
-"""Spheres placed at random: the first state of a path, with friction and without."""
+"""Place spheres at random: the first state of a path, with friction and without."""
 
 import math
 from collections.abc import Iterator
@@ -23,11 +23,11 @@ NEIGHBOURS = tuple(product((-1, 0, 1), repeat=3))
 
 
 def make_cloud(study: Study) -> Sample:
-    """Return the first spheres of a path, in a cell of its final proportions.
+    """Return the first state of a path, in a cell with the proportions of the final one.
 
     With friction they fill `CLOUD_FRACTION` without contacts; without friction they overlap at
     random at `CROWDED_FRACTION`. They are numbered along z, so that neighbours lie close together
-    in memory. Raises InputError where the cell is too narrow or the spheres do not fit.
+    in memory. Raises InputError if the cell is too narrow or the spheres do not fit.
     """
     if study.mu_comp:
         template = study.template
@@ -106,7 +106,7 @@ def _make_clump_cloud(study: Study, template: ClumpTemplate) -> Sample:
 
 
 def _make_crowded_cloud(study: Study) -> Sample:
-    """Return overlapping random spheres in a cell whose aspect is that of equal spheres."""
+    """Return overlapping random spheres in a cell with the aspect that equal spheres would have."""
     mixture = study.mixture
     radii = mixture.radii
     if radii is None:
@@ -166,7 +166,7 @@ class _Bins:
         return i, j, k
 
     def _lateral_distance(self, first: float, second: float) -> float:
-        """Return the signed distance to the nearest lateral image; its square is what counts."""
+        """Return the distance to the nearest lateral image; the sign has no meaning."""
         distance = abs(first - second)
         if distance > self.side / 2:
             distance -= self.side
@@ -179,8 +179,8 @@ def place_at_random(
     """Return centres (n, 3) of spheres without contacts, and which sphere is at each of them (n,).
 
     The spheres of `diameters` (n,) are placed one by one where they fit, the largest first, and
-    sorted along z. All lengths have one unit. Raises InputError where the cell is narrower than
-    three of the largest spheres, or where they do not fit.
+    sorted along z. All lengths have the same unit. Raises InputError if the cell is narrower than
+    three of the largest spheres, or if the spheres do not fit.
     """
     count = len(diameters)
     largest = float(diameters.max())

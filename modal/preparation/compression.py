@@ -1,8 +1,8 @@
-"""Loading paths from a cloud to each stress, in any program's motion, resumable after a kill.
+"""Follow a loading path from a cloud to each stress, in any program, resumable after a kill.
 
-With friction, YADE (`yade_scripts/compress.py`) and modal's own loop follow this one definition;
-without friction it is `modal.preparation.frictionless`. Each run starts from the checkpoint that
-the run before has written, so that a path that was killed takes the same steps as one that was not.
+With friction, the spheres move in YADE (`yade_scripts/compress.py`) or in modal's own loop; without
+friction, in `modal.preparation.frictionless`. Each run starts from the last checkpoint, so that a
+path that was killed takes the same steps as one that was not.
 """
 
 import math
@@ -48,10 +48,10 @@ Say = Callable[[str], None]
 
 
 class Simulation(NamedTuple):
-    """How spheres are moved along a path.
+    """The program that moves the spheres along a path.
 
-    start_motion: sets a sample in motion under a stage. make_stage: makes a stage from its name and
-    the study.
+    start_motion: function that starts the motion of a sample under a stage. make_stage: function
+    that makes a stage from its name and the study.
     """
 
     start_motion: StartMotion
@@ -67,7 +67,7 @@ class StageProgress(NamedTuple):
 
 
 def start_dynamics(sample: Sample, stage: Stage) -> Dynamics:
-    """Set a sample in modal's own motion, whose strain rates the control of a stage sets."""
+    """Start modal's own motion of a sample, with strain rates from the control of a stage."""
     return Dynamics(sample, stage.damping, control=stage.control.follow)
 
 
@@ -96,9 +96,9 @@ def compact_cloud(study: Study, start_motion: StartMotion) -> Sample:
 def stir(dense: Sample, study: Study, start_motion: StartMotion) -> Sample:
     """Return a packing at rest after its spheres were drawn apart and stirred.
 
-    Lengths grow by the share `dilate` of the study, and spheres move at random velocities, with
-    which they exert the stress of agitated spheres, without friction or damping, so that none comes
-    to rest before its neighbours. All contacts of the dense packing are lost.
+    All lengths grow by the share `dilate` of the study. The spheres get random velocities, with
+    which they exert the stress of agitated spheres. They move without friction and damping, so that
+    none comes to rest before its neighbours. All contacts of the dense packing are lost.
     """
     started = time.perf_counter()
     stage = Stage(protocol.STIR, study)
@@ -136,7 +136,7 @@ def stir(dense: Sample, study: Study, start_motion: StartMotion) -> Sample:
 def advance_to_checkpoint(
     packing: MovingPacking, stage: Stage, seconds: float, say: Say
 ) -> StageProgress:
-    """Advance a packing to the next checkpoint of its stage, of which `seconds` have passed."""
+    """Advance a packing to the next checkpoint of its stage, which began `seconds` ago."""
     started = time.perf_counter()
     seconds_before = seconds
     minute = Minute()
@@ -195,7 +195,7 @@ def _describe_state(stage: Stage, packing: MovingPacking) -> str:
 
 
 def _describe_rest(stage: Stage, seconds: float, pace: float) -> str:
-    """Return a text on what ends the stage and how long the stage may still take.
+    """Return a text on the end condition of a stage, and on its longest remaining time.
 
     `seconds` of the stage have passed; `pace` is the computing time per simulated time.
     """
@@ -233,22 +233,22 @@ def compress_to_stresses(
     study : Study
         Parameters of the path.
     stresses : sequence of float
-        Pa, in rising order with friction.
+        Stresses, Pa, in rising order if there is friction.
     provenance : Provenance
         Command and study, written into each file.
     simulation : Simulation
-        How spheres are moved: with friction or without, here or in YADE.
+        How the spheres move: with or without friction, in modal or in YADE.
     say : callable
-        Shows lines of progress.
+        Function that shows a line of progress.
     dense : Path, optional
         Sample of a packing without friction.
 
     Raises
     ------
     InputError
-        If stresses are repeated or, with friction, do not rise; if the checkpoint or a state is of
-        another study, or was made by another command (programs do not take the same steps); or if
-        the checkpoint has gone through other stages.
+        If stresses are repeated or, with friction, do not rise; if the checkpoint or a state
+        belongs to another study or command (YADE and modal do not take the same steps); or if the
+        checkpoint has gone through other stages.
     """
     if study.mu_comp and any(lower >= higher for lower, higher in pairwise(stresses)):
         raise InputError(
@@ -332,7 +332,7 @@ def _describe_cost(
 ) -> dict[str, Any]:
     """Return attributes of the present packing, and steps and seconds of stage and path so far.
 
-    `before` are the attributes at the start of the run, which began at `started` on the clock.
+    `before` are the attributes at the start of the run, `started` its time on the clock, s.
     """
     contacts = sample.contacts()
     with_wall = int((contacts.particle_j < 0).sum())
@@ -352,11 +352,10 @@ def _describe_cost(
 
 
 def _resume(checkpoint: Path, sample: Sample, stages: list[str]) -> list[str]:
-    """Set the stage at which a checkpoint continues, and return the stages before it.
+    """Start the stage at which a checkpoint continues, and return the stages before this one.
 
-    A path may be given further stresses after its end, or on its way to a stress. Raises InputError
-    if the checkpoint has gone through other stages than `stages`, or is on its way to another
-    stage.
+    Further stresses may be added to a path at any time. Raises InputError if the stages of the
+    checkpoint, finished or begun, are not those of `stages`.
     """
     stage = sample.study.get("stage")
     passed = str(sample.study.pop("way", "")).split(STAGE_SEPARATOR)
@@ -386,7 +385,7 @@ def _resume(checkpoint: Path, sample: Sample, stages: list[str]) -> list[str]:
 
 
 def _read_sample_of_study(path: Path, study: Study, command: str) -> Sample:
-    """Read a state of this path; raise InputError if it is of another study or command."""
+    """Read a state of this path; raise InputError for another study or command."""
     sample = read_sample(path)
     study.refuse_other(sample.study, path)
     maker = sample.provenance.get("command", command)

@@ -1,9 +1,9 @@
 """Units of time of a packing under pressure: inertial time, fastest vibration, time step.
 
-The inertial time, D sqrt(density / pressure), is that of spheres that move freely. A packing
-settles by vibrations, whose shortest period is the inertial time multiplied by
-(pressure / E*)^(1/3). Durations of settling are therefore stated in inertial times at
-`REFERENCE_PRESSURE` and converted by this power.
+The inertial time, D sqrt(density / pressure), is the time scale of spheres that move freely. A
+packing settles by vibrations, whose shortest period is the inertial time multiplied by (pressure /
+E*)^(1/3). Durations of settling are therefore stated in inertial times at `REFERENCE_PRESSURE`, and
+converted to other pressures by this factor.
 """
 
 import math

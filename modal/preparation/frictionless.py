@@ -1,9 +1,9 @@
-"""Energy minimum of frictionless spheres at a given pressure, by FIRE.
+"""Minimise the energy of frictionless spheres at a given pressure, by FIRE.
 
-Positions and the logarithms of the three lengths of the cell move together down the enthalpy
-E + p V (fast inertial relaxation engine: Bitzek et al., PRL 97, 170201, 2006; the half step back
-after an uphill one: Guenole et al., Comp. Mat. Sci. 175, 109584, 2020). The distance of the walls
-is one of the lengths: walls move homothetically with the cell.
+Positions and the logarithms of the three lengths of the cell move together towards lower enthalpy E
++ p V. FIRE is the fast inertial relaxation engine of Bitzek et al., PRL 97, 170201, 2006; going
+back by half a step after an uphill step follows Guenole et al., Comp. Mat. Sci. 175, 109584, 2020.
+The distance of the walls is one of the lengths: walls move homothetically with the cell.
 """
 
 import math
@@ -86,7 +86,8 @@ def _sums_of_some(first, last, part, velocity, force, sums):
 def sums_by_arrays(velocity: Floats, force: Floats, sums: Floats) -> None:
     """Fill the first row of `sums` with sums of F v, v^2 and F^2 and the largest |v| and |F|.
 
-    Shapes are (n, 3), (n, 3) and (parts, 5); the compiled loop fills one row for each part.
+    Velocities v and forces F are (n, 3), `sums` is (parts, 5); the compiled loop fills one row for
+    each part.
     """
     # Not BLAS: its threads cost more than they save here, and make the sum depend on their number.
     power = np.einsum("ij,ij", force, velocity)
@@ -119,9 +120,9 @@ descend_by_loop = by_parts(_descend_some, descend_by_arrays)
 
 
 class Pressure(Stage):
-    """Stage that brings spheres without friction to a pressure; its times count descent steps.
+    """Stage that brings spheres without friction to a pressure; its times are numbers of steps.
 
-    `step_ratio` is the length of these steps divided by sqrt(m / mean kn).
+    `step_ratio` is the time step of the descent divided by sqrt(m / mean kn).
     """
 
     checks = DESCENT_CHECKS
@@ -147,7 +148,7 @@ class Pressure(Stage):
 
 
 class Descent:
-    """Spheres that descend, from rest, to the least enthalpy under the pressure of a stage."""
+    """Spheres that move, from rest, to the minimum of the enthalpy at the pressure of a stage."""
 
     def __init__(self, sample: Sample, stage: Pressure) -> None:
         low = sample.walls[0]
@@ -169,9 +170,9 @@ class Descent:
         self._dt = 0.0
 
     def advance(self, count: int, dt: float, every: int) -> None:
-        """Take `count` steps of the descent's own length, then pass the stresses to the control.
+        """Take `count` steps, whose length the descent chooses; then pass stresses to the control.
 
-        `dt` and `every` are not used.
+        `dt` and `every` are ignored.
         """
         for _ in range(count):
             self._step()
@@ -179,7 +180,7 @@ class Descent:
         self._control.follow(self.stress())
 
     def _max_time_step(self) -> float:
-        """Return the longest stable step, in units in which all masses are 1."""
+        """Return the longest stable time step, in units in which all masses are 1."""
         contacts = self.contacts
         stiffness = contacts.stiffness
         limit = self._step_ratio / math.sqrt(max(contacts.mean_stiffness, self._softest))
@@ -247,5 +248,5 @@ class Descent:
         return self.contacts.unbalanced()
 
     def sample(self, *, moving: bool) -> Sample:
-        """Return the present sample at rest: a descent goes on from positions alone."""
+        """Return the present sample at rest: positions alone suffice to continue a descent."""
         return self.contacts.sample()

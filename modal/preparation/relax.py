@@ -1,14 +1,13 @@
-"""Relaxation of a sample to the balance of its contact law, at a fixed cell.
+"""Relax a sample to the balance of its contact law, at a fixed cell.
 
-Net forces that a dynamic run leaves would move spheres while a wave of some nanometres passes.
-Damped motion (`modal.dem.motion`) lets contacts slide, open and close until few still do. At its
-end nothing slides any more, and only the longest waves along the packing remain, which decay
-slowly. An elastic step computes at once how far each sphere still has to go: K d = F, with the
-stiffness K of the present overlaps and the net forces F. This is a step of Newton's method without
-the change of direction of the forces, which gains two or three digits. Spheres that slide, or that
-the springs alone would move far, are excluded: their own net force is left out, and they follow
-their neighbours. The gain is checked after some more damped steps. A packing at rest stays at rest
-by itself.
+Net forces that a dynamic run leaves would move spheres while a wave of some nanometres passes. In a
+damped motion (`modal.dem.motion`) contacts slide, open and close, and gradually stop doing so. In
+the end only the longest waves along the packing remain, which decay slowly. An elastic step then
+computes the remaining displacement d of all spheres at once: K d = F, with the stiffness K of the
+present overlaps and the net forces F. This is a step of Newton's method that neglects the change of
+direction of the forces; it gains two or three digits. Spheres that slide, or that the springs alone
+would move far, are excluded: their own net force is left out, and they follow their neighbours. The
+gain is checked after some more damped steps. A packing that is already at rest is not changed.
 """
 
 from collections.abc import Callable
@@ -97,8 +96,8 @@ class Equilibrium:
     friction_used : float
         Largest |shear| / (mu N); above 1 in `sliding` contacts. NaN while spheres move.
     sliding : int
-        Contacts beyond the limit of friction, which a dynamic run would let slide; while spheres
-        move, contacts that slid in the last step.
+        Number of contacts beyond the limit of friction, which would slide in a dynamic run; while
+        spheres move, number of contacts that slid in the last step.
     contacts : int
         Number of contacts.
     steps : int
@@ -107,8 +106,8 @@ class Equilibrium:
         Residual that was requested, and the smallest residual that round-off of the positions
         allows; set at the end of `relax`.
     at_rest : bool
-        Whether the residual is below the larger of both, and that of each sphere below
-        `MAX_SINGLE_RATIO` times it.
+        Whether the residual is below the larger of these two limits, and the residual of each
+        sphere is below `MAX_SINGLE_RATIO` times this limit.
     """
 
     residual: float
@@ -122,7 +121,7 @@ class Equilibrium:
     at_rest: bool = False
 
     def within(self, goal: float) -> bool:
-        """Return whether the mean residual is at most `goal`, and the largest one not far above."""
+        """Return whether the mean residual is at most `goal`, and the largest not far above it."""
         return self.residual <= goal and self.largest <= MAX_SINGLE_RATIO * goal
 
 
@@ -151,19 +150,20 @@ def relax(
     watch: Callable[[Equilibrium], None] | None = None,
     mobilised: bool = False,
 ) -> tuple[Sample, Equilibrium]:
-    """Return a sample in the balance of its contact law, and how good the balance is.
+    """Bring a sample to static equilibrium under its contact law, by damped motion.
 
-    Friction is needed: frictionless packings have motions that nothing resists. Contacts slide at
-    `FRICTION_SHARE` of the friction, or at the friction of the compression (`mu_comp` among the
-    attributes of the sample) if this is less: no state at rest bears what its compression did not
-    allow.
+    The sample must have friction: frictionless packings have motions that nothing resists. Contacts
+    slide at `FRICTION_SHARE` of the friction or, if this is less, at the friction of the
+    compression (`mu_comp` among the attributes of the sample), because no contact force exceeded
+    the latter.
 
     Parameters
     ----------
     sample : Sample
         The sample, with friction and contacts.
     tolerance : float
-        Residual of the balance; raised to what round-off of the positions allows.
+        Residual at which the motion ends; raised to the smallest residual that round-off of the
+        positions allows.
     max_steps : int
         Largest number of steps of damped motion.
     watch : callable, optional
@@ -177,12 +177,13 @@ def relax(
     Sample
         The sample after its motion.
     Equilibrium
-        Its balance; not `at_rest` if the motion stopped below `ACCEPTED_RESIDUAL` alone.
+        The balance of the sample; not `at_rest` if only `ACCEPTED_RESIDUAL` was reached.
 
     Raises
     ------
     InputError
-        If there is no friction or no contact, or if the sample comes apart or not to rest.
+        If there is no friction or no contact, if the sample loses its contacts, or if it does not
+        come to rest.
     """
     sample.refuse_clumps("rest")
     limit = friction_at_rest(sample, mobilised=mobilised)
@@ -260,7 +261,7 @@ def friction_at_rest(sample: Sample, *, mobilised: bool = False) -> float:
 
 
 class _ElasticSchedule:
-    """Schedule of elastic steps: soon after one that has a gain, later and later without gain.
+    """Schedule of elastic steps: soon after a successful one, later and later after failures.
 
     An elastic step is also due as soon as no contact slides any more.
     """
@@ -272,7 +273,7 @@ class _ElasticSchedule:
         self._was_sliding = True
 
     def is_due(self, state: Equilibrium) -> bool:
-        """Return whether an elastic step is to be tried at this check."""
+        """Return whether to try an elastic step at this check."""
         if state.sliding > MAX_SLIDING_SHARE * state.contacts:
             return False
         stopped_sliding = self._was_sliding and state.sliding == 0
@@ -281,7 +282,7 @@ class _ElasticSchedule:
         return state.steps >= self._next_step
 
     def record(self, state: Equilibrium, accepted: bool) -> None:
-        """Plan the next elastic step after one from this state, which was `accepted` or not."""
+        """Plan the next elastic step, after one from this state was `accepted` or rejected."""
         if accepted and state.residual <= MIN_GAIN * self._residual_before:
             self._wait_steps = CHECK_STEPS
         else:
@@ -307,7 +308,7 @@ def _take_elastic_step(contacts: MovingContacts, state: Equilibrium) -> MovingCo
 
 
 def _measure_moving(contacts: MovingContacts, step: int) -> Equilibrium:
-    """Return the balance of moving contacts; the friction used is not computed."""
+    """Return the balance of moving contacts, without `friction_used`."""
     net_force = sizes_of_loads(contacts.load, contacts.radius) / contacts.mean_force
     return Equilibrium(
         residual=float(net_force.mean()),
@@ -320,12 +321,12 @@ def _measure_moving(contacts: MovingContacts, step: int) -> Equilibrium:
 
 
 def elastic_motion(contacts: MovingContacts, sample: Sample) -> Floats | None:
-    """Return the motion (n, 6), m and rad, to the balance of the contacts' springs.
+    """Return the motion (n, 6), m and rad, that brings the contacts' springs into balance.
 
     `sample` is the present state of `contacts`. No sphere moves further than
-    `MAX_DISPLACEMENT_OVERLAPS` median overlaps; rotations count as arcs. None if too many spheres
-    are excluded, or if the solver does not converge. The caller checks whether the forces of the
-    contact law are nearer to balance after the motion.
+    `MAX_DISPLACEMENT_OVERLAPS` median overlaps; rotations count as arcs. Returns None if too many
+    spheres are excluded, or if the solver does not converge. The caller checks whether the forces
+    of the contact law are nearer to balance after the motion.
     """
     network = sample.network()
     system = LinearSystem(network)
@@ -355,7 +356,7 @@ def elastic_motion(contacts: MovingContacts, sample: Sample) -> Floats | None:
 def _solve_balance(system: LinearSystem, load: Floats) -> Floats:
     """Return the motion (n, 6), m and rad, at which springs balance `load` (n, 6), N and N m.
 
-    Each sphere is also held in its place by a weak spring.
+    A weak spring also holds each sphere at its place.
     """
     sqrt_mass = system.sqrt_mass
     blocks = system.diagonal_blocks

@@ -33,8 +33,8 @@ MAX_CHECKPOINTS = 100
 def sample_of_scan(network: Network, friction: float) -> Sample:
     """Return the spheres of a scan as a sample, whose contacts follow from positions.
 
-    Raises InputError if the network is not from a scan, if its law is not that of a material, or if
-    its sides are free.
+    Raises InputError if the network is not from a scan, if its law does not follow from a material,
+    or if its sides are free.
     """
     if Scan.of(network.study) is None:
         raise InputError(

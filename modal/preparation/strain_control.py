@@ -1,4 +1,4 @@
-"""Controls of a packing's strain rates: a constant rate, or a servo on its principal stresses."""
+"""Control the strain rates of a packing: constant, or by a servo on its principal stresses."""
 
 import math
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ class ConstantRate:
         return np.full(3, -self.rate)
 
     def error(self) -> float:
-        """Return infinity: a constant rate has no target stress."""
+        """Return infinity as the error of the stress: a constant rate has no target."""
         return math.inf
 
 

@@ -1,9 +1,9 @@
-"""Unequal stresses: a packing at rest under isotropic pressure, loaded further along z.
+"""Load a packing from isotropic pressure to unequal stresses along z and across it.
 
-Either the lateral stresses are changed to a share of the axial stress, which is constant
-("triaxial"), or the walls approach while nothing moves sideways ("oedometric", one-dimensional
-compression). The ratio of lateral to axial stress in oedometric compression is K0, the coefficient
-of earth pressure at rest. Both kinds of loading begin at the end of a compression
+There are two kinds. "Triaxial": the axial stress stays constant while the lateral stresses are
+changed to a share of it. "Oedometric" (one-dimensional compression): the walls approach while the
+lateral strain is zero. The ratio of lateral to axial stress in oedometric compression is K0, the
+coefficient of earth pressure at rest. Both kinds of loading begin at the end of a compression
 (`modal.preparation.compression`), with its friction.
 """
 
@@ -44,9 +44,9 @@ def load_further(
 
     With a `ratio` of lateral to axial stress, each path begins at the isotropic state of its axial
     stress; with NaN, the width is constant, and one path goes from the first state to each stress,
-    Pa, in turn. Files of states that are up to date are kept. The attributes of a state are
-    `stress_ratio`, the mean lateral stress divided by the axial one, the `strain` (3,), and whether
-    it has `settled`. Raises InputError if a packing flows before it reaches its stresses.
+    Pa, in turn. Files of current states are kept. The attributes of a state are `stress_ratio`, the
+    mean lateral stress divided by the axial one, the `strain` (3,), and whether it has `settled`.
+    Raises InputError if a packing flows before it reaches its stresses.
     """
     is_oedometric = math.isnan(ratio)
     loading = "oedometric" if is_oedometric else f"K{ratio:g}"
@@ -74,7 +74,7 @@ def load_further(
 
 
 class Loading(Stage):
-    """Stage that leads to the shares (3,) of a stress, Pa; an axis with NaN is not strained.
+    """Stage that loads each axis to its share (3,) of a stress, Pa; NaN means no strain.
 
     `start` (3,) are the lengths of the cell at the beginning, m.
     """

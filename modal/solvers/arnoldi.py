@@ -1,4 +1,4 @@
-"""Find eigenpairs of an operator that is not symmetric, by ARPACK's method of Arnoldi.
+"""Find eigenpairs of an operator that is not symmetric, by Arnoldi's method (ARPACK).
 
 The modes nearest a shift come from the inverse of the operator about it (R. B. Lehoucq, D. C.
 Sorensen, C. Yang, ARPACK Users' Guide, SIAM 1998).
@@ -25,31 +25,31 @@ def eigenpairs(
     tolerance: float = 0.0,
     what: str = "modes",
 ) -> tuple[Array, Array]:
-    """Return eigenpairs, at least `count` of which are wanted, or all wanted ones that exist.
+    """Return eigenpairs that include at least `count` wanted ones, or all that exist.
 
     Parameters
     ----------
     apply : callable
-        Multiplies a vector (size,) by the operator A.
+        Function that multiplies a vector (size,) by the operator A.
     start : ndarray (size,)
         First vector of the iteration; its type is that of the operator.
     count : int
         Number of wanted eigenpairs.
     wanted : callable
-        Tells which of the eigenvalues (k,) are wanted, as bool (k,).
+        Function that returns which of the eigenvalues (k,) are wanted, as bool (k,).
     inverse : callable, optional
-        Applies (A - sigma)^-1. The eigenvalues nearest to `sigma` are found with it, those of
-        largest size without it.
+        Function that applies (A - sigma)^-1. With it the eigenvalues nearest to `sigma` are found,
+        without it those of largest absolute value.
     sigma : complex, optional
         The shift.
     ask : int
-        Number of eigenpairs of the first search. It is doubled while too few are wanted.
+        Number of eigenpairs in the first search. It is doubled while too few of them are wanted.
     basis : int
         Least number of vectors in the basis.
     tolerance : float
         Residual divided by the eigenvalue; 0 stands for round-off.
     what : str
-        Name of the eigenpairs in a message.
+        Name of the eigenpairs for an error message.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Compute Chebyshev polynomials of an operator by recurrence: for waves, densities, filters.
 
-T_0 = 1, T_1 = X, T_k = 2 X T_(k-1) - T_(k-2), on a vector or a block of vectors. X is linear in A
-and lies between -1 and 1 where the spectrum of A is mapped into that interval.
+T_0 = 1, T_1 = X, T_k = 2 X T_(k-1) - T_(k-2), on a vector or a block of vectors. X is linear in A;
+it maps the spectrum of A, or a part of it, to the interval from -1 to 1.
 """
 
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ vector; one of 12 columns takes 0.65."""
 
 
 class ScaledOperator(Protocol):
-    """The part of `modal.system.operator.ContactOperator`, with `mass_scaled`, that is used here.
+    """The interface of a mass-scaled `ContactOperator` that the recurrences use.
 
     The operator is A = M^-1/2 K M^-1/2, of shape (size, size).
     """
@@ -27,10 +27,10 @@ class ScaledOperator(Protocol):
     pre_stress: str
 
     def inward(self, u: Array) -> Array:
-        """Return vectors (size, k) of the particles in the operator's own numbering."""
+        """Return vectors (size, k) of the particles in the numbering of the operator."""
 
     def outward(self, u: Array) -> Array:
-        """Return vectors (size, k) in the operator's own numbering as those of the particles."""
+        """Return vectors (size, k), given in the operator's numbering, in that of the particles."""
 
     def combine(
         self,
@@ -42,7 +42,7 @@ class ScaledOperator(Protocol):
         *,
         sums: Floats | None = None,
     ) -> Array:
-        """Set out = alpha A u + beta u + gamma out, (size,) or (size, k), in the own numbering.
+        """Set out = alpha A u + beta u + gamma out, (size,) or (size, k), in its numbering.
 
         `sums` (2, 6, k) receive, by component, the sums over particles of the products out out and
         out u, with the values of `out` before the call.
@@ -58,10 +58,11 @@ def chebyshev(
 ) -> Iterator[Floats]:
     """Yield T_k(X) start for k = 0, 1, 2, ..., where X = slope A + offset.
 
-    `start` (size,) or (size, k), in the operator's own numbering and in C order, is overwritten,
-    as each array that is yielded is overwritten two steps later. A product with A is made when the
-    next order is asked for. At each order k from 2 on, `sums` receive the sums of T_(k-2) start, by
-    component, with itself and with T_(k-1) start, as `ScaledOperator.combine` gives them.
+    `start` (size,) or (size, k), in the numbering of the operator and in C order, is overwritten.
+    Each yielded array is overwritten two steps later. A product with A is computed only when the
+    next order is requested. At each order k >= 2, `sums` receives the scalar products, by
+    component, of T_(k-2) start with itself and with T_(k-1) start, as `ScaledOperator.combine`
+    computes them.
     """
     before = start
     now = np.empty_like(start)
@@ -75,10 +76,10 @@ def chebyshev(
 
 
 def jackson(count: int) -> Floats:
-    """Return the damping (count,) of the even orders that turns a delta into a near-Gaussian.
+    """Return the damping (count,) of even orders that broadens a delta to nearly a Gaussian.
 
     This is Jackson's kernel (Weisse et al., Rev. Mod. Phys. 78, 275, 2006) of the orders 0, 2, ...,
-    2 `count` - 2; odd orders are left out, as they vanish. The near-Gaussian is positive.
+    2 `count` - 2; odd orders vanish and are left out. The broadened delta is positive everywhere.
     """
     orders = 2 * count
     step = np.pi / (orders + 1)

@@ -1,11 +1,10 @@
 """Solve for several loads at once by preconditioned conjugate gradients, to an error in energy.
 
-A stiffness or a compliance that is computed from the solutions has an error equal to the energy
-that the solutions lack. This error follows from the steps: each lowers the squared error in the
-energy norm by exactly its length times the preconditioned residual (M. R. Hestenes and E. Stiefel,
-J. Res. Nat. Bur. Standards 49, 409, 1952, Eq. 6.1). The sum over a few more steps is therefore a
-lower bound of the error before them (Z. Strakos and P. Tichy, Electron. Trans. Numer. Anal. 13, 56,
-2002).
+A stiffness or a compliance that is computed from the solutions has an error equal to the error of
+the energy. The steps show this error: each lowers the squared error in the energy norm by exactly
+its length times the preconditioned residual (M. R. Hestenes and E. Stiefel, J. Res. Nat. Bur.
+Standards 49, 409, 1952, Eq. 6.1). The sum over a few more steps is therefore a lower bound of the
+error before them (Z. Strakos and P. Tichy, Electron. Trans. Numer. Anal. 13, 56, 2002).
 """
 
 from collections.abc import Callable
@@ -33,9 +32,9 @@ class Solution:
     Attributes
     ----------
     motion : ndarray (size, k)
-        x.
+        The solutions x.
     residual : ndarray (size, k)
-        b - A x.
+        The residuals b - A x.
     energy_error : ndarray (k,)
         Squared error in the energy norm, e^T A e, of the error e of x.
     products : int
@@ -60,23 +59,23 @@ def conjugate_gradients(
 ) -> Solution:
     """Solve A x = b for the columns of a load, A symmetric and positive semidefinite.
 
-    A may be singular where the load is in its range; the solutions then contain those motions
-    without energy that the preconditioner puts in.
+    A may be singular where the load is in its range; the solutions may then contain motions without
+    energy, which come from the preconditioner.
 
     Parameters
     ----------
     apply_stiffness, preconditioner : callable
-        Apply A, and a symmetric approximation of its inverse, to an array (size, k).
+        Functions that apply A, and a symmetric approximation of its inverse, to an array (size, k).
     load : ndarray (size, k)
-        b.
+        The loads b.
     allowed : callable
-        Returns the squared error in the energy norm (k,) at which a column is done, from the
-        energy b^T x (k,) of the present solutions.
+        Function that returns the allowed squared error in the energy norm (k,) from the energy b^T
+        x (k,) of the present solutions.
     noise : ndarray (k,)
-        Norm of the residual that is round-off; a column below it is left alone.
+        Norm of a residual that is only round-off; a column below it is not iterated further.
     look_back : int
         Least number of steps over which the error is measured: 1 if the preconditioner is nearly
-        the inverse, some tens otherwise. `LOOK_BACK_SHARE` of all steps is used where it is more.
+        the inverse, some tens otherwise. `LOOK_BACK_SHARE` of all steps is used if this is more.
     most_products : int
         Largest number of products with A.
 

@@ -1,12 +1,14 @@
-"""Eliminate bodies of few contacts exactly before multigrid: what they do is not smooth.
+"""Eliminate bodies with few contacts exactly before multigrid, since their motion is not smooth.
 
-Near isostaticity soft motions change from body to body, and rigid motions of aggregates do not hold
-them. Bodies E of which no two touch are eliminated by their own blocks,
+Near isostaticity soft motions change from body to body, and rigid motions of aggregates do not
+represent them. A set E of bodies of which no two touch is eliminated by the blocks of single
+bodies,
 
     S = A_RR - A_RE A_EE^-1 A_ER,
 
-and multigrid works on the remaining bodies R. Each eliminated body couples its neighbours with each
-other, so that only those with few contacts are taken, those with the fewest first.
+and multigrid solves for the remaining bodies R. The elimination of a body couples its neighbours
+with each other. Therefore only bodies with few contacts are eliminated, those with the fewest
+first.
 """
 
 import numpy as np
@@ -74,7 +76,7 @@ def independent_bodies(matrix: sp.bsr_matrix) -> Ints:
 
 
 def some_blocks(matrix: sp.bsr_matrix, rows: Ints, columns: Ints) -> sp.bsr_matrix:
-    """Return the blocks of a matrix in the rows of some bodies and the columns of others."""
+    """Return the blocks of a matrix in the rows of some bodies and the columns of other bodies."""
     n = len(matrix.indptr) - 1
     places = np.arange(1, len(matrix.data) + 1)
     pattern = sp.csr_matrix((places, matrix.indices, matrix.indptr), (n, n))

@@ -1,9 +1,9 @@
-"""Factorise sparse matrices: a registry of methods, their properties and costs, and the choice.
+"""Factorise sparse matrices: register methods with their costs, and choose the fastest.
 
 Each module of `modal.solvers.factorisations` holds one method as its `FACTORISATION`; to add a
 method, add a module there. A factor gives solutions and, for a real symmetric matrix, its inertia:
-the number of negative eigenvalues, which counts modes (Sylvester's law). An iterative method, which
-has no factor, gives solutions alone.
+the number of negative eigenvalues, which counts modes (Sylvester's law). An iterative method has no
+factor and gives only solutions.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class SingularError(InputError):
 
 
 def _release_nothing() -> None:
-    """Do nothing: the memory of the factor is Python's own."""
+    """Do nothing: Python frees the memory of the factor."""
 
 
 def _load_nothing() -> None:
@@ -75,20 +75,21 @@ class Factor:
     Attributes
     ----------
     solve : callable
-        Returns A^-1 b for b of shape (size,) or (size, k).
+        Function that returns A^-1 b for b of shape (size,) or (size, k).
     negative : int or None
         Number of negative eigenvalues of A. None if it is not certain: A is not real and symmetric,
         a pivot was replaced, rows were exchanged for a pivot, or the backward error of a solution
         exceeds `BACKWARD`.
     release : callable
-        Frees the memory that the factor holds outside of Python; `solve` must not be called after.
+        Function that frees the memory of the factor outside of Python; do not call `solve`
+        afterwards.
     solver : str
         Name of the factorisation.
     bytes : float
         Estimated memory.
     approximate : callable or None
-        Returns an approximation of A^-1 b, a symmetric and positive definite operator, at a small
-        part of the cost; None where `solve` itself is cheap.
+        Function that returns an approximation of A^-1 b at a small part of the cost, by a symmetric
+        and positive definite operator; None if `solve` itself is cheap.
     """
 
     solve: Callable[[Array], Array]
@@ -99,13 +100,13 @@ class Factor:
     approximate: Callable[[Floats], Floats] | None = None
 
     def precondition(self, load: Floats) -> Floats:
-        """Return the cheapest approximation of A^-1 b for b of shape (size, k)."""
+        """Return the cheapest available approximation of A^-1 b for b of shape (size, k)."""
         return (self.approximate or self.solve)(load)
 
 
 @dataclass(frozen=True)
 class SoftMotions:
-    """The motions of a packing that cost little energy or none, which an iterative method needs.
+    """Motions of a packing that cost little or no energy, for an iterative method.
 
     Attributes
     ----------
@@ -154,7 +155,7 @@ class Shape:
     rows, nonzeros : float
         Numbers of rows and of stored entries.
     layer : float
-        Rows of one of the layers in which contacts follow each other along the packing.
+        Number of rows in one layer across the packing: a contact joins neighbouring layers at most.
     complex : bool
         Whether the entries are complex.
     """
@@ -166,7 +167,7 @@ class Shape:
 
     @classmethod
     def of(cls, matrix: sp.csr_matrix, reach: Ints | None = None) -> Shape:
-        """Measure the shape of a matrix; `reach` (size,) is the second result of its `band`."""
+        """Measure the shape of a matrix; `reach` (size,) is the second result of `band`."""
         size = matrix.shape[0]
         if reach is None:
             _, reach = band(matrix)
@@ -203,19 +204,20 @@ class Factorisation:
     ----------
     name : str
     make : callable
-        Takes a `Problem`. Returns the `Factor`, or raises SingularError.
+        Function that takes a `Problem`, and returns the `Factor` or raises SingularError.
     cost : callable
-        Estimates the `Cost` from a `Shape` and from whether the factor is kept for solutions.
+        Function that estimates the `Cost` from a `Shape` and from whether the factor is kept for
+        solutions.
     package : str or None
-        Package that it needs besides scipy.
+        Package that the method needs besides scipy.
     load : callable
-        Loads this package; raises ImportError if that fails.
+        Function that loads this package; it raises ImportError if that fails.
     unsymmetric : bool
-        Whether it takes unsymmetric matrices.
+        Whether the method accepts unsymmetric matrices.
     direct : bool
-        Whether it takes symmetric matrices, real or complex, definite or not, and gives the inertia
-        of real ones. An iterative method takes real, positive definite matrices whose
-        `SoftMotions` are known, and gives solutions alone.
+        Whether the method factorises symmetric matrices, real or complex, definite or not, and
+        gives the inertia of real ones. An iterative method only solves, for real, positive definite
+        matrices whose `SoftMotions` are known.
     """
 
     name: str
@@ -242,7 +244,7 @@ def direct_solvers() -> tuple[str, ...]:
 def available(solver: str) -> bool:
     """Tell whether the package that a factorisation needs is installed and can be loaded.
 
-    A package whose own libraries are missing, as pypardiso without MKL, counts as absent.
+    A package whose own libraries are missing, such as pypardiso without MKL, counts as absent.
     """
     return _installed(solver) and _loads(solver)
 
@@ -268,9 +270,9 @@ def choose(
 ) -> Factorisation:
     """Choose the factorisation of a matrix: the named one, or the fastest direct one.
 
-    `kept` tells whether the factor is kept for solutions. InputError if `solver` is unknown, not
-    installed, has no inertia where this is all that is wanted, or cannot factorise an unsymmetric
-    matrix that is one.
+    `kept` tells whether the factor is kept for solutions. Raises InputError if `solver` is unknown
+    or not installed, if it gives no inertia and only the inertia is requested, or if it does not
+    accept an unsymmetric matrix.
     """
     if solver is None:
         return _fastest(shape, kept, unsymmetric)
@@ -300,9 +302,9 @@ def choose(
 def _fastest(shape: Shape, kept: bool, unsymmetric: bool) -> Factorisation:
     """Return the fastest direct factorisation that is available.
 
-    Factorisations that take much of the free memory are ranked last. For a small matrix those of
-    scipy are ranked first; for others those of further packages, which were installed for speed.
-    Among equals the number of operations decides.
+    Factorisations that take much of the free memory are ranked last. For a small matrix the
+    factorisation of scipy is ranked first; for a larger one those of optional packages, which were
+    installed for speed. Otherwise the number of operations decides.
     """
     able = []
     for name in direct_solvers():
@@ -339,7 +341,7 @@ def factorise(
     ----------
     matrix : sparse matrix (size, size), real or complex
     definite : bool
-        Promise that the matrix is positive definite.
+        Whether the caller knows that the matrix is positive definite.
     symmetric : bool
         Whether the matrix is symmetric.
     solver : str, optional
@@ -352,7 +354,7 @@ def factorise(
     soft : SoftMotions, optional
         Soft motions of the packing, without which an iterative method does not work.
     remedy : str
-        Advice in the message where memory does not suffice.
+        Remedy for the error message if memory does not suffice.
 
     Raises
     ------
@@ -379,11 +381,11 @@ def factorise(
 
 
 def band(matrix: sp.csr_matrix, along: Floats | None = None) -> tuple[Ints, Ints]:
-    """Return an order of rows in which a matrix is a narrow band, and the reach of each row.
+    """Return an order of rows that makes a matrix a narrow band, and the `reach_of` its rows.
 
     The order is that of reverse Cuthill-McKee or that of the places `along` (size,) the packing,
-    whichever is narrower: in a wide packing the former starts at a corner and cuts obliquely. The
-    second array (size,) is that of `reach_of`.
+    whichever gives the narrower band: in a wide packing the layers of the former start at a corner
+    and are oblique.
     """
     orders = [reverse_cuthill_mckee(matrix, symmetric_mode=True)]
     if along is not None:
@@ -396,7 +398,7 @@ def band(matrix: sp.csr_matrix, along: Floats | None = None) -> tuple[Ints, Ints
 
 
 def reach_of(matrix: sp.csr_matrix, order: Ints) -> Ints:
-    """Return, for each row in an order, the last row that is coupled to it or to one before."""
+    """Return, for each row in an order, the last row coupled to this row or to an earlier one."""
     size = matrix.shape[0]
     rank = np.empty(size, np.int64)
     rank[order] = np.arange(size)
@@ -408,7 +410,7 @@ def reach_of(matrix: sp.csr_matrix, order: Ints) -> Ints:
 
 
 def certain(negative: int, solve: Callable[[Array], Array], matrix: sp.csr_matrix) -> int | None:
-    """Return the number of negative pivots, or None if a trial solution is not accurate."""
+    """Return `negative`, the number of negative pivots; None if a trial solution is inaccurate."""
     rhs = np.random.default_rng(matrix.shape[0]).standard_normal(matrix.shape[0])
     solution = solve(rhs)
     error = np.linalg.norm(matrix @ solution - rhs)

@@ -1,10 +1,11 @@
 """A hierarchy of ever coarser matrices by smoothed aggregation, and its cycle on several columns.
 
-Bodies that touch are joined to aggregates, whose rigid motions, smoothed by a step of Jacobi's
-method, are the unknowns of a coarser matrix; its bodies are joined again, until a direct factor is
-cheap (P. Vanek, J. Mandel, M. Brezina, Computing 56, 179, 1996). PyAMG builds the matrices. A cycle
-is a symmetric, positive definite approximation of the inverse: a sweep of Gauss-Seidel's method, a
-correction by the coarser matrix, and a sweep backwards.
+Bodies that touch are joined to aggregates. The rigid motions of the aggregates, smoothed by a step
+of Jacobi's method, are the unknowns of a coarser matrix. Aggregates are joined again in the same
+way, until a direct factorisation is cheap (P. Vanek, J. Mandel, M. Brezina, Computing 56, 179,
+1996). PyAMG builds the matrices. A cycle is a symmetric, positive definite approximation of the
+inverse: a sweep of Gauss-Seidel's method, a correction by the coarser matrix, and a sweep
+backwards.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ CANDIDATE_SWEEPS = 4
 
 @dataclass(frozen=True)
 class Level:
-    """A matrix in blocks of its n bodies, and the prolongation to it from the next level.
+    """One level: a matrix in blocks of n bodies, and the prolongation from the next coarser level.
 
     Attributes
     ----------
@@ -56,7 +57,7 @@ class Level:
         return cls(matrix.indptr, matrix.indices, diagonal, matrix.data, inverses, prolongation)
 
     def smooth(self, load: Floats) -> tuple[Floats, Floats]:
-        """Return a first solution for loads (groups, n, 6, 8), and its residual."""
+        """Return a first approximate solution for loads (groups, n, 6, 8), and its residual."""
         pattern = (self.pointers, self.columns, self.diagonal, self.blocks)
         solution = np.empty_like(load)
         residual = np.empty_like(load)
@@ -70,14 +71,14 @@ class Level:
         loops.sweep_back(solution, load, *pattern, self.inverses)
 
     def restrict(self, residual: Floats) -> Floats:
-        """Return the loads (groups, n', 6, 8) of the next level for a residual of this one."""
+        """Return the loads (groups, n', 6, 8) of the next coarser level for a residual."""
         P = self.prolongation
         coarse = np.zeros((len(residual), P.shape[1] // loops.ROWS, loops.ROWS, loops.COLUMNS))
         loops.transfer(residual, coarse, P.indptr, P.indices, P.data, False)
         return coarse
 
     def correct(self, solution: Floats, coarse: Floats) -> None:
-        """Add the solution of the next level, prolonged, to a solution, in place."""
+        """Add the prolonged solution of the next coarser level to a solution, in place."""
         P = self.prolongation
         loops.transfer(solution, coarse, P.indptr, P.indices, P.data, True)
 
@@ -88,7 +89,7 @@ class Hierarchy:
     Parameters
     ----------
     matrix : sparse matrix (6 n, 6 n) in blocks (6, 6)
-        Bodies that touch should be near each other in its order.
+        Bodies that touch should have neighbouring rows.
     smooth_motions : ndarray (6 n, 6)
         Motions that cost little energy and vary slowly: every aggregate can make them.
     """
@@ -139,7 +140,7 @@ class Hierarchy:
 
 
 def _adapted(matrix: sp.bsr_matrix, motions: Floats) -> Floats:
-    """Return motions (6 n, 6) after sweeps that remove what costs much energy."""
+    """Return motions (6 n, 6) after sweeps that reduce their energy."""
     level = Level.of(matrix, matrix)
     size, count = motions.shape
     adapted = np.zeros((1, size // loops.ROWS, loops.ROWS, loops.COLUMNS))

@@ -1,8 +1,8 @@
 """Find modes nearest a shift, from the top or below an edge, by block Lanczos.
 
 The eigenvalues of (A - sigma)^-1 that are largest in size belong to the modes nearest sigma. A
-direct solver answers a block of right-hand sides for a third of the price of single ones, and a
-block finds as many modes of a degenerate frequency as it has columns. The whole basis is kept and
+direct solver solves for a block of right-hand sides at a third of the cost of single ones, and a
+block finds as many modes of a degenerate frequency as it has columns. The whole basis is kept
 orthogonal, so that no mode is found twice. Modes that are known already are deflated: all vectors
 stay orthogonal to them.
 """
@@ -68,7 +68,7 @@ SEED = 20170729
 
 
 class CheckSchedule(NamedTuple):
-    """Numbers of vectors for each mode after which the projected eigenproblem is solved.
+    """When to solve the projected eigenproblem, as numbers of vectors for each mode.
 
     first: vectors for each wanted mode before the first check; next: further vectors for each mode
     that is still missing.
@@ -95,7 +95,7 @@ def start_block(size: int, width: int, round: int = 0) -> Floats:
 
 @dataclass
 class Held:
-    """Known modes that an iteration leaves out: its vectors are kept orthogonal to them.
+    """Known modes that an iteration excludes: its vectors are kept orthogonal to them.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class Held:
 
 @dataclass
 class Nearest:
-    """The modes that an iteration has found, ascending.
+    """The modes that an iteration has found, in ascending order.
 
     Attributes
     ----------
@@ -142,11 +142,11 @@ class Nearest:
 
 
 class Spectrum(NamedTuple):
-    """The operator whose largest eigenvalues are sought, and what they mean.
+    """The operator whose largest eigenvalues are computed, and the meaning of these.
 
-    apply: function that multiplies a block (size, width) by the operator. rank: returns numbers
-    (k,) that are largest for the wanted eigenvalues (k,). square: returns the omega^2 (k,) of
-    eigenvalues (k,).
+    apply: function that multiplies a block (size, width) by the operator. rank: function that
+    returns numbers (k,), largest for the wanted eigenvalues (k,). square: function that returns the
+    omega^2 (k,), 1/s^2, of eigenvalues (k,).
     """
 
     apply: Callable[[Floats], Floats]
@@ -209,8 +209,8 @@ def modes_below(low_end: LowEnd, count: int, held: Held) -> Nearest:
 def modes_from_top(apply: Callable[[Floats], Floats], count: int, held: Held, most: int) -> Nearest:
     """Find the `count` largest eigenpairs of A, and mark those that converged.
 
-    `apply` multiplies a block (size, k) by A; about `most` columns are multiplied in all. More than
-    `ROOM` times `count` dimensions must be free.
+    `apply` multiplies a block (size, k) by A; about `most` columns are multiplied in all. The free
+    space must have more than `ROOM` times `count` dimensions.
     """
     spectrum = Spectrum(lambda block: apply(np.ascontiguousarray(block)), np.positive, np.positive)
     limits = Limits(min(MAX_TOP_WIDTH, count), 3 * count + 40, most, CHECKS)
@@ -228,7 +228,7 @@ def orthonormal(block: Floats, held: Held) -> Floats:
 def _find_largest(
     spectrum: Spectrum, count: int, held: Held, limits: Limits, *, lifted: bool = False
 ) -> Nearest:
-    """Run `_iterate` with the number of BLAS threads that is fastest for the size."""
+    """Find eigenpairs as `_iterate` does, with as many BLAS threads as are fastest for the size."""
     many_numbers = len(held.found) * limits.width >= MIN_NUMBERS_FOR_THREADS
     with blas_threads(shared=many_numbers):
         return _iterate(spectrum, count, held, limits, lifted)
@@ -237,9 +237,10 @@ def _find_largest(
 def _iterate(spectrum: Spectrum, count: int, held: Held, limits: Limits, lifted: bool) -> Nearest:
     """Find the `count` eigenpairs of a symmetric operator whose eigenvalues rank highest.
 
-    `lifted` tells whether the operator is a polynomial, which allows a cheaper orthogonalisation.
-    A full basis restarts with the best combinations of its vectors (thick restart: K. Wu and H.
-    Simon, SIAM J. Matrix Anal. Appl. 22, 602, 2000); a basis of all free directions needs none.
+    `lifted` tells whether the operator is a polynomial, which allows a cheaper orthogonalisation. A
+    full basis restarts with the best combinations of its vectors (thick restart: K. Wu and H.
+    Simon, SIAM J. Matrix Anal. Appl. 22, 602, 2000); a basis that spans the whole free space needs
+    no restart.
     """
     width = limits.width
     size = len(held.found)
@@ -305,9 +306,9 @@ def _iterate(spectrum: Spectrum, count: int, held: Held, limits: Limits, lifted:
 class _NewBlock(NamedTuple):
     """A block that was made orthogonal to a basis V.
 
-    block (size, w): Q, orthonormal and orthogonal to V. components (k, w): V^T of the original
-    block. coupling (w, w): R, such that the original block is V components + Q R once the known
-    modes are removed. overlap: what Q still overlaps with V.
+    block (size, w): Q, orthonormal and orthogonal to V. components (k, w): V^T times the original
+    block. coupling (w, w): R, such that the original block, without the known modes, is V
+    components + Q R. overlap: remaining overlap of Q with V.
     """
 
     block: Floats
@@ -350,13 +351,13 @@ def _orthogonalise(
 ) -> _NewBlock:
     """Make a block (size, w), which is overwritten, orthogonal to a basis V (size, k).
 
-    Two passes of Gram-Schmidt. In exact arithmetic a new block overlaps with the last two blocks of
-    V alone, so the first pass removes these; a basis that has just been restarted overlaps with
-    every column, and the first pass removes all. The second pass removes what round-off has left:
-    from all of V, or from the last two blocks if `expected_overlap` is at most
-    `MAX_LOST_ORTHOGONALITY` of what the first pass leaves. If a column of the block depends on the
-    others, QR puts an arbitrary direction in its place, which may show further modes of a
-    degenerate frequency.
+    This takes two passes of Gram-Schmidt. In exact arithmetic a new block overlaps with the last
+    two blocks of V alone, so the first pass removes these; a basis that has just been restarted
+    overlaps with every column, and the first pass removes all. The second pass removes the
+    remainder due to round-off: along all of V, or along the last two blocks if `expected_overlap`
+    is at most `MAX_LOST_ORTHOGONALITY` of what the first pass leaves. If a column of the block
+    depends on the others, QR puts an arbitrary direction in its place, which may show further modes
+    of a degenerate frequency.
     """
     width = block.shape[1]
     components = np.zeros((basis.shape[1], width))
@@ -380,8 +381,8 @@ def _remove_components(
 ) -> tuple[Floats, Floats]:
     """Remove from a block its parts along the basis, from column `first` on, and orthonormalise it.
 
-    The parts are added to `components` (k, w); `coupling` (w, w) takes the block, as it is now, to
-    the original one. Returns Q and R.
+    The parts are added to `components` (k, w); Returns Q and R; `coupling` (w, w) times the present
+    block is the original block.
     """
     held.take_out_of(block)
     inside = basis[:, first:].T @ block
@@ -393,10 +394,10 @@ def _remove_components(
 def _orthonormal_columns(block: Floats) -> tuple[Floats, Floats]:
     """Return Q (size, w) and R (w, w) of a block (size, w), which is overwritten.
 
-    R is the Cholesky factor of the Gram matrix; what it leaves, the second pass removes
-    (CholeskyQR2: Y. Yamamoto et al., Electron. Trans. Numer. Anal. 44, 306, 2015). It takes
-    products of matrices, where Householder's reflections work column by column. Columns that nearly
-    depend on each other are left to reflections.
+    R is the Cholesky factor of the Gram matrix, and a second pass removes the round-off
+    (CholeskyQR2: Y. Yamamoto et al., Electron. Trans. Numer. Anal. 44, 306, 2015). This uses matrix
+    products and is faster than Householder's reflections, which work column by column. Reflections
+    are used only if columns are nearly linearly dependent.
     """
     gram = block.T @ block
     try:
@@ -414,8 +415,8 @@ def _orthonormal_columns(block: Floats) -> tuple[Floats, Floats]:
 def _combine(basis: Floats, mixing: Floats) -> None:
     """Replace the first columns of `basis` (size, k) by basis @ `mixing`, `mixing` (k, c), c <= k.
 
-    The other columns lose their meaning. Rows are combined in place, a part of them at a time, so
-    that basis and product are never both in memory.
+    The other columns become meaningless. Rows are combined in place, a part of them at a time, so
+    that basis and product are never in memory at once.
     """
     dimension, count = mixing.shape
     for first in range(0, len(basis), ROWS_COMBINED_TOGETHER):

@@ -1,11 +1,11 @@
 """Lift the low end of a spectrum by a polynomial: the lowest modes of A without a factor.
 
-The Chebyshev polynomial T_d stays between -1 and 1 where its argument does, and grows beyond like
-cosh(d arccosh x). With x = (top + edge - 2 omega^2) / (top - edge) the modes between `edge` and
-`top` are multiplied by 1 or less, while those below `edge` are multiplied by more ("lifted"), the
-lowest modes by most, so that block Lanczos finds these first. T_d takes d products with A; (A -
-sigma)^-1 takes one solve. (Y. Saad, Math. Comp. 42, 567, 1984; H. Fang and Y. Saad, SIAM J. Sci.
-Comput. 34, A2220, 2012.)
+The Chebyshev polynomial T_d stays between -1 and 1 for arguments in this interval, and grows beyond
+it like cosh(d arccosh x). With x = (top + edge - 2 omega^2) / (top - edge) the modes between `edge`
+and `top` are multiplied by 1 or less, while those below `edge` are multiplied by more ("lifted"),
+the lowest modes by most, so that block Lanczos finds these first. T_d takes d products with A
+instead of a solve with A - sigma. (Y. Saad, Math. Comp. 42, 567, 1984; H. Fang and Y. Saad, SIAM J.
+Sci. Comput. 34, A2220, 2012.)
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class LowEnd:
     Attributes
     ----------
     operator : ScaledOperator
-        A.
+        The operator A.
     edge, top : float
         omega^2, 1/s^2: the end of the lifted modes, and a value above all omega^2.
     """
@@ -44,19 +44,19 @@ class LowEnd:
     def degree(self) -> int:
         """Return the degree d, the number of products with A for each vector.
 
-        It is odd: if a mode lies above `top` after all, T_d takes it far below -1, not above 1.
+        It is odd: if a mode lies above `top` after all, its T_d is far below -1, not above 1.
         """
         at_zero = np.arccosh((self.top + self.edge) / (self.top - self.edge))
         return 2 * round((LOG_TWICE_LIFT_AT_ZERO / at_zero - 1) / 2) + 1
 
     @property
     def _offset_and_slope(self) -> tuple[float, float]:
-        """Return c and a of the argument x = c - a omega^2."""
+        """Return c and a of the polynomial's argument x = c - a omega^2; a in s^2."""
         width = self.top - self.edge
         return (self.top + self.edge) / width, 2 / width
 
     def apply(self, block: Floats) -> Floats:
-        """Return T_d(x(A)) applied to a block (size, k)."""
+        """Return the polynomial T_d of A applied to a block (size, k)."""
         offset, slope = self._offset_and_slope
         start = np.array(self.operator.inward(block), order="C")
         orders = chebyshev(self.operator, start, -slope, offset)
@@ -65,7 +65,7 @@ class LowEnd:
     def square(self, lifted: Floats) -> Floats:
         """Return the omega^2 (k,) of modes from their lifted values (k,).
 
-        A value of 1 or less is that of a mode above `edge`; the result is then `edge`.
+        A value of 1 or less belongs to a mode above `edge`; the result is then `edge`.
         """
         offset, slope = self._offset_and_slope
         argument = np.cosh(np.arccosh(np.maximum(lifted, 1.0)) / self.degree)

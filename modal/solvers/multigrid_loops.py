@@ -2,8 +2,8 @@
 
 Vectors have the shape (groups, n, 6, 8): groups of eight columns, n bodies with six entries each. A
 block of the matrix is read once for the eight columns of a group, which takes hardly longer than
-for one column; the groups are shared by the threads. Rows of the matrix have ascending columns, and
-`diagonal` (n,) is the place of each row's own block.
+for one column. The groups are distributed over the threads. Rows of the matrix have ascending
+columns, and `diagonal` (n,) is the place of each row's own block.
 """
 
 import numpy as np

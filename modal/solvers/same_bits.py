@@ -1,8 +1,8 @@
 """Multiply matrices so that the bits of the product do not depend on the number of threads.
 
-BLAS cuts a large product among its threads, and each cut changes how sums are rounded. OpenBLAS,
-which the wheels of numpy bring, gives a product of up to 2^18 multiplications to one thread. Here a
-product of any size is put together from such blocks, always in the same order.
+BLAS divides a large product among its threads, and each division changes the rounding of sums.
+OpenBLAS, a part of the wheels of numpy, computes a product of up to 2^18 multiplications in one
+thread. Here a product of any size is composed of such blocks, always in the same order.
 """
 
 from math import isqrt
@@ -21,8 +21,8 @@ fits the kernels of BLAS badly and takes a third more time."""
 def same_bits_product(a: Array, b: Floats, out: Array | None = None) -> Array:
     """Return a @ b of shape (t, r), for a (t, k) and b (k, r), with bits that threads don't change.
 
-    The product is added to `out` if that is given. `a` may be complex: it takes two real products,
-    since BLAS cuts complex ones among threads at a smaller size.
+    The product is added to `out` if that is given. `a` may be complex: two real products are then
+    computed, since BLAS divides complex products among threads at a smaller size.
 
     >>> import numpy as np
     >>> same_bits_product(np.eye(2), np.array([[1.0, 2.0], [3.0, 4.0]]))

@@ -1,19 +1,19 @@
 """Bound the spectrum of A = M^-1/2 K M^-1/2, and find its highest mode in little memory.
 
 A Chebyshev recurrence needs an interval that holds all omega^2. The largest Ritz value of Lanczos
-from a random vector approaches the top from below. The steps themselves tell how far below: vector
+from a random vector approaches the top from below. The steps themselves show how far below: vector
 k + 1 is p_k(A) times the first one, with a polynomial p_k that rises beyond the largest Ritz value.
 As no vector is longer than 1, a mode at some larger omega^2 has a component of the first vector
 below 1 / p_k there. The probability of this for a random vector follows from its dimension alone
 (J. L. M. van Dorsselaer, M. E. Hochstenbach, H. A. van der Vorst, SIAM J. Matrix Anal. Appl. 22,
 837, 2000).
 
-The highest mode takes the memory of a few vectors, by running Lanczos twice. The largest Ritz value
-of plain Lanczos needs no basis that is kept orthogonal: round-off brings back only copies of values
-that have converged (C. C. Paige, Linear Algebra Appl. 34, 235, 1980). The first pass finds how the
-mode is composed of the Lanczos vectors; the second one makes the same vectors again, to the bit,
-and adds them up. A mode of millions of spheres therefore fits beside their contacts, and products
-with A take nearly all of the time.
+Finding the highest mode by running Lanczos twice takes only the memory of a few vectors. The
+largest Ritz value of plain Lanczos needs no orthogonal basis: round-off brings back only copies of
+values that have converged (C. C. Paige, Linear Algebra Appl. 34, 235, 1980). The first pass finds
+how the mode is composed of the Lanczos vectors; the second pass computes the same vectors again, to
+the bit, and adds them up. Therefore a mode of millions of spheres fits into the memory, and
+products with A take nearly all of the time.
 """
 
 from collections.abc import Iterator
@@ -51,7 +51,7 @@ LanczosStep = tuple[list[float], list[float], Floats]
 
 
 class GrowthError(InputError):
-    """Raised for a recurrence that grows although it should not: K has a negative direction."""
+    """Raised if a recurrence grows although it should not, because K has a negative direction."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -65,9 +65,7 @@ class GrowthError(InputError):
 def largest_growth(operator: ScaledOperator, order: int) -> float:
     """Return the limit of |T_order(X) c| / |c|; beyond it, omega^2 lie outside the interval.
 
-    X maps the interval of omega^2 to -1 ... 1.
-
-    X maps an interval with the whole spectrum to -1 ... 1.
+    X maps an interval that contains the whole spectrum of omega^2 to -1 ... 1.
     """
     limit = GROWTH.get(operator.pre_stress, 1.0)
     return limit + ROUND_OFF_GROWTH * order**2
@@ -97,8 +95,8 @@ def bound_of_spectrum(operator: ScaledOperator) -> tuple[float, int]:
 def lanczos_steps(operator: ScaledOperator, start: Floats) -> Iterator[LanczosStep]:
     """Yield, at step k, the tridiagonal matrix so far and Lanczos vector k (size,).
 
-    The last off-diagonal number couples the vector to the next one; it is zero if there is none.
-    A vector is overwritten two steps later.
+    The last off-diagonal number couples the vector to the next one; it is zero if there is no next
+    vector. A vector is overwritten two steps later.
     """
     now = start / norm(start)
     del start  # a vector of millions of spheres takes half a gigabyte
@@ -128,8 +126,8 @@ def lanczos_steps(operator: ScaledOperator, start: Floats) -> Iterator[LanczosSt
 def dot(a: Floats, b: Floats) -> float:
     """Return the scalar product, without BLAS.
 
-    The threads of BLAS cost more than they save on vectors, and wait for cores that other programs
-    use.
+    For vectors the threads of BLAS cost more than they save, and they wait for cores that other
+    programs use.
     """
     return float(np.einsum("i,i", a, b))
 
@@ -143,8 +141,8 @@ def top_mode(operator: ScaledOperator, most: int) -> Nearest:
     """Find the largest eigenpair of A within `most` steps.
 
     A residual of `TOLERANCE` relative to the eigenvalue counts as converged, as in
-    `modal.solvers.lanczos`. A converged mode takes two products a step; a mode that has not
-    converged comes without its vector.
+    `modal.solvers.lanczos`. A converged mode takes two products for each step; a mode that has not
+    converged is returned without its vector.
     """
     start = start_block(operator.shape[0], 1)[:, 0]
     vector: Floats = np.zeros((len(start), 1))

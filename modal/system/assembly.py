@@ -13,8 +13,8 @@ from modal.tools.arrays import Floats, Ints
 class ContactEnd(NamedTuple):
     """One end of a contact.
 
-    `components` are those of the contact's motion (w, theta_i, theta_j) that the body at this end
-    takes part in; its displacement enters w with `sign`.
+    `components` are the components of the contact's motion (w, theta_i, theta_j) that depend on the
+    body at this end; its displacement enters w with the sign `sign`.
     """
 
     components: Ints
@@ -29,7 +29,7 @@ ENDS = (
 
 
 def mass_diagonal(network: Network, dof: int = 6) -> Floats:
-    """Return m, m, m, I, I, I of each particle, shape (dof n,), kg and kg m^2.
+    """Return m, m, m, I, I, I of each particle, (dof n,): masses, kg, moments of inertia, kg m^2.
 
     With a `dof` of 3 only the masses are returned.
     """
@@ -43,7 +43,7 @@ def stiffness_matrix(
 
     A particle has six rows, u then theta, or three, u alone. K is not symmetric if `pre_stress`
     (`modal.system.contacts`) is "full" or "law". If a particle touches itself through a period, its
-    diagonal block holds both sides of the contact; contacts of the same pair add up.
+    diagonal block contains both sides of the contact; contacts of the same pair add up.
     """
     return assembled(network, contact_tangent(network, terms_of(pre_stress)), dof)
 

@@ -1,8 +1,9 @@
 """Put contacts into the order in which the loops of `modal.system.loops` go through them.
 
-Contacts are sorted along z by their lower sphere, whatever the numbers of the spheres. Both bodies
-of a contact are then still in the cache from the contacts before. The cores share slabs of contacts
-(`modal.tools.loops`). A slab consists of pieces, which list the spheres that they touch first.
+Contacts are sorted along z by their lower sphere, independent of the numbers of the spheres. Both
+bodies of a contact are then usually still in the cache. Each core computes slabs of contacts
+(`modal.tools.loops`). A slab consists of pieces; each piece lists the spheres whose first contact
+is in it.
 """
 
 from __future__ import annotations
@@ -43,10 +44,10 @@ class OrderedContacts(NamedTuple):
     pieces : ndarray (p + 1, 2)
         Index of the first contact of each piece, and the first index into `fresh`.
     fresh : ndarray (n,) of int32
-        The spheres, sorted by the piece that touches them first; those without contacts stand at
+        The spheres, sorted by the piece with their first contact; spheres without contacts are at
         the end.
     lateral : ndarray (m,) or None
-        -N / l of a normal pre-stress.
+        -N / l of a normal pre-stress: normal force divided by the distance of centres, N/m.
     aside : ndarray (m, 6) or None
         Components of both levers across the normal; None if all levers are parallel to the normals.
     rolling : ndarray (m, 2) or None
@@ -106,10 +107,10 @@ class OrderedContacts(NamedTuple):
         return cls(rows, ends, *pieces, lateral, aside, rolling)
 
     def renumbered(self) -> tuple[OrderedContacts, Ints]:
-        """Return the contacts with spheres numbered as the loops meet them, and the former numbers.
+        """Return the contacts with spheres numbered in the order of the loops, and the old numbers.
 
-        The motion of a sphere is then stored beside that of the spheres met just before. The former
-        numbers have the shape (n,).
+        The motions of spheres that a loop reads one after the other are then adjacent in memory.
+        The former numbers have the shape (n,).
         """
         in_order = np.arange(len(self.fresh), dtype=np.int32)
         number = np.empty_like(in_order)

@@ -1,4 +1,4 @@
-"""The contacts of a packing and their tangent: how their forces answer small motions.
+"""Compute the tangent of the contacts of a packing: how forces change under small motions.
 
 The motion of a contact p = (w, theta_i, theta_j) has nine components: w = u_j - u_i, m, with the
 displacements u of the two centres, and the two rotations, rad. At a wall w is the displacement of
@@ -22,7 +22,7 @@ Then the force on i changes by the terms that the choice of pre-stress selects:
     lever arms      other laws, whose arms of motion and torque are R minus a share of the overlap
     rolling         a moment -(kr (1 - n n^T) + kw n n^T)(theta_i - theta_j) on i, its opposite on j
 
-The torque on a body is its lever times that force; the lever ends in the middle of the overlap.
+The torque on a body is its lever times the force; the lever ends in the middle of the overlap.
 Springs, rolling and normal force are symmetric. The other terms are not: the laws behind them are
 path-dependent and have no energy.
 """
@@ -87,14 +87,14 @@ def cross_matrix(vector: Floats) -> Floats:
 
 
 def along_and_across(normal: Floats, along: Floats, across: Floats) -> Floats:
-    """Return `along` (m,) n n^T + `across` (m,) (1 - n n^T), shape (m, 3, 3)."""
+    """Return the tensors (m, 3, 3) `along` (m,) n n^T + `across` (m,) (1 - n n^T) of normals n."""
     matrix = (along - across)[:, None, None] * normal[:, :, None] * normal[:, None, :]
     matrix += across[:, None, None] * np.eye(3)
     return matrix
 
 
 def carried(network: Network, terms: tuple[str, ...]) -> dict[str, Floats]:
-    """Return the columns (m, ...) of a network that `terms` need, by name.
+    """Return the columns (m, ...) of a network that the `terms` of a pre-stress need, by name.
 
     Raises InputError if the network lacks a column, or if its bodies are not spheres.
     """
@@ -136,7 +136,7 @@ def slip(network: Network, extension: Floats | float = 0.0) -> Floats:
 
 
 def motion_of_contacts(network: Network, u: Floats) -> Floats:
-    """Return the motion (m, 9) of the contacts for motions u (n, 6) of the bodies; walls rest."""
+    """Return the motion (m, 9) of contacts for motions u (n, 6) of the bodies; walls stay put."""
     is_pair = ~network.with_wall[:, None]
     u_i = u[network.particle_i]
     u_j = u[network.partner] * is_pair
@@ -146,10 +146,10 @@ def motion_of_contacts(network: Network, u: Floats) -> Floats:
 def contact_tangent(network: Network, terms: tuple[str, ...] = ()) -> Floats:
     """Return the tangent (m, 9, 9) of the springs and the `terms` above; N/m, N, N m.
 
-    The rows are the change of minus the force on j, which is the force on i, and of minus the
-    torques on i and on j, per motion (w, theta_i, theta_j). At a wall theta_j is the rotation of
-    the wall, whose displacement of the contact is part of w. Raises InputError if the network lacks
-    a column that the terms need.
+    Each row is a change per unit of motion (w, theta_i, theta_j): first of the force on i, then of
+    minus the torque on i and of minus the torque on j. At a wall theta_j is the rotation of the
+    wall; the displacement that it causes at the contact is part of w. Raises InputError if the
+    network lacks a column that the terms need.
     """
     columns = carried(network, terms)
     normal = network.normal
@@ -236,9 +236,10 @@ def centre_distance(network: Network) -> Floats:
 
 
 def with_sliding(network: Network, sliding: Sliding) -> Network:
-    """Return the network with the springs that `sliding` gives to contacts at the friction limit.
+    """Return the network with the springs of `sliding` for contacts at the friction limit.
 
-    Raises InputError if the choice is unknown, or if the network does not know which contacts slip.
+    Raises InputError if the choice is unknown, or if the network does not contain which contacts
+    slip.
     """
     refuse_unknown("sliding", sliding, SLIDING)
     if sliding == "elastic":

@@ -1,10 +1,10 @@
-"""Viscous contacts: a dashpot beside each spring.
+"""Describe viscous contacts: a dashpot in parallel with each spring.
 
 A contact whose ends separate at the velocity v resists with cn v along its normal and ct v across
-it. Each coefficient is a share beta of the one that damps two free spheres critically: c = 2 beta
-sqrt(k m*), m* = m_i m_j / (m_i + m_j); at a wall m* is the mass of the sphere. These are the
-coefficients of DEM codes (Y. Tsuji, T. Tanaka and T. Ishida, Powder Technology 71, 239, 1992; in
-YADE betan and betas).
+it. Each coefficient is a share beta of the critical damping of two free spheres: c = 2 beta sqrt(k
+m*), m* = m_i m_j / (m_i + m_j); at a wall m* is the mass of the sphere. These are the coefficients
+of DEM codes (Y. Tsuji, T. Tanaka and T. Ishida, Powder Technology 71, 239, 1992; in YADE betan and
+betas).
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ ratio."""
 
 @dataclass(frozen=True)
 class ContactDamping:
-    """Damping ratios of contacts: a dashpot beside each spring.
+    """Damping ratios of contacts with a dashpot in parallel with each spring.
 
     Parameters
     ----------

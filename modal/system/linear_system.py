@@ -1,4 +1,4 @@
-"""The linear system M u'' + C u' + K u = 0 of a packing, from which modes, waves and moduli follow.
+"""Build the linear system M u'' + C u' + K u = 0 of a packing, for modes, waves and moduli.
 
 Its matrices and their bounds are computed when they are first needed, and kept with the network.
 """
@@ -50,19 +50,19 @@ class Limits:
     Attributes
     ----------
     small : int
-        Degrees of freedom up to which the dense spectrum costs less than anything else.
+        Degrees of freedom up to which computing the dense spectrum is always the cheapest method.
     dense : int
-        Degrees of freedom up to which the dense spectrum serves lists of a large part of all modes
-        (1.7 GB, two minutes).
+        Degrees of freedom up to which the dense spectrum is used for lists of a large part of all
+        modes (1.7 GB, two minutes).
     part : int
         A list is a large part of all modes if it has more than one in `part`.
     unsymmetric : int
-        Degrees of freedom up to which the dense spectrum serves any list where K is not symmetric
+        Degrees of freedom up to which the dense spectrum is used for any list if K is not symmetric
         (half a minute).
     slice : int
         Largest number of modes from one factorisation; wider intervals are cut by exact counts. For
         35,201 spheres the basis of these modes takes as much memory as two factors; 300 modes about
-        a shift take 2.8 solves each, 600 take 2.4 and half of the factorisations.
+        a shift take 2.8 solves each; 600 modes take 2.4 solves each and half of the factorisations.
     piece : int
         Spheres of a loose part whose null space is computed from a dense matrix; larger parts are
         cut into such pieces.
@@ -89,7 +89,7 @@ class LinearSystem:
     Attributes
     ----------
     network : Network
-        The packing. If sliding contacts have other springs, these are already in it.
+        The packing. It already contains the changed springs of sliding contacts.
     pre_stress : str
         Terms of the carried forces in the stiffness (`modal.system.contacts`).
     dof : int
@@ -99,7 +99,7 @@ class LinearSystem:
     shapes : bool
         Whether lists of modes keep their mode shapes.
     hours : float
-        A search whose estimated time is longer is refused.
+        Longest allowed estimate of the time of a search, hours.
     limits : Limits
     damping : ContactDamping or None
         Dashpots of the contacts, which only waves and responses take into account.
@@ -159,11 +159,11 @@ class LinearSystem:
         return self.original_network or self.network
 
     def cached(self, name: str, make: Callable[[], Cached], bytes: float = 0.0) -> Cached:
-        """Return what `make` returns, made once for all systems that differ by the solver alone.
+        """Return the result of `make`, computed once for systems that differ only in the solver.
 
-        The network keeps the result under the name together with the degrees of freedom, the
-        pre-stress and the limits, on all of which it may depend. A result of more than
-        `MAX_CACHED_BYTES` is made again at every call.
+        The network caches the result under the name, the degrees of freedom, the pre-stress and the
+        limits: the result may depend on all of these. A result of more than `MAX_CACHED_BYTES` is
+        computed again at every call.
         """
         if bytes > MAX_CACHED_BYTES:
             return make()
@@ -173,10 +173,10 @@ class LinearSystem:
     def cached_recent(
         self, name: str, key: Any, make: Callable[[], Cached], size: Callable[[Cached], float]
     ) -> Cached:
-        """Return what `make` returns for a key, made once while it is among the last ones.
+        """Return the result of `make` for a key; the most recent results are cached.
 
-        The last results of a name stay as long as they take `MAX_CACHED_BYTES` together; `size`
-        returns the bytes of one.
+        The last results of a name are kept up to `MAX_CACHED_BYTES` in total; the function `size`
+        returns the bytes of a result.
         """
         results = self.cached(name, dict[Any, Cached])
         if key in results:
@@ -220,7 +220,7 @@ class LinearSystem:
 
     @property
     def direct_solver(self) -> str | None:
-        """Name of the factorisation; None for the fastest, also if the solver is iterative."""
+        """Name of the direct factorisation; None for the fastest, or if the solver is iterative."""
         if self.solver is None or not named(self.solver).direct:
             return None
         return self.solver
@@ -241,7 +241,7 @@ class LinearSystem:
 
     @property
     def sqrt_mass(self) -> RootMass:
-        """M^1/2."""
+        """The root M^1/2 of the mass matrix, kg^1/2 and kg^1/2 m."""
         return self.cached("root of the mass", lambda: RootMass.of(self.network, self.dof))
 
     @property
@@ -285,7 +285,7 @@ class LinearSystem:
 
     @property
     def spectral_bound_and_cost(self) -> tuple[float, int]:
-        """`spectral_bound`, and the number of products with A that it has taken."""
+        """The `spectral_bound`, 1/s^2, and the number of products with A that computing it took."""
         return self.cached("end", lambda: bound_of_spectrum(self.renumbered.symmetric_part()))
 
     @property
@@ -310,7 +310,7 @@ class LinearSystem:
 
     @property
     def zero_threshold(self) -> float:
-        """The omega^2, 1/s^2, up to which no factorisation tells a mode from a zero mode."""
+        """The omega^2, 1/s^2, up to which no factorisation can separate a mode from a zero mode."""
         return COUNT_ROUND_OFF * float(self.diagonal.max(initial=0.0))
 
     @property
@@ -322,7 +322,7 @@ class LinearSystem:
     def operator(self) -> ContactOperator:
         """The product of A with vectors, computed contact by contact where numba is installed.
 
-        A small one is kept with the network.
+        A small operator is cached with the network.
         """
         return self.cached("operator", self._make_operator, self._operator_bytes)
 
@@ -346,13 +346,13 @@ class LinearSystem:
 
     @cached_property
     def dashpots(self) -> LinearSystem | None:
-        """The system whose K is the C of this one; None if the contacts are elastic."""
+        """A system whose matrix K is the damping matrix C of this one; None without dashpots."""
         if self.damping is None or self.damping.none:
             return None
         return LinearSystem(self.damping.dashpots(self.network), dof=self.dof)
 
     def put_on(self, imposed: Imposed) -> Coupling:
-        """Compute how a motion imposed on the contacts and the bodies act on each other.
+        """Compute the coupling of an imposed motion with the bodies.
 
         The coupling is in N and N m per metre or radian, with six rows for each body, and not
         mass-scaled.
@@ -362,8 +362,8 @@ class LinearSystem:
     def shifted(self, square: float) -> sp.csr_matrix:
         """Return A minus `square`, an omega^2 in 1/s^2, times the identity; sparse (size, size).
 
-        The diagonal entries of held motions are positive instead, so that these have no part in the
-        inertia, and a definite matrix stays so.
+        The diagonal entries of held motions are positive instead, so that held motions do not
+        change the number of negative eigenvalues.
         """
         shift = np.full(self.size, -square)
         if self.network.fixed is not None:
@@ -380,7 +380,7 @@ class LinearSystem:
         kept: bool = True,
         soft: SoftMotions | None = None,
     ) -> Factor:
-        """Factorise A - `square`; the arguments are those of `modal.solvers.factor.factorise`.
+        """Factorise A - `square`, with arguments as in `modal.solvers.factor.factorise`.
 
         The order of the rows may follow the longest side of the packing.
         """
@@ -403,12 +403,11 @@ class LinearSystem:
         solver: str | None = None,
         soft: SoftMotions | None = None,
     ) -> Factor:
-        """Return a factorisation of A - `square`, by `solver` or by the direct one of the system.
+        """Return a factorisation of A - `square`, by `solver` or the direct solver of the system.
 
         `soft` are the soft motions that an iterative solver needs.
 
-        The last factorisations stay with the network as long as they take `MAX_CACHED_BYTES`
-        together.
+        The last factorisations are cached with the network, up to `MAX_CACHED_BYTES` in total.
         """
         name = solver or self.direct_solver
 

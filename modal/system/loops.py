@@ -1,12 +1,12 @@
-"""Loops over contacts that multiply by K: springs, and the terms of a normal pre-stress.
+"""Multiply by K in loops over contacts: springs, and the terms of a normal pre-stress.
 
 Each contact gathers the motion of its two bodies, stretches its springs and scatters the forces.
-The multiples of both vectors that a recurrence adds are computed for each sphere just before its
-first contact: every vector goes through memory once.
+The terms beta x + gamma y of a recurrence are computed for each sphere just before its first
+contact, so that every vector is read only once.
 
-What travels together is a named tuple. `single`, `sums` and the arrays that may be None are
-arguments of their own in the functions that ask whether they are: numba leaves out the code that
-depends on an argument that is None, but not that which depends on a field.
+Arguments that belong together are a named tuple. Only `single`, `sums` and the arrays that may be
+None are separate arguments: numba omits code for an argument that is None, but not for a field that
+is None.
 """
 
 from typing import NamedTuple
@@ -50,7 +50,7 @@ class Division(NamedTuple):
 
 
 class Springs(NamedTuple):
-    """Rows and ends of contacts, as in `OrderedContacts`, and the `scale` (n, 2) of spheres."""
+    """Rows and ends of contacts as in `OrderedContacts`, and factors `scale` (n, 2)."""
 
     rows: Floats
     ends: Ints
@@ -141,7 +141,7 @@ def _add_springs(first, last, vectors, single, alpha, springs, lateral, aside, r
 
 
 def _add_springs_of_block(first, last, vectors, columns, alpha, springs):
-    """Do what `_add_springs` does for springs alone and several columns, in vectorised loops.
+    """Add forces as `_add_springs` does, for springs alone and several columns, in vector loops.
 
     The compiler vectorises a loop if no array is both read and written in it, and if all distances
     in an array are known.
@@ -224,8 +224,8 @@ def _combine_by_slabs(contacts, scale, vectors, factors, columns, sums, division
 
     The named tuples are `OrderedContacts`, `Vectors`, `Factors` and `Division`. S is diagonal:
     `scale` (n, 2) holds its value for the translations of a particle and that for its rotations.
-    `columns` is a tuple of k numbers if contacts are springs alone and k is to be known to the
-    compiler, else None. If `sums` (s + 1, 2, 6, k) is not None, the row of each slab receives, by
+    `columns` is a tuple of k numbers if contacts are springs alone: the compiler then knows k.
+    Otherwise it is None. If `sums` (s + 1, 2, 6, k) is not None, the row of each slab receives, by
     component and column, the sums of y y and of y x over its fresh spheres, with y before the call.
     """
     # A loop over threads takes no named tuples: they are unpacked outside, and made again inside.

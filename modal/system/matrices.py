@@ -32,18 +32,18 @@ def stiffness_matrix(
     network : Network
         The packing, n bodies.
     mass_scaled : bool, default False
-        Return A = M^-1/2 K M^-1/2, 1/s^2, whose eigenvalues are the squares of 2 pi f.
+        Whether to return A = M^-1/2 K M^-1/2, 1/s^2, whose eigenvalues are (2 pi f)^2.
     pre_stress, sliding, translations_only
         As in `modal.eigenmodes`.
     held : bool, default False
-        Keep the rows and columns of motions that held bodies cannot make (`Network.fixed`).
+        Whether to keep the rows and columns of held motions (`Network.fixed`).
 
     Returns
     -------
     scipy.sparse.csr_matrix (6 n, 6 n)
         K in N/m, N/rad, N m/m and N m/rad. Body i has the rows 6 i to 6 i + 5: displacements along
         x, y, z and turns about them. With translations only there are three rows a body. Rows of
-        held motions are left out, the others follow each other.
+        held motions are left out, and the other rows close up.
 
     Examples
     --------
@@ -76,15 +76,15 @@ def mass_matrix(
     network : Network
         The packing, n bodies.
     translations_only : bool, default False
-        Leave the turns out.
+        Whether to leave out the rotations.
     held : bool, default False
         As in `stiffness_matrix`.
 
     Returns
     -------
     scipy.sparse.csr_matrix (6 n, 6 n)
-        Masses, kg, and moments of inertia, kg m^2: diagonal, but for blocks of 3 x 3 of bodies that
-        are no spheres.
+        Masses, kg, and moments of inertia, kg m^2: diagonal, except for blocks of 3 x 3 for bodies
+        that are not spheres.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def mass_matrix(
 
 
 def _select_rows(network: Network, matrix: sp.csr_matrix, held: bool) -> sp.csr_matrix:
-    """Return a matrix without the rows and columns of held motions, unless these are wanted."""
+    """Return a matrix without the rows and columns of held motions, unless `held`."""
     if held or network.fixed is None:
         return matrix
     dof = matrix.shape[0] // network.n_particles

@@ -1,8 +1,8 @@
 """Multiply by K without a matrix: a loop over the contacts, compiled where numba is installed.
 
-The loop reads 64 bytes a contact where the sparse matrix holds 72 numbers, and all cores share it.
-Without numba, for translations alone, and with a pre-stress that makes K unsymmetric, the assembled
-matrix takes its place.
+The loop reads 64 bytes for each contact, where the sparse matrix has 72 numbers, and runs on all
+cores. Without numba, for translations alone, and with a pre-stress that makes K unsymmetric, the
+assembled matrix is used instead.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ class ContactOperator(LinearOperator):
     """K of a network, or M^-1/2 K M^-1/2, as an operator on (6n,) and (6n, k) arrays.
 
     A particle has six entries, u (m) then theta, or three with a `dof` of 3. `mass_scaled` gives
-    the operator whose eigenvalues are omega^2; `pre_stress` is that of `modal.system.contacts`. The
-    operator equals the matrix of `modal.system.assembly` up to round-off; it is this matrix for
-    three entries, and for "full" and "law", with which K is not symmetric.
+    the operator whose eigenvalues are omega^2; `pre_stress` is described in
+    `modal.system.contacts`. The operator equals the matrix of `modal.system.assembly` up to
+    round-off; with a `dof` of 3, and with the pre-stress "full" or "law", it multiplies by this
+    matrix.
     """
 
     def __init__(
@@ -76,9 +77,9 @@ class ContactOperator(LinearOperator):
     def _hold(self, fixed: Bools) -> None:
         """Give a scale of zero to held motions (n, 6).
 
-        The loops have one scale for the displacements of a body and one for its rotations. Where
-        some of three are held, motions and forces are multiplied by `_free` (n, 6) beside the
-        loops.
+        The loops have one scale for the displacements of a body and one for its rotations. If only
+        one or two of three motions are held, motions and forces are also multiplied by `_free` (n,
+        6), outside the loops.
         """
         by_kind = fixed.reshape(-1, 2, 3)
         all_held = by_kind.all(axis=2)
@@ -87,10 +88,10 @@ class ContactOperator(LinearOperator):
             self._free = ~fixed
 
     def renumbered(self) -> ContactOperator:
-        """Return the operator on motions whose particles are numbered as its loops meet them.
+        """Return the operator with particles renumbered in the order of its loops.
 
-        This operator is a third faster; `inward` and `outward` change to its numbering and back.
-        Where there are no loops, the operator itself is returned.
+        This operator is a third faster; `inward` and `outward` convert motions to its numbering and
+        back. Without loops the operator itself is returned.
         """
         if self._matrix is not None:
             return self
@@ -104,7 +105,7 @@ class ContactOperator(LinearOperator):
         return other
 
     def symmetric_part(self) -> ContactOperator:
-        """Return (A + A^T) / 2; its largest eigenvalue bounds the real parts of A's."""
+        """Return (A + A^T) / 2; its largest eigenvalue bounds the real part of those of A."""
         if self._matrix is None:
             return self
         other = copy.copy(self)
@@ -113,12 +114,12 @@ class ContactOperator(LinearOperator):
 
     @property
     def has_loops(self) -> bool:
-        """Whether products go through the contacts by compiled loops, not by a matrix."""
+        """Whether products use compiled loops over contacts, not a matrix."""
         return self._matrix is None
 
     @property
     def nbytes(self) -> int:
-        """Return the bytes of the arrays that a product reads beside the motions."""
+        """Return the bytes of all arrays that a product reads, except the motions."""
         if self._matrix is not None:
             arrays = [self._matrix.data, self._matrix.indices, self._matrix.indptr]
         else:
@@ -132,7 +133,7 @@ class ContactOperator(LinearOperator):
         return u.reshape(len(self.order), self.dof, -1)[self.order].reshape(u.shape)
 
     def outward(self, u: Array) -> Array:
-        """Return motions in the operator's numbering as those of the particles."""
+        """Return motions, given in the operator's numbering, in that of the particles."""
         if self.order is None:
             return u
         renumbered = u.reshape(len(self.order), self.dof, -1)
@@ -178,7 +179,7 @@ class ContactOperator(LinearOperator):
         return out
 
     def _multiply_beside_loops(self, u: Floats) -> Floats:
-        """Return K u for bodies with tensors of inertia, or with some of three motions held.
+        """Return K u for bodies with tensors of inertia, or with one or two of three motions held.
 
         The loops scale by the masses alone; the inverse roots of the tensors, `_unturning`
         (n, 3, 3), and `_free` are multiplied before and after.
@@ -192,7 +193,7 @@ class ContactOperator(LinearOperator):
         return force
 
     def _scale_beside_loops(self, motion: Floats) -> None:
-        """Multiply motions or forces (n, 6, k), in place, by what the loops have no scale for."""
+        """Multiply motions or forces (n, 6, k), in place, by the factors that the loops lack."""
         if self._unturning is not None:
             motion[:, 3:] = self._unturning @ motion[:, 3:]
         if self._free is not None:
@@ -201,7 +202,7 @@ class ContactOperator(LinearOperator):
     def _loop(
         self, u: Floats, out: Floats, factors: tuple[float, float, float], sums: Floats | None
     ) -> None:
-        """Do what `combine` does by the compiled loops; arrays are real and in C order."""
+        """Run `combine` by the compiled loops, for real arrays in C order."""
         from modal.system.loops import Division, Factors, Vectors, combine_by_slabs
         from modal.tools.loops import threads_for
 

@@ -32,10 +32,10 @@ class RootMass:
     Attributes
     ----------
     diagonal : ndarray (dof n,)
-        Zero for motions that are held.
+        Diagonal of M^1/2; zero for held motions.
     turning, unturning : ndarray (n, 3, 3) or None
-        The roots of the tensors of inertia, and their inverses. For rotations they take the place
-        of the diagonal; None for spheres.
+        Roots of the tensors of inertia, and their inverses, used for rotations instead of the
+        diagonal; None for spheres.
     """
 
     diagonal: Floats

@@ -1,4 +1,4 @@
-"""Model contacts of soft adhesive spheres, which stick and act beyond the distance of touch.
+"""Model contacts of soft adhesive spheres, which attract each other across a gap, too.
 
 K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. Lond. A 324, 301 (1971). With the work of
 adhesion w the contact has a circle of radius a also without load:
@@ -6,17 +6,17 @@ adhesion w the contact has a circle of radius a also without load:
     overlap  a^2 / R* - sqrt(2 pi w a / E*)
     force    4/3 E* a^3 / R* - sqrt(8 pi w E* a^3)
 
-It forms at touch (overlap 0), bears pulls up to 3/2 pi w R*, and breaks at the overlap where two
-circles of contact become one, which is negative. Beyond the largest pull kn is negative. In units
-of the radius L at touch, L^3 = 2 pi w R*^2 / E*, y = sqrt(a / L) is the larger root of
-y^4 - y = overlap R* / L^2, which has a closed form.
+The contact forms at touch (overlap 0) and bears tension up to 3/2 pi w R*. It breaks at a negative
+overlap, where the two solutions for a become one. Beyond the largest tension kn is negative. In
+units of the radius L at touch, L^3 = 2 pi w R*^2 / E*, y = sqrt(a / L) is the larger root of y^4 -
+y = overlap R* / L^2, which has a closed form.
 
-Without slip kt = 8 G* a. Friction bears on the force plus twice the largest pull (C. Thornton,
-J. Phys. D 24, 1942, 1991).
+Without slip kt = 8 G* a. The friction limit is proportional to the force plus twice the largest
+tension (C. Thornton, J. Phys. D 24, 1942, 1991).
 
-LAMMPS's `granular jkr`, whose cohesion is w / 2, has the same force and limit of friction, but
-breaks at the overlap of the largest pull, as under a given force; here contacts act up to the
-longest gap, as under a given displacement.
+LAMMPS's `granular jkr`, whose cohesion is w / 2, has the same force and limit of friction, but its
+contacts break at the overlap of the largest tension, as under a given force. Here contacts act up
+to the longest gap, as under a given displacement.
 """
 
 from collections.abc import Sequence

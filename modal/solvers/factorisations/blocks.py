@@ -1,14 +1,15 @@
-"""Factorise a symmetric matrix, L D L^T, by a front of dense rows that moves along the packing.
+"""Factorise a symmetric matrix, L D L^T, by a dense front that moves along the packing.
 
-The matrix of a packing is a band in a suitable order of its rows. Block after block of rows is
-eliminated,
+The matrix of a packing is a band in a suitable order of its rows. The rows are eliminated block by
+block,
 
     X_k = S_kk^-1 S_k,    S_ij -= S_ki^T X_kj    for i, j behind k and within its reach,
 
-where S_k are the entries right of the block's own S_kk as the blocks before have changed them. The
-inertia of A is the sum of those of all S_kk. Each is factorised by LAPACK: by Cholesky where it is
-definite, as nearly all are below the lowest modes, and otherwise with symmetric pivots. Solutions
-need the factors of all S_kk and X_k; the inertia alone needs no more than the front.
+where S_kk is the diagonal block k after the eliminations before it, and S_k the entries to the
+right of it. The inertia of A is the sum of the inertias of all S_kk. Each is factorised by LAPACK:
+by Cholesky where it is definite, as nearly all are below the lowest modes, and otherwise with
+symmetric pivots. Solutions need the factors of all S_kk and X_k; for the inertia alone only the
+front is stored.
 """
 
 from collections import deque
@@ -45,9 +46,10 @@ Solve = Callable[[Array], Array]
 
 
 class _Elimination(NamedTuple):
-    """The elimination of one block.
+    """The elimination of the diagonal block S_kk of one step.
 
-    solve: applies S_kk^-1. negative: number of negative eigenvalues of S_kk. solved (r, c): X_k.
+    solve: function that applies S_kk^-1. negative: number of negative eigenvalues of S_kk. solved
+    (r, c): X_k = S_kk^-1 S_k, with the entries S_k to the right of the block.
     """
 
     solve: Solve
@@ -56,12 +58,12 @@ class _Elimination(NamedTuple):
 
 
 def _block_rows(layer: float) -> int:
-    """Return the number of rows of a block in a band whose rows reach over `layer` others."""
+    """Return the number of rows of a block for a band of half-width `layer` rows."""
     return int(np.clip(layer / BAND_SHARE, MIN_BLOCK_ROWS, MAX_BLOCK_ROWS))
 
 
 def _cost(shape: Shape, kept: bool) -> Cost:
-    """Estimate the cost: the whole factor if it is kept, else the front alone."""
+    """Estimate the cost: of the whole factor if it is kept, else of the front alone."""
     numbers = 1 + shape.complex
     front = shape.layer + _block_rows(shape.layer)
     entries = shape.rows * front
@@ -142,7 +144,8 @@ def _factorise(problem: Problem) -> Factor:
 def _eliminate(diagonal: Array, right: Array, definite: bool) -> _Elimination:
     """Factorise a diagonal block (r, r), and solve for the columns (r, c) right of it.
 
-    SingularError if the block is singular, or not definite although `definite` promises it.
+    Raises SingularError if the block is singular, or not positive definite although `definite` is
+    True.
     """
     names = ("posv", "potrs", "sysv", "sysv_lwork", "sytrs")
     posv, potrs, sysv, sysv_lwork, sytrs = get_lapack_funcs(names, (diagonal,))

@@ -1,9 +1,9 @@
-"""Solve by conjugate gradients and multigrid, if PyAMG and numba are installed: no factor at all.
+"""Solve by conjugate gradients and multigrid, if PyAMG and numba are installed, without a factor.
 
 A cycle of the hierarchy (`modal.solvers.hierarchy`) is the preconditioner. Soft motions are nearly
 rigid over many diameters, so that the number of steps hardly grows with the packing. Local motions
-without energy are not smooth: the hierarchy is that of A + c Z Z^T, in which they are stiff, and
-what the solution has of them follows from their own energy. There is no inertia.
+Z without energy are not smooth. Therefore the hierarchy is built for A + c Z Z^T, in which they are
+stiff, and their part of the solution is computed separately. The method gives no inertia.
 """
 
 import importlib.util
@@ -46,7 +46,7 @@ def _cost(shape: Shape, _: bool) -> Cost:
 
 
 def _load() -> None:
-    """Raise ImportError if numba is absent, which compiles the loops of a cycle."""
+    """Raise ImportError if numba, which compiles the loops of a cycle, is absent."""
     if importlib.util.find_spec("numba") is None:
         raise ImportError("numba")
 
@@ -96,7 +96,7 @@ def _make(problem: Problem) -> Factor:
 
 
 def _body_order(body_of_row: Ints) -> Ints:
-    """Return the bodies in the order in which their first rows come."""
+    """Return the bodies in the order of their first rows."""
     _, first = np.unique(body_of_row, return_index=True)
     return np.argsort(first)
 

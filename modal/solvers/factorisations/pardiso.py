@@ -1,7 +1,7 @@
 """Factorise by MKL's PARDISO, if pypardiso is installed: nested dissection on several cores.
 
-pypardiso takes real matrices alone. A complex symmetric W + i T is given as [[W, -T], [-T, -W]],
-symmetric and of twice the size, whose solution holds both parts.
+pypardiso accepts only real matrices. A complex symmetric matrix W + i T is passed as [[W, -T], [-T,
+-W]], which is symmetric and of twice the size; its solution contains real and imaginary part.
 """
 
 import importlib
@@ -123,7 +123,7 @@ def _factorise_complex(problem: Problem) -> Factor:
 
 
 def _with_diagonal(matrix: sp.csr_matrix, upper: bool) -> sp.csr_matrix:
-    """Return the matrix, or its upper triangle, without empty rows, which PARDISO does not take.
+    """Return the matrix, or its upper triangle, without empty rows, which PARDISO would refuse.
 
     If a row is empty, the whole diagonal is stored, zeros included.
     """

@@ -1,4 +1,4 @@
-"""Factorise by SuperLU, which scipy brings: any matrix, in much memory.
+"""Factorise by SuperLU, a part of scipy: it accepts any matrix, and needs much memory.
 
 A symmetric matrix is factorised in symmetric mode with diagonal pivots. If the permutation of rows
 equals that of columns, the diagonal of U is the D of an L D L^T, and its signs are the inertia.
