@@ -99,11 +99,11 @@ class Mixture:
     radius : float
         Mean radius, m.
     radii : ndarray (n,), optional
-        Radius of each sphere, m, in a random order; None where all are equal.
+        Radius of each sphere, m, in a random order; None if all are equal.
     densities : ndarray (n,), optional
-        Density of each sphere, kg/m^3; None where all have that of `material`.
+        Density of each sphere, kg/m^3; None if all have that of `material`.
     wall_material : Elasticity, optional
-        Material of the walls; None where it is that of the spheres.
+        Material of the walls; None if it is that of the spheres.
     periodic : bool
         Whether the cell has a period along z instead of walls.
     """
@@ -151,13 +151,13 @@ class Mixture:
 
     @property
     def tempo(self) -> float:
-        """Strain rates of the protocol for these spheres divided by those for the study's glass."""
+        """Ratio of the protocol's strain rates for these spheres to those for the study's glass."""
         density_ratio = GLASS.density / self.material.density
         return math.sqrt(self.hardness * density_ratio) * (RADIUS / self.radius)
 
     @cached_property
     def mean(self) -> Material:
-        """Material of the spheres with the mixture's mean density, for durations."""
+        """Material of the spheres with the mixture's mean density; it determines durations."""
         if self.densities is None:
             return self.material
         weights = None
@@ -167,7 +167,7 @@ class Mixture:
 
     @cached_property
     def smallest(self) -> float:
-        """Radius, m, of a sphere of the `mean` material that vibrates as fast as any sphere.
+        """Radius, m, of a sphere of the `mean` material that vibrates like the fastest sphere.
 
         A frequency varies as 1 / (R sqrt(density)), and as E*^(1/3) under a given force.
         """

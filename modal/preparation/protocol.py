@@ -1,13 +1,12 @@
-"""Protocol from a cloud to a packing with friction: its stages, durations, rates and limits.
+"""Define the protocol from a cloud to a packing with friction: stages, durations, rates, limits.
 
-YADE (`yade_scripts/compress.py`) and modal's own loop follow this one definition. Durations are
-times, not numbers of steps: half the step takes twice as many. Stages that agitate spheres last a
-fixed number of inertial times; stages in which they settle are counted in vibrations
-(`modal.preparation.durations`).
+Both YADE (`yade_scripts/compress.py`) and modal's own loop follow this protocol. Durations are
+times, not numbers of steps. Stages that agitate spheres last a fixed number of inertial times;
+stages in which they settle are counted in vibrations (`modal.preparation.durations`).
 
-While spheres still move freely hardly anything but friction dissipates energy (Otsubo et al. 2017,
-section 2, have friction alone): damping makes the packing looser. The agitated packing then comes
-to rest at a constant volume: a servo would let it expand until the agitation carries the stress.
+While spheres move freely, almost only friction dissipates energy (Otsubo et al. 2017, section 2,
+use friction alone), because damping makes the packing looser. The agitated packing then comes to
+rest at a constant volume: under a servo it would expand until the agitation carries the stress.
 """
 
 from __future__ import annotations
@@ -102,7 +101,7 @@ MAX_STRESS_FACTOR = 10
 
 
 def list_intermediate_stresses(before: float, stress: float) -> list[float]:
-    """Return stresses, Pa, between two others, each at most ten times or a tenth of the one before.
+    """Return stresses, Pa, between two others, in steps of at most a factor of ten.
 
     >>> list_intermediate_stresses(1e4, 1e5), list_intermediate_stresses(2e8, 1e6)
     ([], [20000000.0, 2000000.0])
@@ -119,8 +118,8 @@ def list_intermediate_stresses(before: float, stress: float) -> list[float]:
 def name_stages(study: Study, stresses: Sequence[float]) -> list[str]:
     """Return the names of the stages that lead to each stress, Pa, in turn.
 
-    Between two stresses are others at most ten times apart, which settle faster; their names are
-    of the form "10000 for 100000".
+    Intermediate stresses, at most a factor of ten apart, make the packing settle faster; their
+    names have the form "10000 for 100000".
     """
     if study.mu_comp == 0:
         names = [SQUEEZE]
@@ -137,7 +136,7 @@ def name_stages(study: Study, stresses: Sequence[float]) -> list[str]:
 
 
 def read_target_stress(name: str) -> float:
-    """Return the stress, Pa, that a stage of this name leads to."""
+    """Return the stress, Pa, at the end of a stage, from the stage's name."""
     return float(name.partition(" ")[0])
 
 
@@ -167,7 +166,7 @@ class Stage:
     checks : int or None
         Checks between two checkpoints; None for a stage without checkpoints.
     control : ConstantRate or Servo
-        What sets the strain rates.
+        The control that sets the strain rates.
     damping : float
         Local damping.
     limits : SettlingLimits
@@ -213,13 +212,13 @@ class Stage:
         self.interval = study.vibration_duration(CONTROL_INTERVAL, self.control.target)
 
     def _constant_rate(self, rate: float) -> ConstantRate:
-        """Return a control at the strain rate, 1/s, of glass spheres, scaled to the spheres."""
+        """Return a control at a strain rate, 1/s, for glass, scaled to the study's spheres."""
         mixture = self.study.mixture
         return ConstantRate(rate * mixture.tempo, REFERENCE_PRESSURE * mixture.hardness)
 
     @property
     def is_state(self) -> bool:
-        """Whether the end of the stage is a state to be written."""
+        """Whether the state at the end of the stage is written to a file."""
         return self.name[0].isdigit() and " " not in self.name
 
     def time_step(self) -> float:
@@ -230,8 +229,8 @@ class Stage:
     def settled(self, unbalanced: float) -> bool:
         """Return whether stresses and balance are within the limits.
 
-        `unbalanced` is the mean net force divided by the mean contact force. The approach is over
-        when the mean stress exceeds the study's `hot_stress`.
+        `unbalanced` is the mean net force divided by the mean contact force. The approach ends when
+        the mean stress exceeds the study's `hot_stress`.
         """
         if self.name == APPROACH:
             hot_stress = self.study.hot_stress * self.study.mixture.hardness

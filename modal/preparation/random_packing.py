@@ -1,4 +1,4 @@
-"""Random packings, with friction and without, for the command `pack` and for Python."""
+"""Make random packings, with friction and without, for the command `pack` and for Python."""
 
 import math
 import warnings
@@ -36,7 +36,7 @@ COMMAND = "python -m modal pack"
 
 
 def sound_aspect(spheres: int) -> float:
-    """Return the default length divided by width: that of the study, or less for few spheres.
+    """Return the default ratio of length to width: the study's, or less for few spheres.
 
     With the smaller value, the cell is `MIN_WIDTH_IN_DIAMETERS` wide; it is a cube if the spheres
     are too few for that.
@@ -46,9 +46,9 @@ def sound_aspect(spheres: int) -> float:
 
 
 def width_of(spheres: int, aspect: float) -> float:
-    """Return the width, diameters, of a cell of `aspect` (length over width), at nominal fraction.
+    """Return the width, in diameters, of a cell of given length / width at the nominal fraction.
 
-    Returns zero, which no study accepts, for numbers that no cell can have.
+    Returns zero, which every study refuses, for impossible numbers.
     """
     if not (aspect > 0 and spheres > 0):
         return 0.0
@@ -112,7 +112,7 @@ def pack(
 
 
 def _refuse_history(material: Material) -> None:
-    """Raise InputError for a contact model whose energy depends on which spheres have touched."""
+    """Raise InputError for a contact model whose contacts act across gaps once formed."""
     if acts_across_gaps(laws_of(material)[0]):
         raise InputError(
             "history_without_friction",
@@ -142,13 +142,13 @@ def random_packing(
 ) -> Network:
     """Make a random packing of spheres between two flat walls, at rest under a pressure.
 
-    The command `modal pack` makes the same packing of these arguments. Without friction the energy
-    is minimised, which takes a second for 500 spheres; with friction, a dilute state is compressed
-    by the protocol of `modal.preparation.protocol`, which takes some minutes. Equal arguments give
-    equal packings, to the bit if the installed packages and the kind of processor are equal as
-    well: without numba, sums are rounded differently, and a contact that opens for this reason
-    leads to another packing of the same kind (the void ratio of 500 spheres then differs by 2e-4).
-    A warning is issued if the packing has not settled.
+    The command `modal pack` makes the same packing from the same arguments. Without friction the
+    energy is minimised, which takes a second for 500 spheres; with friction, a dilute state is
+    compressed by the protocol of `modal.preparation.protocol`, which takes some minutes. Equal
+    arguments give equal packings, to the bit if the installed packages and the kind of processor
+    are equal as well: without numba, sums are rounded differently, which may open a contact and
+    lead to another packing of the same kind (the void ratio of 500 spheres then differs by 2e-4). A
+    warning is issued if the packing has not settled.
 
     Parameters
     ----------
@@ -162,15 +162,17 @@ def random_packing(
     seed : int, default 1
         Seed of the random numbers.
     aspect : float, optional
-        Length over width; by default such that the cell is 8 diameters wide, at least that of a
-        cube (up to 740 spheres) and at most 10.05 (from 7,400 on).
+        Length divided by width. By default the cell is 8 diameters wide, but never flatter than a
+        cube (up to 740 spheres), and never longer than 10.05 times its width (from 7,400 spheres
+        on).
     sizes : sequence, optional
         ("lognormal", spread of ln R); ("two", ratio of radii, share of the large ones by volume);
-        or (name of a grading curve, *.csv,), whose diameters, m, replace `radius`; equal spheres by
-        default.
+        or (name of a table with a grading curve, *.csv,), whose diameters, m, replace `radius`;
+        equal spheres by default.
     densities : sequence of float, optional
-        kg/m^3, one for all or several: two of two sizes are of the small and of the large ones,
-        others are dealt out at random in equal numbers. By default that of the material.
+        Densities, kg/m^3: one for all spheres, or several. In a mixture of two sizes, two densities
+        belong to the small and to the large spheres. Otherwise each density is given to an equal
+        number of spheres at random. By default that of the material.
     walls : sequence of 2 float, optional
         Young's modulus, Pa, and Poisson's ratio of the walls; those of the spheres by default.
     periodic : bool, default False
@@ -180,7 +182,7 @@ def random_packing(
     radius : float, optional
         Mean radius, m; 1.27e-3 by default.
     rolling, twisting : float, default 0
-        Coefficients against turns of the contacts, 0 to 1, as those of angular grains.
+        Coefficients of rolling and twisting friction, 0 to 1, which model angular grains.
 
     Returns
     -------

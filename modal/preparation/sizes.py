@@ -55,9 +55,9 @@ def draw_radii(spheres: int, sizes: Words, seed: int) -> Floats:
 
     `sizes` is "lognormal" and the standard deviation of ln R; "two", the ratio of the radii and the
     share of the large spheres in the volume; or "curve" and pairs of a diameter, m, and the per
-    cent of the mass that is finer. Radii of a curve are in m, others have the mean of the study's
-    spheres. Log-normal radii, and those of a curve, are quantiles at (k + 1/2) / n, so that the set
-    of sizes is not random. Raises InputError for other sizes.
+    cent of the mass that is finer. Radii of a curve are used as they are; others are scaled to the
+    mean radius of the study's spheres. Log-normal radii, and those of a curve, are quantiles at (k
+    + 1/2) / n, so that the set of sizes is not random. Raises InputError for other sizes.
 
     >>> radii = draw_radii(1000, ("two", 2, 0.5), seed=1)
     >>> float(radii.max() / radii.min()), len(np.unique(radii))
@@ -124,8 +124,9 @@ def assign_densities(spheres: int, densities: Words, radii: Floats | None, seed:
     """Return the density of each sphere (n,), kg/m^3.
 
     `radii` (n,), m, is None for equal spheres. Two densities of a mixture of two sizes are those of
-    the small and of the large spheres; others are dealt out in equal numbers, in a random order
-    that `seed` fixes. Raises InputError for values that are not densities.
+    the small and of the large spheres; otherwise each density is given to an equal number of
+    spheres, in a random order that `seed` fixes. Raises InputError for values that are not
+    densities.
 
     >>> small, large = 1.0, 2.0
     >>> assign_densities(3, (2500, 7800), np.array([large, small, large]), seed=1).tolist()
@@ -152,7 +153,7 @@ def assign_densities(spheres: int, densities: Words, radii: Floats | None, seed:
 def parse_wall_material(words: Words) -> Elasticity:
     """Return the material of walls from Young's modulus, Pa, and Poisson's ratio.
 
-    Raises InputError for anything else.
+    Raises InputError for other words.
     """
     values = _parse_numbers(words)
     if len(values) != 2 or not _is_elastic(*values):

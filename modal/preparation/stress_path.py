@@ -62,7 +62,7 @@ class StressPath:
         return targets
 
     def _refuse_stresses(self, hardness: float) -> None:
-        """Raise InputError for a stress, Pa, outside what spheres of this hardness bear."""
+        """Raise InputError for a stress, Pa, outside the range for spheres of this hardness."""
         for stress in self.stresses:
             if not MIN_PRESSURE * hardness <= stress <= PEAK * hardness:
                 raise InputError(

@@ -59,9 +59,9 @@ FRICTION_PARAMETERS: Final = (
 
 
 def unused_parameters(friction: float, dilate: float) -> tuple[str, ...]:
-    """Return the names of the study's parameters that have no meaning for a path.
+    """Return the names of the study's parameters that a path does not use.
 
-    `friction` and `dilate` are those of the path.
+    `friction` and `dilate` characterise the path.
 
     >>> unused_parameters(0.3, 0.0), unused_parameters(0.3, 0.005)
     (('peak',), ('approach_rate', 'agitated_damping'))
@@ -168,7 +168,7 @@ class Study:
         self._check_clumps()
 
     def _convert_types(self) -> None:
-        """Give each parameter the type of its default: tables have numbers of any type."""
+        """Convert each parameter to the type of its default: tables have numbers of any type."""
         for name, default in PARAMETER_DEFAULTS.items():
             value = type(default)(getattr(self, name))
             object.__setattr__(self, name, value)
@@ -204,7 +204,7 @@ class Study:
             )
 
     def _check_clumps(self) -> None:
-        """Raise InputError for clumps without friction, dilated, or with other mixtures."""
+        """Raise InputError for clumps without friction, with `dilate`, or in a mixture."""
         if not self.clump:
             return
         mixed = self.sizes or self.densities
@@ -267,14 +267,14 @@ class Study:
 
     @cached_property
     def template(self) -> ClumpTemplate | None:
-        """Template of the clumps in their size; None for spheres."""
+        """Template of the clumps, scaled to their size; None for spheres."""
         if not self.clump:
             return None
         return parse_template(self.clump.split()).scaled(self.mixture.radius)
 
     @property
     def cloud_fraction(self) -> float:
-        """Solid fraction of the cloud, in which clumps are as far apart as the spheres around."""
+        """Solid fraction of the cloud: that of spheres for the spheres that enclose clumps."""
         if self.template is None:
             return CLOUD_FRACTION
         around = 4 / 3 * math.pi * self.template.reach**3
@@ -294,9 +294,9 @@ class Study:
 
     @property
     def attributes(self) -> dict[str, float | int | str]:
-        """Parameters as attributes of a file; `protocol` 2 counts times, 1 counted steps.
+        """Parameters as attributes of a file; `protocol` 2 has durations in times, 1 in steps.
 
-        Parameters without a meaning for the path, and `IMPLICIT` values, are left out.
+        Parameters that the path does not use, and `IMPLICIT` values, are left out.
         """
         unused = unused_parameters(self.mu_comp, self.dilate)
         attributes: dict[str, float | int | str] = {}
@@ -307,7 +307,7 @@ class Study:
         return attributes
 
     def provenance(self, command: str, **programs: str) -> Provenance:
-        """Return the provenance of a state: the study alone, and versions of `programs`."""
+        """Return the provenance of a state: only the study, and versions of `programs`."""
         return Provenance(command, self.attributes, versions=versions(**programs))
 
     def refuse_other(self, attributes: Mapping[str, Any], path: object) -> None:
