@@ -18,7 +18,8 @@ import numpy as np
 from modal.packing.network import Network
 from modal.packing.noted_laws import ELASTIC
 from modal.packing.precision import taken_as_exact
-from modal.packing.sample import Sample, bare_sample
+from modal.packing.sample import Sample
+from modal.packing.sample_of_network import bare_sample
 from modal.packing.scan import Scan
 from modal.preparation.compression import run_to_checkpoint, start_dynamics
 from modal.preparation.frictionless import Descent, Pressure

@@ -16,7 +16,7 @@ import numpy as np
 from modal.formats.provenance import Provenance, versions
 from modal.packing.clumps import ClumpTemplate, parse_template
 from modal.packing.neighbours import refuse_more_than_fit
-from modal.packing.sample import TURNING
+from modal.packing.sphere_sample import TURNING
 from modal.preparation.durations import STABLE_FRACTION, time_step, vibration_duration
 from modal.preparation.mixture import MIXTURE, Mixture
 from modal.preparation.strain_control import INERTIAL_NUMBER

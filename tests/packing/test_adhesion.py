@@ -17,13 +17,8 @@ from modal.dem.forces_by_arrays import forces_by_arrays
 from modal.dem.motion import Dynamics
 from modal.packing.contact_law import GLASS, RADIUS
 from modal.packing.contact_models import friction_force, laws_of, rupture_distance
-from modal.packing.sample import (
-    UNSTABLE_CONTACTS,
-    Sample,
-    read_sample,
-    sample_of_network,
-    write_sample,
-)
+from modal.packing.sample import Sample, read_sample, sample_of_network, write_sample
+from modal.packing.sphere_sample import UNSTABLE_CONTACTS
 from modal.packing.state import friction_used
 from modal.preparation.relax import relax
 from modal.waves.motions import Pulse
