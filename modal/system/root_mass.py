@@ -44,7 +44,7 @@ class RootMass:
 
     @classmethod
     def of(cls, network: Network, dof: int = 6) -> RootMass:
-        """Compute M^1/2 of the bodies of a network; a `dof` of 3 leaves the translations alone."""
+        """Compute M^1/2 of the bodies of a network, for translations alone if `dof` is 3."""
         diagonal = np.sqrt(mass_diagonal(network, dof))
         if network.fixed is not None:
             diagonal[network.fixed[:, :dof].ravel()] = 0.0
@@ -70,7 +70,7 @@ class RootMass:
         return self._scale(v, _divide(1.0, self.diagonal), self.unturning)
 
     def _scale(self, u: Array, diagonal: Floats, turning: Floats | None) -> Array:
-        """Return u times a diagonal, with the rotations multiplied by matrices if there are any."""
+        """Return u times a diagonal; the matrices `turning`, if given, multiply the rotations."""
         scaled = u * diagonal.reshape(-1, *[1] * (u.ndim - 1))
         if turning is not None:
             by_body = (len(turning), 6, math.prod(u.shape[1:]))
@@ -101,7 +101,7 @@ class RootMass:
         return (self._inverse() @ K @ self._inverse()).tocsr()
 
     def under(self, rows: sp.csr_matrix) -> sp.csr_matrix:
-        """Return rows M^-1/2: if `rows` (k, dof n) act on u, these act on M^1/2 u."""
+        """Return `rows` (k, dof n), which act on u, times M^-1/2: they then act on M^1/2 u."""
         return (rows @ self._inverse()).tocsr()
 
     def _inverse_blocks(self) -> Floats:
@@ -120,6 +120,6 @@ class RootMass:
 
 
 def _divide(numerator: Floats | float, root: Floats) -> Floats:
-    """Return the quotient with roots of masses, and zero for a root of zero."""
+    """Return the numerator divided by roots of masses; zero where a root is zero."""
     shape = np.broadcast_shapes(np.shape(numerator), root.shape)
     return np.divide(numerator, root, out=np.zeros(shape), where=root > 0)

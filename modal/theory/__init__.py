@@ -1,1 +1,1 @@
-"""Closed forms to compare with: the dispersion relation of the FCC crystal."""
+"""Provide theories to compare with: the FCC crystal, effective media, saturation."""

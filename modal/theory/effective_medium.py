@@ -1,18 +1,20 @@
-"""Effective-medium moduli of random packings: every sphere follows the mean strain.
+"""Compute effective-medium moduli of random packings: every sphere follows the mean strain.
 
-In an isotropic packing of equal spheres of radius R, with solid fraction phi and z contacts a
-sphere, each of the stiffnesses kn and kt,
+In an isotropic packing of equal spheres of radius R, with solid fraction phi and z contacts for
+each sphere, all of stiffnesses kn and kt,
 
     K = phi z kn / (6 pi R),    G = phi z (kn + 3/2 kt) / (10 pi R).
 
-An isotropic pressure p presses each contact by N = 4 pi R^2 p / (phi z), whose stiffnesses the
-contact law gives. With Hertz and Mindlin this is the theory of K. Walton (J. Mech. Phys. Solids 35,
-213, 1987) for infinitely rough spheres, and, with kt = 0, for smooth ones. H. A. Makse, N. Gland,
-D. L. Johnson, L. M. Schwartz (Phys. Rev. Lett. 83, 5070, 1999; Phys. Rev. E 70, 061302, 2004)
-compare it with simulations at the z and phi of the packing, as is done here. P. J. Digby (J. Appl.
-Mech. 48, 803, 1981) has spheres that are bonded over a small circle and smooth around it.
+Under an isotropic pressure p the normal force is N = 4 pi R^2 p / (phi z), and the contact law
+gives the stiffnesses at this force. With Hertz and Mindlin this is the theory of K. Walton (J.
+Mech. Phys. Solids 35, 213, 1987) for infinitely rough spheres, and, with kt = 0, for smooth ones.
+H. A. Makse, N. Gland, D. L. Johnson, L. M. Schwartz (Phys. Rev. Lett. 83, 5070, 1999; Phys. Rev. E
+70, 061302, 2004) compare it with simulations at the z and phi of the packing, as is done here. P.
+J. Digby (J. Appl. Mech. 48, 803, 1981) considers spheres that are bonded over a small circle and
+smooth around it.
 
-Real packings relax from the mean strain: the theory is an upper bound, and for G at low z far off.
+The spheres of real packings relax from the mean strain. The theory is therefore an upper bound, and
+for G at low z far too high.
 """
 
 from typing import NamedTuple
@@ -49,10 +51,10 @@ class IsotropicModuli(NamedTuple):
 
 
 class Assembly(NamedTuple):
-    """What effective-medium theory knows of a packing.
+    """The properties of a packing that effective-medium theory uses.
 
-    stress: pressure, Pa. coordination: contacts of a sphere, z. solid_fraction: phi. radius: m.
-    material: of the spheres, with their contact model.
+    stress: pressure, Pa. coordination: contacts of a sphere, z. solid_fraction: phi. radius: radius
+    of the spheres, m. material: their material, with the contact model.
     """
 
     stress: float
@@ -63,7 +65,7 @@ class Assembly(NamedTuple):
 
     @property
     def contact_force(self) -> float:
-        """Mean normal force, N, that the pressure puts on a contact."""
+        """Mean normal force, N, of a contact under the pressure."""
         contacts = self.coordination * self.solid_fraction
         return 4 * np.pi * self.radius**2 * self.stress / contacts
 
@@ -88,8 +90,8 @@ def affine_moduli(
 def walton(assembly: Assembly, *, rough: bool = True) -> IsotropicModuli:
     """Return Walton's moduli of spheres that do not slip, or that are smooth.
 
-    The stiffnesses are those of the contact model of the material under the mean force.
-    InputError if the packing has no pressure or no contacts.
+    The stiffnesses are those of the material's contact model under the mean force. `rough` spheres
+    do not slip. Raises InputError if the packing has no pressure or no contacts.
     """
     _refuse_loose(assembly)
     law, _ = laws_of(assembly.material)
@@ -120,7 +122,7 @@ def digby(assembly: Assembly, *, bond_radius: float) -> IsotropicModuli:
     force = assembly.contact_force
 
     def excess(rise: float) -> float:
-        """Return the force of the contact less that of the pressure, N; `rise`^2 = a^2 - b^2."""
+        """Return the force of the contact minus that of the pressure, N; `rise`^2 = a^2 - b^2."""
         return 4 / 3 * young * rise * (rise**2 + 1.5 * bond_radius**2) / effective - force
 
     hertz = (0.75 * force * effective / young) ** (1 / 3)
@@ -136,10 +138,11 @@ def digby(assembly: Assembly, *, bond_radius: float) -> IsotropicModuli:
 
 
 def assembly_of(network: Network) -> Assembly:
-    """Return what effective-medium theory needs of a packing, from wall to wall.
+    """Return the properties of a packing that effective-medium theory uses, from wall to wall.
 
-    The coordination number is that of all spheres, the radius their mean, and the material that in
-    the notes. UnavailableError if forces, a volume or the notes on the material are absent.
+    The coordination number is that of all spheres, the radius is their mean, and the material is
+    read from the notes. Raises UnavailableError if forces, a volume or the notes on the material
+    are absent.
     """
     if "young" not in network.study:
         raise UnavailableError(
@@ -159,7 +162,7 @@ def assembly_of(network: Network) -> Assembly:
 
 
 def _refuse_loose(assembly: Assembly) -> None:
-    """Raise InputError if nothing presses the spheres together."""
+    """Raise InputError if there is no pressure or no contacts."""
     if not (assembly.stress > 0 and assembly.coordination > 0 and assembly.solid_fraction > 0):
         raise InputError(
             "no_pressure",

@@ -17,7 +17,7 @@ from modal.tools.display import Drawn, quantity
 def dispersion(kappa: Floats, C: float, m: float, distance: float) -> Floats:
     """Return omega(kappa) = 2 sqrt(C/m) |sin(l kappa / 2)|, rad/s (Eqs. 5 and 9).
 
-    `kappa` in 1/m, C in N/m, m in kg, `distance` l of layers in m.
+    The wave number `kappa` is in 1/m, C in N/m, m in kg, and the `distance` l of layers in m.
     """
     return 2 * np.sqrt(C / m) * np.abs(np.sin(distance * np.asarray(kappa) / 2))
 
@@ -51,7 +51,7 @@ class FccLattice(FccPacking, Drawn):
     Raises
     ------
     InputError
-        If no crystal exists under the stress.
+        If the stress is not positive, or too high for the contact law.
 
     Examples
     --------
@@ -100,14 +100,14 @@ class FccLattice(FccPacking, Drawn):
     def highest_frequency(self) -> float:
         """Return the highest natural frequency of the endless crystal, Hz.
 
-        All spheres turn alike; see `frequency_of_equal_turns`.
+        In this mode all spheres turn alike, as in `frequency_of_equal_turns`.
         """
         inertia = 0.4 * self.mass * self.radius**2
         return frequency_of_equal_turns(self.kt, self.spacing / 2, inertia)
 
     @property
     def stiffness(self) -> Floats:
-        """Return the elastic moduli (6, 6), Pa, in the order xx yy zz yz zx xy, shears as angles.
+        """Return the elastic moduli (6, 6), Pa, in the order xx yy zz yz zx xy, engineering shears.
 
         Every sphere is a centre of symmetry, so that a uniform strain E moves no sphere beyond the
         mean. Nor does it turn any: the torque on a sphere is -kt l^2 sum n x (E n) over its

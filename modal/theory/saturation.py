@@ -1,4 +1,4 @@
-"""A packing whose pores a fluid fills: Gassmann's moduli, the added mass, and their limits.
+"""Saturate a packing with a fluid: Gassmann's moduli, the added mass, and their limits.
 
 **Low frequencies.** The fluid moves with the grains and is compressed with the pores. With the
 moduli K and G of the dry packing, K_s of the grains, K_f of the fluid and the porosity phi
@@ -11,9 +11,9 @@ f_B = eta phi / (2 pi rho_f k) (M. A. Biot, J. Acoust. Soc. Am. 28, 168, 1956), 
 begins to slip past the grains. The permeability k is that of Kozeny and Carman,
 k = phi^3 D^2 / (180 (1 - phi)^2), with D the mean diameter by volume over surface.
 
-**High frequencies.** A fluid without friction that a sphere pushes aside adds half the mass that
-the sphere displaces (H. Lamb, Hydrodynamics, article 92), and nothing to its inertia of rotation.
-Neighbours, which raise the added mass, and the pressure of the pores are left out.
+**High frequencies.** A fluid without viscosity adds half the mass of displaced fluid to the mass of
+a sphere (H. Lamb, Hydrodynamics, article 92), and nothing to its moment of inertia. The model
+neglects neighbours, which raise the added mass, and the pore pressure.
 """
 
 from dataclasses import replace
@@ -50,10 +50,10 @@ FLUIDS = {
 
 
 class SaturatedPacking(NamedTuple):
-    """A packing with its pores full, at low frequencies.
+    """A saturated packing at low frequencies.
 
-    moduli: Gassmann's, Pa. density: of grains and fluid, kg/m^3. permeability: m^2.
-    biot_frequency: Hz; the moduli hold well below it.
+    moduli: Gassmann's moduli, Pa. density: density of grains and fluid together, kg/m^3.
+    permeability, m^2. biot_frequency, Hz: the moduli hold well below this frequency.
     """
 
     moduli: IsotropicModuli
@@ -79,7 +79,7 @@ def gassmann(
     """Return the moduli, Pa, of a packing whose pores a fluid fills, at low frequencies.
 
     `dry` are the moduli of the frame, `grain_modulus` and `fluid_modulus` bulk moduli, all in Pa.
-    InputError unless 0 < porosity < 1 and 0 <= K < `grain_modulus`.
+    Raises InputError unless 0 < porosity < 1 and 0 <= K < `grain_modulus`.
 
     >>> soft = IsotropicModuli(0.0, 0.0)
     >>> round(gassmann(soft, 0.4, 3e10, 2e9).bulk / 1e9, 3) == round(1 / (0.4 / 2 + 0.6 / 30), 3)
@@ -126,9 +126,9 @@ def saturate(
     dry : IsotropicModuli
         Moduli of the dry packing.
     material : Elasticity
-        Of the grains.
+        Elastic constants of the grains.
     fluid : Fluid
-        What fills the pores.
+        The fluid in the pores.
 
     Raises
     ------
@@ -147,8 +147,8 @@ def saturate(
 def with_added_mass(network: Network, fluid: str) -> Network:
     """Return a packing of spheres that carry along half the mass of the fluid that they displace.
 
-    The name of the `fluid` is among the notes. InputError for an unknown fluid, for bodies that
-    are no spheres, or for a packing that has its added mass already.
+    The name of the `fluid` is added to the notes. Raises InputError for an unknown fluid, for
+    bodies that are not spheres, and for a packing that already has an added mass.
 
     >>> import modal
     >>> dry = modal.fcc(cells=(1, 1, 4))

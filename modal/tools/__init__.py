@@ -1,1 +1,1 @@
-"""Errors, arrays, compiled loops, progress and display, which all other packages of modal use."""
+"""Provide errors, arrays, compiled loops, progress and display to all other packages of modal."""

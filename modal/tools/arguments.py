@@ -1,4 +1,4 @@
-"""Check arguments of public functions: a wrong kind is refused in one line that names it."""
+"""Check arguments of public functions: refuse a wrong type in one line with its name."""
 
 import types
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -42,10 +42,10 @@ numbers."""
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """Wrap a function so that arguments of another kind than annotated raise InputError.
+    """Wrap a function so that arguments of another type than annotated raise InputError.
 
-    Numbers of all types are passed on as Python's own: whole numbers then do not overflow, and
-    others are doubles.
+    Numbers of any type are converted to Python's own int and float, so that integers cannot
+    overflow and other numbers are doubles.
 
     >>> import modal
     >>> modal.eigenmodes("mine.network.h5")  # doctest: +ELLIPSIS
@@ -106,14 +106,14 @@ def _kinds(owner: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _alternatives(kind: Any) -> tuple[Any, ...]:
-    """Return the members of a union, or the one kind."""
+    """Return the members of a union; for another kind, this kind alone."""
     if get_origin(kind) in (Union, types.UnionType):
         return get_args(kind)
     return (kind,)
 
 
 def _words(kind: Any) -> str:
-    """Return a kind of argument in words."""
+    """Return a description of a kind of argument."""
     origin = get_origin(kind) or kind
     if origin is tuple:
         return f"{len(get_args(kind))} numbers"
@@ -123,7 +123,7 @@ def _words(kind: Any) -> str:
 
 
 def _fits(value: object, kind: Any) -> bool:
-    """Return whether a value is of a kind; kinds that no class stands for allow everything.
+    """Return whether a value is of a kind; kinds that are not classes allow every value.
 
     Any text is a Literal: the function refuses unknown words itself, and names those it knows.
     """
@@ -159,7 +159,7 @@ def _is_number(value: object, *, whole: bool) -> bool:
 def frequencies(values: ArrayLike) -> Floats:
     """Return frequencies as an array, Hz.
 
-    Raises InputError for values that are no numbers from 0 to `MAX_FREQUENCY_HZ`.
+    Raises InputError for values outside 0 to `MAX_FREQUENCY_HZ`.
     """
     values = plain_numbers(values, "frequency", "Hz")
     try:

@@ -1,4 +1,4 @@
-"""Types of arrays by what they hold; shapes and units stand in the docstrings that use them."""
+"""Define types of arrays by their numbers; docstrings that use them give shapes and units."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Threads of BLAS: small products are computed by one thread, as others would only wait."""
+"""Limit the threads of BLAS: for small products more than one thread costs time."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,8 +13,8 @@ except ImportError:
 def blas_threads(*, shared: bool) -> Iterator[None]:
     """Let BLAS compute each product with one thread within this context, unless they are `shared`.
 
-    Where other programs use the cores, threads that share small products wait for each other many
-    times as long as they work. Without threadpoolctl BLAS decides.
+    If other programs use the cores, threads that share small products wait for each other much
+    longer than they compute. Without threadpoolctl BLAS chooses the number of threads.
     """
     if shared or threadpool_limits is None:
         yield

@@ -1,4 +1,4 @@
-"""Results for people: numbers with engineering units, tables, and pictures."""
+"""Display results for people: numbers with engineering units, tables, and pictures."""
 
 import math
 from abc import ABC, abstractmethod
@@ -78,9 +78,9 @@ def duration(seconds: float) -> str:
 
 
 def plain(value: Any, digits: int = 17) -> Any:
-    """Return a value as JSON has it: arrays as lists, numbers rounded to so many digits.
+    """Return a value for JSON: arrays as lists, numbers rounded to `digits` digits.
 
-    None stands for numbers that are not finite.
+    Numbers that are not finite become None.
     """
     if isinstance(value, Mapping):
         return {name: plain(item, digits) for name, item in value.items()}

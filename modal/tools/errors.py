@@ -1,4 +1,4 @@
-"""The error for what a user can mend, and its use for unknown words."""
+"""Define the error for mistakes that a user can correct, and refuse unknown words."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from modal.tools.visible import visible
 
 
 class InputError(ValueError):
-    """A mistake that a user can mend: bad input, in one line with problem, reason and remedy.
+    """A mistake that a user can correct: bad input, in one line with problem, reason and remedy.
 
     The command line prints the line and ends with status 2. Control characters in names and texts
     of files are written as escapes.
@@ -22,7 +22,7 @@ class InputError(ValueError):
     problem : str
         What is wrong, for a reader.
     reason : str
-        Why, or what is allowed; empty if the problem says it.
+        Why it is wrong, or what is allowed; empty if the problem already says so.
     remedy : str
         What to do about it; empty if that is obvious.
 
@@ -71,9 +71,10 @@ def _restore(
 
 
 class UnavailableError(InputError):
-    """A refusal because of what a packing or a record is, not because of an argument.
+    """A refusal because of a property of a packing or a record, not because of an argument.
 
-    A quantity for which it is raised is not known; any other InputError ends a measurement.
+    A quantity whose measurement raises this error is "not known"; any other InputError ends the
+    program.
     """
 
 
@@ -82,9 +83,10 @@ MAX_LISTED_WORDS = 12
 
 
 def refuse_unknown(kind: str, word: object, known: Iterable[str]) -> None:
-    """Raise InputError for a `word` that is none of the `known`.
+    """Raise InputError for a `word` that is not one of the `known` words.
 
-    The message begins with the `kind` of word, and names the known words, of many the nearest.
+    The message begins with the `kind` of word, and names the known words; if there are many, only
+    the most similar ones.
 
     >>> refuse_unknown("solver", "magic", ["blocks", "superlu"])
     Traceback (most recent call last):

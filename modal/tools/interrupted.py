@@ -1,7 +1,7 @@
-"""Ctrl-C ends a program with one line and status 130, at any time.
+"""End a program at Ctrl-C with one line and status 130, at any time.
 
-As an exception it would be a traceback while the program's modules are still being loaded, and
-would be lost where Python cannot pass one on: in compiled code, and while an object is deleted.
+Python's KeyboardInterrupt would print a traceback while modules are still being loaded, and would
+be lost in compiled code and while an object is deleted.
 """
 
 import os

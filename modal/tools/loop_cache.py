@@ -1,8 +1,8 @@
-"""Files in which numba caches compiled loops: a folder of the user, never of the installation.
+"""Choose where numba caches compiled loops: a folder of the user, never of the installation.
 
-What numba writes beside a module would stay behind when pip removes the module, and would then hide
-a later installation. Nothing here may stop a computation: a loop that cannot be cached is compiled
-again.
+Files that numba writes next to a module would remain when pip removes the module, and would then
+hide a later installation. A fault of the cache never stops a computation: a loop that cannot be
+cached is compiled again.
 
 Two things of numba are used that are not public (see `_guard`): the attributes of its cache, and
 its functions that load and save.
@@ -30,10 +30,10 @@ Loop = Callable[..., Any]
 def compile_cached(
     function: Loop, *, fastmath: bool | set[str] = False, parallel: bool = False
 ) -> Loop:
-    """Compile a function with numba, which keeps the result in files if a folder allows it.
+    """Compile a function with numba, which caches the result in files if a folder is writable.
 
-    numba finds the result by the path of the source file, here without links: where the project is
-    reached through a link, as on many clusters, nothing is compiled again.
+    numba finds the result by the path of the source file, here with links resolved: if the project
+    is reached through different links, as on many clusters, nothing is compiled again.
     """
     folder = cache_folder()
     if folder is None:
@@ -56,7 +56,7 @@ def compile_cached(
 
 
 def cache_folder() -> Path | None:
-    """Return the folder of NUMBA_CACHE_DIR, or one of the user's own; None if it is not usable.
+    """Return the folder of NUMBA_CACHE_DIR, or the user's default; None if it is not usable.
 
     numba itself separates functions of different files, versions of Python, and processors; the
     version of numba is in the name of the folder.
@@ -83,7 +83,7 @@ def _folder_of_caches() -> Path | None:
 
 @cache
 def _usable(folder: Path) -> Path | None:
-    """Return the folder if files can be made in it, else None."""
+    """Return the folder if files can be created in it, else None."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -93,7 +93,7 @@ def _usable(folder: Path) -> Path | None:
 
 
 def _guard(files: Any) -> None:
-    """Replace how numba loads and saves a function, so that programs take turns and failures pass.
+    """Replace how numba loads and saves a function: programs take turns, failures are ignored.
 
     `files` is numba's private cache of one function. The reasons, with the tests that show each:
 

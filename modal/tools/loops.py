@@ -1,6 +1,6 @@
 """Loops over contacts or spheres, compiled by numba where it is installed.
 
-To import this module loads numba.
+Importing this module loads numba.
 """
 
 import os
@@ -57,7 +57,7 @@ if numba and hasattr(os, "register_at_fork"):
 
 
 def threads_for(spheres: int) -> int:
-    """Return the number of threads for a loop over so many spheres.
+    """Return the number of threads for a loop over this many spheres.
 
     Results do not depend on this number.
 
@@ -92,14 +92,14 @@ def _start_threads() -> None:
 
 
 def elementwise(function: Loop) -> Loop:
-    """Return the function, of numbers or of arrays, and let compiled loops call it from now on."""
+    """Return a function of numbers or of arrays, after making it callable from compiled loops."""
     if numba is None:
         return function
     return numba.extending.register_jitable(function)
 
 
 def inlined(function: Loop) -> Loop:
-    """Return the function, and let numba write it into each compiled loop that calls it.
+    """Return the function, after telling numba to inline it into each loop that calls it.
 
     This suits a gather or scatter of a few numbers.
     """
@@ -111,8 +111,8 @@ def inlined(function: Loop) -> Loop:
 def fingerprint(*modules: ModuleType) -> str:
     """Return a checksum of this file and of those of `modules`.
 
-    It stands in the names of compiled loops that call functions of other files: numba's cache knows
-    a loop by its name and its own file, and would not notice a change of the others.
+    The names of compiled loops contain this checksum: numba's cache identifies a loop by its name
+    and its own file, and would not notice a change in other files whose functions the loop calls.
     """
     files = [__file__, *(str(module.__file__) for module in modules)]
     return f"{zlib.crc32(b''.join(Path(file).read_bytes() for file in files)):08x}"
@@ -126,13 +126,13 @@ def compiled(
     *,
     fastmath: bool = False,
 ) -> Loop:
-    """Return a loop over slabs, compiled once for few spheres and once for threads.
+    """Return a loop over slabs in two compiled forms: for few spheres, and for several threads.
 
     Argument number `spheres_argument` has a row for each sphere; `checksum` is the `fingerprint` of
     the modules whose functions the loop calls; `replacements` replace functions of its module by
-    their names. Many spheres always take the loop for threads, even with one thread, because
-    another compilation might round differently. The exception is a process that was forked from one
-    with threads, which numba's OpenMP would end.
+    their names. For many spheres the loop for threads is always used, even with one thread, because
+    the other form might round differently. The exception is a process that was forked from one with
+    threads, where numba's OpenMP would end the process.
     """
     few = compile_cached(_renamed(function, checksum, replacements), fastmath=fastmath)
     by_threads = _renamed(function, f"{checksum}_by_threads", replacements)
@@ -167,8 +167,8 @@ def compiled_part(
 ) -> Loop:
     """Return the compiled function that a loop calls for each slab; arguments as in `compiled`.
 
-    `fastmath` may name what is allowed, as {"contract"}: to round a product and a sum together,
-    where the processor has them as one operation.
+    `fastmath` may name allowed optimisations, such as {"contract"}: the product and the sum of a x
+    + b are then rounded once, if the processor has such an operation.
     """
     return compile_cached(_renamed(function, checksum, replacements), fastmath=fastmath)
 
@@ -176,8 +176,8 @@ def compiled_part(
 def by_parts(part_loop: Loop, by_arrays: Loop) -> Loop:
     """Return a compiled loop over spheres whose parts may share the cores, or else `by_arrays`.
 
-    `part_loop` takes the first sphere of a part, the one behind its last, the number of the part,
-    and the arguments of the loop, the first of which has a row for each sphere.
+    `part_loop` is called with the first sphere of a part, the sphere after its last, the number of
+    the part, and the arguments of the loop, the first of which has a row for each sphere.
     """
     if numba is None:
         return by_arrays
@@ -187,7 +187,7 @@ def by_parts(part_loop: Loop, by_arrays: Loop) -> Loop:
 
 
 def _part_loop(first, last, part, *args):
-    """Stand in for the function of one part that each loop puts in its place."""
+    """Mark the place of the function for one part, by which each loop replaces this one."""
 
 
 def _by_parts(*args):

@@ -1,4 +1,4 @@
-"""The memory that this process may still take: the smallest of all limits that it is under.
+"""Find the memory that this process may still allocate: the smallest of all its limits.
 
 These are the machine's free memory, Slurm's grant, the limits of the process (ulimit), and those of
 its control groups (containers, systemd), which are nested.
@@ -38,7 +38,7 @@ NO_LIMIT = 2**62
 
 
 def memory_at_hand() -> float:
-    """Return the memory that this process may still take, bytes; infinite if no limit is known."""
+    """Return the memory that this process may still allocate, bytes; infinite if unknown."""
     limits = [_of_machine(), _of_slurm(), *_of_process(), *_of_control_groups()]
     return max(min(limits), 0.0)
 
@@ -46,7 +46,7 @@ def memory_at_hand() -> float:
 def peak_memory() -> int:
     """Return the peak resident memory of this process so far, bytes; 0 if it is not known.
 
-    Linux hands a parent's `ru_maxrss` on to the programs that it starts; VmHWM is this program's.
+    VmHWM is used because the programs that a process starts inherit its `ru_maxrss` in Linux.
     """
     peak = _status().get("VmHWM")
     if peak is not None:
@@ -58,7 +58,7 @@ def peak_memory() -> int:
 
 
 def _of_machine() -> float:
-    """Return the machine's free memory, bytes, or all of its memory if that is not known."""
+    """Return the machine's free memory, bytes, or its total memory if the former is not known."""
     with suppress(OSError, StopIteration):
         lines = (PROC / "meminfo").read_text().splitlines()
         free = next(line for line in lines if line.startswith("MemAvailable:"))
@@ -71,8 +71,8 @@ def _of_machine() -> float:
 def _of_slurm() -> float:
     """Return the memory that Slurm has granted this job on a node, bytes, or infinity.
 
-    Slurm writes 0 for all of the node. Any other text is ignored: the variables may come from
-    elsewhere.
+    In Slurm 0 means all memory of the node. A text that is not an amount of memory is ignored,
+    because the variables may be set by other programs.
     """
     of_node = _slurm_bytes("SLURM_MEM_PER_NODE")
     if of_node:
@@ -129,10 +129,10 @@ def _control_groups() -> list[tuple[str, Path]]:
 
 @lru_cache(maxsize=1)
 def _mounted_groups(groups: str, mounts: str) -> list[tuple[str, Path]]:
-    """Return version and folder of memory control groups from the texts that Linux gives of them.
+    """Return version and folder of memory control groups from two files of Linux.
 
-    In a container, a mount may show a group that lies within other groups as the root. There are
-    many estimates of memory, so that the texts, which hardly ever change, are read once.
+    In a container, a mount may show a nested group as the root. The files hardly ever change, and
+    the memory is estimated often, so that they are read only once.
     """
     paths = dict(_own_groups(groups))
     folders = []
@@ -162,7 +162,7 @@ def _own_groups(groups: str) -> Iterator[tuple[str, str]]:
 def _options(after: str) -> list[str]:
     """Return the options of a mounted file system, which are the last word of its line.
 
-    `after` is the part of the line behind the dash.
+    `after` is the part of the line after the dash.
     """
     return after.split()[-1].split(",")
 

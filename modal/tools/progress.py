@@ -1,4 +1,4 @@
-"""Progress of a long loop: a bar on a terminal, a line a minute in a log.
+"""Show the progress of a long loop: a bar on a terminal, a line each minute in a log.
 
 Both go to standard error, so that results can be read from standard output.
 """
@@ -21,10 +21,10 @@ CLEAR_LINE = "\r\033[K"
 
 
 class Minute:
-    """A clock that tells a loop when to report: a minute after the last report of this run.
+    """A clock that decides when a loop reports: a minute after the last report.
 
-    Loops that follow each other within a minute are one run, so that many short loops in a row
-    report as well, except for those that end within a tenth of a minute.
+    Loops that follow each other within a minute share the clock, so that many short loops in a row
+    also report. The first tenth of a minute of a loop is silent.
     """
 
     _last_use = -math.inf
@@ -39,9 +39,7 @@ class Minute:
     def passed(self, interval: float | None = None) -> bool:
         """Return whether a minute, or the `interval`, s, has passed since the last report.
 
-        If so, the time until the next report begins now.
-
-        If so, the next one is counted from now on.
+        If so, the clock starts again.
         """
         if interval is None:
             interval = LOG_INTERVAL
@@ -54,7 +52,7 @@ class Minute:
 
     @classmethod
     def begin(cls) -> None:
-        """Begin a new run, which has not reported yet."""
+        """Start the clock for a new series of loops."""
         cls._last_use = -math.inf
 
     @staticmethod
@@ -66,7 +64,7 @@ class Minute:
 def progress(count: int, label: str) -> Generator[int, None, None]:
     """Yield 0 ... count - 1, while standard error shows how far the loop has come.
 
-    A loop that ends within a minute leaves nothing in a log.
+    A loop that ends within a minute writes nothing to a log.
     """
     on_terminal = sys.stderr.isatty()
     interval = BAR_INTERVAL if on_terminal else LOG_INTERVAL

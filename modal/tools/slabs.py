@@ -1,8 +1,8 @@
-"""Slabs of a packing along z, of which every other one can be computed at the same time.
+"""Cut a packing into slabs along z, every other one of which can be computed at the same time.
 
-A loop over contacts is cut so that slabs with one between them share no sphere. The ends of the
-slabs depend on the packing alone, and even slabs always come before odd ones: every sum is made in
-the same order by any number of threads.
+Slabs that are not neighbours share no sphere. The ends of the slabs depend only on the packing, and
+even slabs are always computed before odd ones: sums are added in the same order by any number of
+threads.
 """
 
 import numpy as np
@@ -19,9 +19,9 @@ SLABS = 16
 def slabs_of(ends: Ints, n: int) -> Ints:
     """Return the first contact of each slab, and the number of contacts at the end.
 
-    `ends` (m, 2) are sorted by the first. With `n` spheres numbered along z a slab reaches its next
-    neighbour at most: no two even slabs share a sphere, nor do two odd ones. Packings that are too
-    small for threads have one slab.
+    `ends` (m, 2) are sorted by the first. With `n` spheres numbered along z a slab shares spheres
+    only with the next slab: two even slabs share no sphere, nor do two odd ones. Packings that are
+    too small for threads have one slab.
     """
     if n < ENOUGH:
         return np.array([0, len(ends)])

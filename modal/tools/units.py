@@ -1,7 +1,7 @@
-"""Units of numbers: comparing texts with the expected unit, and arrays that carry a unit.
+"""Check units of numbers: compare texts with the expected unit, and read arrays with units.
 
-All numbers are plain SI. A text that says anything else, or nothing that is known, is refused: a
-list of forbidden words would let all others pass.
+All numbers are in SI units without prefix. A text that states another unit, or an unknown one, is
+refused.
 """
 
 import re
@@ -86,7 +86,7 @@ def says(text: str, unit: str) -> bool:
 
 
 def _dimensions(text: str) -> Dimensions | None:
-    """Return the dimensions of a product of units; None if the text is no such product."""
+    """Return the dimensions of a product of units; None if it is not such a product."""
     text = text.translate(SUPERSCRIPTS).replace("**", "^")
     text = re.sub(r"\bper\b", "/", text)
     text = re.sub(r"\s*\^\s*", "^", text)
@@ -115,12 +115,12 @@ def _dimensions(text: str) -> Dimensions | None:
 
 
 def _divided(factors: str) -> str:
-    """Return the factors of a denominator, each with a slash of its own before it."""
+    """Return the factors of a denominator, each with its own slash before it."""
     return "".join(f"/{factor}" for factor in re.split(r"[\s*.·⋅×]+", factors) if factor)
 
 
 def _unit_dimensions(word: str) -> Mapping[str, int] | None:
-    """Return the dimensions of one unit without prefix; None if it is not known."""
+    """Return the dimensions of one unit without prefix; None if it is unknown."""
     name = word.lower()
     symbol = UNIT_NAMES.get(name, UNIT_NAMES.get(name.removesuffix("s"), word))
     return SYMBOLS.get(symbol)
@@ -129,7 +129,7 @@ def _unit_dimensions(word: str) -> Mapping[str, int] | None:
 def plain_numbers(values: Any, name: str, unit: str) -> Any:
     """Return `values` without their unit, if they carry this `unit` or none.
 
-    Raises InputError for another unit, and for masked arrays with a masked value.
+    Raises InputError for another unit, and for arrays with a masked value.
     """
     _refuse_masked(values, name)
     attached_unit = getattr(values, "units", getattr(values, "unit", None))
@@ -147,7 +147,7 @@ def plain_numbers(values: Any, name: str, unit: str) -> Any:
 
 
 def _is_unit(attribute: Any) -> bool:
-    """Return whether an attribute called unit or units is one: no method, no number, no array."""
+    """Return whether an attribute named unit or units is a unit, not a method, number or array."""
     return not callable(attribute) and type(attribute) not in (int, float, np.ndarray)
 
 
@@ -170,7 +170,7 @@ def _refuse_masked(values: Any, name: str) -> None:
 
 
 def _name_of_unit(unit: str) -> str:
-    """Return a unit as a message has it."""
+    """Return a unit in the form used in messages."""
     if unit == "1":
         return "plain numbers"
     return unit

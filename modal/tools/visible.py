@@ -1,4 +1,4 @@
-"""Text that came from a file or a name, as a terminal may show it."""
+"""Make text from files and names safe to show on a terminal."""
 
 import unicodedata
 
@@ -8,7 +8,7 @@ a terminal acts on them, or shows another text than the one that is there."""
 
 
 def visible(text: str, keep: str = "") -> str:
-    r"""Return the text with every character that no reader sees written as an escape.
+    r"""Return the text with every invisible or control character written as an escape.
 
     Characters in `keep` stay as they are.
 
@@ -23,7 +23,7 @@ def visible(text: str, keep: str = "") -> str:
 
 
 def is_hidden(letter: str) -> bool:
-    """Return whether a terminal would act on the character in place of showing it."""
+    """Return whether a terminal would act on the character instead of showing it."""
     return unicodedata.category(letter) in HIDDEN_CATEGORIES
 
 

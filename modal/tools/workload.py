@@ -1,4 +1,4 @@
-"""Estimates of the time and memory of long computations, which are refused if too large."""
+"""Estimate the time and memory of long computations, and refuse them if too large."""
 
 import sys
 import time
@@ -73,9 +73,9 @@ def refuse_above_memory(bytes_needed: float, task: str, remedy: str) -> None:
 
 
 def out_of_memory(error: MemoryError) -> InputError:
-    """Return the refusal of a task that did not find enough memory while it ran.
+    """Return the error for a task that ran out of memory.
 
-    numpy's error tells how large an array was to be; the free memory is that of now.
+    The message has the size of the array from numpy's error, and the present free memory.
     """
     wanted = str(error).replace("\n", " ").rstrip(". ")
     detail = f" ({wanted})" if wanted else ""

@@ -1,1 +1,1 @@
-"""Linear waves through a packing: their source, time steps, receivers and frequency response."""
+"""Compute waves through a packing: sources, time steps, receivers, frequency response."""

@@ -1,7 +1,7 @@
-"""Motions of laboratory transducers: bursts of a sine, and square waves.
+"""Define motions of laboratory transducers: bursts of a sine, and square waves.
 
-Both begin and end at zero. A sine that is not windowed starts with a jump of its velocity, as the
-voltage of a function generator does; a window makes its spectrum narrower.
+Both begin and end at zero. Without a window the velocity of a sine jumps at the start, like that of
+a function generator's voltage; a window makes the spectrum narrower.
 """
 
 from dataclasses import dataclass
@@ -29,9 +29,9 @@ class SineBurst:
     Parameters
     ----------
     amplitude : float
-        A, m (of a force N); negative for a burst that begins in the opposite sense.
+        Amplitude A, m, or N for a force; negative for a burst that begins in the opposite sense.
     frequency : float
-        f, Hz.
+        Frequency f, Hz.
     cycles : int, default 1
         Number of periods.
     window : str, default "none"
@@ -40,7 +40,7 @@ class SineBurst:
     Raises
     ------
     InputError
-        If the numbers make no wave.
+        If the amplitude is zero, or the frequency or the number of periods is not positive.
 
     Examples
     --------
@@ -77,12 +77,12 @@ class SineBurst:
 class SquareWave:
     """A few periods of a square wave: A for half a period, then -A.
 
-    It goes from level to level along straight lines, in `SQUARE_RISE_IN_PERIODS`.
+    It changes from level to level linearly in time, within `SQUARE_RISE_IN_PERIODS`.
 
     Parameters
     ----------
     amplitude : float
-        A, m (of a force N); negative for a wave that begins in the opposite sense.
+        Amplitude A, m, or N for a force; negative for a wave that begins in the opposite sense.
     frequency : float
         Hz.
     cycles : int, default 1
@@ -91,7 +91,7 @@ class SquareWave:
     Raises
     ------
     InputError
-        If the numbers make no wave.
+        If the amplitude is zero, or the frequency or the number of periods is not positive.
 
     Examples
     --------
@@ -109,7 +109,7 @@ class SquareWave:
 
     @property
     def corners(self) -> Floats:
-        """Times at which the wave starts or ends to change its level (4 cycles + 2,), s."""
+        """Times (4 cycles + 2,), s, at which a change of level starts or ends."""
         edges = np.arange(2 * self.cycles + 1) / 2
         half_rise = SQUARE_RISE_IN_PERIODS / 2
         first = np.array([0.0, half_rise])

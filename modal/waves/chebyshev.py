@@ -1,11 +1,11 @@
 """Expand a recorded motion in Chebyshev polynomials of A, with a bound of its error.
 
-A record is a sum over the orders k of weights, one for each time or frequency, times moments: the
-readings that the receivers take of T_k(X) c, X = 2 A / top - 1. Since |T_k(X) c| <= |c|, ending the
-sum leaves out at most the sum of the further weights, times |c|, times the length of the receiver's
-row. The sum goes on until that is below the tolerance times the largest value of the record, which
-is known by then. The weights of a wave (`Expansion`) and of a response (`Resolvent`) are for
-omega^2 from zero to `top`, 1/s^2.
+A record is a sum over the orders k of weights, one for each time or frequency, times moments. The
+moments are the readings of the receivers for the vectors T_k(X) c, with X = 2 A / top - 1. Since
+|T_k(X) c| <= |c|, a truncated sum lacks at most the sum of the remaining weights, times |c|, times
+the length of the receiver's row. Terms are added until this bound is below the tolerance times the
+largest value of the record so far. The weights of a wave (`Expansion`) and of a response
+(`Resolvent`) are for omega^2 from zero to `top`, 1/s^2.
 """
 
 import math
@@ -37,10 +37,11 @@ AnySeries = TypeVar("AnySeries", "Expansion", "Resolvent")
 
 
 class Summation(NamedTuple, Generic[AnySeries]):
-    """A series that was summed up.
+    """The result of summing a series.
 
-    series: the weights. record (k, count): the sum. products: products with K. error: a bound,
-    relative to the largest force and the largest motion of the record.
+    series: the weights. record (k, count): the sum. products: number of products with K. error:
+    bound of the truncation error, relative to the largest force and the largest motion of the
+    record.
     """
 
     series: AnySeries
@@ -56,10 +57,10 @@ def readings(
     length: float,
     count: int,
 ) -> Floats:
-    """Return what `receivers` read of the next `count` states, shape (count, receivers).
+    """Return the readings (count, receivers) of `receivers` for the next `count` states.
 
-    The `states` yield k and T_k(X) c; `length` is that of c. GrowthError if the states grow, as
-    they do when modes lie outside of the interval.
+    The `states` yield k and T_k(X) c; `length` is that of c. Raises GrowthError if the states grow,
+    because modes lie outside of the interval.
     """
     rows = np.empty((count, receivers.shape[0]))
     for row in progress(count, "wave"):
@@ -74,11 +75,11 @@ def readings(
 def summed(
     forced: ForcedSystem, series_for: Callable[[float], Sequence[AnySeries]], tolerance: float
 ) -> list[Summation[AnySeries]]:
-    """Sum series up to a relative error of `tolerance`, each; all of them share the products.
+    """Sum each series up to a relative error of `tolerance`, with common products with K.
 
     `series_for` returns the series for the `top` of an interval in omega^2, 1/s^2. The error is
-    relative to `ForcedSystem.largest` of a series' own record; it exceeds `tolerance` only if
-    round-off is larger. GrowthError if K has negative directions, InputError if there is no
+    relative to `ForcedSystem.largest` of each series' own record, and exceeds `tolerance` only if
+    round-off is larger. Raises GrowthError if K has negative directions, InputError if there is no
     stiffness.
     """
     operator = forced.springs.operator
@@ -123,17 +124,17 @@ def summed(
 class Expansion:
     """The Chebyshev coefficients of an oscillator's motion y(top (1 + x) / 2, t).
 
-    The error is relative to the larger of both stresses, as the wave may not yet have reached the
+    The error is relative to the larger of both stresses, because the wave may not have reached the
     receiver wall.
 
     Attributes
     ----------
     time : ndarray (nt,)
-        s.
+        Times, s.
     moved : ndarray (nt,)
         Displacement of the source, m.
     coefficient : ndarray (count, nt)
-        m s^2, of all orders that round-off does not hide.
+        Coefficients, m s^2, of all orders above round-off.
     """
 
     apart = False
@@ -159,7 +160,7 @@ class Expansion:
         self._left = left + ROUND_OFF * left[0]
 
     def left(self, orders: int) -> float:
-        """Return the sum of the largest coefficients of all further orders, m s^2."""
+        """Return the sum of the largest coefficients of all orders from `orders` on, m s^2."""
         return float(self._left[min(orders, len(self._left) - 1)])
 
     def orders(self, left: float) -> int:
@@ -169,7 +170,7 @@ class Expansion:
     def add(self, record: Floats, rows: Floats, first: int) -> None:
         """Add to a record the terms of the orders from `first` on, whose moments are `rows`.
 
-        Orders beyond those that round-off hides have no coefficient.
+        Orders below round-off have no coefficient and are ignored.
         """
         coefficient = self.coefficient[first : first + len(rows)]
         same_bits_product(coefficient.T, rows[: len(coefficient)], record)
@@ -178,7 +179,8 @@ class Expansion:
 def orders_of(top: float, duration: float) -> float:
     """Return the number of orders beyond which the coefficients of a wave are negligible.
 
-    `top` is the upper end of the interval in omega^2, 1/s^2; `duration` that of the wave, s.
+    `top` is the upper end of the interval in omega^2, 1/s^2; `duration` is the length of the
+    record, s.
     """
     return 1.1 * float(np.sqrt(top)) * duration / 2 + 60
 
@@ -188,7 +190,7 @@ def cosines(values: Floats) -> Floats:
 
     N is even. The cosine transform is a Fourier transform of the even rows, followed by the odd
     ones backwards (J. Makhoul, IEEE Trans. Acoust. Speech Signal Process. 28, 27, 1980). scipy.fft
-    has it, but loading that takes as long as a hundred products with K of 35,201 spheres.
+    is not used, because loading it takes as long as a hundred products with K of 35,201 spheres.
     """
     count = len(values)
     result = np.empty_like(values)
@@ -211,7 +213,7 @@ class Resolvent:
     Attributes
     ----------
     frequency : ndarray (nf,)
-        Hz.
+        Frequencies, Hz.
     moved : ndarray (nf,)
         Ones: the response is per unit motion of the source.
     """
@@ -232,7 +234,7 @@ class Resolvent:
         self._sum = abs(self._scale) / (1 - 1 / abs(w))
 
     def left(self, orders: int) -> float:
-        """Return the sum of the weights of all further orders, s^2."""
+        """Return the sum of the weights of all orders from `orders` on, s^2."""
         left = (self._sum * np.exp(-self._log.real * orders)).max()
         return float(max(left, ROUND_OFF * self._sum.max()))
 

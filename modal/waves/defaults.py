@@ -1,10 +1,10 @@
-"""Default pulse, recording interval and duration of a wave, in units of the packing.
+"""Choose the default pulse, recording interval and duration of a wave, scaled to the packing.
 
 Lengths are in mean diameters D and overlaps; times are in D / V of the affine P-wave, the fastest
 of all waves. A packing of spheres a thousand times smaller, or of springs a million times softer,
-thus gets a wave that is as much smaller or slower. In the crystal of glass spheres of 2.54 mm under
-100 kPa the pulse has 2.5 nm and 100 kHz, as in Otsubo et al. (2017), and is recorded every
-microsecond.
+thus gets a wave that is smaller or slower by the same factor. In the crystal of glass spheres of
+2.54 mm under 100 kPa the pulse has an amplitude of 2.5 nm and a frequency of 100 kHz, as in Otsubo
+et al. (2017), and is recorded every microsecond.
 """
 
 import numpy as np
@@ -63,9 +63,9 @@ def default_pulse(
     frequency: float | None = None,
     cycles: int = 1,
 ) -> Pulse:
-    """Return the default pulse of a packing; `amplitude` and `frequency`, Hz, replace its own.
+    """Return the default pulse of a packing; `amplitude` and `frequency`, Hz, override defaults.
 
-    The amplitude is in m; for a source that pushes in N; in torsion in rad, or N m.
+    The amplitude is in m, for a source of force in N; in torsion it is in rad or N m.
     """
     if amplitude is None:
         amplitude = default_amplitude(network, source, direction)
@@ -83,7 +83,7 @@ def default_frequency(network: Network) -> float:
 
 
 def default_amplitude(network: Network, source: Source, direction: Direction = "z") -> float:
-    """Return the amplitude of the default pulse, m; a push in N, a turn in rad, a torque in N m."""
+    """Return the amplitude of the default pulse, m; in N for a force, in rad or N m in torsion."""
     diameter = mean_diameter(network)
     amplitude = PULSE_AMPLITUDE_IN_D * diameter
     if network.overlap is not None and (network.overlap > 0).any():
@@ -116,7 +116,8 @@ def default_interval(network: Network, duration: float, time_step: float | None 
 def default_duration(network: Network, motion: Motion, direction: Direction = "z") -> float:
     """Return the default length of the record, s.
 
-    It lasts as long as the source moves and the wave then travels through the packing.
+    This is the duration of the source's motion plus the travel time of the wave through the
+    packing.
     """
     velocity = p_velocity(network)
     if direction != "z":
@@ -128,7 +129,7 @@ def default_duration(network: Network, motion: Motion, direction: Direction = "z
 
 
 def travel_height(network: Network) -> float:
-    """Return how far a wave travels along z, m: a period, or from lowest to highest sphere."""
+    """Return the length of a wave's path along z, m: a period, or the height of the spheres."""
     if network.cell_periodic[2]:
         return network.length
     return float(np.ptp(network.position[:, 2])) + mean_diameter(network)

@@ -1,8 +1,8 @@
-"""Discs of spheres: the transducers of a laboratory, as sources and as receivers.
+"""Model transducers of a laboratory by discs of spheres, as sources and as receivers.
 
-A disc lies across z, and consists of the spheres about its plane: a bender element or a piezo
-disc, one layer of grains thick, inside the packing or at a wall. As a source its spheres move
-together and do not turn (plate), or each of them is pushed by an equal share of a force. A receiver
+A disc is perpendicular to z, and consists of the spheres near its plane: a bender element or a
+piezo disc, one layer of grains thick, inside the packing or at a wall. As a source its spheres move
+together without turning (plate), or an equal share of a force acts on each of them. A receiver
 reads the mean displacement of its spheres, which move freely.
 """
 
@@ -31,29 +31,30 @@ of two layers of an FCC crystal along [001], so that a disc there is one layer."
 
 @dataclass(frozen=True)
 class Disc(Source):
-    """A disc across z that is moved, or pushed, along x, y or z; or that reads such a motion.
+    """A disc perpendicular to z that is moved or pushed along x, y or z, or that records a motion.
 
-    Its spheres are those that bear force, whose centres are within its radius, and within
-    `HALF_THICKNESS_IN_RADII` of the plane z of its centre; near a wall, of the plane of spheres
-    that touch the wall. Along periods of the cell the nearest images count. Propagating a wave
-    raises InputError if there is no such sphere.
+    The disc consists of the spheres that bear force and whose centres are within its radius, and
+    within `HALF_THICKNESS_IN_RADII` of its plane. The plane is at z of the disc's centre or, near a
+    wall, at the height of the spheres that touch the wall. Distances are those to the nearest
+    images. Propagating a wave raises InputError if there is no such sphere.
 
     Parameters
     ----------
     centre : sequence of 3 numbers
-        x, y and z, m; z is that of a wall for a disc against the wall.
+        Coordinates x, y and z, m; for a disc at a wall, z of the wall.
     radius : float
-        m.
+        Radius, m.
     direction : str, default "z"
-        x, y or z: of the motion or the force, and of what a receiver reads.
+        x, y or z: direction of the motion or the force, and of the recorded motion.
     drive : str, default "plate"
         "plate": the spheres move together by the motion in time, m, and do not turn. "force": the
-        motion in time is a force, N, which they share. A receiver ignores it.
+        motion in time is a force, N, shared equally by the spheres. A receiver ignores this
+        argument.
 
     Raises
     ------
     InputError
-        If the numbers or words make no disc.
+        If a number is not finite, the radius is not positive, or a word is unknown.
 
     Examples
     --------
@@ -89,18 +90,18 @@ class Disc(Source):
 
     @property
     def pushes(self) -> bool:
-        """True if the motion in time is that of a force."""
+        """Whether the motion in time is a force."""
         return self.drive == "force"
 
     @property
     def name(self) -> str:
-        """The disc in words: disc of 0.003 m at 0 0 0.02 m."""
+        """The disc in words, such as "disc of 0.003 m at 0 0 0.02 m"."""
         place = " ".join(f"{coordinate:g}" for coordinate in self.centre)
         return f"disc of {self.radius:g} m at {place} m"
 
     @property
     def own_direction(self) -> Direction:
-        """The direction of the disc."""
+        """The direction of the disc's motion, force or record."""
         return self.direction
 
     def spheres(self, network: Network) -> Ints:
@@ -131,7 +132,7 @@ class Disc(Source):
         return self.position_in(network)[2:]
 
     def own_bodies(self, network: Network) -> Ints:
-        """Return the spheres of a plate; none if they are pushed, and move by themselves."""
+        """Return the spheres of a plate; none for a force, under which spheres move freely."""
         if self.pushes:
             return np.empty(0, int)
         return self.spheres(network)
@@ -145,7 +146,7 @@ class Disc(Source):
         return BodiesMove(bodies, COMPONENT[direction], walls_move=False)
 
     def load(self, network: Network, direction: Direction) -> Floats:
-        """Return the unit force, shared by the spheres, among all (6n,); zero for a plate."""
+        """Return the load (6n,) of a unit force that the disc's spheres share; zero for a plate."""
         load = np.zeros((network.n_particles, 6))
         if self.pushes:
             spheres = self.spheres(network)
@@ -153,7 +154,7 @@ class Disc(Source):
         return load.ravel()
 
     def carried(self, network: Network) -> Ints:
-        """Return the spheres of a plate; none if they are pushed."""
+        """Return the spheres of a plate; none for a force."""
         return self.own_bodies(network)
 
     def _from_centre(self, network: Network) -> Floats:
@@ -162,7 +163,7 @@ class Disc(Source):
         return away - np.round(network.in_periods(away)) @ network.period_vectors
 
     def _centre_in(self, network: Network) -> Floats:
-        """Return the centre (3,), m; beside a wall that of spheres which touch the wall."""
+        """Return the centre (3,), m; at a wall, with the z of the spheres that touch the wall."""
         x, y, z = self.centre
         if not network.cell_periodic[2]:
             radius = float(network.radius.mean())

@@ -29,12 +29,12 @@ class EnergyBalance:
     energy : float
         Energy of the wave after the pulse, J.
     drift : float
-        Change since then of the kinetic energy plus the energy stored in contacts, divided by
-        `energy`.
+        Change, after the pulse, of the kinetic energy plus the energy stored in contacts, divided
+        by `energy`.
     friction : float
-        Energy that sliding has dissipated since then, divided by `energy`.
+        Energy that sliding has dissipated after the pulse, divided by `energy`.
     contacts, opened, slid : int
-        Number of contacts at the start, and how many of them were seen to open and to slide.
+        Number of contacts at the start, and numbers of contacts that opened and that slid.
     limit : float
         Largest drift that the time step explains. NaN if contacts slid: sliding also releases
         energy of the state at rest, so that the drift has no bound.
@@ -44,8 +44,8 @@ class EnergyBalance:
         Kinetic and elastic energy at the end, plus all energy that sliding has dissipated since the
         start, minus `work`, divided by `work`.
 
-    `work` and `gap` are NaN in files of earlier versions. There `friction` is the law's own count,
-    which misses the slip of contacts that only lose normal force.
+    `work` and `gap` are NaN in files of earlier versions. In these files `friction` comes from the
+    contact law itself, which omits the slip of contacts that only lose normal force.
     """
 
     energy: float
@@ -60,7 +60,7 @@ class EnergyBalance:
 
     @property
     def closes(self) -> bool:
-        """Tell whether drift and gap are within their limits; True if neither has a limit."""
+        """Whether drift and gap are within their limits; True if neither has a limit."""
         max_gap = MAX_GAP
         if not math.isnan(self.limit):
             max_gap = max(MAX_GAP, self.limit)
@@ -83,12 +83,13 @@ class EnergyBalance:
 def drift_limit(network: Network, fraction: float, amplitude: float, energy: float) -> float:
     """Return the largest relative change of the energy that time step and round-off explain.
 
-    In a linear system the leapfrog scheme exactly conserves the elastic energy plus the product of
-    the velocities half a step behind and ahead. The rest comes from the change of stiffness, a
-    share of 2A divided by the overlap, and shrinks as (omega dt / 2)^2. `fraction` is the time step
-    divided by the longest stable one, 2 / omega_max, so that omega dt / 2 is at most `fraction`. A
-    position of size L is rounded by eps L; the contact force does work over this distance, of
-    random sign, in each of the contacts. `amplitude` A in m, `energy` of the wave in J.
+    In a linear system the leapfrog scheme exactly conserves the elastic energy plus the kinetic
+    energy from the product of the velocities half a step before and after. The drift comes from the
+    change of stiffness, which is of the relative size 2A divided by the overlap, and decreases as
+    (omega dt / 2)^2. `fraction` is the time step divided by the longest stable one, 2 / omega_max,
+    so that omega dt / 2 is at most `fraction`. A position of size L is rounded by eps L; the
+    contact force does work over this distance, of random sign, in each of the contacts. The
+    `amplitude` A is in m, the `energy` of the wave in J.
     """
     purpose = "limit of the energy drift"
     overlap = network.require("overlap", purpose)

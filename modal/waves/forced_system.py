@@ -1,4 +1,4 @@
-"""Couple a linear system to a source and receivers: the equations that an integrator is given.
+"""Couple a linear system to a source and receivers: the equations for an integrator.
 
 With v = M^1/2 u and the motion d(t) of the source,
 
@@ -7,13 +7,13 @@ With v = M^1/2 u and the motion d(t) of the source,
 where push and drag are the forces of springs and dashpots per unit displacement and unit velocity
 of the source. Records are linear in v; forces on walls are also linear in v', d and d'.
 
-If a packing repeats itself sideways (`modal.packing.repeats`) and the source moves all parts alike,
-one part is enough. That is exact for equal parts. Parts that differ by round-off are replaced by
-equal ones, which changes a wave little: with C the contacts' strains times the roots of their
-stiffnesses, in mass-scaled motions, A = C^T C, and y = (C v, v') follows (C v)' = C v',
-v'' = -C^T (C v) + the push. Both right-hand sides conserve |y|, the root of twice the energy, so
-that after a time t the two waves differ by at most |C - C'| t of the largest |y|; and
-|C - C'| <= `Repeats.difference` omega_max.
+If a packing repeats itself along x or y (`modal.packing.repeats`) and the source moves all parts
+alike, it is enough to compute one part. This is exact for equal parts. Parts that differ by
+round-off are replaced by equal ones, which changes a wave little: with C the contacts' strains
+times the roots of their stiffnesses, in mass-scaled motions, A = C^T C, and y = (C v, v') follows
+(C v)' = C v', v'' = -C^T (C v) + the push. Both right-hand sides conserve |y|, the root of twice
+the energy, so that after a time t the two waves differ by at most |C - C'| t of the largest |y|;
+and |C - C'| <= `Repeats.difference` omega_max.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from modal.waves.sources import Source
 def one_part(
     system: LinearSystem, duration: float, tolerance: float
 ) -> tuple[LinearSystem, Repeats]:
-    """Return the smallest part of a packing whose wave is that of the whole, and how it repeats.
+    """Return the smallest part of a packing with the same wave as the whole, and how it repeats.
 
-    Over the time `duration`, s, the motion differs from that of the whole by `Repeats.difference`
-    of the largest motion, at most `tolerance`. The whole system is returned if no part will do, or
-    if contacts have dashpots.
+    During `duration`, s, the motion may differ from that of the whole packing by at most
+    `tolerance` times the largest motion, estimated from `Repeats.difference`. The whole system is
+    returned if no part is equal enough, or if contacts have dashpots.
     """
     network = system.network
     if system.dashpots is not None:
@@ -65,16 +65,16 @@ class SourceCoupling:
     Attributes
     ----------
     operator : ContactOperator
-        A of springs, D of dashpots.
+        A for springs, D for dashpots.
     push : sparse matrix (1, size)
         Load on the bodies per unit displacement of the source, or per unit velocity.
     rows : sparse matrix
-        (walls, size) give the forces on the walls from v, or v'. The matrix of the springs has
-        further rows below, for the receivers: (count, size).
+        (walls, size) give the forces on the walls from v, or v'. For springs, further rows for the
+        receivers follow: (count, size).
     held : ndarray (walls,)
         Force on the walls per unit displacement of the source, or per unit velocity, while the
-        bodies are at rest. The vector of the springs has the readings of the receivers below,
-        which are those of the spheres that move with the source: (count,).
+        bodies are at rest. For springs, the readings of the receivers follow, from spheres that
+        move with the source: (count,).
     """
 
     operator: ContactOperator
@@ -100,8 +100,8 @@ class ForcedSystem:
     springs : SourceCoupling
     dashpots : SourceCoupling or None
     stresses : tuple of str
-        Names of the forces that are recorded first, N or N m: that which holds a source that moves,
-        and that on the receiver wall, if there is one.
+        Names of the forces, N or N m, that are recorded first: the force that holds a moving
+        source, and the force on the receiver wall, if they exist.
     part : Repeats
         The bodies of the packing that are simulated.
     system : LinearSystem
@@ -127,9 +127,9 @@ class ForcedSystem:
     ) -> ForcedSystem:
         """Couple a system to a source and receivers.
 
-        If the packing repeats itself sideways and one part reproduces the motion within
-        `tolerance`, relative, over `duration`, s, that part alone is taken; `whole` prevents it.
-        InputError if the source moves nothing.
+        If the packing repeats itself along x or y, and one part reproduces the motion within the
+        relative `tolerance` during `duration`, s, only this part is simulated; `whole` prevents
+        this. Raises InputError if the source moves nothing.
         """
         direction = receivers.direction
         network = system.network
@@ -173,18 +173,18 @@ class ForcedSystem:
         return len(self.stresses)
 
     def blank(self, moved: Array) -> Array:
-        """Return the record (k, count) of bodies at rest while the source has `moved` (k,), m."""
+        """Return the record (k, count) of bodies at rest for a source moved by `moved` (k,), m."""
         return moved[:, None] * self.springs.held
 
     @property
     def reach(self) -> Floats:
-        """Return the largest lengths (walls + 1,) of the rows: each force, and all motions."""
+        """Return the norms (walls + 1,) of the rows: of each force, and the largest of motions."""
         return self._largest_of_each_kind(norm(self.springs.rows, axis=1))
 
     def largest(self, record: Array, *, apart: bool) -> Floats:
         """Return the largest forces and the largest motion (walls + 1,) of a record (k, count).
 
-        Each wall has its own largest force if they are judged `apart`, else the largest of all.
+        With `apart` each force has its own maximum; otherwise the largest force counts for all.
         """
         largest = self._largest_of_each_kind(abs(record).max(axis=0))
         if not apart:
@@ -192,7 +192,7 @@ class ForcedSystem:
         return largest
 
     def _largest_of_each_kind(self, sizes: Floats) -> Floats:
-        """Return, of numbers (count,), those of each force and the largest of all others.
+        """Return, from numbers (count,), those of the forces and the largest of the others.
 
         The shape is (walls + 1,).
         """
@@ -200,7 +200,7 @@ class ForcedSystem:
 
 
 def _motion_of_part(part_system: LinearSystem, part: Repeats) -> sp.csr_matrix:
-    """Return the matrix (6n, 6k) of ones that gives each body the motion of its body in the part.
+    """Return the matrix (6n, 6k) of ones that copies the motion of a part to all bodies.
 
     Columns are in the numbering of the operator.
     """
@@ -212,7 +212,7 @@ def _motion_of_part(part_system: LinearSystem, part: Repeats) -> sp.csr_matrix:
 
 
 def _motion_of_bodies(source: Source, receivers: Receivers) -> Floats:
-    """Return the motion (6n,) of the bodies that are the source, per unit of its motion."""
+    """Return the motion (6n,) of the source's own bodies, per unit motion of the source."""
     motion = np.zeros((receivers.network.n_particles, 6))
     motion[source.own_bodies(receivers.network), COMPONENT[receivers.direction]] = 1
     return motion.ravel()
@@ -237,7 +237,7 @@ class _CouplingBuilder:
     """Couple springs or dashpots to a source and to the walls.
 
     root_under: divides rows by the roots of masses. motion_of_part: see `_motion_of_part`. parts:
-    the number of equal parts. forces: those that are recorded. motion_of_source: see
+    the number of equal parts. forces: the recorded forces. motion_of_source: see
     `_motion_of_bodies`.
     """
 
@@ -256,8 +256,8 @@ class _CouplingBuilder:
     ) -> SourceCoupling:
         """Return the coupling of a system of springs or dashpots.
 
-        `load` (6n,) is that of a source that pushes; `receiver_rows` (k, 6n) are read below the
-        forces.
+        `load` (6n,) is the load of a source of force; `receiver_rows` (k, 6n) are appended after
+        the rows of forces.
         """
         push = sp.csr_matrix(load)
         rows = [sp.csr_matrix((0, system.size))]

@@ -1,26 +1,25 @@
-"""Integrate a forced system in time: exactly, in a DEM's steps, or in long steps with dashpots.
+"""Integrate a forced system in time: exactly, in the steps of a DEM, or with dashpots.
 
 The motion d(t) of the source drives v'' + A v = c d(t). Hence v(t) = y(A, t) c, where y(omega^2, t)
 solves y'' + omega^2 y = d(t) from rest (`modal.waves.oscillator`). As a function of x = 2 omega^2 /
 omega_max^2 - 1 it is expanded in Chebyshev polynomials, whose coefficients fall faster than any
-power beyond order omega_max t / 2. One pass of T_k(X) c serves all times, and of every T_k(X) c
-only the recorded rows are kept. The expansion holds in the complex plane too, so that a tangent
-that is not quite symmetric needs nothing else.
+power beyond order omega_max t / 2. One pass over T_k(X) c is enough for all times, and only the
+recorded rows of each T_k(X) c are stored. The expansion also holds in the complex plane, so that a
+slightly unsymmetric tangent needs no other method.
 
-Leapfrog is not needed to obtain a wave but to take one apart: with the scheme and the step of a DEM
-the linear wave has the same time-integration error, and the difference that remains is physics.
-State k is at time k dt: forces from u_k and from the wall at d(k dt), velocities half a step ahead,
-u_(k+1) = u_k + dt v_(k+1/2). The response of an oscillator below the stability limit is a
-polynomial in omega^2 then, so that the same expansion serves, and takes as many products however
-short the step.
+Leapfrog is only used to analyse a DEM run: with the scheme and the step of the DEM the linear wave
+has the same time-integration error, and the remaining difference is physics. State k is at time k
+dt: forces from u_k and from the wall at d(k dt), velocities half a step ahead, u_(k+1) = u_k + dt
+v_(k+1/2). The response of an oscillator below the stability limit is then a polynomial in omega^2,
+so that the same expansion applies, with a number of products that does not depend on the step.
 
-With dashpots the modes are complex, and Chebyshev polynomials of K no longer serve; Taylor series
-in time do. The state y = (u, v) follows y' = L y + g(t), and its Taylor series about the start of a
-step needs no table: (k + 1) a_(k+1) = L a_k + g_k, where g_k are the coefficients of the source's
-motion in the step. A step is some radians of the highest mode long, and takes as many products with
-K and C as the tolerance needs; records inside a step are values of polynomials. In contrast to
-schemes of fixed order, the work rises with the number of digits, not with a power of ten
-(`docs/attenuation.md`).
+With dashpots the modes are complex, and Taylor series in time replace the Chebyshev polynomials of
+K. The state y = (u, v) follows y' = L y + g(t), and its Taylor series about the start of a step
+follows from a recurrence: (k + 1) a_(k+1) = L a_k + g_k, where g_k are the coefficients of the
+source's motion in the step. A step lasts some radians of the highest mode, and takes as many
+products with K and C as the tolerance requires; records inside a step are values of polynomials.
+The work is proportional to the number of exact digits, while schemes of fixed order need a power of
+ten (`docs/attenuation.md`).
 """
 
 from collections.abc import Sequence
@@ -61,13 +60,13 @@ class WaveRecord:
     Attributes
     ----------
     time : ndarray (nt,)
-        s.
+        Times, s.
     record : ndarray (nt, count)
-        What the system's rows read.
+        Readings of the rows of the system.
     products : int
-        Products with K.
+        Number of products with K.
     error : float
-        A bound, relative to the largest force and the largest motion.
+        Bound of the error, relative to the largest force and the largest motion.
     """
 
     time: Floats
@@ -87,10 +86,10 @@ def by_polynomials(
     """Compute the waves of some motions by Chebyshev polynomials, exactly in time.
 
     `tolerance` is the relative error of each wave; all of them share the products with K. With a
-    `time_step`, s, the waves are those of the leapfrog scheme. Records are an `interval`, s,
-    apart, for leapfrog a whole number of steps. GrowthError if K has negative directions,
-    InputError with dashpots, for an endless run, and if the time step exceeds the stability limit 2
-    / omega_max.
+    `time_step`, s, the waves are those of the leapfrog scheme. Records are an `interval`, s, apart,
+    for leapfrog a whole number of steps. Raises GrowthError if K has negative directions;
+    InputError with dashpots, for a run that would take too long, and if the time step exceeds the
+    stability limit 2 / omega_max.
     """
     if forced.dashpots is not None:
         raise InputError(
@@ -146,7 +145,7 @@ def _refuse_endless_expansion(
     times: float,
     steps_between_records: int,
 ) -> None:
-    """Raise InputError if expansions with so many times take more than a day or the memory."""
+    """Raise InputError if the expansions take more than a day, or more than the free memory."""
     orders = orders_of(top, duration)
     coefficients = (EXPANSION_COPIES * orders + steps_between_records) * times
     readings = (orders + times) * forced.count
@@ -163,7 +162,7 @@ def _refuse_endless_expansion(
 
 
 def _steps_between_records(interval: float, time_step: float) -> int:
-    """Return the steps from record to record; InputError if an interval, s, is no multiple."""
+    """Return the steps from record to record; InputError if they are not whole."""
     if not 0 < time_step < np.inf:
         raise InputError("time_step", "the time step must be positive", remedy="give it in s")
     count = max(1, round(interval / time_step))
@@ -183,8 +182,8 @@ def by_series(
 ) -> WaveRecord:
     """Compute a wave with dashpots in long steps, each a Taylor series in time.
 
-    `tolerance` bounds the terms that a step leaves out, relative to the largest state. InputError
-    if a series does not end.
+    `tolerance` bounds the truncated terms of a step, relative to the largest state. Raises
+    InputError if a series does not converge.
     """
     springs = forced.springs
     assert forced.dashpots is not None
@@ -213,7 +212,7 @@ def by_series(
 
 
 class _TaylorStep:
-    """Advance the state (2, size) of a system with dashpots, displacement and velocity, by a step.
+    """Advance the state of a system with dashpots, displacement and velocity (2, size), by a step.
 
     `products` counts the products with K so far.
     """
@@ -241,7 +240,8 @@ class _TaylorStep:
     ) -> Floats:
         """Return the state at the end of a step that starts at `start` and is `length` long, s.
 
-        The records `rows` (k,) lie inside the step, at the `share` (k,) of its length.
+        The records with indices `rows` (k,) lie inside the step, at the fraction `share` (k,) of
+        its length.
         """
         displacement, velocity = _motion_polynomials(motion, start, length)
         record[rows, : self.walls] += polyval(share, velocity)[:, None] * self.dashpots.held
@@ -294,7 +294,8 @@ def _fastest_rate(forced: ForcedSystem) -> float:
 def _motion_polynomials(motion: Motion, start: float, length: float) -> tuple[Floats, Array]:
     """Return the coefficients (q,) of polynomials for the source's motion, m, and velocity, m/s.
 
-    The variable of the polynomials is the share, 0 to 1, of a step from `start` of a `length`, s.
+    The variable of the polynomials runs from 0 at `start` to 1 at the end of a step of the
+    `length`, s.
     """
     nodes = chebyshev.chebpts1(MOTION_DEGREE + 1)
     values = motion.displacement(start + length * (nodes + 1) / 2)

@@ -1,6 +1,6 @@
-"""Motions of a source in time: pulses, chirps, steps, and sampled motions.
+"""Define motions of a source in time: pulses, chirps, steps, and sampled motions.
 
-The default pulse is that of Otsubo et al. (2017). Bursts of laboratories are in
+The default pulse is that of Otsubo et al. (2017). Bursts of laboratory transducers are in
 `modal.waves.bursts`.
 """
 
@@ -61,9 +61,9 @@ def _is_squarable(number: float) -> bool:
 
 
 def refuse_no_wave(name: str, amplitude: float, frequency: float, cycles: float) -> None:
-    """Raise InputError if an amplitude, m, a frequency, Hz, and a number of periods make no wave.
+    """Raise InputError for an impossible amplitude, m, frequency, Hz, or number of periods.
 
-    `name` is that of the motion, with its article.
+    `name` is the name of the motion in the message, with its article.
     """
     hertz = float(frequencies(frequency))
     if not (_is_squarable(hertz) and _is_squarable(amplitude)):
@@ -85,16 +85,16 @@ class Pulse:
     Parameters
     ----------
     amplitude : float, default 2.5e-9
-        A, half the wall's stroke, m; negative for a motion in the opposite sense.
+        Amplitude A, half the wall's stroke, m; negative for a motion in the opposite sense.
     frequency : float, default 1e5
-        f, Hz.
+        Frequency f, Hz.
     cycles : int, default 1
         Number of periods.
 
     Raises
     ------
     InputError
-        If the numbers make no wave.
+        If the amplitude is zero, or the frequency or the number of periods is not positive.
 
     Examples
     --------
@@ -118,7 +118,7 @@ class Pulse:
     def displacement(self, time: Floats) -> Floats:
         """Return the displacement d (nt,), m, at the times (nt,), s.
 
-        It is a sine whose phase is shifted by 270 degrees (Otsubo et al. 2017, Fig. 2a).
+        The pulse is a sine whose phase is shifted by 270 degrees (Otsubo et al. 2017, Fig. 2a).
         """
         time = np.asarray(time)
         is_moving = (time > 0) & (time * self.frequency < self.cycles)
@@ -132,7 +132,7 @@ class SampledMotion:
     """A motion given by displacements (nt,), m, at times (nt,), s; straight lines in between.
 
     The motion starts from rest at t = 0 with d = 0, and keeps its last value afterwards. Raises
-    InputError for samples that are no such motion.
+    InputError for samples that do not describe such a motion.
     """
 
     time: Floats
@@ -199,10 +199,10 @@ class SampledMotion:
 
 
 def chirp(amplitude: float, first: float, last: float, duration: float) -> SampledMotion:
-    """Return a sine whose frequency goes linearly from `first` to `last`, Hz, in `duration`, s.
+    """Return a sine whose frequency changes linearly from `first` to `last`, Hz, in `duration`, s.
 
-    Its envelope is sin^2(pi t / duration), so that it begins and ends at rest; `amplitude`, m, is
-    that in the middle. Raises InputError for numbers that make no chirp.
+    Its envelope is sin^2(pi t / duration), so that the motion begins and ends at rest; `amplitude`,
+    m, is the amplitude in the middle. Raises InputError for impossible numbers.
     """
     if not (np.isfinite(amplitude) and min(first, last, duration) > 0):
         raise InputError("chirp", "a chirp needs two frequencies and a duration, all above 0")
@@ -221,7 +221,7 @@ def chirp(amplitude: float, first: float, last: float, duration: float) -> Sampl
 
 
 def step(amplitude: float, rise: float) -> SampledMotion:
-    """Return a rise to twice the `amplitude`, m, in the time `rise`, s, where the motion stays.
+    """Return a motion that rises to twice the `amplitude`, m, in `rise`, s, and stays there.
 
     The displacement is A (1 - cos(pi t / rise)): the stroke is that of a pulse of the same
     amplitude. Raises InputError if `rise` is not above 0.
@@ -237,7 +237,7 @@ def step(amplitude: float, rise: float) -> SampledMotion:
 def read_motion(path: str | Path) -> SampledMotion:
     """Read a source motion from a text file of two columns: time in s, displacement in m.
 
-    Raises InputError if the file is no such table.
+    Raises InputError if the file is not such a table.
     """
     try:
         with warnings.catch_warnings(action="error"):  # numpy warns of an empty file

@@ -1,4 +1,4 @@
-"""The wave at finite amplitude: contacts that follow their law, slide, open and close.
+"""Compute waves of finite amplitude: contacts follow their law, slide, open and close.
 
 The spheres of a sample move in the leapfrog steps of `modal.dem`. State k is at time k dt: the
 forces are those of the positions x_k and of the source at d(k dt); velocities are half a step
@@ -9,8 +9,8 @@ reported error is then only an estimate, the last difference divided by r^2 - 1.
 
 Sources are those of the linear wave: the source wall, flat or of held spheres, a plane between
 spheres that opens, a sphere that a force pushes or a torque turns, a disc of spheres that move
-together or are pushed. A wall that twists turns about z as a body. With a plane, all that lies
-below it turns, and moves in the frame that turns.
+together or are pushed. In torsion a wall turns about z as a body. For a plane, everything below it
+turns, and is computed in the turning frame.
 
 The energy is balanced: the work of the source is kinetic energy, energy stored in contacts, or
 energy dissipated by slip. With the kinetic energy from the velocities on both sides of a state, and
@@ -65,26 +65,27 @@ PRODUCTS_PER_STEP = 2.0
 
 @dataclass(frozen=True, repr=False)
 class NonlinearWave(Wave):
-    """Result of `modal.propagate` where contacts follow their law.
+    """Result of `modal.propagate` with contacts that follow their law.
 
     Attributes
     ----------
     signals : Signals
-        As for the linear wave, with the energy balance, and the slip of all contacts, including
-        those that the wave has closed.
+        The recorded signals, with the energy balance, and the slip of all contacts, including those
+        that the wave has closed.
     steps : int
         Number of steps of the last run.
     error : float
         Error due to the time step, relative to the largest recorded displacement; NaN for a given
         time step.
     noise : float
-        Largest displacement without any motion of the source, relative to the same.
+        Largest displacement without any motion of the source, relative to the largest recorded
+        displacement.
     energy : ndarray (nt, 4)
-        J, at the times of the signals: work of the source, kinetic energy, energy stored in
-        contacts beyond the state at rest, energy dissipated by slip.
+        Energies, J, at the times of the signals: work of the source, kinetic energy, energy stored
+        in contacts beyond the state at rest, energy dissipated by slip.
     dissipated, opened : ndarray (m,) J, ndarray of bool (m,)
-        For each contact of the sample's network: energy dissipated by its slip, and whether it has
-        been seen open.
+        For each contact of the sample's network: energy dissipated by its slip, and whether it
+        opened.
 
     Examples
     --------
@@ -120,11 +121,11 @@ def sample_at_rest(
     rolling: float | None = None,
     twisting: float | None = None,
 ) -> Sample:
-    """Return the sample to start from.
+    """Return the sample at rest from which a non-linear wave starts.
 
-    `friction` and the coefficients against turns replace a sample's own. Raises InputError for a
-    network without `friction` or with an unknown contact law, for negative coefficients, and
-    UnavailableError for a sample in motion.
+    `friction` and the coefficients of rolling and twisting replace those of a sample. Raises
+    InputError for a network without `friction` or with an unknown contact law, for negative
+    coefficients, and UnavailableError for a sample in motion.
     """
     start = _with_friction(sample, friction)
     for name, coefficient in (("rolling", rolling), ("twisting", twisting)):
@@ -140,7 +141,7 @@ def sample_at_rest(
 
 
 def _with_friction(sample: Sample | Network, friction: float | None) -> Sample:
-    """Return the sample, with `friction` in place of its own if it is given."""
+    """Return the sample, with `friction` instead of its own if given."""
     if friction is not None and not 0 < friction < math.inf:
         raise InputError("friction", f"friction {friction:g}", "must be positive")
     if isinstance(sample, Network):
@@ -167,8 +168,8 @@ def _with_friction(sample: Sample | Network, friction: float | None) -> Sample:
 class NonlinearRuns:
     """Runs of one wave through a sample at rest, in time steps of any length.
 
-    Arguments as in `modal.propagate`. `max_time_step`, s, is the longest stable step of the springs
-    at rest; `coarsest` is the number of steps between two records in the first run.
+    The arguments are those of `modal.propagate`. `max_time_step`, s, is the longest stable step of
+    the springs at rest; `coarsest` is the number of steps between two records in the first run.
     """
 
     sample: Sample
@@ -204,7 +205,7 @@ class NonlinearRuns:
         self.coarsest = math.ceil(self.interval / (FIRST_STEP_OVER_LIMIT * self.max_time_step))
 
     def _hold_own_bodies(self) -> Sample:
-        """Return the sample with the bodies held that are the source itself."""
+        """Return the sample with the source's own bodies held."""
         held = hold_own_bodies(self.network, self.source)
         if held is self.network:
             return self.sample
@@ -212,7 +213,7 @@ class NonlinearRuns:
 
     @property
     def component(self) -> int:
-        """Index of the recorded motion among the six of a sphere."""
+        """Index, 0 to 5, of the recorded motion among the six motions of a sphere."""
         return COMPONENT[self.direction]
 
     def compute_wave(self, tolerance: float, time_step: float | None) -> NonlinearWave:
@@ -341,7 +342,8 @@ class NonlinearRuns:
     ) -> EnergyBalance | None:
         """Return the energy balance from the end of the source's motion on.
 
-        Return None if the record ends before. `slid` is the number of contacts that slid.
+        The result is None if the record ends before the motion of the source does. `slid` is the
+        number of contacts that slid.
         """
         start = int(np.searchsorted(self.time, self.motion.corners[-1]))
         if start >= len(self.time) - 1:
@@ -423,7 +425,7 @@ class _DrivenDynamics:
         return moved
 
     def step(self, k: int) -> None:
-        """Take step k, with the source where it is at that time, and add up the work."""
+        """Take step k, with the source at its place at that time, and add up its work."""
         if self.runs.source_moves:
             self._step_moved(k)
         else:
@@ -434,7 +436,7 @@ class _DrivenDynamics:
     def _step_moved(self, k: int) -> None:
         """Take step k of a source that moves.
 
-        Its work is that of the mean of the forces at both ends of a step, as between spheres.
+        The work of the source is computed with the mean of the forces at both ends of the step.
         """
         component = self.runs.component
         self.dynamics.place_source(self.source_motion[k] * np.eye(6)[component])
@@ -446,7 +448,7 @@ class _DrivenDynamics:
         self.source_force = force
 
     def _step_pushed(self, k: int) -> None:
-        """Take step k of a source that pushes; its work is that of the mean force as well."""
+        """Take step k of a source of force; its work is computed with the mean force."""
         if k:
             path = self.time_step * float((self.runs.load * self.velocity).sum())
             self.work += 0.5 * (self.source_motion[k - 1] + self.source_motion[k]) * path
@@ -456,7 +458,7 @@ class _DrivenDynamics:
     def energy(self, velocity_behind: Floats) -> tuple[float, float, float, float]:
         """Return work, kinetic energy, energy stored in contacts and energy dissipated by slip, J.
 
-        `velocity_behind` (n, 6) are the velocities half a step behind the state.
+        `velocity_behind` (n, 6) are the velocities half a step before the state.
         """
         stored = self.contacts.elastic_energy + float(self.contacts.work[:, 0].sum())
         kinetic = 0.5 * float((self.inertia * velocity_behind * self.velocity).sum())
@@ -471,7 +473,7 @@ class _DrivenDynamics:
         return self.source_force, self._force_on_held(bodies, component)
 
     def _force_on_held(self, bodies: Ints, component: int) -> float:
-        """Return the force, N, or the torque about z, N m, on held spheres, by their indices."""
+        """Return the force, N, or the torque about z, N m, on held spheres with given indices."""
         load = self.contacts.on_held[bodies]
         if component != TURN:
             return float(load[:, component].sum())

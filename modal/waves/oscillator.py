@@ -1,12 +1,12 @@
 """Solve for an oscillator that the source drives: y'' + omega^2 y = d(t), from rest.
 
-A linear wave depends on its source only by this y(omega^2, t). From one time to the next
+A linear wave depends on the motion of its source only through y(omega^2, t). From one time to the
+next
 
     y(t + h) = y cos(wh) + y' sin(wh) / w + the integral of d(s) sin(w (t + h - s)) / w,  w = omega,
 
-and similarly for y', with the integral by Gauss's rule. Steps are some radians long in terms of
-omega and of the motion, and none crosses a corner of the motion, so that only round-off is left
-out.
+and similarly for y', with the integral by Gauss's rule. Steps last some radians of the oscillator
+and of the motion, and none contains a corner of the motion, so that the error is only round-off.
 """
 
 from functools import lru_cache
@@ -29,7 +29,7 @@ by round-off."""
 
 
 def steps(motion: Motion, marks: Floats, fastest: float, radians: float, slow: float) -> Floats:
-    """Return the ends of steps, s: all marks, the motion's corners, evenly spaced in between.
+    """Return the ends of steps, s: all marks, the corners of the motion, and even steps between.
 
     No step is longer than `radians` of the `fastest` oscillation, 1/s, nor, while the motion lasts,
     than `slow` radians of the motion.
@@ -51,8 +51,6 @@ class _Propagator(NamedTuple):
 
     The fields are cos(omega h), sin(omega h) / omega, and the weights (nw, q) of the source's
     motion at the q nodes, for y and for y'.
-
-    The last two weigh the motion at the nodes, for y and for y'.
     """
 
     cosine: Floats

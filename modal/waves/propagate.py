@@ -1,4 +1,4 @@
-"""The linear wave through a packing: source, system, integrator and receivers put together."""
+"""Propagate a wave through a packing: combine source, system, integrator and receivers."""
 
 import time as clock
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ class LinearWave(Wave):
         Bound of the error, relative to the largest recorded displacement, and to the largest stress
         on either wall.
     repeats : int, default 1
-        Number of equal parts, side by side, of which the packing consists; one was computed.
+        Number of equal parts, side by side, of which the packing consists; only one was computed.
 
     Examples
     --------
@@ -124,10 +124,9 @@ def propagate(
     """Propagate the wave that a motion of a source sends through a packing.
 
     By default contacts are linear springs, and there is no time-step error. If a packing consists
-    of equal parts side by side, as a crystal does, one of them is computed where this is exact
-    within `tolerance` (`modal.waves.forced_system`). With `nonlinear=True` contacts follow their
-    law: they harden, slide, open and close, and the wave may have any size
-    (`modal.waves.nonlinear`).
+    of equal parts side by side, as a crystal does, one of them is computed if this is exact within
+    `tolerance` (`modal.waves.forced_system`). With `nonlinear=True` contacts follow their law: they
+    harden, slide, open and close, and the wave may have any size (`modal.waves.nonlinear`).
 
     Parameters
     ----------
@@ -136,13 +135,13 @@ def propagate(
     duration : float
         Length of the record, s.
     nonlinear : bool, default False
-        Let contacts follow their law.
+        Whether contacts follow their law.
     source : Source, optional
         One of `modal.sources`: the source wall (default), flat or of held spheres, a plane inside
-        the packing that opens, one sphere that is pushed, or a disc of spheres.
+        the packing that opens, a force on one sphere, or a disc of spheres.
     motion : Motion, optional
-        Motion of the source, m (force: N). The default is one pulse of frequency 0.33 V / D, Hz,
-        and of amplitude 1e-6 D or a hundredth of the mean overlap, whichever is smaller.
+        Motion of the source, m, or N for a force. The default is one pulse of frequency 0.33 V / D,
+        Hz, and of amplitude 1e-6 D or a hundredth of the mean overlap, whichever is smaller.
     interval : float, optional
         Time between records, s; by default 0.3 D / V, with the affine velocity V of P-waves.
     tolerance : float, optional
@@ -154,7 +153,7 @@ def propagate(
     sliding : str, default "elastic"
         As in `modal.eigenmodes`.
     particles : bool, default False
-        Record every particle.
+        Whether to record every particle.
     direction : str, optional
         Direction of the motion and of all records: "z" sends P-waves, "x" and "y" S-waves,
         "torsion" turns about z. The default is that of a disc, else "z".
@@ -164,14 +163,15 @@ def propagate(
         Dashpots of the contacts (`modal.system.damping`); the wave then takes some ten times as
         many products K u.
     whole : bool, default False
-        Compute all equal parts of a packing, not one of them.
+        Whether to compute all equal parts of a packing, not only one.
     time_step : float, optional
-        Integrate with the leapfrog scheme of DEM codes at this step, s, with their error.
+        Step, s, of the leapfrog scheme of DEM codes; the result has the time-integration error of
+        this scheme.
     friction : float, optional
-        Coefficient of friction, for a non-linear wave: required for a network; the default of a
-        sample is its own.
+        Coefficient of friction for a non-linear wave: required for a network; by default that of a
+        sample.
     rolling, twisting : float, optional
-        Coefficients against turns of the contacts, for a non-linear wave, as in
+        Coefficients of rolling and twisting friction for a non-linear wave, as in
         `modal.random_packing`; by default those of the sample.
 
     Returns
@@ -179,8 +179,8 @@ def propagate(
     LinearWave or NonlinearWave
         `signals`: `time` (nt,) s, `chain_displacement` (nt, nc) m of particles from wall to wall,
         `layer_displacement` (nt, nl) m, `disc_displacement` (nt, nd) m of receivers,
-        `receiver_stress` (nt,) Pa ...; `truncation` bounds the error, and is above `tolerance` only
-        where round-off leaves more.
+        `receiver_stress` (nt,) Pa ...; `truncation` bounds the error, and exceeds `tolerance` only
+        if round-off does.
 
     Raises
     ------
@@ -262,10 +262,10 @@ def propagate_motions(
     direction: Direction | None = None,
     tolerance: float = LINEAR_TOLERANCE,
 ) -> list[LinearWave]:
-    """Propagate the linear waves of several motions of one source, as fast as about one of them.
+    """Propagate the linear waves of several motions of one source, at the cost of about one wave.
 
-    The system is linear and its contacts are elastic, so that all waves share the products with K.
-    Each is the wave that `propagate` gives for its motion.
+    The system is linear and its contacts are elastic, so that all waves use the same products with
+    K. Each is the wave that `propagate` gives for its motion.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ def propagate_motions(
     duration, interval : float
         Length of the records, and time between two of them, s.
     motions : sequence of Motion
-        Motions of the source.
+        Motions of the source, one for each wave.
     source, receivers, direction, tolerance
         As in `propagate`.
 
@@ -322,7 +322,7 @@ def _linear_waves(
     *,
     whole: bool = False,
 ) -> list[LinearWave]:
-    """Compute the waves of some motions; the arguments are those of `propagate`."""
+    """Compute the linear waves of several motions; the arguments are those of `propagate`."""
     started = clock.perf_counter()
     forced = ForcedSystem.of(system, source, readings, duration, tolerance, whole=whole)
     if forced.dashpots and time_step is None:

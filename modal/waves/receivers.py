@@ -1,4 +1,4 @@
-"""Record a motion: of a chain of spheres, as means over layers and discs, and of all spheres."""
+"""Record the motion of a chain of spheres, means over layers and discs, or all spheres."""
 
 from collections.abc import Sequence
 from typing import Any, Required, TypedDict, Unpack
@@ -20,7 +20,7 @@ from modal.waves.sources import Source, direction_of
 
 
 class SignalSettings(TypedDict, total=False):
-    """Fields of `Signals` that the program that computes a wave knows, not its receivers."""
+    """Fields of `Signals` that describe the computation, and that receivers do not know."""
 
     producer: Required[str]
     time_step: Required[float]
@@ -31,25 +31,24 @@ class SignalSettings(TypedDict, total=False):
 
 
 class Receivers:
-    """The receivers of motions u (6n,) along a direction: x, y, z, or "torsion", turns about z.
+    """The receivers of motions u (6n,) along x, y or z, or of turns about z ("torsion").
 
     Parameters
     ----------
     network : Network
-        n spheres.
+        The packing of n spheres.
     direction : str
-        InputError if it is none of the four.
+        "x", "y", "z" or "torsion"; InputError for any other word.
     particles : bool
-        Record every sphere.
+        Whether to record every sphere.
     discs : sequence of Disc
-        Record the mean of the spheres of each disc. InputError for a disc that reads along another
-        direction.
+        Discs whose mean motion is recorded; InputError for a disc with another direction.
 
     Attributes
     ----------
     rows : sparse matrix (count, 6n)
-        Read the displacements of the chain, the means of the layers and of the discs, and the
-        displacements of all spheres.
+        Matrix that gives, from u, the displacements of the chain, the means of the layers and of
+        the discs, and the displacements of all spheres.
     chain : ndarray (nc,)
         Spheres from wall to wall; empty if there are no two walls, flat or rough.
     layers : Layers
@@ -90,8 +89,8 @@ class Receivers:
     def columns(self, record: Array, stresses: Sequence[str]) -> dict[str, Any]:
         """Return the fields of a recording from a record (k, count).
 
-        The record has the forces of the `stresses`, N, first, then the readings of `rows`. Stresses
-        are those forces divided by the area of the cell.
+        The record has first the forces that belong to `stresses`, N, then the readings of `rows`.
+        Stresses are these forces divided by the area of the cell.
         """
         forces, readings = np.split(record, [len(stresses)], axis=1)
         ends = np.cumsum([len(self.chain), len(self.layers.position), len(self.discs)])
@@ -121,7 +120,7 @@ class Receivers:
         stresses: Sequence[str],
         **settings: Unpack[SignalSettings],
     ) -> Signals:
-        """Return the signals of a record (nt, count) as in `columns`, at times (nt,), s.
+        """Return the signals of a record (nt, count), as `columns` describes it, at times (nt,), s.
 
         `settings` are further fields of `Signals`.
         """
@@ -141,7 +140,7 @@ class Receivers:
 
 
 def _layer_means(layers: Layers) -> sp.csr_matrix:
-    """Return the matrix (nl, n) that takes the mean of spheres over each layer."""
+    """Return the matrix (nl, n) that averages over the spheres of each layer."""
     in_layer = np.flatnonzero(layers.layer >= 0)
     layer = layers.layer[in_layer]
     weights = 1 / layers.size[layer]
@@ -149,7 +148,7 @@ def _layer_means(layers: Layers) -> sp.csr_matrix:
 
 
 def _disc_mean(network: Network, disc: Disc) -> Floats:
-    """Return the weights (n,) of the mean over the spheres of a disc."""
+    """Return the weights (n,) that average over the spheres of a disc."""
     spheres = disc.spheres(network)
     weights = np.zeros(network.n_particles)
     weights[spheres] = 1 / len(spheres)

@@ -1,4 +1,4 @@
-"""Frequency response of a packing to a source, and the gain factor from wall to wall.
+"""Compute the frequency response of a packing to a source, and the gain from wall to wall.
 
 At omega, with a damping gamma that sets the resolution, the motion per unit motion of the source is
 (A - s)^-1 c, s = (omega + i gamma)^2, in the notation of `modal.waves.forced_system`: the transform
@@ -116,11 +116,11 @@ class Response(Recording, Drawn):
 
     @property
     def from_wall_to_wall(self) -> bool:
-        """True if there is a stress on the source and on a receiver wall."""
+        """Whether there is a stress both on the source and on a receiver wall."""
         return bool(len(self.receiver_stress) and len(self.source_stress))
 
     def draw(self, ax: Any) -> None:
-        """Draw the gain factor over frequency."""
+        """Draw the gain factor against frequency."""
         ax.semilogy(self.frequency / 1e3, self.gain)
         ax.set(xlabel="frequency, kHz", ylabel="gain: receiver over source stress")
 
@@ -144,8 +144,8 @@ class Response(Recording, Drawn):
 def maxima(frequency: Floats, gain: Floats) -> tuple[Floats, Floats]:
     """Return frequencies (k,), Hz, and heights (k,) of the local maxima of a gain (nf,).
 
-    Each maximum is that of a parabola through three values of 1 / gain^2, which is exactly a
-    parabola for a single resonance.
+    Each maximum is found from a parabola through three values of 1 / gain^2. For a single resonance
+    this is exact.
     """
     inverse = gain**-2.0
     is_minimum = (inverse[1:-1] < inverse[:-2]) & (inverse[1:-1] <= inverse[2:])
@@ -163,7 +163,7 @@ _TABLE = product_of(SCHEMA, Response, versions=FILE_VERSIONS)
 
 
 def _response_columns() -> dict[str, Column]:
-    """Return the columns of the file.
+    """Return the columns of the file of a response.
 
     Columns with components along the source's direction are complex, per metre of its motion.
     """
@@ -199,9 +199,9 @@ def frequency_response(
 ) -> Response:
     """Compute motions, stresses and gain under a steady motion of a source at each frequency.
 
-    Frequencies start at a quarter of the `resolution` and are a quarter apart. With `damping` the
-    contacts have dashpots; each frequency then takes a factorisation, and resonances have their own
-    widths.
+    Frequencies start at a quarter of the `resolution`, and their spacing is a quarter of it. With
+    `damping` the contacts have dashpots; each frequency then takes a factorisation, and resonances
+    have their own widths.
 
     Parameters
     ----------
@@ -215,9 +215,9 @@ def frequency_response(
         Width of a resonance, Hz; by default 0.005 of the highest mode's frequency, at most a
         twentieth of `highest`.
     tolerance : float, default 1e-5
-        Largest truncation error of the motions, of the stress on the source and of that on the
-        receiver wall, relative to the largest of each at any frequency. Where a stress is small, as
-        at an antiresonance, its relative error and that of the gain are larger.
+        Largest truncation error of the motions, of the stress on the source and of the stress on
+        the receiver wall, each relative to its largest value at any frequency. If a stress is
+        small, as at an antiresonance, its relative error and that of the gain are larger.
     pre_stress : str, default "none"
         As in `modal.eigenmodes`.
     sliding : str, default "elastic"
@@ -238,8 +238,8 @@ def frequency_response(
     Raises
     ------
     InputError
-        If the packing has no stiffness or not the source, or if the response would take more than a
-        day or more than the free memory.
+        If the packing has no stiffness, if the source does not exist in it, or if the response
+        would take more than a day or more than the free memory.
     GrowthError
         If K has negative directions.
 
@@ -298,7 +298,7 @@ def default_resolution(highest_mode: float, highest: float | None) -> float:
 def frequencies_up_to(end: float, resolution: float) -> Floats:
     """Return the frequencies (nf,), Hz, below `end`, a quarter of the resolution apart.
 
-    `end` itself is left out, whatever the round-off.
+    `end` itself is left out, also if it differs by round-off.
     """
     count = int(np.ceil(4 * end / resolution * (1 - 1e-9))) - 1
     return np.arange(1.0, count + 1) * (resolution / 4)
@@ -416,7 +416,7 @@ def write_response(path: str | Path, response: Response, made: Provenance | None
 
 
 def read_response(path: str | Path) -> Response:
-    """Read a response that `write_response` has written; `products` is 0, as it is not written.
+    """Read a response that `write_response` has written; `products`, which is not stored, is 0.
 
     Raises InputError if anything in the file is wrong.
     """

@@ -1,11 +1,11 @@
-"""Signals of a wave, recorded by a DEM or from the linear system, and their file format.
+"""Store signals of a wave, recorded by a DEM or computed from the linear system.
 
 This module defines the format "granular-wave-signals": version 1 for waves from wall to wall,
 version 2 for waves from other sources as well. A wave is recorded over time, in m and Pa (torsion:
 in rad, and in N/m, torque divided by area); a response is recorded over frequency, complex, per
-unit motion of the source. Both files share one table of columns. What a source or a packing does
-not have is an empty array, and absent from the file: a cell without walls, for example, has neither
-a chain nor stresses on walls.
+unit motion of the source. Both files share one table of columns. Data that do not exist for a
+source or a packing are empty arrays, and absent from the file: a cell without walls, for example,
+has neither a chain nor stresses on walls.
 """
 
 from collections.abc import Mapping
@@ -53,10 +53,11 @@ def no_values(kind: type = float) -> Any:
 
 @dataclass(repr=False, kw_only=True)
 class Recording(Tabular):
-    """What a source sends, recorded at n times or n frequencies; the fields are the file's columns.
+    """A recording at n times or n frequencies; the fields are the columns of its file.
 
-    Fields that a source or a packing does not have are empty, or None. Stresses are along
-    `direction`, in which the source moves, as the walls push: for z compression is positive.
+    Fields that do not exist for a source or a packing are empty or None. Stresses are along
+    `direction`, the direction of the source, with the sign of the walls' push: for z compression is
+    positive.
     """
 
     DIMENSIONS = {"nc": "chain", "nl": "layer", "np": "particle", "ns": "slip", 2: "end"}
@@ -87,7 +88,7 @@ def is_directed(column: Column) -> bool:
 def write_recording(
     product: Product, path: str | Path, values: Mapping[str, Any], made: Provenance | None
 ) -> None:
-    """Write a recording, torsion in its own units; empty columns are left out."""
+    """Write a recording; torsion has other units, and empty columns are left out."""
     present = dict(values)
     for name in product.columns:
         if name in values and np.size(values[name]) == 0:
@@ -96,7 +97,7 @@ def write_recording(
 
 
 def _with_units_along(product: Product, direction: str) -> Product:
-    """Return the format of a recording along a direction: torsion has units of its own."""
+    """Return the format of a recording along a direction, with other units for torsion."""
     if direction != TORSION:
         return product
     columns = dict(product.columns)
@@ -109,7 +110,7 @@ def _with_units_along(product: Product, direction: str) -> Product:
 
 
 def read_recording(product: Product, path: str | Path) -> dict[str, Any]:
-    """Return all values that a file has; raise InputError if anything in the file is wrong."""
+    """Return all values that a file has; raise InputError for any fault."""
     with open_h5(path) as file:
         direction = read_attributes(file).get("direction", "z")
     values = _with_units_along(product, direction).read(path)
@@ -143,10 +144,11 @@ class Signals(Recording, Drawn):
     chain_displacement : ndarray (nt, nc)
         Displacements of the chain, m.
     source_displacement : ndarray (nt,)
-        Displacement of the source, m; its force, N, or torque, N m, if it pushes.
+        Displacement of the source, m; for a source of force, its force, N, or torque, N m.
     source_stress, receiver_stress : ndarray (nt,)
-        Change of the stress from its static value, Pa, positive as the walls push: along z
-        compression. For a plane, the force that holds it divided by the area; empty for a force.
+        Change of the stress from its static value, Pa, positive in the sense of the walls' push,
+        for z compression. For a plane, the force that holds the plane divided by the area; empty
+        for a source of force.
     layer_position, layer_displacement : ndarray (nl,) and (nt, nl), m, or None
         Means over slabs as in `modal.packing.layers`.
     particle_displacement : ndarray (nt, n), m, or None
@@ -154,9 +156,9 @@ class Signals(Recording, Drawn):
     source, source_height : str, ndarray (1,) m or None
         Name of the source, "wall" or another, and its height inside the packing.
     source_position : ndarray (3,), m, or None
-        Mean place of the spheres of a source that consists of some.
+        Mean position of the spheres of a disc or point source.
     disc_position, disc_displacement : ndarray (nd, 3) m, (nt, nd) m, or None
-        Mean place and mean displacement of the spheres of each receiving disc.
+        Mean position and mean displacement of the spheres of each receiving disc.
     direction : str, default "z"
         Direction of the source: x, y, z or torsion.
     amplitude, input_frequency : float, m and Hz
@@ -166,11 +168,11 @@ class Signals(Recording, Drawn):
     producer, case : str
         Program that made the record, and case of the packing.
     balance : EnergyBalance or None
-        Energy balance of a run in time steps.
+        Energy balance of a run that was integrated in time steps.
     slip_ends, slip_energy : ndarray of int (ns, 2) and ndarray (ns,) J, or None
-        For a non-linear wave, the two ends of each contact that slid (a particle's index or a
-        wall's number), and the energy that slip dissipated there; their sum is all that slip
-        dissipated.
+        For a non-linear wave, the two ends of each contact that slid (index of a particle or number
+        of a wall), and the energy that slip dissipated in it; the sum is the whole energy
+        dissipated by slip.
 
     Examples
     --------
@@ -208,13 +210,13 @@ class Signals(Recording, Drawn):
 
     @property
     def from_wall_to_wall(self) -> bool:
-        """True if a wall sent the wave along x, y or z, and a chain leads to another wall."""
+        """Whether a wall sent the wave along x, y or z, and a chain leads to another wall."""
         records = (self.chain_particle, self.source_stress, self.receiver_stress)
         is_complete = all(len(record) for record in records)
         return is_complete and self.source in WALL_SOURCES and self.direction != TORSION
 
     def draw(self, ax: Any) -> None:
-        """Draw the displacement over time and height.
+        """Draw the displacement against time and height.
 
         Draw the means over layers if at least two are recorded, else the particles of the chain.
         """
@@ -250,7 +252,7 @@ EARLY_PLANE_SCHEMA = "granular-plane-wave"
 
 @dataclass(frozen=True, repr=False)
 class Wave(Drawn):
-    """The result of a run: its `signals`; subclasses add how the run went."""
+    """The result of a run: its `signals`; subclasses add the cost and error of the run."""
 
     signals: Signals
 
@@ -259,7 +261,7 @@ class Wave(Drawn):
         return f"<{type(self).__name__}: {self.signals!r}, {stress} at most on the receiver wall>"
 
     def draw(self, ax: Any) -> None:
-        """Draw the displacement over time and height, as `Signals` does."""
+        """Draw the displacement against time and height, as `Signals` does."""
         self.signals.draw(ax)
 
 
@@ -319,7 +321,7 @@ def read_signals(path: str | Path, *, of_any_source: bool = False) -> Signals:
     Raises
     ------
     InputError
-        If anything in the file is wrong, or if the wave has a source that is not accepted.
+        If the file has a fault, or if the wave has a source that is not accepted.
 
     Examples
     --------
@@ -361,7 +363,7 @@ def _read_values(path: str | Path) -> dict[str, Any]:
 def _read_early_plane(path: str | Path) -> dict[str, Any]:
     """Return the fields of `Signals` in an early file of a wave from a plane.
 
-    What such a file does not say follows from its columns.
+    Fields that such a file lacks are found from its columns.
     """
     attributes = {"height": float, "direction": str}
     values = read_recording(Product(EARLY_PLANE_SCHEMA, FORMAT.columns, attributes), path)
@@ -379,7 +381,7 @@ def _read_early_plane(path: str | Path) -> dict[str, Any]:
 
 
 def _validate(signals: Signals, name: str) -> None:
-    """Raise InputError for signals that no run can record, such as unevenly spaced times."""
+    """Raise InputError for impossible signals, such as unevenly spaced times."""
     time = signals.time
     chain = signals.chain_particle
     if len(time) < 2 or (len(chain) == 0 and signals.layer_position is None):

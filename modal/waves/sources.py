@@ -1,8 +1,8 @@
-"""Sources of waves: the source wall, flat or of held spheres, a plane inside, or one sphere.
+"""Define sources of waves: the source wall, flat or of held spheres, a plane, or one sphere.
 
-A source moves, or pushes, along the direction of the wave: x, y, z, or by turning about the line
-along z through the middle of the cell, which sends torsion. How it moves in time is a `Motion`
-(`modal.waves.motions`). A further source is a subclass of `MovingSource`, of `PushingSource`, or of
+A source moves, or pushes, along the direction of the wave: x, y or z. In torsion it turns about the
+line along z through the middle of the cell. Its motion in time is a `Motion`
+(`modal.waves.motions`). To add a source, subclass `MovingSource`, of `PushingSource`, or of
 `Source` (`modal.waves.discs`).
 """
 
@@ -27,7 +27,7 @@ OTHER_SOURCES = (
 
 
 class Source(ABC):
-    """A place where a packing is moved, or pushed, from outside.
+    """A source of waves: a place where a packing is moved or pushed from outside.
 
     `moves_parts_alike` is true if equal parts of a packing side by side are moved alike, so that
     one of them is enough; `moves_flat_wall` is true if the flat wall at the source end moves with
@@ -40,16 +40,16 @@ class Source(ABC):
     @property
     @abstractmethod
     def pushes(self) -> bool:
-        """True if the motion in time is that of a force."""
+        """Whether the motion in time is a force."""
 
     @property
     @abstractmethod
     def name(self) -> str:
-        """The source in words, as a file of signals has it."""
+        """The name of the source, as files of signals store it."""
 
     @property
     def own_direction(self) -> Direction | None:
-        """The direction in which the source moves; None if it moves in any."""
+        """The direction in which the source moves; None if it can move in any direction."""
         return None
 
     @abstractmethod
@@ -57,28 +57,28 @@ class Source(ABC):
         """Return the height (1,), m, of the source inside the packing; None for a wall."""
 
     def position_in(self, network: Network) -> Floats | None:
-        """Return the place (3,), m, of a source of some spheres; None for others."""
+        """Return the position (3,), m, of a disc or point source; None for other sources."""
         return None
 
     @abstractmethod
     def imposed(self, network: Network, direction: Direction) -> Imposed | None:
-        """Return the unit motion that the source puts on contacts; None if it pushes."""
+        """Return the unit motion that the source imposes on contacts; None for a force."""
 
     @abstractmethod
     def load(self, network: Network, direction: Direction) -> Floats:
-        """Return the unit force, N, or torque, N m, on all spheres (6n,); zero if it moves."""
+        """Return the unit force, N, or torque, N m, on all spheres (6n,); zero for a motion."""
 
     @abstractmethod
     def carried(self, network: Network) -> Ints:
         """Return the indices (k,) of the spheres that move with the source."""
 
     def own_bodies(self, network: Network) -> Ints:
-        """Return the indices (k,) of the bodies that are the source itself; none by default."""
+        """Return the indices (k,) of the source's own bodies; none by default."""
         return np.empty(0, int)
 
 
 class MovingSource(Source):
-    """A source with a prescribed motion, which it puts on contacts."""
+    """A source with a prescribed motion, which it imposes on contacts."""
 
     @property
     def pushes(self) -> bool:
@@ -87,7 +87,7 @@ class MovingSource(Source):
 
     @abstractmethod
     def imposed(self, network: Network, direction: Direction) -> Imposed:
-        """Return the unit motion that the source puts on contacts."""
+        """Return the unit motion that the source imposes on contacts."""
 
     def load(self, network: Network, direction: Direction) -> Floats:
         """Return no load (6n,): the source moves."""
@@ -95,7 +95,7 @@ class MovingSource(Source):
 
 
 class PushingSource(Source):
-    """A source with a prescribed force, which it puts on spheres."""
+    """A source with a prescribed force on spheres."""
 
     @property
     def pushes(self) -> bool:
@@ -103,11 +103,11 @@ class PushingSource(Source):
         return True
 
     def imposed(self, network: Network, direction: Direction) -> None:
-        """Return no motion: the source pushes."""
+        """Return None: a source of force imposes no motion."""
         return None
 
     def carried(self, network: Network) -> Ints:
-        """Return no spheres: those that are pushed move by themselves."""
+        """Return no spheres: under a force spheres move freely."""
         return np.empty(0, int)
 
 
@@ -115,7 +115,7 @@ class PushingSource(Source):
 class Wall(MovingSource):
     """The source wall, at the lower end of the packing, which is moved as a whole.
 
-    A packing that is periodic along z has none; propagating a wave then raises InputError.
+    Propagating a wave raises InputError if the packing is periodic along z, without walls.
 
     Examples
     --------
@@ -126,7 +126,7 @@ class Wall(MovingSource):
 
     @property
     def name(self) -> str:
-        """The name of the source: wall."""
+        """The name of the source, "wall"."""
         return "wall"
 
     def height_in(self, network: Network) -> None:
@@ -155,7 +155,7 @@ class Wall(MovingSource):
         return WallMoves(SOURCE_WALL, COMPONENT[direction])
 
     def carried(self, network: Network) -> Ints:
-        """Return no spheres: all are on the other side of the wall's contacts."""
+        """Return no spheres: the flat wall moves alone."""
         return np.empty(0, int)
 
 
@@ -178,7 +178,7 @@ class RoughWall(MovingSource):
 
     @property
     def name(self) -> str:
-        """The name of the source: rough wall."""
+        """The name of the source, "rough wall"."""
         return "rough wall"
 
     def height_in(self, network: Network) -> None:
@@ -218,15 +218,15 @@ class RoughWall(MovingSource):
 
 @dataclass(frozen=True)
 class Plane(MovingSource):
-    """A plane across which all contacts open: what is above moves one way, what is below the other.
+    """A plane that opens: it pushes the spheres above it one way, and those below the other way.
 
-    Nothing is pushed as a whole, and two equal waves leave the plane, up and down. Propagating a
-    wave raises InputError if the plane is outside the cell.
+    The net force is zero, and two equal waves leave the plane, up and down. Propagating a wave
+    raises InputError if the plane is outside the cell.
 
     Parameters
     ----------
     height
-        z of the plane, m.
+        Height z of the plane, m.
 
     Examples
     --------
@@ -240,7 +240,7 @@ class Plane(MovingSource):
 
     @property
     def name(self) -> str:
-        """The name of the source: plane at 0.02 m."""
+        """The name of the source, such as "plane at 0.02 m"."""
         return f"plane at {self.height:g} m"
 
     def height_in(self, network: Network) -> Floats:
@@ -283,10 +283,10 @@ class Plane(MovingSource):
 
 @dataclass(frozen=True)
 class Point(PushingSource):
-    """One sphere, by its index, that a force pushes, or a torque about z turns.
+    """One sphere, given by its index, on which a force or a torque about z acts.
 
-    Its motion in time is that force in N, or torque in N m. Propagating a wave raises InputError if
-    the packing has no such sphere.
+    The motion in time is this force, N, or torque, N m. Propagating a wave raises InputError if the
+    packing has no such sphere.
 
     Parameters
     ----------
@@ -306,7 +306,7 @@ class Point(PushingSource):
 
     @property
     def name(self) -> str:
-        """The name of the source: sphere 7."""
+        """The name of the source, such as "sphere 7"."""
         return f"sphere {self.particle}"
 
     def height_in(self, network: Network) -> Floats:
@@ -318,7 +318,7 @@ class Point(PushingSource):
         return network.position[int(self.particle)]
 
     def load(self, network: Network, direction: Direction) -> Floats:
-        """Return the unit force or torque on the sphere, among all (6n,).
+        """Return the load (6n,) of a unit force or torque on the sphere.
 
         Raises InputError if the packing has no such sphere.
         """
@@ -334,14 +334,14 @@ class Point(PushingSource):
 
 
 def default_source(network: Network) -> Source:
-    """Return the source wall: that of held spheres if no sphere touches a flat one."""
+    """Return the source wall: flat, or made of held spheres if no sphere touches a flat wall."""
     if SOURCE_WALL not in network.particle_j and len(rough_wall(network, "source")):
         return RoughWall()
     return Wall()
 
 
 def _refuse_torsion_of_periods(network: Network, direction: Direction) -> None:
-    """Raise InputError if a packing is to be twisted although it is periodic sideways."""
+    """Raise InputError for torsion of a packing that is periodic along x or y."""
     if direction == TORSION and network.cell_periodic[:2].any():
         raise InputError(
             "torsion_of_periods",
@@ -351,7 +351,7 @@ def _refuse_torsion_of_periods(network: Network, direction: Direction) -> None:
 
 
 def hold_own_bodies(network: Network, source: Source) -> Network:
-    """Return the network with the bodies held that are the source itself."""
+    """Return the network with the source's own bodies held."""
     bodies = source.own_bodies(network)
     if network.held[bodies].all():
         return network
@@ -361,7 +361,7 @@ def hold_own_bodies(network: Network, source: Source) -> Network:
 
 
 def direction_of(source: Source, direction: Direction | None) -> Direction:
-    """Return the direction in which a source moves: that of the source, else z by default.
+    """Return the direction in which a source moves: its own, else the given one, else z.
 
     Raises InputError if a `direction` is given that is not the source's own.
     """
