@@ -10,25 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from analysis.caveats import Caveat
-from analysis.estimators.arrival_rules import (
-    MIN_WAVELENGTHS,
-    RULES,
-    RecordPair,
-    Rule,
-    travel_time,
-)
+from analysis.estimators.arrival_rules import RULES, RecordPair, Rule
+from analysis.transducer_pair import TransducerPair, has_free_sides, widths
 from analysis.value import Value
 from modal.elasticity.moduli import elastic_moduli
 from modal.elasticity.slab import strained_velocities
+from modal.packing.ends import has_two_ends
 from modal.packing.network import Network
 from modal.tools.arguments import checked, frequencies
-from modal.tools.arrays import Floats
 from modal.tools.display import plain
 from modal.tools.errors import InputError, UnavailableError
 from modal.waves.bursts import SineBurst
@@ -46,15 +39,11 @@ MIN_SAMPLES_IN_PASSAGE = 200
 PASSAGES = 2.0
 """Length of a record, in passages of the longest waves, besides the duration of the burst: grains
 delay short waves by half."""
-MIN_WAVELENGTH_IN_D = 8.0
-"""Wavelength, in mean diameters, below which grains disperse and scatter a wave."""
 S_OVER_P_VELOCITY = 0.5
 """V_S / V_P where the moduli are not known."""
 DEFAULT_WAVELENGTHS_IN_D = (25.0, 12.0, 8.0, 6.0)
 """Wavelengths of the bursts by default, in mean diameters: from those that grains hardly disperse
 to the shortest that dense packings pass."""
-MAX_REFLECTION_DELAY_IN_PERIODS = 1.0
-"""Delay of a wave by way of a side or an end, in periods, below which it overlaps the first one."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +88,8 @@ class TransducerTest:
     rows : tuple of TransducerRow
         One for each frequency and rule.
     v_p, v_s : float
-        Velocities of the longest waves along z by the moduli, m/s; NaN if the packing has none.
+        Velocities of the longest waves along z by the moduli, m/s; NaN if the packing has none. For
+        free sides `v_p` is that of a bar.
     distance : float
         From tip to tip, m.
     pairs : tuple of RecordPair
@@ -180,19 +170,19 @@ def transducers(
     if frequencies_hz is not None:
         frequencies_hz = _positive(frequencies_hz)
     if radius is None:
-        radius = RADIUS_IN_WIDTHS * float(_widths(network).min())
+        radius = RADIUS_IN_WIDTHS * float(widths(network).min())
     discs = [Disc((*_middle(network), z), radius, direction) for z in at]
     source, receiver = discs
-    towards = receiver.position_in(network) - source.position_in(network)
-    if set(source.spheres(network)) & set(receiver.spheres(network)):
+    if set(receiver.spheres(network)) & set(source.spheres(network)):
         raise InputError(
             "discs_overlap",
             f"discs at {at[0]:g} and {at[1]:g} m share spheres",
             remedy="give heights that are some diameters apart",
         )
-    distance = float(np.linalg.norm(towards))
     v_p, v_s = modulus_velocities(network, direction)
     velocity = v_p if direction == "z" else v_s
+    transducer_pair = TransducerPair(network, source, receiver, velocity)
+    distance = transducer_pair.distance
     diameter = mean_diameter(network)
     known_velocity = velocity if velocity > 0 else S_OVER_P_VELOCITY * p_velocity(network)
     if frequencies_hz is None:
@@ -204,17 +194,27 @@ def transducers(
         network, duration, bursts, interval=interval, source=source, receivers=[receiver]
     )
     pairs = tuple(RecordPair.of(wave.signals) for wave in waves)
-    bench = _Bench(network, source, receiver, distance, velocity, cycles)
-    rows = [bench.row(pair, rule) for pair in pairs for rule in RULES]
+    rows = [_row(transducer_pair, pair, rule) for pair in pairs for rule in RULES]
     return TransducerTest(tuple(rows), v_p, v_s, distance, pairs)
+
+
+def _row(transducer_pair: TransducerPair, records: RecordPair, rule: Rule) -> TransducerRow:
+    """Return the velocity by a rule from the two records at a frequency."""
+    velocity = transducer_pair.measured_velocity(records, rule)
+    known_velocity = transducer_pair.known_velocity(velocity.value)
+    near_field = transducer_pair.distance * records.frequency / known_velocity
+    return TransducerRow(rule, records.frequency, velocity, near_field)
 
 
 def modulus_velocities(network: Network, direction: Direction) -> tuple[float, float]:
     """Return V_P and V_S, m/s, of the longest waves along z; NaN where there is none.
 
     V_S is that of motions along `direction`, x for a `direction` of z. Between walls they are those
-    of the bulk to 0.4 %, in seconds where all moduli take minutes.
+    of the bulk to 0.4 %, in seconds where all moduli take minutes. A packing with free sides has
+    the V_P of a bar, and no V_S: its longest waves across z bend it.
     """
+    if has_free_sides(network):
+        return _bar_velocity(network), np.nan
     shear_axis = 1 if direction == "y" else 0
     try:
         p_wave, s_wave = strained_velocities(network, (2, shear_axis))
@@ -231,10 +231,14 @@ def modulus_velocities(network: Network, direction: Direction) -> tuple[float, f
     return float(velocities[p_number]), float(velocities[shear_waves[np.argmax(along_axis)]])
 
 
-def _widths(network: Network) -> Floats:
-    """Return the widths (2,), m, along x and y: of the cell, or of a packing with free sides."""
-    extent = np.ptp(network.position[:, :2], axis=0) + mean_diameter(network)
-    return np.where(network.cell_periodic[:2], network.cell_size[:2], extent)
+def _bar_velocity(network: Network) -> float:
+    """Return the velocity, m/s, of the longest waves along a bar; NaN unless two ends hold it."""
+    if not has_two_ends(network):
+        return np.nan
+    try:
+        return strained_velocities(network, (2,))[0].velocity
+    except UnavailableError:
+        return np.nan
 
 
 def _middle(network: Network) -> tuple[float, float]:
@@ -262,68 +266,3 @@ def _record(passage: float, bursts: Sequence[SineBurst]) -> tuple[float, float]:
     highest = max(burst.frequency for burst in bursts)
     interval = min(1 / (SAMPLES_PER_PERIOD * highest), passage / MIN_SAMPLES_IN_PASSAGE)
     return PASSAGES * passage + longest_burst, interval
-
-
-@dataclass(frozen=True)
-class _Bench:
-    """Two discs in a packing, and what is known about the waves between them."""
-
-    network: Network
-    source: Disc
-    receiver: Disc
-    distance: float
-    velocity: float
-    cycles: int
-
-    def row(self, pair: RecordPair, rule: Rule) -> TransducerRow:
-        """Return the velocity by a rule, with its error and caveats."""
-        time = travel_time(pair, rule)
-        velocity = self.distance / time.value
-        known_velocity = self.velocity if self.velocity > 0 else velocity
-        parts = {name: velocity * part / time.value for name, part in time.parts.items()}
-        parts["distance"] = velocity * self._distance_error / self.distance
-        # Here the wavelength is that of the moduli's velocity, the same for all rules.
-        caveats = tuple(caveat for caveat in time.caveats if caveat.code != "near_field")
-        caveats += self._caveats(pair.frequency, known_velocity)
-        near_field = self.distance * pair.frequency / known_velocity
-        return TransducerRow(
-            rule, pair.frequency, Value(velocity, "m/s", parts, caveats), near_field
-        )
-
-    @cached_property
-    def _distance_error(self) -> float:
-        """Error of the distance, m: a plate's spheres are not at one height.
-
-        The highest of them send first, so that the error is that of a single height, not of a mean.
-        """
-        variance = 0.0
-        for disc in (self.source, self.receiver):
-            variance += float(np.var(self.network.position[disc.spheres(self.network), 2]))
-        return float(np.sqrt(variance))
-
-    def _caveats(self, frequency: float, velocity: float) -> tuple[Caveat, ...]:
-        """Return what to know about waves of a frequency, Hz, and a velocity, m/s."""
-        caveats = []
-        wavelengths = self.distance * frequency / velocity
-        if wavelengths < MIN_WAVELENGTHS:
-            values = {"wavelengths": wavelengths, "needed": MIN_WAVELENGTHS}
-            caveats.append(Caveat("near_field", values))
-        wavelength = velocity / frequency / mean_diameter(self.network)
-        if wavelength < MIN_WAVELENGTH_IN_D:
-            caveats.append(Caveat("wavelength_near_grains", {"wavelength": wavelength}))
-        periods = self._detour_by_sides * frequency / velocity
-        if periods < MAX_REFLECTION_DELAY_IN_PERIODS:
-            caveats.append(Caveat("side_reflections", {"periods": periods}))
-        return tuple(caveats)
-
-    @cached_property
-    def _detour_by_sides(self) -> float:
-        """How much longer the way by a side is than the direct one, m; inf for a plane source.
-
-        By a free side in the distance w / 2 it is as long as that from an image in the distance w.
-        """
-        across = self.network.position[:, :2] - np.asarray(self.source.centre[:2])
-        if np.hypot(*across.T).max() <= self.source.radius:
-            return np.inf
-        width = float(_widths(self.network).min())
-        return float(np.hypot(self.distance, width)) - self.distance

@@ -55,6 +55,11 @@ TEXTS: Final[Mapping[str, str]] = {
         "sides: waves by way of the sides, or from a disc's images, arrive {periods:.2g} periods "
         "after the direct one"
     ),
+    "end_reflections": (
+        "ends: waves by way of an end, or round a period, arrive {periods:.2g} periods after the "
+        "direct one"
+    ),
+    "free_sides": "free sides: waves longer than the width are those of a bar",
     "wavelength_near_grains": (
         "short waves: {wavelength:.1f} D, where the packing disperses and scatters them"
     ),

@@ -15,6 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from _committed import write, write_page
+from _cut import cylinder
 
 import modal
 from analysis.bench import modulus_velocities
@@ -24,39 +25,50 @@ from modal.modes.damped import damped_modes
 from modal.system.damping import ContactDamping
 
 DAMPING = ContactDamping(normal=0.5, tangential=0.5)
-WAVES = {"z": "longitudinal", "x": "shear"}  # in a periodic cell shear stands for torsion
+WAVES = {"z": "longitudinal", "x": "shear"}
+FREQUENCIES = [1, 2, 5, 10, 20]  # kHz, marks of an axis
 HIGHEST = 3e4  # Hz, above which disorder scatters more than the dashpots take
 
-packing = modal.random_packing(400, stress=1e5, seed=1, aspect=10)
-velocities = dict(zip("zx", modulus_velocities(packing, "x"), strict=True))
 
-# %%
-# **The resonance.** The response at half height, from rest up to 1.3 f_1. Beside the fitted and the
-# half-power values stands the damped mode itself, a complex eigenvalue.
+def resonance(column, direction, expected, resolution):
+    """Return f_1, Hz, and Q by response and by mode, and the response (nf,) at half height.
 
-figure, axes = plt.subplots(1, 2, figsize=(7.2, 2.6), layout="constrained")
-rows = []
-for direction, mark in zip(WAVES, "os", strict=True):
-    velocity = velocities[direction]
-    expected = velocity / (2 * packing.length)
+    The response goes from rest to 1.3 times the `expected` resonance, Hz. Beside the fitted and the
+    half-power values stands the damped mode itself, a complex eigenvalue.
+    """
     response = modal.frequency_response(
-        packing,
+        column,
         direction=direction,
         highest=1.3 * expected,
-        resolution=expected / 10,
+        resolution=resolution,
         damping=DAMPING,
     )
     motion = response.layer_displacement[:, response.layer_displacement.shape[1] // 2]
     fitted = fitted_resonance(response.frequency, motion)
     width = half_power(response.frequency, abs(motion))
-    modes = damped_modes(packing, DAMPING, near=fitted.frequency, count=6)
+    modes = damped_modes(column, DAMPING, near=fitted.frequency, count=6)
     nearest = int(np.argmin(abs(modes.frequency / fitted.frequency - 1)))
-    row = {"wave": WAVES[direction], "resonance": fitted.frequency, "quality": fitted.quality}
-    row |= {"half_power": width.quality, "of_mode": modes.quality[nearest]}
-    row |= {"velocity": 2 * packing.length * fitted.frequency, "of_moduli": velocity}
-    rows.append(row)
-    ratio = response.frequency / fitted.frequency
-    axes[0].plot(ratio, abs(motion), f"k{mark}-", ms=2.5, lw=0.6, label=WAVES[direction])
+    row = {"resonance": fitted.frequency, "of_mode": modes.frequency[nearest]}
+    row |= {"quality": fitted.quality, "half_power": width.quality}
+    row |= {"quality_of_mode": modes.quality[nearest]}
+    row |= {"velocity": 2 * column.length * fitted.frequency}
+    return row, response.frequency, abs(motion)
+
+
+# %%
+# **Longitudinal and shear columns**: a packing 3 D wide, periodic sideways, whose waves are plane.
+
+packing = modal.random_packing(400, stress=1e5, seed=1, aspect=10)
+velocities = dict(zip("zx", modulus_velocities(packing, "x"), strict=True))
+figure, axes = plt.subplots(1, 2, figsize=(7.2, 2.6), layout="constrained")
+rows = []
+for direction, mark in zip(WAVES, "os", strict=True):
+    velocity = velocities[direction]
+    expected = velocity / (2 * packing.length)
+    row, frequency, motion = resonance(packing, direction, expected, expected / 10)
+    first = row["resonance"]
+    rows.append({"wave": WAVES[direction], **row, "of_moduli": velocity})
+    axes[0].plot(frequency / first, motion, f"k{mark}-", ms=2.5, lw=0.6, label=WAVES[direction])
 
     # **The coherent wave** of a pulse in the same packing: Q = omega / (2 alpha v). It is read over
     # half of the column, which has room for wavelengths from 4 f_1 on.
@@ -66,16 +78,39 @@ for direction, mark in zip(WAVES, "os", strict=True):
     phase_velocity = 2 * np.pi * coherent.frequency / coherent.wavenumber
     with np.errstate(divide="ignore", invalid="ignore"):
         quality = np.pi * coherent.frequency / (coherent.attenuation * phase_velocity)
-    known = (quality > 0) & (coherent.frequency > 4 * fitted.frequency)
+    known = (quality > 0) & (coherent.frequency > 4 * first)
     known &= coherent.frequency < HIGHEST
     axes[1].loglog(coherent.frequency[known] / 1e3, quality[known], f"k{mark}", ms=2.5, mfc="w")
-    span = np.array([fitted.frequency, HIGHEST])
-    axes[1].loglog(span / 1e3, fitted.quality * span[0] / span, "k-", lw=0.6)
-    axes[1].loglog(fitted.frequency / 1e3, fitted.quality, f"k{mark}", ms=5)
+    span = np.array([first, HIGHEST])
+    axes[1].loglog(span / 1e3, row["quality"] * first / span, "k-", lw=0.6)
+    axes[1].loglog(first / 1e3, row["quality"], f"k{mark}", ms=5)
+
+# %%
+# **The torsional column**, as in laboratories: a cylinder cut out of a wider packing, with free
+# sides, whose base turns. The mode that turns most tells where to look: near the free sides spheres
+# have lost contacts, and the column is softer than its grains are inside.
+
+
+def torsional_mode(column):
+    """Return the frequency, Hz, of the mode whose spheres turn most about the axis, as a sine."""
+    modes = modal.eigenmodes(column, lowest=8)
+    across = column.position[:, :2] - column.cell_size[:2] / 2
+    turn = column.mass * np.sin(np.pi * column.position[:, 2] / column.length)
+    around = across[:, 0] * modes.shapes()[:, :, 1] - across[:, 1] * modes.shapes()[:, :, 0]
+    return modes.frequency[np.argmax(abs(around @ turn))]
+
+
+wide = modal.random_packing(1000, stress=1e5, seed=1, aspect=6)
+column = cylinder(wide)
+expected = torsional_mode(column)
+row, frequency, motion = resonance(column, "torsion", expected, expected / 40)
+rows.append({"wave": "torsional", **row, "of_moduli": modulus_velocities(wide, "x")[1]})
+axes[0].plot(frequency / row["resonance"], motion, "k^-", ms=2.5, lw=0.6, label="torsional")
+axes[1].loglog(row["resonance"] / 1e3, row["quality"], "k^", ms=5)
 
 axes[0].set(xlabel="frequency / $f_1$", ylabel="motion at half height / that of the base")
 axes[0].legend(frameon=False)
-axes[1].set(xlabel="frequency, kHz", ylabel="Q", xticks=[2, 5, 10, 20], xticklabels=[2, 5, 10, 20])
+axes[1].set(xlabel="frequency, kHz", ylabel="Q", xticks=FREQUENCIES, xticklabels=FREQUENCIES)
 axes[1].minorticks_off()
 rows = pd.DataFrame(rows)
 print(rows.to_string(index=False, float_format="%.4g"))
@@ -85,10 +120,11 @@ if __name__ == "__main__" and len(sys.argv) == 2:
     write(sys.argv[1], {"resonant_column": figure}, {})
     columns = {
         "wave": "{wave}",
-        "f_1, Hz": "{resonance:.0f}",
+        "f_1, Hz": "{resonance:.1f}",
+        "f of the damped mode, Hz": "{of_mode:.1f}",
         "Q, fitted": "{quality:.2f}",
         "Q, half power": "{half_power:.2f}",
-        "Q of the damped mode": "{of_mode:.2f}",
+        "Q of the damped mode": "{quality_of_mode:.2f}",
         "2 L f_1, m/s": "{velocity:.1f}",
         "V of the moduli, m/s": "{of_moduli:.1f}",
     }

@@ -16,12 +16,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from _committed import RESULTS, write, write_page
+from _cut import segment
 
 import modal
-from analysis.bench import MAX_REFLECTION_DELAY_IN_PERIODS, modulus_velocities
+from analysis.bench import modulus_velocities
 from analysis.estimators.arrival_rules import MIN_WAVELENGTHS, RULES, RecordPair, travel_time
+from analysis.transducer_pair import MAX_REFLECTION_DELAY_IN_PERIODS
 from modal.motions import SineBurst
-from modal.packing.network import Network
 from modal.sources import Disc
 from modal.waves.propagate import propagate_motions
 
@@ -52,31 +53,6 @@ WIDTHS = {0.0: 14.1, 0.4: 14.7}  # D, by friction, of the packings, which are pe
 # **The test.** A disc of spheres moves by one period of a sine, discs above it receive. In a long
 # packing tests at three places stand for three samples: the places share no sphere. The wave runs
 # through the spheres near a place alone; velocities of the moduli are those of the whole packing.
-
-
-def segment(packing, low, high):
-    """Return the spheres of a packing between two heights, m, with the contacts among them."""
-    inside = (packing.position[:, 2] > low) & (packing.position[:, 2] < high)
-    number = np.cumsum(inside) - 1
-    joined = inside[packing.particle_i] & inside[packing.particle_j] & (packing.particle_j >= 0)
-    columns = {name: getattr(packing, name)[inside] for name in SPHERE_COLUMNS}
-    columns |= {name: getattr(packing, name)[joined] for name in CONTACT_COLUMNS}
-    for name in ("particle_i", "particle_j"):
-        columns[name] = number[getattr(packing, name)[joined]]
-    columns |= {name: getattr(packing, name) for name in CELL_COLUMNS}
-    return Network(**columns)
-
-
-SPHERE_COLUMNS = ("position", "radius", "mass", "inertia")
-CONTACT_COLUMNS = (
-    "cell_shift",
-    "normal",
-    "lever_i",
-    "lever_j",
-    "stiffness_normal",
-    "stiffness_tangential",
-)
-CELL_COLUMNS = ("cell_size", "cell_periodic", "wall_position")
 
 
 def measure(packing, velocities, place):

@@ -30,7 +30,7 @@ ORDER = {
     ),
     "analysis": (
         *("table", "typed_json", "watch", "caveats", "explanation", "value", "mean", "estimators"),
-        *("bench", "agreement", "case"),
+        *("transducer_pair", "bench", "agreement", "case"),
         *(
             "same_state",
             "packing_state",
